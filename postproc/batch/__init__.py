@@ -1,0 +1,1 @@
+"""Many inputs: parallel, resumable, checkable."""

@@ -1,0 +1,107 @@
+"""The command group: loads a command only when it is called, and turns errors into exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import traceback
+
+import click
+
+from postproc import __version__
+from postproc.errors import ExitCode, PostprocError
+
+COMMANDS = {
+    "convert": "CAM toolpath to a checked KUKA program.",
+    "inspect": "What was read from a CAM file, before any robot.",
+    "verify": "Run a program's text on the robot model, against the CAM path.",
+    "lint": "What a controller would refuse or silently change.",
+    "diff": "Semantic difference of two programs or two folders.",
+    "batch": "Convert many inputs, resumable.",
+    "sample": "Measuring plan for joint stiffness by space gridding.",
+    "identify": "Joint stiffness from measurements.",
+    "diagnose": "The sim-to-real gap: where, which effect, how far it shrinks.",
+    "predict": "Tool points that the model expects.",
+    "stiffness": "Stiffness index over the rotation about the tool axis.",
+    "robots": "The built-in robots and where each number is from.",
+    "plugins": "Readers, emitters, effects, objectives: name, origin, version.",
+    "new-cell": "Write a commented cell.toml.",
+    "check": "What is wrong with a cell file.",
+}
+
+
+class _LazyGroup(click.Group):
+    """A group whose help needs no import of any command."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"postproc.cli.commands.{cmd_name.replace('-', '_')}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(
+    cls=_LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Example: postproc convert part.cls --cell cell.toml -o out",
+)
+@click.version_option(__version__, "-V", "--version", prog_name="postproc")
+def group() -> None:
+    """CAM toolpaths to checked KUKA robot programs.
+
+    Exit codes: 0 good, 1 the answer is bad, 2 the input or the call is wrong, 130 interrupted.
+    """
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and exit with the contract's codes."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run the command line and return the exit code; expected trouble prints no traceback."""
+    try:
+        result = group.main(arguments, prog_name="postproc", standalone_mode=False)
+    except PostprocError as error:
+        return _complain(str(error), error.hint)
+    except click.exceptions.Exit as stop:
+        return stop.exit_code
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("postproc:1: error CLI130: interrupted, nothing was written", err=True)
+        return ExitCode.INTERRUPTED
+    except click.ClickException as error:
+        return _complain(
+            f"postproc:1: error CLI001: {' '.join(error.format_message().split())}",
+            _usage_hint(error),
+        )
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.BAD_ANSWER
+    except MemoryError:
+        return _complain("postproc:1: error CLI002: not enough memory for this input", "")
+    except Exception:  # noqa: BLE001 - a bug of ours: show it whole and ask for a report
+        traceback.print_exc()
+        click.echo("postproc: this is a bug of postproc, please report the lines above", err=True)
+        return ExitCode.INTERNAL
+    return result if isinstance(result, int) else ExitCode.GOOD
+
+
+def _complain(line: str, hint: str) -> int:
+    click.echo(line, err=True)
+    if hint:
+        click.echo(f"    hint: {hint}", err=True)
+    return ExitCode.BAD_INPUT
+
+
+def _usage_hint(error: click.ClickException) -> str:
+    context = getattr(error, "ctx", None)
+    return f"see {context.command_path} --help" if context is not None else ""

@@ -1,0 +1,1 @@
+"""The only user of fcl and trimesh: solids, pairs, the pair that hit, motions in between."""

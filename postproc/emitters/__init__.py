@@ -1,0 +1,1 @@
+"""A plan to the program text of one controller."""

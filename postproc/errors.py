@@ -1,0 +1,140 @@
+"""The error tree, findings (``Issue``) and exit codes.
+
+An error carries its values as attributes, so that the command line prints
+``FILE:LINE: error CODE: message`` and a caller can read the parts.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import IntEnum, StrEnum
+
+
+class ExitCode(IntEnum):
+    """Exit codes of every command."""
+
+    GOOD = 0
+    BAD_ANSWER = 1
+    BAD_INPUT = 2
+    INTERNAL = 70
+    INTERRUPTED = 130
+
+
+class Severity(StrEnum):
+    """How much a finding matters: an error forbids a program."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+@dataclass(frozen=True, slots=True)
+class SourceRef:
+    """A place in an input file: path as given by the user, 1-based line, and the text there."""
+
+    path: str
+    line: int = 1
+    text: str = ""
+
+    def __str__(self) -> str:
+        """Return ``path:line``, which editors can jump to."""
+        return f"{self.path}:{self.line}"
+
+
+@dataclass(frozen=True, slots=True)
+class Issue:
+    """One finding: stable code, message, the tag and the source line it is about."""
+
+    severity: Severity
+    code: str
+    message: str
+    tag_index: int | None = None
+    source: SourceRef | None = None
+    count: int = 1
+    hint: str = ""
+
+    def __str__(self) -> str:
+        """Return ``FILE:LINE: severity CODE: message``."""
+        place = f"{self.source}: " if self.source else ""
+        more = f" ({self.count} times)" if self.count > 1 else ""
+        return f"{place}{self.severity} {self.code}: {self.message}{more}"
+
+
+class PostprocError(Exception):
+    """Base of all expected errors: wrong input or a wrong call.
+
+    Args:
+        code: stable code such as ``APT012``.
+        message: what is wrong and what was expected, one line.
+        source: where in the input.
+        hint: what to do about it, shown on a following line.
+    """
+
+    def __init__(
+        self, code: str, message: str, source: SourceRef | None = None, hint: str = ""
+    ) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+        self.source = source
+        self.hint = hint
+
+    def __str__(self) -> str:
+        """Return ``FILE:LINE: error CODE: message`` on one line, whatever the message holds."""
+        source = self.source or SourceRef("postproc")
+        one_line = " ".join(self.message.split())
+        return f"{source}: error {self.code}: {one_line}"
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle by the constructor's own arguments (errors cross process borders in a batch)."""
+        return (type(self), (self.code, self.message, self.source, self.hint))
+
+
+class UsageError(PostprocError):
+    """The command line is wrong."""
+
+
+class ReadError(PostprocError, ValueError):
+    """An input file cannot be read as what it claims to be."""
+
+
+class CellError(PostprocError, ValueError):
+    """The cell file is wrong or names something that is not there."""
+
+
+class KinematicsError(PostprocError, ValueError):
+    """The robot's geometry cannot be used as asked."""
+
+
+class StiffnessError(PostprocError, ValueError):
+    """Stiffness data are not physical or not sufficient."""
+
+
+class PlanError(PostprocError):
+    """No plan can be made, for a reason other than single failing tags."""
+
+
+class EmitError(PostprocError):
+    """The emitter cannot express the plan."""
+
+
+class KrlError(PostprocError, ValueError):
+    """A KRL program cannot be read."""
+
+
+class DataError(PostprocError, ValueError):
+    """A measurement or model file is wrong or lacks a column."""
+
+
+class PluginError(PostprocError):
+    """A plug-in cannot be loaded or breaks its contract."""
+
+
+def fold(issues: list[Issue] | tuple[Issue, ...]) -> tuple[Issue, ...]:
+    """Fold findings of equal severity, code and message into the first of them with a count."""
+    first: dict[tuple[str, str, str], Issue] = {}
+    for issue in issues:
+        key = (issue.severity, issue.code, issue.message)
+        known = first.get(key)
+        first[key] = replace(known, count=known.count + issue.count) if known else issue
+    return tuple(first.values())

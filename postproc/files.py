@@ -1,0 +1,65 @@
+"""Reading with clear errors, and output files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from postproc.errors import ReadError, SourceRef
+
+
+def read_bytes(path: str | Path) -> bytes:
+    """Return the content of an input file.
+
+    Raises:
+        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable.
+    """
+    try:
+        return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
+    except OSError as problem:
+        reason = problem.strerror or type(problem).__name__
+        raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
+
+
+def write_files(contents: Mapping[Path, bytes]) -> None:
+    """Write all files or none: each beside its target first, then renamed.
+
+    Missing folders are made. On any failure the temporary files are removed and no target that
+    was not yet renamed has changed.
+
+    Raises:
+        ReadError: IO003 if a file cannot be written.
+    """
+    staged: list[tuple[Path, Path]] = []
+    target = Path()
+    try:
+        for target, content in contents.items():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_dir():
+                raise IsADirectoryError(21, "is a folder")
+            staged.append((_stage(target, content), target))
+        for temporary, target in staged:
+            temporary.replace(target)
+    except OSError as problem:
+        reason = problem.strerror or type(problem).__name__
+        raise ReadError("IO003", f"cannot be written: {reason}", SourceRef(str(target))) from None
+    finally:
+        for temporary, _ in staged:
+            temporary.unlink(missing_ok=True)
+
+
+def _stage(target: Path, content: bytes) -> Path:
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+    temporary = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(content)
+        temporary.chmod(0o644)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+    return temporary

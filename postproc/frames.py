@@ -1,0 +1,158 @@
+"""Rigid transforms and KUKA's A, B, C angles.
+
+``T_a_b`` maps coordinates in frame b to coordinates in frame a (the pose of b in a), so inner
+names meet in a chain: ``T_robroot_tag = T_robroot_base @ T_base_tag``. All functions are
+vectorised over leading axes and take and give float64 arrays in metres and radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from postproc.units import DEG, MM
+
+FloatArray = NDArray[np.float64]
+
+
+def transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> FloatArray:
+    """Return (..., 4, 4) from a rotation (..., 3, 3) and an origin (..., 3) [m]."""
+    R = np.asarray(R_a_b, dtype=np.float64)
+    p = np.asarray(p_a_b, dtype=np.float64)
+    shape = np.broadcast_shapes(R.shape[:-2], p.shape[:-1])
+    T = np.zeros((*shape, 4, 4))
+    T[..., :3, :3] = R
+    T[..., :3, 3] = p
+    T[..., 3, 3] = 1.0
+    return T
+
+
+def inverse(T_a_b: ArrayLike) -> FloatArray:
+    """Return ``T_b_a`` (..., 4, 4)."""
+    T = np.asarray(T_a_b, dtype=np.float64)
+    R_b_a = np.swapaxes(T[..., :3, :3], -1, -2)
+    return transform(R_b_a, -np.einsum("...ij,...j->...i", R_b_a, T[..., :3, 3]))
+
+
+def apply(T_a_b: ArrayLike, points_b: ArrayLike) -> FloatArray:
+    """Return points (..., 3) [m] of frame b in frame a."""
+    T = np.asarray(T_a_b, dtype=np.float64)
+    moved: FloatArray = (
+        np.einsum("...ij,...j->...i", T[..., :3, :3], np.asarray(points_b, dtype=np.float64))
+        + T[..., :3, 3]
+    )
+    return moved
+
+
+def rotation_x(angle: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3), turn about x by ``angle`` [rad]."""
+    return _rotation(angle, 1, 2)
+
+
+def rotation_y(angle: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3), turn about y by ``angle`` [rad]."""
+    return _rotation(angle, 2, 0)
+
+
+def rotation_z(angle: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3), turn about z by ``angle`` [rad]."""
+    return _rotation(angle, 0, 1)
+
+
+def _rotation(angle: ArrayLike, first: int, second: int) -> FloatArray:
+    a = np.asarray(angle, dtype=np.float64)
+    R = np.zeros((*a.shape, 3, 3))
+    third = 3 - first - second
+    R[..., third, third] = 1.0
+    R[..., first, first] = R[..., second, second] = np.cos(a)
+    R[..., second, first] = np.sin(a)
+    R[..., first, second] = -R[..., second, first]
+    return R
+
+
+def rotation_about(axis: ArrayLike, angle: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3), turn by ``angle`` (...,) [rad] about unit ``axis`` (..., 3)."""
+    n = np.asarray(axis, dtype=np.float64)
+    a = np.asarray(angle, dtype=np.float64)[..., None, None]
+    K = skew(n)
+    R: FloatArray = np.eye(3) + np.sin(a) * K + (1.0 - np.cos(a)) * (K @ K)
+    return R
+
+
+def skew(vector: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3) with ``skew(a) @ b == cross(a, b)``."""
+    v = np.asarray(vector, dtype=np.float64)
+    S = np.zeros((*v.shape[:-1], 3, 3))
+    S[..., 0, 1], S[..., 0, 2], S[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return S - np.swapaxes(S, -1, -2)
+
+
+def rotation_from_abc(abc: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3) from KUKA angles A, B, C (..., 3) [rad]: R = Rz(A) Ry(B) Rx(C)."""
+    angles = np.asarray(abc, dtype=np.float64)
+    R: FloatArray = (
+        rotation_z(angles[..., 0]) @ rotation_y(angles[..., 1]) @ rotation_x(angles[..., 2])
+    )
+    return R
+
+
+def abc_from_rotation(R_a_b: ArrayLike) -> FloatArray:
+    """Return KUKA A, B, C (..., 3) [rad] of a rotation (..., 3, 3).
+
+    B lies in [-90, 90] degrees. In gimbal lock (B = +-90 degrees, KUKA's own cannon pose among
+    them) only A -+ C is defined: C is set to 0 and A carries the whole angle.
+    """
+    R = np.asarray(R_a_b, dtype=np.float64)
+    cos_b = np.hypot(R[..., 0, 0], R[..., 1, 0])
+    b = np.arctan2(-R[..., 2, 0], cos_b)
+    locked = cos_b < 1e-9
+    a = np.where(
+        locked,
+        np.arctan2(-R[..., 0, 1], R[..., 1, 1]),
+        np.arctan2(R[..., 1, 0], R[..., 0, 0]),
+    )
+    c = np.where(locked, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
+    return np.stack([a, b, c], axis=-1)
+
+
+def transform_from_kuka(xyz_mm: ArrayLike, abc_deg: ArrayLike) -> FloatArray:
+    """Return (..., 4, 4) [m] from KUKA's X, Y, Z [mm] and A, B, C [deg]."""
+    return transform(
+        rotation_from_abc(np.asarray(abc_deg, dtype=np.float64) * DEG),
+        np.asarray(xyz_mm, dtype=np.float64) * MM,
+    )
+
+
+def kuka_from_transform(T_a_b: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return X, Y, Z [mm] and A, B, C [deg], each (..., 3)."""
+    T = np.asarray(T_a_b, dtype=np.float64)
+    return T[..., :3, 3] / MM, abc_from_rotation(T[..., :3, :3]) / DEG
+
+
+def rotation_angle(R_a: ArrayLike, R_b: ArrayLike) -> FloatArray:
+    """Return the angle (...,) [rad] between two rotations, exact for tiny and for half turns."""
+    D = np.swapaxes(np.asarray(R_a, dtype=np.float64), -1, -2) @ np.asarray(R_b, dtype=np.float64)
+    vee = np.stack(
+        [D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]],
+        axis=-1,
+    )
+    sine = 0.5 * np.linalg.norm(vee, axis=-1)
+    cosine = 0.5 * (np.trace(D, axis1=-2, axis2=-1) - 1.0)
+    return np.asarray(np.arctan2(sine, cosine))
+
+
+def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
+    """Return the angle (...,) [rad] between vectors (..., 3), exact for tiny angles."""
+    u = np.asarray(a, dtype=np.float64)
+    v = np.asarray(b, dtype=np.float64)
+    cross = np.linalg.norm(np.cross(u, v), axis=-1)
+    return np.asarray(np.arctan2(cross, np.einsum("...i,...i->...", u, v)))
+
+
+def orthonormalised(R_a_b: ArrayLike) -> FloatArray:
+    """Return the nearest rotation (..., 3, 3): pose text of 6 decimals is not orthonormal."""
+    u, _, vt = np.linalg.svd(np.asarray(R_a_b, dtype=np.float64))
+    sign = np.linalg.det(u @ vt)
+    u[..., :, 2] *= sign[..., None]
+    R: FloatArray = u @ vt
+    return R

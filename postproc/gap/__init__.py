@@ -1,0 +1,1 @@
+"""The gap between simulation and the real robot: effects, fit, selection, verdict."""

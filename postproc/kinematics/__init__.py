@@ -1,0 +1,1 @@
+"""Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""

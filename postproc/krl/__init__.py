@@ -1,0 +1,1 @@
+"""KRL as data: program type, numbers, rendering, parsing, linting, splitting."""

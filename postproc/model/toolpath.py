@@ -1,0 +1,209 @@
+"""The toolpath as the CAM system gave it, in columns, so that a million holes fit in memory.
+
+Frame: ``part``, the CAM coordinates, which are those of the workpiece frame ($BASE) of the cell.
+Units: SI. Arcs stay arcs, drill cycles stay cycles; nothing here knows a robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Any
+
+import numpy as np
+
+from postproc.errors import Issue, SourceRef
+from postproc.model.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+
+
+class MotionKind(IntEnum):
+    """How the tool gets to a tag."""
+
+    RAPID = 0
+    LINEAR = 1
+    ARC = 2
+    """Along ``arcs[arc[i]]`` from the tag before."""
+    HOLE = 3
+    """Rapid to above the tag, then the stroke of ``cycles[cycle[i]]`` along the tool axis."""
+    JOINT = 4
+    """Straight in joint space (DELMIA joint moves)."""
+
+
+class EventKind(StrEnum):
+    """What happens between two motions."""
+
+    SPINDLE_ON = "spindle_on"
+    SPINDLE_OFF = "spindle_off"
+    COOLANT_ON = "coolant_on"
+    COOLANT_OFF = "coolant_off"
+    DWELL = "dwell"
+    STOP = "stop"
+    OPTIONAL_STOP = "optional_stop"
+    TOOL_CHANGE = "tool_change"
+    MESSAGE = "message"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happens before the motion to tag ``index`` (``index == n``: after the last).
+
+    ``value``: spindle speed [turns/s] (negative = counterclockwise), dwell [s], tool number,
+    else 0. ``text``: the words of the file (coolant mode, message, unknown statement).
+    """
+
+    index: int
+    kind: EventKind
+    value: float = 0.0
+    text: str = ""
+    line: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """A drilling stroke along the tool axis; heights and depths from the hole's tag, all >= 0.
+
+    ``clearance``: height above the tag where the feed starts; ``retract``: height above the tag
+    where the tool ends; ``depth``: how far below the tag the tip goes; ``peck_first`` and ``peck``:
+    pecking steps, 0 = none; ``break_chip``: short retracts instead of full ones; ``feed`` [m/s]
+    or NaN for the modal feed; ``dwell`` [s] at the bottom.
+    """
+
+    kind: str
+    depth: float
+    clearance: float
+    retract: float
+    peck_first: float = 0.0
+    peck: float = 0.0
+    break_chip: bool = False
+    dwell: float = 0.0
+    feed: float = float("nan")
+    diameter: float = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class CamTool:
+    """A tool call of the CAM file; lengths [m], NaN where the file gives none."""
+
+    number: int
+    name: str = ""
+    diameter: float = float("nan")
+    corner_radius: float = float("nan")
+    length: float = float("nan")
+    line: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """A named stretch of the toolpath."""
+
+    name: str
+    line: int = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """Circular and helical arcs; the end point is the tag's, the start the tag before.
+
+    ``centre`` (m, 3) [m]; ``normal`` (m, 3) unit: the motion is COUNTERCLOCKWISE about it, whatever
+    the dialect wrote; ``radius`` (m,) [m]; ``sweep`` (m,) [rad] > 0, a full circle is 2 pi, a helix
+    of n turns adds 2 pi n. The rise of a helix along ``normal`` is that from start to end.
+    """
+
+    centre: FloatArray
+    normal: FloatArray
+    radius: FloatArray
+    sweep: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "centre", (None, 3))
+        n = len(self.centre)
+        frozen_floats(self, "normal", (n, 3))
+        frozen_floats(self, "radius", (n,))
+        frozen_floats(self, "sweep", (n,))
+
+    def __len__(self) -> int:
+        """Return the number of arcs."""
+        return len(self.centre)
+
+    @classmethod
+    def none(cls) -> Arcs:
+        """Return an empty table."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0), np.zeros(0))
+
+
+@dataclass(frozen=True, slots=True)
+class ToolPath:
+    """All tags of one CAM file in columns of length n (one row: one motion end point).
+
+    Args:
+        path: input path as given by the user; ``name``: program name proposed by the input.
+        format: ``apt``, ``csv``, ``delmia``; ``dialect``: ``nx``, ``solidworks``, ...
+        units: unit of length of the file, ``mm``, ``inch`` or ``m``.
+        points: (n, 3) tool tip [m], frame part.
+        axes: (n, 3) unit tool axis from the tip to the holder, frame part.
+        kind: (n,) ``MotionKind``.
+        feed: (n,) [m/s]; NaN for rapids and where the file gives none.
+        line: (n,) 1-based source line; operation, tool, arc, cycle: (n,) indices into the tables
+            below, -1 = none.
+        rotations: (n, 3, 3) full orientation R_part_tcp where the input gave one, else None.
+        joints: (n, 6) joint targets [rad] of the input, NaN where none, else None.
+        names: ids of the tags where the input has them, else None.
+        extra: further columns by name (diameter, ...), each of length n.
+        unknown_words: words that the reader does not know, with their count.
+        warnings: findings; ``recovered``: faults that ``--recover`` fixed.
+    """
+
+    path: str
+    name: str
+    format: str
+    dialect: str
+    units: str
+    points: FloatArray
+    axes: FloatArray
+    kind: IntArray
+    feed: FloatArray
+    line: IntArray
+    operation: IntArray
+    tool: IntArray
+    arc: IntArray
+    cycle: IntArray
+    operations: tuple[Operation, ...] = ()
+    tools: tuple[CamTool, ...] = ()
+    arcs: Arcs = field(default_factory=Arcs.none)
+    cycles: tuple[Cycle, ...] = ()
+    events: tuple[Event, ...] = ()
+    rotations: FloatArray | None = None
+    joints: FloatArray | None = None
+    names: tuple[str, ...] | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    unknown_words: Mapping[str, int] = field(default_factory=dict)
+    warnings: tuple[Issue, ...] = ()
+    recovered: tuple[Issue, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "points", (None, 3))
+        n = len(self.points)
+        frozen_floats(self, "axes", (n, 3))
+        frozen_floats(self, "feed", (n,))
+        for name in ("kind", "line", "operation", "tool", "arc", "cycle"):
+            frozen_ints(self, name, (n,))
+        frozen_floats(self, "rotations", (n, 3, 3))
+        frozen_floats(self, "joints", (n, 6))
+        if self.names is not None and len(self.names) != n:
+            raise ValueError(f"ToolPath.names: {len(self.names)} names for {n} tags")
+
+    def __len__(self) -> int:
+        """Return the number of tags."""
+        return len(self.points)
+
+    def source(self, tag_index: int, text: str = "") -> SourceRef:
+        """Return where tag ``tag_index`` stands in the input."""
+        return SourceRef(self.path, int(self.line[tag_index]), text)
+
+    def tag_name(self, tag_index: int) -> str:
+        """Return the input's own name of a tag, else its index."""
+        return self.names[tag_index] if self.names is not None else str(tag_index)

@@ -1,0 +1,1 @@
+"""Read, place, plan, check, emit, read back: pure functions without printing."""

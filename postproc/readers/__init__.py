@@ -1,0 +1,1 @@
+"""CAM files to ToolPath; one format per file, found by the registry."""

@@ -1,0 +1,1 @@
+"""Cartesian stiffness and compliance, task indices, identification of joint stiffness."""

@@ -1,0 +1,1 @@
+"""Estimated times and speed profiles; the only user of ruckig."""
