@@ -67,7 +67,7 @@ def main(arguments: list[str] | None = None) -> None:
     sys.exit(run(arguments))
 
 
-def run(arguments: list[str] | None = None) -> int:
+def run(arguments: list[str] | None = None) -> int:  # noqa: PLR0911 - one return per kind of end
     """Run the command line and return the exit code; expected trouble prints no traceback."""
     try:
         result = group.main(arguments, prog_name="postproc", standalone_mode=False)
