@@ -1,0 +1,104 @@
+"""``postproc convert``: CAM toolpath to a checked KUKA program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+EPILOG = """\b
+Examples:
+  postproc convert part.cls --cell cell.toml -o out
+  postproc convert holes.csv --cell cell.toml -o out --strategy smooth --report out/holes.html
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("source", metavar="INPUT")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
+@click.option("--name", help="Program name; default: that of the input file.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["auto", "apt", "csv", "delmia"]),
+    default="auto",
+    show_default=True,
+    help="Format of the input.",
+)
+@click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
+@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where the input names none.")
+@click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth.")
+@click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning.")
+@click.option(
+    "--strategy",
+    type=click.Choice(["smooth", "each", "global"]),
+    help="How the turn about the tool axis is chosen; default: the cell's.",
+)
+@click.option("--objective", help="axial, normal, radial, process; default: the cell's.")
+@click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
+@click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
+@click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Convert a CAM toolpath to DIR/NAME.src and DIR/NAME.dat.
+
+    Every tag gets the best pose about its tool axis; reach, limits, singularity and collisions
+    are checked along the whole motion, and the written text is read back and compared with the
+    CAM path. If any tag fails nothing is written and the exit code is 1.
+    """
+    from postproc.files import write_files
+    from postproc.pipeline.convert import ConvertRequest, convert, document, output_paths
+
+    request = ConvertRequest(
+        source=options["source"],
+        cell=options["cell"],
+        name=options["name"],
+        format=options["form"],
+        dialect=options["dialect"],
+        units=options["units"],
+        columns=options["columns"],
+        recover=options["recover"],
+        strategy=options["strategy"],
+        objective=options["objective"],
+        model=options["model"],
+        partial=options["partial"],
+    )
+    with session.progress() as progress:
+        conversion = convert(request, progress)
+    folder = Path(options["output"])
+    contents = output_paths(conversion, folder)
+    if options["report"]:
+        from postproc.report.program_page import program_page
+
+        contents[Path(options["report"])] = program_page(conversion.plan, conversion.cell)
+    write_files(contents)
+    session.issues(conversion.issues)
+    session.document(document(conversion))
+    _summary(session, conversion, folder, options["report"])
+    return answer(conversion.good)
+
+
+def _summary(session: Session, conversion: Any, folder: Path, report: str | None) -> None:  # noqa: ANN401
+    from postproc.pipeline.convert import document
+
+    content = document(conversion)
+    if conversion.files:
+        session.show(f"program  {folder / content['files'][-1]}")
+    else:
+        session.show(f"no program: {len(content['failures'])} findings forbid it")
+    session.show(f"tags     {content['tags']}, controller points {content['points']}")
+    if content["stiffness"]:
+        figures = content["stiffness"]
+        start = figures["initial_mean_N_per_mm"]
+        gain = f" (was {start:.0f} unturned)" if start else ""
+        session.show(
+            f"stiffness {figures['objective']}: mean {figures['mean_N_per_mm']:.0f} N/mm{gain}, "
+            f"lowest {figures['min_N_per_mm']:.0f} N/mm"
+        )
+    session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
+    if report:
+        session.show(f"page     {report}")

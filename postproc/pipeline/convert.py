@@ -1,0 +1,295 @@
+"""The main job: CAM toolpath in, checked program out.
+
+Nothing is written while one finding is an error, and the text that is written has been read back,
+run on the robot model and compared with the CAM path first.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.errors import CellError, EmitError, Issue, Severity, SourceRef, fold
+from postproc.model.cellfile import load_cell
+from postproc.units import N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.model.cell import Cell
+    from postproc.model.plan import Plan
+    from postproc.model.toolpath import ToolPath
+
+Progress = Callable[[int, int, str], None]
+
+REASONS = {
+    "PLN101": "unreachable",
+    "PLN102": "joint_limit",
+    "PLN103": "singular",
+    "PLN104": "collision",
+    "PLN105": "speed",
+}
+"""Finding code of a failing tag to the reason of the JSON document."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertRequest:
+    """What to convert and how; None keeps the cell's or the file's own choice."""
+
+    source: str
+    cell: str
+    name: str | None = None
+    format: str = "auto"
+    dialect: str | None = None
+    units: str | None = None
+    columns: str | None = None
+    recover: bool = False
+    strategy: str | None = None
+    objective: str | None = None
+    model: str | None = None
+    partial: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """A finished conversion: the plan, the program files by name, findings and times."""
+
+    cell: Cell
+    toolpath: ToolPath
+    plan: Plan
+    files: Mapping[str, bytes]
+    name: str
+    issues: tuple[Issue, ...]
+    timing: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def good(self) -> bool:
+        """Whether every tag can be run and every check passed."""
+        return not any(issue.severity is Severity.ERROR for issue in self.issues)
+
+
+class _Clock:
+    """Seconds per stage, for the record; never part of a program."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.stages[stage] = self.stages.get(stage, 0.0) + now - self._last
+        self._last = now
+
+    def total(self) -> dict[str, float]:
+        return {**self.stages, "total": time.perf_counter() - self._start}
+
+
+def convert(request: ConvertRequest, progress: Progress | None = None) -> Conversion:
+    """Convert one CAM file; pure but for reading files.
+
+    Args:
+        request: input, cell and options.
+        progress: called with (done, total, what).
+
+    Returns:
+        The conversion; ``files`` is empty when a tag fails (unless ``partial``) or a check fails.
+
+    Raises:
+        PostprocError: if the input, the cell or an option is wrong.
+    """
+    clock = _Clock()
+    cell = with_options(load_cell(request.cell), request.strategy, request.objective)
+    toolpath = read_toolpath(request, cell)
+    clock.lap("read")
+    plan = make_plan(toolpath, cell, request, progress)
+    clock.lap("plan")
+    name, files, issues = _emit_checked(plan, cell, request, clock)
+    return Conversion(cell, toolpath, plan, files, name, issues, clock.total())
+
+
+def with_options(cell: Cell, strategy: str | None, objective: str | None) -> Cell:
+    """Return the cell with the strategy and the objective of the call.
+
+    Raises:
+        CellError: CEL901 if the objective has no such name.
+    """
+    changes: dict[str, Any] = {}
+    if strategy:
+        changes["strategy"] = strategy
+    if objective:
+        changes["objective"] = objective
+    return replace(cell, optimize=replace(cell.optimize, **changes)) if changes else cell
+
+
+def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
+    """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
+    from postproc.readers.base import ReadOptions, read
+
+    options = ReadOptions(
+        units=request.units,
+        dialect=request.dialect,
+        columns=request.columns,
+        recover=request.recover,
+        tool_axis=tuple(float(v) for v in cell.tool.axis),
+        surface_normals=_surface_normals(cell),
+    )
+    toolpath = read(request.source, request.format, options)
+    if len(toolpath) == 0:
+        raise EmitError(
+            "CNV001",
+            "no motion in this file, expected at least one point",
+            SourceRef(request.source),
+        )
+    return toolpath
+
+
+def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
+    """Return a function points (n, 3) [m] in BASE -> normals (n, 3), None without a solid."""
+    if not cell.workpiece.meshes:
+        return None
+
+    def normals(points: Any) -> Any:  # noqa: ANN401 - arrays in, arrays out
+        from postproc.collision.scene import Scene
+        from postproc.kinematics.model import build
+
+        return Scene.build(cell, build(cell.robot)).surface_normals(points)
+
+    return normals
+
+
+def make_plan(
+    toolpath: ToolPath, cell: Cell, request: ConvertRequest, progress: Progress | None
+) -> Plan:
+    """Plan the toolpath and compensate it when a model is given."""
+    from postproc.planning.planner import PlanOptions
+    from postproc.planning.planner import plan as plan_toolpath
+
+    result = plan_toolpath(toolpath, cell, PlanOptions(partial=request.partial), progress)
+    if request.name:
+        result = replace(result, name=request.name)
+    if request.model and not result.errors:
+        from postproc.pipeline.compensate import compensate
+
+        result = compensate(result, cell, request.model)
+    return result
+
+
+def _emit_checked(
+    plan: Plan, cell: Cell, request: ConvertRequest, clock: _Clock
+) -> tuple[str, dict[str, bytes], tuple[Issue, ...]]:
+    """Return program name, files and all findings; no files when a check fails."""
+    from postproc.emitters.kuka_krl import emit, render_files
+
+    findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
+    if len(plan) == 0 or (plan.errors and not request.partial):
+        return plan.name, {}, fold(findings)
+    modules = emit(plan, cell)
+    files = render_files(modules)
+    clock.lap("emit")
+    name = modules[0].name
+    checks = check_text(files, name, cell, plan)
+    clock.lap("check")
+    findings += checks
+    if any(issue.severity is Severity.ERROR for issue in checks):
+        files = {}
+    return name, files, fold(findings)
+
+
+def check_text(files: Mapping[str, bytes], name: str, cell: Cell, plan: Plan) -> list[Issue]:
+    """Lint the program text, read it back, run it on the robot model, compare with the CAM path.
+
+    Collisions were proven by the planner along the same motions and are not searched again.
+    """
+    from postproc.krl.lint import lint
+    from postproc.krl.parse import parse_files
+    from postproc.verification.verify import verify_modules
+
+    modules = parse_files(files)
+    findings = [i for i in lint(modules) if i.severity is not Severity.NOTE]
+    against = None if plan.compensation is not None or plan.errors else plan.toolpath
+    report = verify_modules(modules, name, cell, against, collisions=False)
+    for violation in report.violations:
+        findings.append(
+            Issue(
+                Severity.ERROR,
+                "CNV002",
+                f"the program text fails its check: {violation.kind}: {violation.detail}",
+                source=SourceRef(f"{name}.src", violation.line),
+                hint="this is a fault of postproc, not of the input; please report it",
+            )
+        )
+    return findings
+
+
+def failures(conversion: Conversion) -> list[dict[str, Any]]:
+    """Return the failing tags as the JSON document lists them."""
+    rows = []
+    for issue in conversion.issues:
+        if issue.severity is not Severity.ERROR:
+            continue
+        row: dict[str, Any] = {
+            "tag": issue.tag_index,
+            "line": issue.source.line if issue.source else None,
+            "reason": REASONS.get(issue.code, "check"),
+            "detail": issue.message,
+            "code": issue.code,
+        }
+        if issue.hint:
+            row["hint"] = issue.hint
+        rows.append(row)
+    return rows
+
+
+def document(conversion: Conversion) -> dict[str, Any]:
+    """Return the ``postproc.convert/1`` document."""
+    plan = conversion.plan
+    return {
+        "schema": "postproc.convert/1",
+        "program": conversion.name,
+        "files": sorted(conversion.files),
+        "tags": len(conversion.toolpath),
+        "points": len(plan),
+        "failures": failures(conversion),
+        "stiffness": _stiffness(conversion),
+        "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
+        "warnings": [
+            {
+                "line": issue.source.line if issue.source else None,
+                "text": issue.message,
+                "code": issue.code,
+                "count": issue.count,
+            }
+            for issue in conversion.issues
+            if issue.severity is Severity.WARNING
+        ],
+        "timing_s": {stage: round(seconds, 4) for stage, seconds in conversion.timing.items()},
+    }
+
+
+def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
+    plan = conversion.plan
+    values = plan.stiffness[np.isfinite(plan.stiffness)]
+    if not len(values):
+        return None
+    initial = plan.stiffness_initial[np.isfinite(plan.stiffness_initial)]
+    objective = conversion.cell.optimize.objective
+    return {
+        "objective": objective if isinstance(objective, str) else dict(objective),
+        "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
+        "mean_N_per_mm": float(values.mean() / N_PER_MM),
+        "min_N_per_mm": float(values.min() / N_PER_MM),
+    }
+
+
+def output_paths(conversion: Conversion, folder: Path) -> dict[Path, bytes]:
+    """Return the program files by target path.
+
+    Raises:
+        CellError: CEL902 if the folder is the name of a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise CellError("CEL902", "the output is not a folder", SourceRef(str(folder)))
+    return {folder / name: content for name, content in conversion.files.items()}
