@@ -1,0 +1,2 @@
+export {Scene,PerspectiveCamera,WebGLRenderer,BufferGeometry,BufferAttribute,Mesh,MeshLambertMaterial,LineBasicMaterial,LineSegments,Line,InstancedMesh,SphereGeometry,ConeGeometry,CylinderGeometry,Color,Matrix4,Vector3,Vector2,Raycaster,AmbientLight,DirectionalLight,HemisphereLight,GridHelper,AxesHelper,Group,DoubleSide,Points,PointsMaterial,Box3,Float32BufferAttribute} from 'three';
+export {OrbitControls} from 'three/addons/controls/OrbitControls.js';
