@@ -1,0 +1,317 @@
+"""``model.toml``: what the simulation knows of a robot beyond the nominal rigid arm.
+
+The file holds one table for each effect, the registration of the measured frame where one was
+fitted, and notes in words. A ``ModelFile`` is the file's content as it stands: every key carries
+its unit (``offset_deg``, ``stiffness_Nmm_per_rad``) and every value is in that unit. ``si`` and
+``entry`` are the border: they turn a keyed value into SI and back, by the unit in the key.
+
+NaN stands for a number that the data could not tell (a joint the loads did not turn); such a
+joint is also named in the effect's own marks (``unobservable_joints``).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.errors import DataError, SourceRef
+from postproc.frames import kuka_from_transform, transform_from_kuka
+from postproc.model.arrays import FloatArray, frozen_floats
+from postproc.model.tomltext import TomlText, load_toml
+from postproc.model.tomlwrite import toml_key, toml_table, toml_value
+from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
+
+SCHEMA = "postproc.model/1"
+EFFECT_NAMES = (
+    "base_frame",
+    "tool_frame",
+    "joint_offset",
+    "link_geometry",
+    "joint_compliance",
+    "gravity_sag",
+    "variable_stiffness",
+    "backlash",
+    "transmission_error",
+    "thermal_drift",
+    "servo_lag",
+    "gear_coupling",
+    "payload_error",
+    "counterbalance",
+)
+"""Effects of the public schema; others may be added under names of their own."""
+
+UNITS = MappingProxyType(
+    {
+        "Nmm_per_rad": NMM_PER_RAD,
+        "N_per_mm": N_PER_MM,
+        "deg_per_Nm": DEG,
+        "deg_per_K": DEG,
+        "deg_per_s": DEG,
+        "mm_per_K": MM,
+        "mm_per_s": MM,
+        "deg_s": DEG,
+        "per_K": 1.0,
+        "mm": MM,
+        "deg": DEG,
+        "rad": 1.0,
+        "Nm": 1.0,
+        "N": 1.0,
+        "kg": 1.0,
+        "s": 1.0,
+        "C": 1.0,
+    }
+)
+"""Unit at the end of a key (after an underscore) to its size in SI; longest match counts."""
+
+Table = Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Registration:
+    """Where the measuring device stands and which point of the tool it saw.
+
+    ``T_measured_robroot`` (4, 4) [m]: robot root in the measured frame. ``p_flange_point`` (3,)
+    [m]: the reflector in the flange. ``rms`` [m] of the fit, NaN if unknown.
+    """
+
+    T_measured_robroot: FloatArray
+    p_flange_point: FloatArray
+    rms: float = float("nan")
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "T_measured_robroot", (4, 4))
+        frozen_floats(self, "p_flange_point", (3,))
+
+
+@dataclass(frozen=True, slots=True)
+class ModelFile:
+    """A robot model: effects by name, each a table in the file's own keys and units.
+
+    ``text`` is where it came from (None when made by a program); ``source`` points into it.
+    """
+
+    effects: Mapping[str, Table] = field(default_factory=dict)
+    registration: Registration | None = None
+    notes: tuple[str, ...] = ()
+    text: TomlText | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def path(self) -> str:
+        """Path of the file, empty if it was not read from one."""
+        return self.text.path if self.text else ""
+
+    def source(self, effect: str, key: str | None = None) -> SourceRef | None:
+        """Return file and line of an effect's table or of one of its keys."""
+        if self.text is None:
+            return None
+        location = ("effects", effect) if key is None else ("effects", effect, key)
+        return self.text.source(location)
+
+    def require_known(self, effect: str, known: Collection[str]) -> None:
+        """Refuse keys of an effect's table that the effect does not know.
+
+        Raises:
+            DataError: MOD004 with the line and the nearest known key.
+        """
+        for key in self.effects[effect]:
+            if key not in known:
+                raise DataError(
+                    "MOD004",
+                    f"effects.{effect} has no key {key!r}{_nearest(key, known)}",
+                    self.source(effect, key),
+                    hint=f"it knows {', '.join(sorted(known))}",
+                )
+
+    def values(
+        self, effect: str, key: str, shape: tuple[int | None, ...] = (), optional: bool = False
+    ) -> FloatArray | None:
+        """Return numbers of an effect in SI, by the unit in the key.
+
+        Args:
+            effect: name of a table that is there.
+            key: as in the file, such as ``offset_deg``.
+            shape: expected shape; None stands for any length, () for one number.
+            optional: return None instead of raising where the key is missing.
+
+        Raises:
+            DataError: MOD005 missing, MOD006 not numbers of this shape.
+        """
+        table = self.effects[effect]
+        if key not in table:
+            if optional:
+                return None
+            raise DataError("MOD005", f"effects.{effect} needs {key!r}", self.source(effect))
+        value = _numbers(table[key])
+        if value is None or not _has_shape(value, shape):
+            wanted = "one number" if shape == () else f"numbers of shape {_shape_text(shape)}"
+            raise DataError(
+                "MOD006", f"effects.{effect}.{key}: expected {wanted}", self.source(effect, key)
+            )
+        return si(key, value)
+
+
+def si(key: str, value: ArrayLike) -> FloatArray:
+    """Return a value in SI, by the unit at the end of its key (none: no unit)."""
+    return np.asarray(value, dtype=np.float64) * factor(key)
+
+
+def entry(key: str, value_si: ArrayLike) -> Any:  # noqa: ANN401 - a number or nested lists
+    """Return an SI value in the unit of ``key``, as a number or (nested) list for the file."""
+    return (np.asarray(value_si, dtype=np.float64) / factor(key)).tolist()
+
+
+def factor(key: str) -> float:
+    """Return the size in SI of the unit at the end of a key, 1 for a key without unit."""
+    for unit in sorted(UNITS, key=len, reverse=True):
+        if key.endswith(f"_{unit}"):
+            return UNITS[unit]
+    return 1.0
+
+
+def load_model(path: str | Path) -> ModelFile:
+    """Read a ``model.toml``.
+
+    Effects of foreign names are kept (an added effect may know them); a name that is one slip
+    away from a known effect is refused. Keys inside a table are checked by the effect that reads
+    them, by ``ModelFile.require_known``.
+
+    Raises:
+        DataError: MOD001 not TOML, MOD002 wrong schema, MOD003 unknown key, MOD006 wrong value.
+        ReadError: IO001, IO002.
+    """
+    text = load_toml(path, DataError, "MOD001")
+    _check_keys(text, (), ("schema", "effects", "registration", "notes"))
+    if text.data.get("schema") != SCHEMA:
+        raise DataError(
+            "MOD002",
+            f"schema is {text.data.get('schema')!r}, expected {SCHEMA!r}",
+            text.source(("schema",)),
+        )
+    return ModelFile(_effects(text), _registration(text), _notes(text), text)
+
+
+def save_model(model: ModelFile) -> bytes:
+    """Return the bytes of a ``model.toml``; the same model gives the same bytes.
+
+    Raises:
+        DataError: MOD007 if a table holds something that TOML has no form for.
+    """
+    lines = [f'schema = "{SCHEMA}"']
+    if model.notes:
+        lines.append(f"notes = {toml_value(list(model.notes))}")
+    for name, table in model.effects.items():
+        lines += ["", f"[effects.{toml_key(name)}]", *toml_table(table)]
+    if model.registration is not None:
+        lines += ["", "[registration]", *toml_table(_registration_table(model.registration))]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _effects(text: TomlText) -> dict[str, dict[str, Any]]:
+    tables = text.data.get("effects", {})
+    if not isinstance(tables, dict):
+        raise DataError("MOD006", "effects must be tables", text.source(("effects",)))
+    for name, table in tables.items():
+        place = text.source(("effects", name))
+        if name not in EFFECT_NAMES and difflib.get_close_matches(name, EFFECT_NAMES, 1, 0.85):
+            raise DataError(
+                "MOD003", f"unknown effect {name!r}{_nearest(name, EFFECT_NAMES)}", place
+            )
+        if not isinstance(table, dict):
+            raise DataError("MOD006", f"effects.{name} must be a table", place)
+    return {name: dict(table) for name, table in tables.items()}
+
+
+def _notes(text: TomlText) -> tuple[str, ...]:
+    notes = text.data.get("notes", [])
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise DataError("MOD006", "notes must be a list of texts", text.source(("notes",)))
+    return tuple(notes)
+
+
+def _registration(text: TomlText) -> Registration | None:
+    table = text.data.get("registration")
+    if table is None:
+        return None
+    place = text.source(("registration",))
+    if not isinstance(table, dict):
+        raise DataError("MOD006", "registration must be a table", place)
+    known = ("robroot_xyz_mm", "robroot_abc_deg", "point_in_flange_mm", "rms_mm")
+    _check_keys(text, ("registration",), known)
+    xyz, abc, point = (_vector(text, key) for key in known[:3])
+    rms = _numbers(table.get("rms_mm", math.nan))
+    if rms is None or rms.shape != ():
+        raise DataError("MOD006", "registration.rms_mm: expected one number", place)
+    return Registration(
+        transform_from_kuka(xyz, abc), si("point_in_flange_mm", point), float(rms) * MM
+    )
+
+
+def _vector(text: TomlText, key: str) -> FloatArray:
+    table = text.data["registration"]
+    place = text.source(("registration", key))
+    if key not in table:
+        raise DataError("MOD005", f"registration needs {key!r}", place)
+    value = _numbers(table[key])
+    if value is None or value.shape != (3,) or not np.all(np.isfinite(value)):
+        raise DataError("MOD006", f"registration.{key}: expected three finite numbers", place)
+    return value
+
+
+def _registration_table(registration: Registration) -> dict[str, Any]:
+    xyz_mm, abc_deg = kuka_from_transform(registration.T_measured_robroot)
+    table = {
+        "robroot_xyz_mm": xyz_mm.tolist(),
+        "robroot_abc_deg": abc_deg.tolist(),
+        "point_in_flange_mm": entry("point_in_flange_mm", registration.p_flange_point),
+    }
+    if math.isfinite(registration.rms):
+        table["rms_mm"] = registration.rms / MM
+    return table
+
+
+def _check_keys(text: TomlText, location: tuple[str, ...], known: Sequence[str]) -> None:
+    table = text.data
+    for part in location:
+        table = table[part]
+    for key in table:
+        if key not in known:
+            raise DataError(
+                "MOD003",
+                f"unknown key {key!r}{_nearest(key, known)}",
+                text.source((*location, key)),
+                hint=f"known are {', '.join(known)}",
+            )
+
+
+def _nearest(name: str, known: Collection[str]) -> str:
+    close = difflib.get_close_matches(name, sorted(known), 1, 0.5)
+    return f", did you mean {close[0]!r}?" if close else ""
+
+
+def _numbers(value: object) -> FloatArray | None:
+    if isinstance(value, (bool, str, dict)) or value is None:
+        return None
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        return None
+    return array.astype(np.float64) if array.dtype.kind in "iuf" else None
+
+
+def _has_shape(value: FloatArray, shape: tuple[int | None, ...]) -> bool:
+    return len(value.shape) == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, value.shape, strict=True)
+    )
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    return " x ".join("n" if size is None else str(size) for size in shape)
