@@ -68,9 +68,8 @@ class Page:
         )
         # "<" inside JSON would let a name of the CAM file end the script element
         data = json.dumps(self.data, allow_nan=False, ensure_ascii=True).replace("<", "\\u003c")
-        scripts = "".join(
-            f"<script>{text.replace('</script', '<\\/script')}</script>" for text in self.scripts
-        )
+        closed = [text.replace("</script", "<\\/script") for text in self.scripts]
+        scripts = "".join(f"<script>{text}</script>" for text in closed)
         return (
             '<!doctype html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
