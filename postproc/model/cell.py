@@ -231,7 +231,11 @@ class KrlOptions:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Everything about the cell that a plan needs. ``path``: the file it came from."""
+    """Everything about the cell that a plan needs. ``path``: the file it came from.
+
+    ``origins`` maps keys of the cell file such as ``motion.feed_mm_min`` to where the value comes
+    from: the file, the robot, or a default.
+    """
 
     name: str
     path: str
@@ -245,6 +249,7 @@ class Cell:
     motion: Motion
     krl: KrlOptions
     external_axes: tuple[ExternalAxis, ...] = ()
+    origins: Mapping[str, Origin] = field(default_factory=dict)
 
     @property
     def joint_stiffness(self) -> FloatArray | None:

@@ -1,0 +1,333 @@
+"""The keys of ``cell.toml``: types, units, ranges, defaults and meaning, in file units.
+
+This is the only place where a key of the cell is described; the reference page is generated from
+it. A key added to ``OptimizeTable``, ``MotionTable`` or ``KrlTable`` beyond those that have an own
+field in ``model.cell`` reaches the code as ``cell.<table>.options["<key>"]``, in file units.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Vector = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
+Loads = Annotated[list[float], Field(min_length=3, max_length=3)]
+SixAngles = Annotated[
+    list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=6, max_length=6)
+]
+SixPositive = Annotated[list[Positive], Field(min_length=6, max_length=6)]
+AngleRange = Annotated[
+    list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=2, max_length=2)
+]
+LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
+SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
+AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+Text = Annotated[str, Field(min_length=1, max_length=255)]
+
+
+class Table(BaseModel):
+    """A TOML table: no unknown keys, no text for numbers, no nan or inf."""
+
+    model_config = ConfigDict(
+        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, validate_default=True
+    )
+
+
+class Placement(Table):
+    """Where something stands: shift and turn."""
+
+    xyz_mm: Vector = Field(default=[0.0, 0.0, 0.0], description="origin [mm]")
+    abc_deg: Angles = Field(
+        default=[0.0, 0.0, 0.0], description="KUKA A, B, C [deg]: R = Rz(A) Ry(B) Rx(C)"
+    )
+
+
+class BoxShape(Table):
+    """A box, centred in its frame."""
+
+    size_mm: Annotated[list[Positive], Field(min_length=3, max_length=3)] = Field(
+        description="edge lengths along x, y, z [mm]"
+    )
+
+
+class CylinderShape(Table):
+    """A cylinder along z, centred in its frame."""
+
+    radius_mm: Positive = Field(description="radius [mm]")
+    length_mm: Positive = Field(description="length along z [mm]")
+
+
+class Solid(Placement):
+    """A solid: exactly one of file, box and cylinder."""
+
+    name: Text | None = Field(
+        default=None, description="name in messages; default: made from the table"
+    )
+    file: Text | None = Field(
+        default=None, description="mesh file (STL, OBJ, PLY), relative to the cell file"
+    )
+    box: BoxShape | None = Field(default=None, description="a box instead of a file, centred")
+    cylinder: CylinderShape | None = Field(
+        default=None, description="a cylinder along z instead of a file, centred"
+    )
+    scale: Positive = Field(default=1.0, description="millimetres per unit of the mesh file")
+
+    @model_validator(mode="after")
+    def _one_shape(self) -> Solid:
+        given = [key for key in ("file", "box", "cylinder") if getattr(self, key) is not None]
+        if len(given) != 1:
+            found = " and ".join(given) if given else "none of them"
+            raise ValueError(f"exactly one of file, box and cylinder is needed, found {found}")
+        return self
+
+
+class ToolSolid(Solid):
+    """A solid of the tool, in the flange."""
+
+    cutting: bool = Field(
+        default=False, description="true: this part may touch the workpiece during a cut"
+    )
+
+
+class LinkSolid(Solid):
+    """A solid of a robot link, in the frame of that link."""
+
+    link: Annotated[int, Field(ge=0, le=6)] = Field(
+        description="0 = base of the robot, 1..6 = link moved by that axis"
+    )
+
+
+class RobotTable(Table):
+    """The arm: a built-in model or a URDF file."""
+
+    model: Text | None = Field(
+        default=None, description="name of a built-in robot, see `postproc robots`"
+    )
+    urdf: Text | None = Field(
+        default=None, description="URDF file instead of a built-in robot, relative to the cell file"
+    )
+    tip: Text | None = Field(
+        default=None,
+        description="name of the flange link in the URDF; default: the end of the chain",
+    )
+    base: Placement = Field(default=Placement(), description="robot root in the world")
+    limits_deg: SixRanges | None = Field(
+        default=None, description="[smallest, largest] of A1..A6 [deg]; default: of the robot"
+    )
+    speed_deg_s: SixPositive | None = Field(
+        default=None, description="largest speed of A1..A6 [deg/s]; default: of the robot"
+    )
+    accel_deg_s2: SixPositive | None = Field(
+        default=None, description="largest acceleration of A1..A6 [deg/s^2]; default: of the robot"
+    )
+    payload_kg: Positive | None = Field(
+        default=None, description="rated payload [kg]; default: of the robot"
+    )
+    link_meshes: list[LinkSolid] = Field(
+        default=[], description="your own solids of the links instead of the built-in hulls"
+    )
+
+    @model_validator(mode="after")
+    def _one_robot(self) -> RobotTable:
+        if (self.model is None) == (self.urdf is None):
+            found = "none of them" if self.model is None else "both"
+            raise ValueError(f"exactly one of model and urdf is needed, found {found}")
+        if self.tip is not None and self.urdf is None:
+            raise ValueError("tip goes with urdf only")
+        for axis, (low, high) in enumerate(self.limits_deg or [], start=1):
+            if low >= high:
+                raise ValueError(f"limits_deg of A{axis}: {low:g} is not below {high:g}")
+        return self
+
+
+class ToolTable(Table):
+    """The tool on the flange."""
+
+    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA TOOL number")
+    name: Text = Field(default="tool", description="name of the tool")
+    frame: Placement = Field(
+        default=Placement(), description="TCP in the flange, as in KUKA's TOOL_DATA"
+    )
+    axis: AxisName = Field(
+        description="axis of the TCP frame that points out of the tool into the part"
+    )
+    mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
+    cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
+    meshes: list[ToolSolid] = Field(default=[], description="solids of the tool, in the flange")
+
+
+class WorkpieceTable(Table):
+    """The workpiece."""
+
+    number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA BASE number")
+    frame: Placement = Field(default=Placement(), description="CAM coordinates in the robot root")
+    meshes: list[Solid] = Field(
+        default=[], description="solids of the workpiece, in CAM coordinates"
+    )
+
+
+class LimitsTable(Table):
+    """Margins that every pose of a program must keep."""
+
+    joint_margin_deg: Annotated[float, Field(ge=0.0, le=90.0)] = Field(
+        default=2.0, description="distance from the joint limits [deg]"
+    )
+    singularity_deg: Annotated[float, Field(ge=0.0, le=90.0)] = Field(
+        default=5.0, description="smallest |A5| [deg]"
+    )
+    clearance_mm: NotNegative = Field(
+        default=0.0, description="smallest distance between solids [mm]"
+    )
+    contact_depth_mm: NotNegative | None = Field(
+        default=None,
+        description="how deep cutting solids may go into the workpiece during a cut [mm]; "
+        "default: any depth",
+    )
+
+
+class OptimizeTable(Table):
+    """What the freedom about the tool axis is used for."""
+
+    objective: Text | dict[str, float] = Field(
+        default="axial",
+        description="axial (along the tool axis), normal, radial, process (along the force), "
+        "or a table of weights; see `postproc plugins`",
+    )
+    index: Literal["compliance", "seed"] = Field(
+        default="compliance", description="1/(n^T C n), or the ellipsoid index of Jiao et al. 2022"
+    )
+    step_deg: Annotated[float, Field(gt=0.0, le=360.0)] = Field(
+        default=10.0, description="step of the turn about the tool axis [deg]"
+    )
+    range_deg: AngleRange = Field(
+        default=[-180.0, 180.0], description="range of the turn about the tool axis [deg]"
+    )
+    strategy: Literal["global", "smooth", "each"] = Field(
+        default="global",
+        description="global: best joint-continuous sequence over all tags; smooth: key tags "
+        "optimised, the rest interpolated; each: every tag for itself",
+    )
+
+    @model_validator(mode="after")
+    def _ordered(self) -> OptimizeTable:
+        low, high = self.range_deg
+        if low > high:
+            raise ValueError(f"range_deg: {low:g} is above {high:g}")
+        if isinstance(self.objective, dict) and not any(w > 0 for w in self.objective.values()):
+            raise ValueError("objective: a table of weights needs at least one above 0")
+        return self
+
+
+class ProcessTable(Table):
+    """The load on the tool while it works."""
+
+    force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
+    moment_Nm: Loads = Field(  # noqa: N815
+        default=[0.0, 0.0, 0.0], description="moment ON the tool at the TCP, TCP axes [N*m]"
+    )
+
+
+class StiffnessTable(Table):
+    """Joint stiffness."""
+
+    joint_Nmm_per_rad: SixPositive = Field(description="stiffness of A1..A6 [N*mm/rad]")  # noqa: N815
+
+
+class MotionTable(Table):
+    """Speeds and blending."""
+
+    rapid_percent: Annotated[float, Field(gt=0.0, le=100.0)] = Field(
+        default=50.0, description="axis speed of rapid moves [%]"
+    )
+    feed_mm_min: Positive | None = Field(
+        default=None,
+        description="feed where the CAM data gives none [mm/min]; default: there is none",
+    )
+    approximation_mm: NotNegative = Field(
+        default=1.0, description="blending distance at points that need no exact stop [mm]"
+    )
+    home_deg: SixAngles | None = Field(
+        default=None, description="A1..A6 where programs start and end [deg]; default: no home move"
+    )
+
+
+class KrlTable(Table):
+    """How programs are written."""
+
+    template: Text = Field(
+        default="default", description="built-in template, or a folder relative to the cell file"
+    )
+    max_points_per_file: Annotated[int, Field(ge=2)] = Field(
+        default=1000, description="a longer program is split into sub-programs"
+    )
+
+
+class ExternalAxisTable(Placement):
+    """A linear axis or a positioner; the placement is that of its axis in the world."""
+
+    name: Literal["E1", "E2", "E3", "E4", "E5", "E6"] = Field(description="controller axis")
+    kind: Literal["rail", "positioner"] = Field(
+        description="rail: carries the robot; positioner: turns the workpiece"
+    )
+    axis: AxisName = Field(description="axis of the placement along or about which it moves")
+    range_mm: LengthRange | None = Field(
+        default=None, description="[smallest, largest] of a rail [mm]"
+    )
+    range_deg: Annotated[list[Length], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="[smallest, largest] of a positioner [deg]"
+    )
+    speed_mm_s: Positive | None = Field(default=None, description="largest speed of a rail [mm/s]")
+    speed_deg_s: Positive | None = Field(
+        default=None, description="largest speed of a positioner [deg/s]"
+    )
+
+    @model_validator(mode="after")
+    def _units_of_kind(self) -> ExternalAxisTable:
+        own, other = ("mm", "deg") if self.kind == "rail" else ("deg", "mm")
+        for key in ("range", "speed"):
+            end = "" if key == "range" else "_s"
+            if getattr(self, f"{key}_{other}{end}") is not None:
+                raise ValueError(f"a {self.kind} takes {key}_{own}{end}, not {key}_{other}{end}")
+            if getattr(self, f"{key}_{own}{end}") is None:
+                raise ValueError(f"a {self.kind} needs {key}_{own}{end}")
+        low, high = self.range_mm or self.range_deg or [0.0, 0.0]
+        if low >= high:
+            raise ValueError(f"range: {low:g} is not below {high:g}")
+        return self
+
+
+class CellFile(Table):
+    """A whole cell file."""
+
+    schema_name: Literal["postproc.cell/1"] = Field(
+        alias="schema", description="version of this format"
+    )
+    name: Text | None = Field(
+        default=None, description="name of the cell; default: name of the file"
+    )
+    robot: RobotTable = Field(description="the arm")
+    tool: ToolTable = Field(default=ToolTable(axis="+z"), description="the tool")
+    workpiece: WorkpieceTable = Field(default=WorkpieceTable(), description="the workpiece")
+    obstacles: list[Solid] = Field(default=[], description="solids in the world")
+    limits: LimitsTable = Field(default=LimitsTable(), description="margins")
+    optimize: OptimizeTable = Field(default=OptimizeTable(), description="use of the redundancy")
+    process: ProcessTable = Field(default=ProcessTable(), description="load while working")
+    stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
+    motion: MotionTable = Field(default=MotionTable(), description="speeds")
+    krl: KrlTable = Field(default=KrlTable(), description="program text")
+    external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
+        default=[], description="rails and positioners"
+    )
+
+    @model_validator(mode="after")
+    def _distinct_axes(self) -> CellFile:
+        names = [axis.name for axis in self.external_axes]
+        if len(set(names)) != len(names):
+            raise ValueError("external_axes: two axes have the same name")
+        return self
