@@ -1,0 +1,186 @@
+"""The ladder graph: one rung of states per tag, the cheapest way from the first rung to the last.
+
+Nothing here knows a robot. A state is a point of six coordinates with a cost of its own and a
+group; a step costs the weighted square of the distance between two points. Inside a chain (CP
+motion) a step must keep the group and no coordinate may move more than half a turn.
+
+The search is exact dynamic programming. Edges are never stored: the costs of all steps between
+two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
+Removing states (a collision found on the best way) repairs the values from the first changed rung
+on and stops as soon as the values agree again up to a constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.model.arrays import BoolArray, FloatArray
+
+IndexArray = NDArray[np.int64]
+
+NONE = -1
+"""No state: the rung is empty."""
+_SAME = 1e-11
+_HALF_TURN = np.pi + 1e-9
+
+
+class Rule(IntEnum):
+    """What a step into a rung may do."""
+
+    FREE = 0
+    """Any state to any state."""
+    CHAIN = 1
+    """Same group, no coordinate moves more than half a turn."""
+
+
+@dataclass(slots=True)
+class Ladder:
+    """States of all rungs behind each other, with the values of the search.
+
+    Args:
+        offsets: (n+1,) rung ``i`` holds the states ``offsets[i]:offsets[i+1]``.
+        position: (N, d) coordinates, joint angles [rad].
+        cost: (N,) cost of each state, infinite for one that is out.
+        group: (N,) label that a chain must keep.
+        rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
+        weight: (n,) weight of the squared distance of that step.
+    """
+
+    offsets: IndexArray
+    position: FloatArray
+    cost: FloatArray
+    group: IndexArray
+    rule: IndexArray
+    weight: FloatArray
+    value: FloatArray = field(init=False)
+    back: NDArray[np.uint16] = field(init=False)
+    broken: BoolArray = field(init=False)
+    _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
+    _solved: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        """Make room for the values of the search."""
+        states = len(self.position)
+        self.cost = np.array(self.cost, dtype=np.float64)
+        self.value = np.full(states, np.inf)
+        self.back = np.zeros(states, dtype=np.uint16)
+        self.broken = np.zeros(len(self), dtype=np.bool_)
+        if len(self) and int(np.diff(self.offsets).max()) > np.iinfo(np.uint16).max:
+            raise ValueError("Ladder: more than 65535 states on one rung")
+
+    def __len__(self) -> int:
+        """Return the number of rungs."""
+        return len(self.offsets) - 1
+
+    def rung_of(self, states: IndexArray) -> IndexArray:
+        """Return the rung (m,) of each state."""
+        rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
+        return rungs
+
+    def solve(self) -> None:
+        """Find the value of every state from scratch."""
+        self._sweep(0, len(self) - 1)
+        self._solved = True
+
+    def remove(self, states: IndexArray) -> None:
+        """Take states out and repair the values."""
+        self.cost[states] = np.inf
+        self._repair(self.rung_of(np.asarray(states)))
+
+    def forbid(self, steps: list[tuple[int, int]]) -> None:
+        """Take single steps (state from, state to) out and repair the values."""
+        rungs = self.rung_of(np.array([to for _, to in steps]))
+        for rung, step in zip(rungs.tolist(), steps, strict=True):
+            self._forbidden.setdefault(rung, []).append(step)
+        self._repair(rungs)
+
+    def path(self) -> IndexArray:
+        """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
+        chosen = np.full(len(self), NONE, dtype=np.int64)
+        follow = NONE
+        for i in range(len(self) - 1, -1, -1):
+            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+            if follow == NONE and high > low:
+                best = low + int(np.argmin(self.value[low:high]))
+                follow = best if np.isfinite(self.value[best]) else NONE
+            chosen[i] = follow
+            if follow == NONE or self.broken[i] or i == 0:
+                follow = NONE
+            else:
+                follow = int(self.offsets[i - 1]) + int(self.back[follow])
+        return chosen
+
+    def total(self, path: IndexArray) -> float:
+        """Return the cost of a way: its states and its steps; broken steps are free."""
+        kept = path[path != NONE]
+        states = float(self.cost[kept].sum())
+        joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~self.broken[1:]
+        leap = self.position[path[1:][joined]] - self.position[path[:-1][joined]]
+        return states + float((self.weight[1:][joined] * (leap**2).sum(axis=1)).sum())
+
+    def _repair(self, rungs: IndexArray) -> None:
+        if self._solved and len(rungs):
+            self._sweep(int(rungs.min()), int(rungs.max()))
+
+    def _sweep(self, first: int, last: int) -> None:
+        """Compute values from rung ``first`` on; after ``last`` stop once nothing changes."""
+        for i in range(first, len(self)):
+            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+            value = self._step(i, low, high)
+            lowest = value.min() if high > low else np.inf
+            if np.isfinite(lowest):
+                value -= lowest
+            old = self.value[low:high]
+            if i > last and self._solved and _equal(old, value):
+                return
+            old[:] = value
+
+    def _step(self, i: int, low: int, high: int) -> FloatArray:
+        cost: FloatArray = self.cost[low:high]
+        if i == 0 or high == low:
+            self.broken[i] = True
+            return cost.copy()
+        before, after = int(self.offsets[i - 1]), int(self.offsets[i])
+        if after == before:
+            self.broken[i] = True
+            return cost.copy()
+        steps = self._steps(i, slice(before, after), slice(low, high))
+        back = steps.argmin(axis=1)
+        best = np.take_along_axis(steps, back[:, None], axis=1)[:, 0]
+        self.back[low:high] = back
+        value: FloatArray = best + cost
+        self.broken[i] = not np.isfinite(value.min())
+        return cost.copy() if self.broken[i] else value
+
+    def _steps(self, i: int, before: slice, now: slice) -> FloatArray:
+        """Return value + step cost (m now, m before)."""
+        w = float(self.weight[i])
+        a, b = self.position[before], self.position[now]
+        left = np.empty((len(b), a.shape[1] + 2))
+        right = np.empty((len(a), a.shape[1] + 2))
+        np.multiply(b, -2.0 * w, out=left[:, :-2])
+        left[:, -2] = 1.0
+        np.einsum("ij,ij->i", b, b, out=left[:, -1])
+        right[:, :-2] = a
+        right[:, -2] = w * np.einsum("ij,ij->i", a, a) + self.value[before]
+        right[:, -1] = w
+        steps: FloatArray = left @ right.T
+        if self.rule[i] == Rule.CHAIN:
+            steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+            reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
+            for j in np.nonzero(reach > _HALF_TURN)[0]:
+                steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf
+        for state, to in self._forbidden.get(i, ()):
+            steps[to - now.start, state - before.start] = np.inf
+        return steps
+
+
+def _equal(old: FloatArray, new: FloatArray) -> bool:
+    dead = np.isinf(new)
+    if not np.array_equal(dead, np.isinf(old)):
+        return False
+    return bool(np.all(np.abs(np.where(dead, 0.0, old) - np.where(dead, 0.0, new)) < _SAME))

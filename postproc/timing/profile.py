@@ -1,0 +1,199 @@
+"""How long motions take: an estimate, not the controller's own planner.
+
+Rest-to-rest motions (rapids, retracts, drill strokes) are time-optimal with limited jerk, by
+ruckig. Along a chain of blended CP motions the speed is planned on the path: the programmed feed
+and the axes' speed and acceleration limits give a cap at every point, a backward and a forward pass
+make it reachable, and jerk is limited by averaging the profile over ``ramp`` seconds, which is
+what a controller's filter does: the way stays the same, every stretch from stop to stop takes
+``ramp`` longer.
+
+ruckig's intermediate waypoints are never used: it would send them to a service on the network.
+No source publishes jerk limits; jerk is taken as acceleration over ``RAMP``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.model.arrays import FloatArray
+
+RAMP = 0.1
+"""Time [s] in which acceleration is built up; assumed."""
+PATH_ACCELERATION = 2.3
+"""[m/s^2], the default of $ACC.CP on KUKA controllers."""
+ORIENTATION_SPEED = 3.490658503988659
+"""[rad/s], the default of $VEL.ORI1 (200 deg/s) on KUKA controllers."""
+_TINY = 1e-12
+
+
+def joint_move_time(
+    q_from: ArrayLike,
+    q_to: ArrayLike,
+    speed: ArrayLike,
+    acceleration: ArrayLike,
+    ramp: float = RAMP,
+) -> FloatArray:
+    """Return the time (m,) [s] of synchronised rest-to-rest joint moves.
+
+    Args:
+        q_from: (m, d) [rad] (or metres for a rail).
+        q_to: (m, d) likewise.
+        speed: (d,) or (m, d) limits [rad/s].
+        acceleration: (d,) limits [rad/s^2].
+        ramp: time in which full acceleration is built up [s]; jerk = acceleration / ramp.
+    """
+    way = np.abs(np.atleast_2d(np.asarray(q_to, dtype=np.float64) - np.asarray(q_from)))
+    top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
+    push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), way.shape)
+    # The slowest axis alone decides. Limited jerk adds between nothing and ``ramp`` to the time
+    # without it, so ruckig is asked only for axes that are within ``ramp`` of the slowest.
+    reaches = way >= top**2 / push
+    rough = np.where(reaches, way / top + top / push, 2.0 * np.sqrt(way / push))
+    times = np.zeros(len(way))
+    rows, axes = np.nonzero((rough >= rough.max(axis=1, keepdims=True) - ramp) & (way > _TINY))
+    for row, axis in zip(rows.tolist(), axes.tolist(), strict=True):
+        time = _RestToRest.time(way[row, axis], top[row, axis], push[row, axis], ramp)
+        times[row] = max(times[row], time)
+    return times
+
+
+def line_time(
+    length: ArrayLike,
+    speed: ArrayLike,
+    acceleration: float = PATH_ACCELERATION,
+    ramp: float = RAMP,
+) -> FloatArray:
+    """Return the time (m,) [s] of straight moves from rest to rest.
+
+    Args:
+        length: (m,) [m].
+        speed: (m,) or one [m/s].
+        acceleration: along the path [m/s^2].
+        ramp: as in ``joint_move_time``.
+    """
+    way = np.atleast_1d(np.asarray(length, dtype=np.float64))
+    top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
+    known: dict[tuple[float, float], float] = {}
+    times = np.zeros(len(way))
+    for i, key in enumerate(zip(np.round(way, 9).tolist(), top.tolist(), strict=True)):
+        if key not in known:
+            known[key] = _RestToRest.time(key[0], key[1], acceleration, ramp)
+        times[i] = known[key]
+    return times
+
+
+@dataclass(frozen=True, slots=True)
+class PathSpeed:
+    """A speed profile over the knots of a chain.
+
+    ``speed`` (k,) [m/s or per unit of the path] at the knots, ``duration`` (k-1,) [s] of the
+    segments, the jerk ramp included.
+    """
+
+    speed: FloatArray
+    duration: FloatArray
+
+
+def chain_profile(
+    way: ArrayLike,
+    cap: ArrayLike,
+    acceleration: ArrayLike = PATH_ACCELERATION,
+    ramp: float = RAMP,
+) -> PathSpeed:
+    """Return the speed along a chain that starts and ends at rest.
+
+    Args:
+        way: (k,) path coordinate of the knots [m], not falling.
+        cap: (k-1,) largest speed on each segment [m/s] (feed and axis speeds).
+        acceleration: one or (k-1,) largest acceleration on each segment [m/s^2].
+        ramp: jerk is acceleration / ramp.
+    """
+    s = np.asarray(way, dtype=np.float64)
+    step = np.diff(s)
+    top = np.asarray(cap, dtype=np.float64)
+    push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), step.shape)
+    limit = np.zeros(len(s))
+    limit[1:-1] = np.minimum(top[:-1], top[1:])
+    gain = (2.0 * push * step).tolist()
+    square = (limit**2).tolist()
+    for i in range(len(step)):
+        square[i + 1] = min(square[i + 1], square[i] + gain[i])
+    for i in range(len(step) - 1, -1, -1):
+        square[i] = min(square[i], square[i + 1] + gain[i])
+    speed = np.sqrt(np.array(square))
+    duration = _segment_times(step, speed, top, push)
+    if len(step):
+        total = float(duration.sum())
+        duration = duration * (1.0 + ramp / total) if total > _TINY else duration
+    return PathSpeed(speed, duration)
+
+
+def axis_speed_cap(
+    dq: ArrayLike, step: ArrayLike, q_speed: ArrayLike, q_acceleration: ArrayLike | None = None
+) -> FloatArray:
+    """Return the largest path speed (k,) [m/s] at which no axis exceeds its speed.
+
+    Args:
+        dq: (k, d) joint change over each segment [rad].
+        step: (k,) length of each segment [m].
+        q_speed: (d,) limits [rad/s].
+        q_acceleration: (d,) limits [rad/s^2]; they bound v^2 d2q/ds2 between neighbouring
+            segments; None: no such bound.
+    """
+    change = np.abs(np.asarray(dq, dtype=np.float64))
+    length = np.asarray(step, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cap = np.where(change > _TINY, length[:, None] * np.asarray(q_speed) / change, np.inf)
+    best = cap.min(axis=1, initial=np.inf)
+    if q_acceleration is None or len(change) < 2:
+        return np.asarray(best)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.asarray(dq, dtype=np.float64) / np.maximum(length, _TINY)[:, None]
+        between = 0.5 * (length[1:] + length[:-1])
+        bend = np.abs(np.diff(slope, axis=0)) / np.maximum(between, _TINY)[:, None]
+        curve = np.sqrt(np.asarray(q_acceleration) / np.maximum(bend, _TINY)).min(axis=1)
+    best[1:] = np.minimum(best[1:], curve)
+    best[:-1] = np.minimum(best[:-1], curve)
+    return np.asarray(best)
+
+
+def _segment_times(
+    step: FloatArray, speed: FloatArray, top: FloatArray, push: FloatArray
+) -> FloatArray:
+    """Return the time of each segment: speed up, keep, slow down between the knots' speeds."""
+    start, end = speed[:-1], speed[1:]
+    peak = np.sqrt(np.minimum(top**2, push * step + 0.5 * (start**2 + end**2)))
+    peak = np.maximum(peak, np.maximum(start, end))
+    ramps = (2.0 * peak - start - end) / push
+    covered = (2.0 * peak**2 - start**2 - end**2) / (2.0 * push)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cruise = np.where(step > _TINY, (step - covered) / peak, 0.0)
+    return np.where(step > _TINY, ramps + np.maximum(cruise, 0.0), 0.0)
+
+
+class _RestToRest:
+    """One axis from rest to rest, by ruckig, with its objects made once."""
+
+    _parts: tuple[object, object, object] | None = None
+
+    @classmethod
+    def time(cls, way: float, speed: float, acceleration: float, ramp: float) -> float:
+        """Return the time-optimal duration [s] of a way >= 0 under speed, acceleration, jerk."""
+        if way <= _TINY:
+            return 0.0
+        import ruckig
+
+        if cls._parts is None:
+            request = ruckig.InputParameter(1)
+            cls._parts = (ruckig.Ruckig(1), request, ruckig.Trajectory(1))
+        solver, request, trajectory = cls._parts
+        request.current_position = [0.0]  # type: ignore[attr-defined]
+        request.target_position = [float(way)]  # type: ignore[attr-defined]
+        request.max_velocity = [float(speed)]  # type: ignore[attr-defined]
+        request.max_acceleration = [float(acceleration)]  # type: ignore[attr-defined]
+        request.max_jerk = [float(acceleration) / ramp]  # type: ignore[attr-defined]
+        solver.calculate(request, trajectory)  # type: ignore[attr-defined]
+        return float(trajectory.duration)  # type: ignore[attr-defined]

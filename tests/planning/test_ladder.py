@@ -1,0 +1,131 @@
+"""The search is exact: against enumeration, networkx, and a fresh solve after every change."""
+
+from __future__ import annotations
+
+import itertools
+
+import networkx as nx
+import numpy as np
+import pytest
+
+from postproc.planning.ladder import NONE, Ladder, Rule
+
+
+def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1):
+    sizes = rng.integers(least, most + 1, rungs)
+    offsets = np.concatenate([[0], np.cumsum(sizes)])
+    states = int(offsets[-1])
+    cost = rng.uniform(0, 1, states)
+    cost[rng.uniform(size=states) < dead] = np.inf
+    return Ladder(
+        offsets=offsets,
+        position=rng.uniform(-2.5, 2.5, (states, 6)),
+        cost=cost,
+        group=rng.integers(0, 2, states),
+        rule=np.where(rng.uniform(size=rungs) < chain, Rule.CHAIN, Rule.FREE),
+        weight=rng.uniform(0.1, 2.0, rungs),
+    )
+
+
+def step_cost(ladder, i, a, b, forbidden=()):
+    if (a, b) in forbidden:
+        return np.inf
+    leap = ladder.position[b] - ladder.position[a]
+    if ladder.rule[i] == Rule.CHAIN and (
+        ladder.group[a] != ladder.group[b] or np.abs(leap).max() > np.pi
+    ):
+        return np.inf
+    return ladder.weight[i] * (leap @ leap)
+
+
+def brute_force(ladder, forbidden=()):
+    rungs = [range(ladder.offsets[i], ladder.offsets[i + 1]) for i in range(len(ladder))]
+    best = np.inf
+    for way in itertools.product(*rungs):
+        total = sum(ladder.cost[s] for s in way)
+        if not np.isfinite(total):
+            continue
+        total += sum(
+            step_cost(ladder, i, way[i - 1], way[i], forbidden) for i in range(1, len(way))
+        )
+        best = min(best, total)
+    return best
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_equals_enumeration(seed):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=int(rng.integers(1, 6)), most=4)
+    ladder.solve()
+    best = brute_force(ladder)
+    path = ladder.path()
+    if np.isfinite(best):
+        assert not ladder.broken[1:].any()
+        assert ladder.total(path) == pytest.approx(best, abs=1e-9)
+    else:
+        assert ladder.broken[1:].any() or (path == NONE).any()
+
+
+def test_equals_networkx():
+    rng = np.random.default_rng(5)
+    ladder = random_ladder(rng, rungs=30, most=25, dead=0.2, chain=0.2, least=12)
+    ladder.position *= 0.6
+    graph = nx.DiGraph()
+    for i in range(len(ladder)):
+        now = range(ladder.offsets[i], ladder.offsets[i + 1])
+        before = range(ladder.offsets[i - 1], ladder.offsets[i]) if i else ["start"]
+        for b in now:
+            if not np.isfinite(ladder.cost[b]):
+                continue
+            for a in before:
+                step = step_cost(ladder, i, a, b) if i else 0.0
+                if np.isfinite(step):
+                    graph.add_edge(a, b, weight=step + ladder.cost[b])
+    for b in range(ladder.offsets[-2], ladder.offsets[-1]):
+        graph.add_edge(b, "end", weight=0.0)
+    ladder.solve()
+    want = nx.shortest_path_length(graph, "start", "end", weight="weight")
+    assert ladder.total(ladder.path()) == pytest.approx(want, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_repair_equals_fresh_solve(seed):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=40, most=12, dead=0.1, chain=0.5)
+    fresh = Ladder(
+        ladder.offsets, ladder.position, ladder.cost, ladder.group, ladder.rule, ladder.weight
+    )
+    ladder.solve()
+    for _ in range(15):
+        path = ladder.path()
+        kept = path[path != NONE]
+        out = rng.choice(kept, size=min(3, len(kept)), replace=False)
+        ladder.remove(out)
+        fresh.cost[out] = np.inf
+        fresh.solve()
+        assert ladder.total(ladder.path()) == pytest.approx(fresh.total(fresh.path()), abs=1e-8)
+        assert np.array_equal(ladder.broken, fresh.broken)
+
+
+def test_forbidden_steps_are_not_taken():
+    rng = np.random.default_rng(8)
+    ladder = random_ladder(rng, rungs=4, most=4, dead=0.0, chain=0.0, least=3)
+    ladder.solve()
+    forbidden = []
+    for _ in range(6):
+        path = ladder.path()
+        step = (int(path[1]), int(path[2]))
+        forbidden.append(step)
+        ladder.forbid([step])
+        assert ladder.total(ladder.path()) == pytest.approx(brute_force(ladder, forbidden))
+        assert not ladder.broken[1:].any()
+
+
+def test_empty_and_single_rungs():
+    offsets = np.array([0, 1, 1, 2])
+    ladder = Ladder(
+        offsets, np.zeros((2, 6)), np.zeros(2), np.zeros(2, int), np.zeros(3, int), np.ones(3)
+    )
+    ladder.solve()
+    assert ladder.path().tolist() == [0, NONE, 1]
+    assert ladder.broken.tolist() == [True, True, True]
