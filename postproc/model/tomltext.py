@@ -84,7 +84,7 @@ def _where(message: str, last_line: int) -> tuple[str, int]:
     return message.replace(" (at end of document)", " at the end of the file"), max(last_line, 1)
 
 
-def _depth(value: object) -> int:
+def _depth(value: Any) -> int:
     deepest, waiting = 0, [(value, 1)]
     while waiting:
         current, depth = waiting.pop()

@@ -1,0 +1,203 @@
+"""Forward kinematics and Jacobian of six joints in series, vectorised over configurations.
+
+The arm is held as constants: where each joint sits in the link before it, and its axis. Work is
+done in blocks of ``CHUNK`` configurations so that the intermediate columns stay in the cache, and
+component by component (structure of arrays), which is several times faster than stacks of 4x4
+matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.model.arrays import FloatArray, frozen_floats
+
+CHUNK = 2000
+"""Configurations handled at once."""
+_EXACT = 1e-14
+"""Constants nearer than this to 0 or +-1 are taken as such; multiplications fall away."""
+
+Columns = tuple[FloatArray, FloatArray, FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class SerialChain:
+    """Six revolute joints between robroot and flange.
+
+    Args:
+        placements: (7, 4, 4) [m]: joint 1 in robroot, joint i+1 in link i, flange in link 6, all at
+            angle zero.
+        axes: (6, 3) unit axis of each joint in its own frame.
+    """
+
+    placements: FloatArray
+    axes: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "placements", (7, 4, 4))
+        frozen_floats(self, "axes", (6, 3))
+
+    def fk(self, q: ArrayLike) -> FloatArray:
+        """Return ``T_robroot_flange`` (..., 4, 4) [m] for joint angles (..., 6) [rad]."""
+        angles = np.asarray(q, dtype=np.float64)
+        flat = angles.reshape(-1, 6)
+        T = np.zeros((len(flat), 4, 4))
+        T[:, 3, 3] = 1.0
+        steps = self._steps()
+        for block in blocks(len(flat)):
+            columns, origin = _identity(flat[block].shape[0])
+            for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
+                columns, origin = step.advance(columns, origin, cosine, sine)
+            columns, origin = steps[6].advance(columns, origin)
+            _write(T[block], columns, origin)
+        return T.reshape(*angles.shape[:-1], 4, 4)
+
+    def link_frames(self, q: ArrayLike) -> FloatArray:
+        """Return the frames (..., 7, 4, 4) [m] in robroot of link 0 (robroot) and links 1..6."""
+        angles = np.asarray(q, dtype=np.float64)
+        flat = angles.reshape(-1, 6)
+        T = np.zeros((len(flat), 7, 4, 4))
+        T[:, 0] = np.eye(4)
+        T[..., 3, 3] = 1.0
+        steps = self._steps()
+        back = [np.swapaxes(_z_to(axis), 0, 1) for axis in self.axes]
+        for block in blocks(len(flat)):
+            columns, origin = _identity(flat[block].shape[0])
+            joints = zip(steps[:6], *_trigonometry(flat[block]), strict=True)
+            for link, (step, cosine, sine) in enumerate(joints, start=1):
+                columns, origin = step.advance(columns, origin, cosine, sine)
+                _write(T[block, link], _turned(columns, back[link - 1]), origin)
+        return T.reshape(*angles.shape[:-1], 7, 4, 4)
+
+    def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+        """Return the Jacobian (..., 6, 6) of the TCP, axes of robroot.
+
+        Args:
+            q: (..., 6) joint angles [rad].
+            p_flange_tcp: (3,) TCP in the flange [m].
+
+        Returns:
+            Rows linear [m/rad] then angular [rad/rad].
+        """
+        angles = np.asarray(q, dtype=np.float64)
+        flat = angles.reshape(-1, 6)
+        tcp = np.asarray(p_flange_tcp, dtype=np.float64)
+        J = np.empty((len(flat), 6, 6))
+        steps = self._steps()
+        for block in blocks(len(flat)):
+            columns, origin = _identity(flat[block].shape[0])
+            turns: list[tuple[FloatArray, FloatArray]] = []
+            for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
+                columns, origin = step.advance(columns, origin, cosine, sine)
+                turns.append((columns[2], origin))
+            columns, origin = steps[6].advance(columns, origin)
+            end = origin + _combined(columns, tcp) if tcp.any() else origin
+            _write_jacobian(J[block], turns, end)
+        return J.reshape(*angles.shape[:-1], 6, 6)
+
+    def _steps(self) -> list[_Step]:
+        """Return the constants with every joint axis turned onto z."""
+        steps: list[_Step] = []
+        before = np.eye(3)
+        for joint in range(7):
+            after = _z_to(self.axes[joint]) if joint < 6 else np.eye(3)
+            turn = before.T @ self.placements[joint, :3, :3] @ after
+            shift = before.T @ self.placements[joint, :3, 3]
+            steps.append(_Step(_cleaned(turn), shift))
+            before = after
+        return steps
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """From one joint's turned frame to the next one's, then about its z axis."""
+
+    turn: FloatArray
+    shift: FloatArray
+
+    def advance(
+        self,
+        columns: Columns,
+        origin: FloatArray,
+        cosine: FloatArray | None = None,
+        sine: FloatArray | None = None,
+    ) -> tuple[Columns, FloatArray]:
+        """Return the frame's columns (3, n) each and its origin (3, n)."""
+        if self.shift.any():
+            origin = origin + _combined(columns, self.shift)
+        x, y, z = _turned(columns, self.turn)
+        if cosine is None or sine is None:
+            return (x, y, z), origin
+        return (cosine * x + sine * y, cosine * y - sine * x, z), origin
+
+
+def blocks(count: int, size: int = CHUNK) -> Iterator[slice]:
+    """Yield slices of at most ``size`` rows that cover ``count`` rows."""
+    for start in range(0, count, size):
+        yield slice(start, min(start + size, count))
+
+
+def _identity(count: int) -> tuple[Columns, FloatArray]:
+    unit = np.zeros((3, 3, count))
+    for axis in range(3):
+        unit[axis, axis] = 1.0
+    return (unit[0], unit[1], unit[2]), np.zeros((3, count))
+
+
+def _trigonometry(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    angles = np.ascontiguousarray(q.T)
+    return np.cos(angles), np.sin(angles)
+
+
+def _combined(columns: Columns, weights: FloatArray) -> FloatArray:
+    """Return the weighted sum of columns; weights 0, 1 and -1 cost no multiplication."""
+    total: FloatArray | None = None
+    for column, weight in zip(columns, weights, strict=True):
+        if weight == 0.0:
+            continue
+        part = column if weight == 1.0 else weight * column
+        total = part if total is None else total + part
+    return np.zeros_like(columns[0]) if total is None else total
+
+
+def _turned(columns: Columns, turn: FloatArray) -> Columns:
+    return (
+        _combined(columns, turn[:, 0]),
+        _combined(columns, turn[:, 1]),
+        _combined(columns, turn[:, 2]),
+    )
+
+
+def _cleaned(turn: FloatArray) -> FloatArray:
+    nearest = np.rint(turn)
+    return np.where(np.abs(turn - nearest) < _EXACT, nearest, turn)
+
+
+def _z_to(axis: FloatArray) -> FloatArray:
+    """Return a rotation (3, 3) whose third column is ``axis``."""
+    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    x = np.cross(other, axis)
+    x /= np.linalg.norm(x)
+    return _cleaned(np.stack([x, np.cross(axis, x), axis], axis=1))
+
+
+def _write(T: FloatArray, columns: Columns, origin: FloatArray) -> None:
+    for place, column in enumerate((*columns, origin)):
+        T[:, :3, place] = column.T
+
+
+def _write_jacobian(
+    J: FloatArray, turns: list[tuple[FloatArray, FloatArray]], end: FloatArray
+) -> None:
+    for joint, (axis, origin) in enumerate(turns):
+        x, y, z = end - origin
+        ax, ay, az = axis
+        J[:, 0, joint] = ay * z - az * y
+        J[:, 1, joint] = az * x - ax * z
+        J[:, 2, joint] = ax * y - ay * x
+        J[:, 3:, joint] = axis.T

@@ -1,0 +1,211 @@
+"""Closed-form inverse kinematics of the ortho-parallel arm, all eight branches in fixed slots.
+
+The formulas follow from the same geometry as Brandstoetter et al. 2014 but are arranged so that
+each branch is a sign (overhead, elbow, wrist: KUKA's status bits 0, 1, 2), that nothing loses
+digits near the straight wrist or the stretched arm, and that sines and cosines are carried
+algebraically: 20 arc tangents for all eight branches of a pose.
+
+Degenerate poses keep all their branches:
+
+- wrist centre on axis 1: axis 1 is free, A1 = 0 is returned (180 degrees overhead);
+- stretched or folded arm: both elbow slots hold the same angles; poses out of reach by no more
+  than rounding (``REACH_TOLERANCE``) count as stretched;
+- straight wrist (A5 = 0): only A4 + A6 matters, A4 = 0 is returned (A4 = 180 degrees in the other
+  wrist slot) and A6 takes the rest. ``Kinematics.split_wrist`` moves the split to a reference.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from postproc.kinematics.chain import blocks
+from postproc.kinematics.opw import OpwArm, wrapped
+from postproc.model.arrays import BoolArray, FloatArray
+
+CHUNK = 1024
+"""Poses handled at once; (2, 2, CHUNK) intermediates stay in the second-level cache."""
+REACH_TOLERANCE = 1e-9
+"""Excess of the elbow's cosine over 1 that still counts as the stretched arm."""
+ON_AXIS = 1e-9
+"""Distance [m] of the wrist centre from axis 1 below which axis 1 counts as free."""
+STRAIGHT = 1e-9
+"""Sine of the wrist angle below which axes 4 and 6 count as one."""
+
+
+class _Pose(NamedTuple):
+    """Flange pose in the foot frame by components, each (n,)."""
+
+    r11: FloatArray
+    r12: FloatArray
+    r13: FloatArray
+    r21: FloatArray
+    r22: FloatArray
+    r23: FloatArray
+    r31: FloatArray
+    r32: FloatArray
+    r33: FloatArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+
+
+class _Arm(NamedTuple):
+    """Solution of the first three joints: axis 1 (2, n), the others (2, 2, n) elbow, overhead."""
+
+    cos_1: FloatArray
+    sin_1: FloatArray
+    theta_2: FloatArray
+    theta_3: FloatArray
+    cos_23: FloatArray
+    sin_23: FloatArray
+    reached: BoolArray
+
+
+@dataclass(frozen=True, slots=True)
+class OpwSolver:
+    """Inverse kinematics of one arm."""
+
+    arm: OpwArm
+
+    def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return all branches of each pose.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+
+        Returns:
+            q (n, 8, 6) [rad], principal values in [-pi, pi], NaN where not reachable, and
+            valid (n, 8): geometrically reachable, limits not asked.
+        """
+        count = len(T_robroot_flange)
+        q = np.empty((count, 8, 6))
+        valid = np.empty((count, 8), dtype=np.bool_)
+        for block in blocks(count, CHUNK):
+            self._solve_block(self._pose(T_robroot_flange[block]), q[block], valid[block])
+        return q, valid
+
+    def _pose(self, T: FloatArray) -> _Pose:
+        """Return the pose of the end in the foot frame by components."""
+        R_foot_robroot = self.arm.T_robroot_foot[:3, :3].T
+        p_foot = self.arm.T_robroot_foot[:3, 3]
+        T_flange_end = np.linalg.inv(self.arm.T_end_flange)
+        if not np.array_equal(T_flange_end, np.eye(4)):
+            T = T @ T_flange_end
+        entries = np.moveaxis(T[:, :3, :], 0, -1)
+        if p_foot.any():
+            entries = np.concatenate(
+                [entries[:, :3], (entries[:, 3] - p_foot[:, None])[:, None]], 1
+            )
+        if not np.array_equal(R_foot_robroot, np.eye(3)):
+            entries = np.einsum("ij,jkn->ikn", R_foot_robroot, entries)
+        e = np.ascontiguousarray(entries)
+        return _Pose(*e[0, :3], *e[1, :3], *e[2, :3], *e[:, 3])
+
+    def _solve_block(self, pose: _Pose, q: FloatArray, valid: BoolArray) -> None:
+        count = len(pose.x)
+        arm = self._first_three(pose)
+        theta = np.empty((6, 2, 2, 2, count))  # joint, wrist, elbow, overhead, pose
+        theta[0] = np.arctan2(arm.sin_1, arm.cos_1)
+        theta[1] = arm.theta_2
+        theta[2] = arm.theta_3
+        self._wrist(pose, arm, theta)
+        g = self.arm.geometry
+        for joint in range(6):
+            values = theta[joint]
+            if g.offsets[joint] != 0.0:
+                values = wrapped(values + g.offsets[joint])
+            by_slot = values.reshape(8, count)
+            q[:, :, joint] = by_slot.T if g.signs[joint] > 0 else -by_slot.T
+        valid[:, :4] = arm.reached.reshape(4, count).T
+        valid[:, 4:] = valid[:, :4]
+        if not valid.all():
+            q[~valid] = np.nan
+
+    def _first_three(self, pose: _Pose) -> _Arm:
+        g, forearm, stretch = self.arm.geometry, self.arm.forearm, self.arm.stretch
+        x, y, z = (
+            p - g.c4 * r for p, r in zip(pose[9:], (pose.r13, pose.r23, pose.r33), strict=True)
+        )
+        square = x * x + y * y
+        radius_square = square - g.b * g.b
+        reach = np.sqrt(np.maximum(radius_square, 0.0))
+        side = np.stack([reach, -reach])
+        free = square < ON_AXIS * ON_AXIS
+        over = np.where(free, 1.0, square)
+        forward = np.array([[1.0], [-1.0]])
+        cos_1 = np.where(free, forward * np.cos(g.offsets[0]), (side * x + g.b * y) / over)
+        sin_1 = np.where(free, -forward * np.sin(g.offsets[0]), (side * y - g.b * x) / over)
+        u, v = side - g.a1, z - g.c1
+        cosine = (u * u + v * v - (g.c2 * g.c2 + forearm * forearm)) / (2.0 * g.c2 * forearm)
+        reached = (np.abs(cosine) <= 1.0 + REACH_TOLERANCE) & (
+            radius_square >= -REACH_TOLERANCE * REACH_TOLERANCE
+        )
+        cosine = np.clip(cosine, -1.0, 1.0)
+        bend = np.sqrt(1.0 - cosine * cosine)
+        sine = np.stack([-bend, bend]) * g.signs[2]  # elbow slot 1: A3 above the stretched arm
+        along, across = g.c2 + forearm * cosine, forearm * sine
+        sin_2, cos_2 = u * along - v * across, v * along + u * across
+        length = np.hypot(along, across)
+        squared = np.maximum(length * length, 1e-30)
+        turned = cosine * np.cos(stretch) + sine * np.sin(stretch)
+        turned_sine = sine * np.cos(stretch) - cosine * np.sin(stretch)
+        return _Arm(
+            cos_1=cos_1,
+            sin_1=sin_1,
+            theta_2=np.arctan2(sin_2, cos_2),
+            theta_3=np.arctan2(turned_sine, turned),
+            cos_23=(cos_2 * turned - sin_2 * turned_sine) / squared,
+            sin_23=(sin_2 * turned + cos_2 * turned_sine) / squared,
+            reached=np.broadcast_to(reached, sine.shape),
+        )
+
+    def _wrist(self, pose: _Pose, arm: _Arm, theta: FloatArray) -> None:
+        c1, s1, c23, s23 = arm.cos_1, arm.sin_1, arm.cos_23, arm.sin_23
+        a1, a2, a3 = (
+            c1 * r + s1 * t
+            for r, t in zip(
+                (pose.r11, pose.r12, pose.r13), (pose.r21, pose.r22, pose.r23), strict=True
+            )
+        )
+        y4 = np.broadcast_to(c1 * pose.r23 - s1 * pose.r13, c23.shape)
+        x4 = c23 * a3 - s23 * pose.r33
+        sin_5 = np.sqrt(x4 * x4 + y4 * y4)
+        cos_5 = s23 * a3 + c23 * pose.r33
+        y6 = s23 * a2 + c23 * pose.r32
+        x6 = -(s23 * a1 + c23 * pose.r31)
+        theta_4, theta_6 = np.arctan2(y4, x4), np.arctan2(y6, x6)
+        straight = sin_5 < STRAIGHT
+        if straight.any():
+            total = np.arctan2(
+                np.broadcast_to(c1 * pose.r21 - s1 * pose.r11, c23.shape),
+                c23 * a1 - s23 * pose.r31,
+            )
+            self._split(straight, total, cos_5, theta_4, theta_6)
+        theta_5 = np.arctan2(sin_5, cos_5)
+        lower = 1 if self.arm.geometry.signs[4] > 0 else 0  # wrist slot 1: A5 below straight
+        theta[3, 1 - lower], theta[3, lower] = theta_4, _half_turned(theta_4)
+        theta[4, 1 - lower], theta[4, lower] = theta_5, -theta_5
+        theta[5, 1 - lower], theta[5, lower] = theta_6, _half_turned(theta_6)
+
+    def _split(
+        self,
+        straight: BoolArray,
+        total: FloatArray,
+        cos_5: FloatArray,
+        theta_4: FloatArray,
+        theta_6: FloatArray,
+    ) -> None:
+        """Put A4 = 0 where axes 4 and 6 are one, and the whole turn into axis 6."""
+        fixed = -float(self.arm.geometry.offsets[3])
+        forward = wrapped(total - fixed)
+        backward = wrapped(fixed - wrapped(total + np.pi))  # wrist folded back: A4 - A6 matters
+        theta_4[straight] = wrapped(fixed)
+        theta_6[straight] = np.where(cos_5 > 0.0, forward, backward)[straight]
+
+
+def _half_turned(angle: FloatArray) -> FloatArray:
+    """Return the principal angle half a turn away."""
+    return np.asarray(angle - np.copysign(np.pi, angle))

@@ -1,0 +1,233 @@
+"""The arm of a cell: forward and inverse kinematics, limits, turns. Vectorised over poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.errors import KinematicsError
+from postproc.kinematics.chain import SerialChain
+from postproc.kinematics.inverse import OpwSolver
+from postproc.kinematics.opw import TURN, OpwArm, arm_of, chain_of, wrapped
+from postproc.model.arrays import BoolArray, FloatArray, IntArray
+from postproc.model.cell import OpwGeometry, Robot
+
+STRAIGHT_WRIST = 1e-7
+"""|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""
+_SLACK = 1e-9
+"""Rounding [rad] by which an angle may pass a limit."""
+
+
+class Solver(Protocol):
+    """Inverse kinematics in eight fixed branch slots."""
+
+    def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
+        """Return q (n, 8, 6) principal values and valid (n, 8) for poses (n, 4, 4)."""
+        ...
+
+
+class Branches(Protocol):
+    """Distances to the three borders between branches; their signs are KUKA's status bits."""
+
+    def reach(self, q: ArrayLike) -> FloatArray:
+        """Return a signed distance (...,) that is negative overhead."""
+        ...
+
+    def elbow_angle(self, q: ArrayLike) -> FloatArray:
+        """Return A3 (...,) [rad] above the stretched arm."""
+        ...
+
+    def wrist_angle(self, q: ArrayLike) -> FloatArray:
+        """Return A5 (...,) [rad] above the straight wrist."""
+        ...
+
+    def slot(self, q: ArrayLike) -> IntArray:
+        """Return the branch (...,) 0..7: overhead + 2 elbow + 4 wrist."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Kinematics:
+    """One arm.
+
+    Args:
+        chain: forward kinematics.
+        solver: inverse kinematics.
+        branches: signs of the branch slots.
+        q_min: (6,) smallest angles [rad]; q_max: (6,) largest.
+        is_closed_form: inverse kinematics is exact and complete; else numeric.
+        arm: the ortho-parallel arm behind it, None for any other.
+    """
+
+    chain: SerialChain
+    solver: Solver
+    branches: Branches
+    q_min: FloatArray
+    q_max: FloatArray
+    is_closed_form: bool
+    arm: OpwArm | None = None
+
+    def fk(self, q: ArrayLike) -> FloatArray:
+        """Return ``T_robroot_flange`` (..., 4, 4) [m] of joint angles (..., 6) [rad]."""
+        return self.chain.fk(q)
+
+    def link_frames(self, q: ArrayLike) -> FloatArray:
+        """Return (..., 7, 4, 4) [m] in robroot: link 0 (robroot) and links 1..6 at their joints.
+
+        The frames of a built-in arm are parallel to robroot at q = 0 (see ``opw.chain_of`` for
+        their places); those of a URDF are the link frames of the file.
+        """
+        return self.chain.link_frames(q)
+
+    def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
+        """Return (..., 6, 6) of the TCP: rows linear then angular, axes of robroot.
+
+        Args:
+            q: (..., 6) joint angles [rad].
+            p_flange_tcp: (3,) TCP in the flange [m].
+        """
+        return self.chain.jacobian(q, p_flange_tcp)
+
+    def ik(self, T_robroot_flange: ArrayLike) -> tuple[FloatArray, BoolArray]:
+        """Return all branches of each pose.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) or (4, 4) [m]; rotations must be orthonormal.
+
+        Returns:
+            q (n, 8, 6) [rad]: principal values in [-pi, pi], NaN where not reachable; valid (n, 8):
+            reachable, limits not asked. Slot = overhead + 2 elbow + 4 wrist.
+        """
+        T = np.asarray(T_robroot_flange, dtype=np.float64)
+        return self.solver.solve(T.reshape(-1, 4, 4))
+
+    def slot(self, q: ArrayLike) -> IntArray:
+        """Return the branch slot (...,) 0..7 of joint angles (..., 6)."""
+        return self.branches.slot(q)
+
+    def nearest(self, q: ArrayLike, q_ref: ArrayLike) -> FloatArray:
+        """Return q (..., 6) turned by whole turns to the values nearest to ``q_ref``.
+
+        Among the values inside the limits where there is one, else among all.
+        """
+        angles = np.asarray(q, dtype=np.float64)
+        with np.errstate(invalid="ignore"):
+            wanted = np.rint((np.asarray(q_ref, dtype=np.float64) - angles) / TURN)
+            low, high = self._turn_range(angles)
+            inside = np.minimum(np.maximum(wanted, low), high)
+            return np.asarray(angles + TURN * np.where(low <= high, inside, wanted))
+
+    def turns(self, q: ArrayLike) -> tuple[FloatArray, IntArray]:
+        """Return every variant by whole turns that is inside the limits.
+
+        Args:
+            q: (m, 6) joint angles [rad].
+
+        Returns:
+            Variants (k, 6), ordered by row, then by turns of A1..A6 upwards; and (k,) the row of
+            ``q`` each belongs to. A row with a joint that no turn brings inside has none.
+        """
+        angles = np.asarray(q, dtype=np.float64).reshape(-1, 6)
+        rows = np.flatnonzero(np.isfinite(angles).all(axis=1))
+        variants = angles[rows]
+        for joint in range(6):
+            low, high = self._turn_range(variants)
+            count = np.maximum(high[:, joint] - low[:, joint] + 1.0, 0.0).astype(np.int64)
+            first = np.repeat(np.cumsum(count) - count, count)
+            step = low[:, joint].repeat(count) + (np.arange(count.sum()) - first)
+            variants, rows = variants.repeat(count, axis=0), rows.repeat(count)
+            variants[:, joint] += TURN * step
+        return variants, rows.astype(np.int32)
+
+    def within_limits(self, q: ArrayLike, margin: float = 0.0) -> BoolArray:
+        """Return (...,) whether all six angles keep ``margin`` [rad] to their limits."""
+        angles = np.asarray(q, dtype=np.float64)
+        slack = margin - _SLACK
+        inside = (angles >= self.q_min + slack) & (angles <= self.q_max - slack)
+        return np.asarray(inside.all(axis=-1))
+
+    def split_wrist(self, q: ArrayLike, q_ref: ArrayLike) -> FloatArray:
+        """Return q (..., 6) with A4 of ``q_ref`` wherever the wrist is straight.
+
+        At A5 = 0 only one combination of A4 and A6 is defined by the pose. There A4 is taken from
+        the reference and A6 keeps the pose; A6 takes the turn nearest to the reference. Elsewhere,
+        and for an arm without a spherical wrist, q comes back unchanged.
+        """
+        angles = np.array(q, dtype=np.float64)
+        if self.arm is None:
+            return angles
+        wrist = self.arm.wrist_angle(angles)
+        folded = np.abs(wrist) > np.pi / 2.0
+        straight = np.abs(np.where(folded, np.abs(wrist) - np.pi, wrist)) < STRAIGHT_WRIST
+        if not straight.any():
+            return angles
+        signs = self.arm.geometry.signs
+        reference = np.broadcast_to(np.asarray(q_ref, dtype=np.float64), angles.shape)
+        moved = (reference[..., 3] - angles[..., 3]) * signs[3] * signs[5]
+        split = angles.copy()
+        split[..., 3] = reference[..., 3]
+        split[..., 5] += np.where(folded, moved, -moved)
+        split[..., 5] = wrapped(split[..., 5])
+        split = np.where(straight[..., None], split, angles)
+        return np.where(straight[..., None], self.nearest(split, reference), angles)
+
+    def _turn_range(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        low = np.ceil((self.q_min - _SLACK - q) / TURN)
+        high = np.floor((self.q_max + _SLACK - q) / TURN)
+        return low, high
+
+
+def build(robot: Robot) -> Kinematics:
+    """Return the kinematics of a robot; the same object for the same robot object.
+
+    Raises:
+        KinematicsError: KIN001 if the geometry is no arm (a length of zero), KIN002 and above if
+            a URDF cannot be used.
+    """
+    return _cached(_ByIdentity(robot))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _ByIdentity:
+    """A robot as a cache key: arrays have no hash."""
+
+    robot: Robot
+
+    def __hash__(self) -> int:
+        return id(self.robot)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByIdentity) and other.robot is self.robot
+
+
+@lru_cache(maxsize=16)
+def _cached(key: _ByIdentity) -> Kinematics:
+    robot = key.robot
+    if isinstance(robot.geometry, OpwGeometry):
+        return closed_form(arm_of(robot.geometry), robot.q_min, robot.q_max)
+    from postproc.kinematics.urdf import build_urdf
+
+    return build_urdf(robot.geometry, robot.q_min, robot.q_max)
+
+
+def closed_form(arm: OpwArm, q_min: FloatArray, q_max: FloatArray) -> Kinematics:
+    """Return the kinematics of an ortho-parallel arm.
+
+    Raises:
+        KinematicsError: KIN001 if upper arm or forearm has no length.
+    """
+    if not (arm.geometry.c2 > 0.0 and arm.forearm > 0.0):
+        raise KinematicsError("KIN001", "upper arm and forearm need a length above 0")
+    return Kinematics(
+        chain=chain_of(arm),
+        solver=OpwSolver(arm),
+        branches=arm,
+        q_min=q_min,
+        q_max=q_max,
+        is_closed_form=True,
+        arm=arm,
+    )
