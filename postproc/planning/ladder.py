@@ -60,6 +60,7 @@ class Ladder:
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
     _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
+    _cut: set[int] = field(init=False, default_factory=set)
     _solved: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
@@ -83,7 +84,8 @@ class Ladder:
 
     def solve(self) -> None:
         """Find the value of every state from scratch."""
-        self._sweep(0, len(self) - 1)
+        for i in range(len(self)):
+            self._update(i)
         self._solved = True
 
     def remove(self, states: IndexArray) -> None:
@@ -97,6 +99,11 @@ class Ladder:
         for rung, step in zip(rungs.tolist(), steps, strict=True):
             self._forbidden.setdefault(rung, []).append(step)
         self._repair(rungs)
+
+    def cut(self, rungs: IndexArray) -> None:
+        """Separate rungs from those before them for good and repair the values."""
+        self._cut.update(rungs.tolist())
+        self._repair(np.asarray(rungs))
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
@@ -123,29 +130,37 @@ class Ladder:
         return states + float((self.weight[1:][joined] * (leap**2).sum(axis=1)).sum())
 
     def _repair(self, rungs: IndexArray) -> None:
-        if self._solved and len(rungs):
-            self._sweep(int(rungs.min()), int(rungs.max()))
+        """Recompute from every changed rung on until the values agree again."""
+        if not self._solved:
+            return
+        waiting = sorted(set(rungs.tolist()), reverse=True)
+        i = 0
+        while waiting:
+            i = max(i, waiting.pop())
+            while i < len(self):
+                changed = self._update(i)
+                while waiting and waiting[-1] <= i:
+                    waiting.pop()
+                i += 1
+                if not changed:
+                    break
 
-    def _sweep(self, first: int, last: int) -> None:
-        """Compute values from rung ``first`` on; after ``last`` stop once nothing changes."""
-        for i in range(first, len(self)):
-            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
-            value = self._step(i, low, high)
-            lowest = value.min() if high > low else np.inf
-            if np.isfinite(lowest):
-                value -= lowest
-            old = self.value[low:high]
-            if i > last and self._solved and _equal(old, value):
-                return
-            old[:] = value
+    def _update(self, i: int) -> bool:
+        """Compute the values of one rung anew, smallest 0; return whether they changed."""
+        low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+        value = self._step(i, low, high)
+        lowest = value.min() if high > low else np.inf
+        if np.isfinite(lowest):
+            value -= lowest
+        old = self.value[low:high]
+        changed = not _equal(old, value)
+        old[:] = value
+        return changed
 
     def _step(self, i: int, low: int, high: int) -> FloatArray:
         cost: FloatArray = self.cost[low:high]
-        if i == 0 or high == low:
-            self.broken[i] = True
-            return cost.copy()
-        before, after = int(self.offsets[i - 1]), int(self.offsets[i])
-        if after == before:
+        before, after = int(self.offsets[i - 1]) if i else 0, int(self.offsets[i])
+        if i == 0 or high == low or after == before or i in self._cut:
             self.broken[i] = True
             return cost.copy()
         steps = self._steps(i, slice(before, after), slice(low, high))

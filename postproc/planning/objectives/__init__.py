@@ -1,0 +1,1 @@
+"""Built-in objectives: what a pose of a tag is worth."""

@@ -1,0 +1,72 @@
+"""Checking lazily finds the same cost as checking everything first."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.planning.ladder import NONE, Ladder
+from postproc.planning.search import search
+from tests.planning.test_ladder import random_ladder
+
+
+def copy(ladder):
+    return Ladder(
+        ladder.offsets, ladder.position, ladder.cost, ladder.group, ladder.rule, ladder.weight
+    )
+
+
+@pytest.mark.parametrize("share", [0.02, 0.4])
+@pytest.mark.parametrize("seed", range(25))
+def test_lazy_equals_eager(seed, share):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=30, most=20, dead=0.05, chain=0.4, least=5)
+    bad = rng.uniform(size=len(ladder.position)) < share
+    eager = copy(ladder)
+    eager.cost[bad] = np.inf
+    eager.solve()
+    asked = []
+
+    def check(states):
+        asked.extend(states.tolist())
+        return ~bad[states]
+
+    found = search(ladder, check)
+    assert ladder.total(found.path) == pytest.approx(eager.total(eager.path()), abs=1e-9)
+    assert np.array_equal(ladder.broken, eager.broken)
+    assert len(asked) == len(set(asked)) == found.checked
+    assert not bad[found.path[found.path != NONE]].any()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_spreading_changes_the_work_not_the_answer(seed):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=30, most=20, dead=0.05, chain=0.4, least=5)
+    bad = rng.uniform(size=len(ladder.position)) < 0.3
+    plain, spread = copy(ladder), copy(ladder)
+    one = search(plain, lambda s: ~bad[s])
+    every = np.arange(len(bad))
+    two = search(spread, lambda s: ~bad[s], spread=lambda s, r: every[: 20 * r])
+    assert plain.total(one.path) == pytest.approx(spread.total(two.path), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_failing_steps_are_avoided(seed):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=8, most=6, dead=0.0, chain=0.0, least=3)
+    verdict = rng.uniform(size=(len(ladder.position),) * 2) > 0.3
+    # Oracle: the same graph with one state for each (state before, state) pair is not needed;
+    # plain dynamic programming over explicit edges will do.
+    best = ladder.cost[: ladder.offsets[1]].copy()
+    for i in range(1, len(ladder)):
+        before = np.arange(ladder.offsets[i - 1], ladder.offsets[i])
+        now = np.arange(ladder.offsets[i], ladder.offsets[i + 1])
+        leap = ladder.position[now][:, None] - ladder.position[before][None]
+        step = ladder.weight[i] * (leap**2).sum(-1)
+        step[~verdict[before][:, now].T] = np.inf
+        best = (best[None, :] + step).min(axis=1) + ladder.cost[now]
+    found = search(ladder, lambda s: np.ones(len(s), bool), lambda a, b: verdict[a, b])
+    if np.isfinite(best.min()):
+        assert ladder.total(found.path) == pytest.approx(best.min(), abs=1e-9)
+    else:
+        assert ladder.broken[1:].any()
