@@ -87,12 +87,17 @@ class _Clock:
         return {**self.stages, "total": time.perf_counter() - self._start}
 
 
-def convert(request: ConvertRequest, progress: Progress | None = None) -> Conversion:
+def convert(
+    request: ConvertRequest,
+    progress: Progress | None = None,
+    toolpath: ToolPath | None = None,
+) -> Conversion:
     """Convert one CAM file; pure but for reading files.
 
     Args:
         request: input, cell and options.
         progress: called with (done, total, what).
+        toolpath: what the input holds, where it was read before; None reads it.
 
     Returns:
         The conversion; ``files`` is empty when a tag fails (unless ``partial``) or a check fails.
@@ -102,7 +107,7 @@ def convert(request: ConvertRequest, progress: Progress | None = None) -> Conver
     """
     clock = _Clock()
     cell = with_options(load_cell(request.cell), request.strategy, request.objective)
-    toolpath = read_toolpath(request, cell)
+    toolpath = read_toolpath(request, cell) if toolpath is None else toolpath
     clock.lap("read")
     plan = make_plan(toolpath, cell, request, progress)
     clock.lap("plan")

@@ -1,0 +1,111 @@
+"""``manifest.json``: what was made from what, so that a second run redoes only what changed.
+
+While a batch runs every result is appended to a journal; the manifest is written from both at the
+end (and at the start of a run that finds a journal left by one that was killed). Neither holds a
+time or a duration: the same inputs give the same manifest.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from postproc.batch.fingerprint import digest
+from postproc.batch.worker import JobResult
+from postproc.errors import DataError, SourceRef
+from postproc.files import write_files
+
+SCHEMA = "postproc.manifest/1"
+NAME = "manifest.json"
+JOURNAL = ".postproc-journal"
+
+
+@dataclass(slots=True)
+class Manifest:
+    """Entries by job key; each: fingerprint, status, program, files with hashes, errors, tags."""
+
+    folder: Path
+    entries: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, folder: Path) -> Manifest:
+        """Read the manifest of a folder and the journal of a run that was cut off.
+
+        Raises:
+            DataError: BAT010 if the manifest is not one of ours.
+        """
+        manifest = cls(folder)
+        path = folder / NAME
+        if path.exists():
+            manifest.entries = _entries(path)
+        manifest._replay()
+        return manifest
+
+    def _replay(self) -> None:
+        path = self.folder / JOURNAL
+        if not path.exists():
+            return
+        for line in path.read_bytes().split(b"\n"):
+            # the last line of a killed run may be cut off: it never counted
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                entry = json.loads(line)
+                self.entries[entry["key"]] = entry["entry"]
+
+    def is_current(self, key: str, marks: Mapping[str, str]) -> bool:
+        """Return whether a job's last result is good, made from the same, and still in place."""
+        entry = self.entries.get(key)
+        if entry is None or entry["status"] != "ok" or entry["fingerprint"] != dict(marks):
+            return False
+        return all(_hash(self.folder / name) == want for name, want in entry["files"].items())
+
+    def record(
+        self, result: JobResult, marks: Mapping[str, str], files: Mapping[str, bytes]
+    ) -> None:
+        """Note a result in memory and in the journal; the files must be in place already."""
+        entry = {
+            "status": result.status,
+            "program": result.name,
+            "tags": result.tags,
+            "cycle_time_s": result.cycle_time,
+            "files": {name: digest(content) for name, content in sorted(files.items())},
+            "errors": list(result.errors),
+            "fingerprint": dict(marks),
+        }
+        self.entries[result.key] = entry
+        with (self.folder / JOURNAL).open("ab") as stream:
+            stream.write(json.dumps({"key": result.key, "entry": entry}).encode() + b"\n")
+            stream.flush()
+            os.fsync(stream.fileno())
+
+    def save(self) -> None:
+        """Write the manifest whole and drop the journal."""
+        write_files({self.folder / NAME: self.to_bytes()})
+        (self.folder / JOURNAL).unlink(missing_ok=True)
+
+    def to_bytes(self) -> bytes:
+        """Return the manifest's text, keys in order."""
+        document = {"schema": SCHEMA, "entries": self.entries}
+        return (json.dumps(document, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+
+
+def _hash(path: Path) -> str:
+    try:
+        return digest(path.read_bytes())
+    except OSError:
+        return ""
+
+
+def _entries(path: Path) -> dict[str, dict[str, Any]]:
+    try:
+        document = json.loads(path.read_bytes())
+    except ValueError:
+        document = None
+    entries = document.get("entries") if isinstance(document, dict) else None
+    if not isinstance(entries, dict) or document.get("schema") != SCHEMA:
+        raise DataError("BAT010", "not a manifest of a batch", SourceRef(str(path)))
+    return entries
