@@ -129,9 +129,7 @@ class _Builder:
             stiffness = np.array(self.file.stiffness.joint_Nmm_per_rad) * NMM_PER_RAD
             changes["joint_stiffness"] = stiffness
         origins = {
-            key: origin
-            for key, origin in robot.origins.items()
-            if key.split(".")[0].replace("limits", "q_min") not in changes
+            key: origin for key, origin in robot.origins.items() if key.split(".")[0] not in changes
         }
         user = Origin(Provenance.USER, "cell file")
         origins |= {key: user for key in changes}

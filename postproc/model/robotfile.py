@@ -20,16 +20,17 @@ _FOLDER = Path(__file__).resolve().parent / "robots"
 _LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 _FIELDS = {
     "geometry": "geometry",
-    "limits": "limits",
-    "speed": "qd_max",
-    "acceleration": "qdd_max",
+    "q_min": "limits",
+    "q_max": "limits",
+    "qd_max": "speed",
+    "qdd_max": "acceleration",
     "payload": "payload",
     "repeatability": "repeatability",
-    "stiffness": "joint_stiffness",
+    "joint_stiffness": "stiffness",
     "link_mass": "link_mass",
     "link_com": "link_com",
 }
-"""Table of a robot file -> field of ``Robot`` (``limits`` stands for ``q_min`` and ``q_max``)."""
+"""Field of ``Robot`` -> table of a robot file."""
 
 
 def robot_names() -> tuple[str, ...]:
@@ -112,7 +113,7 @@ def _optional(data: Mapping[str, Any], table: str, key: str, unit: float) -> Flo
 def _origins(data: Mapping[str, Any]) -> dict[str, Origin]:
     """Return origins by field; a list of kinds or sources gives one entry for each joint too."""
     origins: dict[str, Origin] = {}
-    for table, field in _FIELDS.items():
+    for field, table in _FIELDS.items():
         if table not in data:
             continue
         kinds, sources = data[table]["kind"], data[table]["source"]

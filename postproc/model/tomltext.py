@@ -84,13 +84,13 @@ def _where(message: str, last_line: int) -> tuple[str, int]:
     return message.replace(" (at end of document)", " at the end of the file"), max(last_line, 1)
 
 
-def _depth(value: Any) -> int:
+def _depth(value: object) -> int:
     deepest, waiting = 0, [(value, 1)]
     while waiting:
         current, depth = waiting.pop()
         deepest = max(deepest, depth)
-        inner = current.values() if isinstance(current, dict) else current
-        if isinstance(current, (dict, list)):
+        inner = list(current.values()) if isinstance(current, dict) else current
+        if isinstance(inner, list):
             waiting.extend((entry, depth + 1) for entry in inner)
     return deepest
 

@@ -84,6 +84,9 @@ def read_chain(path: Path, tip: str | None = None, source: SourceRef | None = No
         known = ", ".join(links[:20])
         raise _error(path, f"no link is named {tip!r}, known are {known}", source)
     chain = _chain_to(tip, by_child)
+    for joint in chain:
+        if joint.kind not in (*_MOVING, "fixed"):
+            raise _error(path, f"joint {joint.name!r} is {joint.kind}, expected revolute", source)
     count = sum(joint.kind in _MOVING for joint in chain)
     if count != 6:
         raise _error(path, f"{count} moving joints lead to link {tip!r}, expected 6", source)
@@ -114,9 +117,11 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
     speed = np.where(has_speed, speed, _ASSUMED_SPEED)
     from_file = Origin(Provenance.USER, f"URDF file {path.name}")
     assumed = Origin(Provenance.ASSUMED, f"not in the URDF file {path.name}")
+    limits = from_file if has_limits.all() else assumed
     origins = {
         "geometry": from_file,
-        "limits": from_file if has_limits.all() else assumed,
+        "q_min": limits,
+        "q_max": limits,
         "qd_max": from_file if has_speed.all() else assumed,
         "qdd_max": assumed,
     }
