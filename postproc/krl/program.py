@@ -16,6 +16,9 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+from postproc.errors import Issue
+from postproc.krl.source import TextFacts
+
 # --------------------------------------------------------------------------------------- values
 
 
@@ -411,6 +414,8 @@ class KrlModule:
         attributes: header lines of the .src without ``&`` (``ACCESS RVP``).
         before: comments and empty lines between header and the first ``DEF``.
         src_path: file names as given by the reader, empty for an emitted module; dat_path likewise.
+        problems: lines that the reader could not take (kept as ``Raw``), for a module it has read.
+        src_facts: how the files are written (line ends, encoding), for a module it has read.
     """
 
     name: str
@@ -420,6 +425,9 @@ class KrlModule:
     before: tuple[Statement, ...] = ()
     src_path: str = field(default="", compare=False)
     dat_path: str = field(default="", compare=False)
+    problems: tuple[Issue, ...] = field(default=(), compare=False)
+    src_facts: TextFacts | None = field(default=None, compare=False)
+    dat_facts: TextFacts | None = field(default=None, compare=False)
 
     @property
     def main(self) -> Routine:
