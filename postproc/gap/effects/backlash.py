@@ -1,0 +1,33 @@
+"""Lost motion in the gears: the joint rests on the flank that it came from."""
+
+from __future__ import annotations
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+
+
+@register
+class Backlash(Effect):
+    """Half the gap of each gear against the direction of the joint's last motion.
+
+    The arm stays behind: a joint that came from below rests below its commanded angle. The sign
+    is left free, some controllers over-compensate.
+    """
+
+    name = "backlash"
+    title = "backlash: the reading depends on the side a joint came from"
+    source = "reversal error, half gap times sign of the last motion"
+    action = "approach from one side, or enter the reversal error in the controller"
+    needs = ("direction",)
+    conditions = ("approach",)
+    layout = (("half_gap_deg", 6),)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return six half gaps [rad], positive in the direction of the last motion."""
+        del arm, setting
+        return per_joint(1.5e-4)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint towards where its last motion went."""
+        del setting
+        return Basis(joint=diagonal(samples.column("direction")))

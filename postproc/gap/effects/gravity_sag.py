@@ -1,0 +1,72 @@
+"""The joints give way under the weight of the links themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.gap.loads import weight_torque
+from postproc.model.arrays import FloatArray
+
+
+@register
+class GravitySag(Effect):
+    """Gravity torque of the links over the joint stiffness, in equilibrium.
+
+    Where the masses come from the size class only, the split of the weight between the upper arm
+    and the forearm is as uncertain as its sum: four shape parameters let the torque on axes 2
+    and 3 follow the levers of both, along and across each link. Parameters are multiples of the
+    reference sag; the arm's balancing may take a part of it.
+    """
+
+    name = "gravity_sag"
+    title = "the arm sags under its own weight"
+    source = "J K^-1 g(q); first moments of the links about axes 2 and 3"
+    action = "compensate with model.toml; check the counterbalance"
+    conditions = ("q2", "q3")
+    equilibrium = True
+    layout = (("scale", 6), ("shape", 4))
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return six scales of the reference sag, then four shapes of axes 2 and 3."""
+        del arm, setting
+        shapes = ("2_upper_arm", "2_forearm", "2_forearm_across", "3_forearm_across")
+        return per_joint(1.0) + tuple(
+            Parameter(f"joint_{name}", 0.3, joint=int(name[0])) for name in shapes
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint by its gravity torque times the reference compliance."""
+        del setting
+        reference = samples.arm.reference
+        torque = weight_torque(samples)
+        joint = np.zeros((len(samples), 6, 10))
+        joint[:, :, :6] = diagonal(torque * reference.c_joint)
+        upper, along, across = self._levers(samples)
+        for column, (axis, lever) in enumerate(
+            ((1, upper), (1, along), (1, across), (2, across)), start=6
+        ):
+            turn = np.einsum(
+                "ni,ni->n", samples.axes[:, :, axis], np.cross(lever, reference.gravity)
+            )
+            joint[:, axis, column] = turn * self._moment(samples) * reference.c_joint[axis]
+        return Basis(joint=joint)
+
+    @staticmethod
+    def _levers(samples: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return unit vectors along the upper arm, along and across the forearm (n, 3)."""
+        upper = samples.frames[:, 3, :3, 3] - samples.frames[:, 2, :3, 3]
+        forearm = samples.frames[:, 5, :3, 3] - samples.frames[:, 3, :3, 3]
+        upper = upper / np.linalg.norm(upper, axis=1, keepdims=True)
+        axis = samples.axes[:, :, 2]
+        forearm = forearm - np.einsum("ni,ni->n", forearm, axis)[:, None] * axis
+        forearm = forearm / np.linalg.norm(forearm, axis=1, keepdims=True)
+        return upper, forearm, np.cross(axis, forearm)
+
+    @staticmethod
+    def _moment(samples: Samples) -> float:
+        """Return the first moment of the forearm and wrist [kg*m], as the unit of the shapes."""
+        origins, _, _ = samples.arm.link_constants()
+        forearm = float(np.linalg.norm(origins[3] + origins[4]))
+        return 0.5 * forearm * float(np.sum(samples.arm.reference.link_mass[2:]))

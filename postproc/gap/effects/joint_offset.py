@@ -1,0 +1,30 @@
+"""The zero positions of the joints are off (mastering)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+
+
+@register
+class JointOffset(Effect):
+    """A constant added to each joint angle."""
+
+    name = "joint_offset"
+    title = "joint zero positions (mastering) are off"
+    source = "joint 1 is confounded with the base, joint 6 with the tool"
+    action = "master the named axes again, or enter the offsets in the controller"
+    conditions = ("pose",)
+    layout = (("offset_deg", 6),)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return six offsets [rad]."""
+        del arm, setting
+        return per_joint(3e-4)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint by one radian per unit."""
+        del setting
+        return Basis(joint=diagonal(np.ones((len(samples), 6))))

@@ -1,0 +1,42 @@
+"""The base leans under what it carries (a suspect, never a verdict)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.loads import load_moment, weight_moment
+
+
+@register
+class LeaningBase(Effect):
+    """The robot root tilts with the overturning moment of arm and load."""
+
+    name = "leaning_base"
+    title = "behaves like a base or column that leans under the arm"
+    source = "rotation of the root in proportion to the moment on it"
+    action = "put an indicator on the base plate and move the arm around"
+    kind = "suspect"
+    conditions = ("q1", "load")
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return tilts relative to joint 2's compliance: under weight, then under load."""
+        del arm, setting
+        names = ("weight_x", "weight_y", "load_x", "load_y", "load_z")
+        return tuple(Parameter(name, 0.1) for name in names)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn frame 0 about its axes."""
+        del setting
+        zero = np.zeros((len(samples), 3))
+        compliance = float(samples.arm.reference.c_joint[1])
+        link = np.zeros((len(samples), 7, 6, 5))
+        moment = compliance * weight_moment(samples, zero, 1)
+        for axis in range(2):
+            link[:, 0, axis, axis] = moment[:, axis]
+        if samples.has("wrench"):
+            load = compliance * load_moment(samples, zero)
+            for axis in range(3):
+                link[:, 0, axis, 2 + axis] = load[:, axis]
+        return Basis(link=link)

@@ -1,0 +1,33 @@
+"""The links bend under their own weight (a suspect, never a verdict)."""
+
+from __future__ import annotations
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effects.link_bending import LINKS, bending
+
+
+@register
+class LinkSag(Effect):
+    """As link bending, under the weight of what is beyond each link."""
+
+    name = "link_sag"
+    title = "behaves like links that bend under the arm's weight"
+    source = "Klimchik et al. 2014, virtual joint in each link"
+    action = "measure two targets, on the tool and on the forearm, over the whole workspace"
+    kind = "suspect"
+    conditions = ("pose",)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return compliances relative to that of joint 2, about the link frame's axes."""
+        del arm, setting
+        return tuple(
+            Parameter(f"link_{link}_{axis}", 0.1, joint=link)
+            for link in LINKS
+            for axis in "xyz"
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn the rest of the arm at the middle of each link."""
+        del setting
+        return Basis(link=bending(samples, outside=False))

@@ -1,0 +1,29 @@
+"""The joints run behind their command while they move."""
+
+from __future__ import annotations
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+
+
+@register
+class ServoLag(Effect):
+    """Each joint is a constant time behind its command."""
+
+    name = "servo_lag"
+    title = "the joints run behind their command while moving"
+    source = "q_actual = q_command - T qd"
+    action = "measure at standstill, lower the feed, or tune the drives"
+    needs = ("qd",)
+    conditions = ("speed",)
+    layout = (("lag_s", 6),)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return six times [s]."""
+        del arm, setting
+        return per_joint(2e-3)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint back by its speed times one second."""
+        del setting
+        return Basis(joint=diagonal(-samples.column("qd")))

@@ -1,0 +1,46 @@
+"""Tool or fixture give way under load (a suspect, never a verdict)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@register
+class ToolBending(Effect):
+    """A constant Cartesian compliance: in the flange (tool) and in the room (fixture)."""
+
+    name = "tool_bending"
+    title = "behaves like a tool or fixture that gives way under load"
+    source = "displacement C F with C constant in the flange or in the room"
+    action = "put an indicator between tool and flange, and between workpiece and floor"
+    kind = "suspect"
+    needs = ("wrench",)
+    conditions = ("load",)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return six compliances in the flange, six in the room, relative to joint 2's."""
+        del arm, setting
+        return tuple(
+            Parameter(f"{place}_{i}{j}", 0.1) for place in ("flange", "room") for i, j in PAIRS
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Shift the point."""
+        del setting
+        unit = float(samples.arm.reference.c_joint[1])
+        force = samples.column("wrench")[:, :3] * unit
+        R = samples.frames[:, 6, :3, :3]
+        local = np.einsum("nji,nj->ni", R, force)
+        point = np.zeros((len(samples), 3, 12))
+        for column, (i, j) in enumerate(PAIRS):
+            point[:, :, column] += R[:, :, i] * local[:, j, None]
+            point[:, i, 6 + column] += force[:, j]
+            if i != j:
+                point[:, :, column] += R[:, :, j] * local[:, i, None]
+                point[:, j, 6 + column] += force[:, i]
+        return Basis(point=point)

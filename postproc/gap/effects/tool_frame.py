@@ -1,0 +1,37 @@
+"""The tool point is not where TOOL_DATA says."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+
+
+@register
+class ToolFrame(Effect):
+    """Constant shift of the measured point in the flange.
+
+    A campaign at one orientation cannot see it: it is then a shift of the base.
+    """
+
+    name = "tool_frame"
+    title = "the tool frame is off"
+    source = "rigid registration; in the tool plane confounded with a zero offset of axis 6"
+    action = "measure the tool again (XYZ 4-point) and correct TOOL_DATA"
+    kind = "measurement"
+    conditions = ("orientation",)
+    layout = (("xyz_mm", 3),)
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return the shift in axes of the flange [m]."""
+        del arm, setting
+        return tuple(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz")
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Move the point beyond joint 6."""
+        del setting
+        _, _, R_6_flange = samples.arm.link_constants()
+        link = np.zeros((len(samples), 7, 6, 3))
+        link[:, 6, 3:, :] = R_6_flange
+        return Basis(link=link)

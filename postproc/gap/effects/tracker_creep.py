@@ -1,0 +1,46 @@
+"""The measuring device moves while it measures (a suspect, never a verdict)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+
+
+@register
+class TrackerCreep(Effect):
+    """Shift and turn of the measured frame with time, straight and curved."""
+
+    name = "tracker_creep"
+    title = "behaves like a tracker station or fixture that moves with time"
+    source = "t0 + t1 time, six degrees of freedom"
+    action = "measure three fixed nests every 20 to 50 poses, poses in random order"
+    kind = "suspect"
+    needs = ("time",)
+    conditions = ("time",)
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return start and length of the campaign [s]."""
+        time = samples.column("time")
+        return {"start": float(np.min(time)), "length": float(np.ptp(time)) or 1.0}
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return shift [m] and turn [rad] at the end, for two forms of time."""
+        del arm, setting
+        return tuple(
+            Parameter(f"{kind}_{axis}_{form}", size)
+            for form in ("line", "curve")
+            for kind, size in (("shift", 1e-4), ("turn", 5e-5))
+            for axis in "xyz"
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Move frame 0 in the course of time."""
+        part = (samples.column("time") - setting["start"]) / setting["length"]
+        link = np.zeros((len(samples), 7, 6, 12))
+        for index, form in enumerate((part, 1.0 - np.exp(-4.0 * part))):
+            for axis in range(3):
+                link[:, 0, 3 + axis, 6 * index + axis] = form
+                link[:, 0, axis, 6 * index + 3 + axis] = form
+        return Basis(link=link)

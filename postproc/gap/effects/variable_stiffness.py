@@ -1,0 +1,84 @@
+"""Joint stiffness that changes with the configuration."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
+from postproc.model.modelfile import ModelFile
+from postproc.units import MM
+
+TERMS = ("cos1", "sin1", "cos2", "sin2", "x", "y", "z", "mean")
+"""Per joint: first and second harmonic of its own angle, linear in the place of the tool point,
+and the small shift of the mean that a varying stiffness has against its average."""
+_TYPICAL = (0.3, 0.3, 0.15, 0.15, 0.15, 0.15, 0.15, 0.05)
+
+
+@register
+class VariableStiffness(Effect):
+    """Relative change of each joint's compliance: own angle, and place of the tool point.
+
+    A grid over space alone explains nothing of a stiffness that follows the joints' own angles.
+    The constant part is another effect, ``joint_compliance``.
+    """
+
+    name = "variable_stiffness"
+    title = "joint stiffness changes with the configuration"
+    source = "Jiao et al. 2022, Section 2 (space grid); own-angle terms of our own"
+    action = "identify the stiffness per region (postproc identify --grid) and compensate"
+    needs = ("wrench",)
+    conditions = ("load", "pose")
+    equilibrium = True
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return centre and half width of the measured points [m]."""
+        centre = np.median(samples.point, axis=0)
+        return {"centre": centre, "width": float(np.std(samples.point - centre) + MM)}
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return eight relative changes for each joint."""
+        del arm, setting
+        return tuple(
+            Parameter(f"joint_{joint}_{term}", typical, joint=joint)
+            for joint in range(1, 7)
+            for term, typical in zip(TERMS, _TYPICAL, strict=True)
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint by its torque times the change of its compliance."""
+        place = (samples.point - setting["centre"]) / setting["width"]
+        turn = samples.load_torque() * samples.arm.reference.c_joint
+        joint = np.zeros((len(samples), 6, 6 * len(TERMS)))
+        for i in range(6):
+            q = samples.q[:, i]
+            harmonic = (np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q))
+            terms = np.column_stack([*harmonic, place, np.ones(len(q))])
+            start = i * len(TERMS)
+            joint[:, i, start : start + len(TERMS)] = turn[:, i, None] * terms
+        return Basis(joint=joint)
+
+    def write(self, state: State, arm: Arm) -> dict[str, Any]:
+        """Return the relative changes, one row a joint, and the reference they are relative to."""
+        table = np.nan_to_num(state.theta).reshape(6, len(TERMS))
+        return {
+            "terms": list(TERMS),
+            "relative_compliance": table.tolist(),
+            "reference_deg_per_Nm": np.degrees(arm.reference.c_joint).tolist(),
+            "centre_mm": (np.asarray(state.setting["centre"]) / MM).tolist(),
+            "width_mm": state.setting["width"] / MM,
+        }
+
+    def read(self, model: ModelFile, arm: Arm) -> State:
+        """Return the state; changes relative to another reference are scaled."""
+        keys = ("relative_compliance", "reference_deg_per_Nm", "centre_mm", "width_mm")
+        model.require_known(self.name, [*keys, "terms"])
+        table = model.values(self.name, keys[0], (6, len(TERMS)))
+        reference = model.values(self.name, keys[1], (6,))
+        centre = model.values(self.name, keys[2], (3,))
+        width = model.values(self.name, keys[3])
+        scale = np.asarray(reference) / arm.reference.c_joint
+        theta = np.asarray(table) * scale[:, None]
+        return State(theta.ravel(), {"centre": centre, "width": float(np.asarray(width))})

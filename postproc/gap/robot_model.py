@@ -1,0 +1,248 @@
+"""The forward model: nominal arm plus effects, shared by predict, convert and diagnose.
+
+All effects act together: joint-space effects are added to the commanded angles, link effects are
+small motions between the links, both go through the exact forward kinematics; a load that turns
+the joints is put in equilibrium with the pose that results, by fixed point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from postproc.errors import DataError
+from postproc.frames import apply, inverse, rotation_about
+from postproc.gap.dataset import Arm, Samples, make_samples
+from postproc.gap.effect import REGISTRY, Basis, Effect, State
+from postproc.gap.reference import reference_of
+from postproc.kinematics.model import Kinematics
+from postproc.model.arrays import FloatArray
+from postproc.model.cell import Cell
+from postproc.model.modelfile import ModelFile, Registration
+
+_FIXED_POINT_STEPS = 3
+"""Each step shrinks the error by the deflection over the arm's length, about 1e-3."""
+
+States = Mapping[str, State]
+
+
+def arm_of(kinematics: Kinematics, cell: Cell, p_flange_point: FloatArray | None = None) -> Arm:
+    """Return the nominal arm of a cell; without a point the tool centre point is measured."""
+    point = cell.tool.T_flange_tcp[:3, 3] if p_flange_point is None else p_flange_point
+    return Arm(kinematics, np.asarray(point), reference_of(kinematics, cell))
+
+
+def nominal_point(samples: Samples) -> FloatArray:
+    """Return (n, 3) the point of the nominal rigid arm [m], robroot."""
+    return samples.point
+
+
+def tool_point(samples: Samples, states: States) -> FloatArray:
+    """Return (n, 3) the real point [m], axes of robroot.
+
+    Args:
+        samples: at the commanded angles.
+        states: effects by name; a number that is NaN (not seen) counts as nothing.
+
+    Raises:
+        DataError: GAP001 if an effect needs a column that was not logged.
+    """
+    return evaluate(samples, states)[0]
+
+
+def evaluate(samples: Samples, states: States) -> tuple[FloatArray, Samples]:
+    """Return the real point (n, 3) and the samples at the angles that the joints really take."""
+    active = [(effect_of(name), state) for name, state in states.items()]
+    steps = _FIXED_POINT_STEPS if any(effect.equilibrium for effect, _ in active) else 1
+    fixed = [(e, s, e.basis(samples, s.setting)) for e, s in active if not e.equilibrium]
+    loaded = [(e, s) for e, s in active if e.equilibrium]
+    actual = samples
+    link = _zeros_link(samples)
+    point = np.zeros((len(samples), 3))
+    for _ in range(steps):
+        parts = fixed + [(e, s, e.basis(actual, s.setting)) for e, s in loaded]
+        turn, link, point = _sum(samples, parts)
+        actual = samples.at(samples.q + turn) if bool(np.any(turn)) else samples
+    return _moved_point(actual, link) + point, actual
+
+
+def effect_of(name: str) -> Effect:
+    """Return an effect of the library, for a name that a model file gives.
+
+    Raises:
+        DataError: GAP002 if no effect has this name.
+    """
+    known = dict(REGISTRY)
+    if name not in known:
+        raise DataError("GAP002", f"no effect is named {name!r}, known are {', '.join(known)}")
+    return known[name]
+
+
+def columns(samples: Samples, basis: Basis) -> FloatArray:
+    """Return (n, 3, p) the motion of the point per unit of each parameter, to first order."""
+    total: FloatArray | None = None
+    if basis.joint is not None:
+        total = samples.jacobian @ basis.joint
+    if basis.link is not None:
+        total = _add(total, _link_columns(samples, basis.link))
+    if basis.point is not None:
+        total = _add(total, basis.point)
+    if total is None:
+        raise ValueError("an effect without any part")
+    return total
+
+
+def _link_columns(samples: Samples, link: FloatArray) -> FloatArray:
+    total = np.zeros((len(samples), 3, link.shape[3]))
+    for k in range(7):
+        part = link[:, k]
+        if not bool(np.any(part[0])) and not bool(np.any(part)):
+            continue
+        R, origin = samples.frames[:, k, :3, :3], samples.frames[:, k, :3, 3]
+        lever = (samples.point - origin)[:, :, None]
+        turn, shift = R @ part[:, :3], R @ part[:, 3:]
+        total += shift + np.cross(turn, lever, axis=1)
+    return total
+
+
+def _add(total: FloatArray | None, more: FloatArray) -> FloatArray:
+    return more if total is None else total + more
+
+
+def _sum(
+    samples: Samples, parts: list[tuple[Effect, State, Basis]]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    turn = np.zeros((len(samples), 6))
+    link = _zeros_link(samples)
+    point = np.zeros((len(samples), 3))
+    for _, state, basis in parts:
+        theta = np.nan_to_num(state.theta, nan=0.0)
+        if basis.joint is not None:
+            turn += basis.joint @ theta
+        if basis.link is not None:
+            link += basis.link @ theta
+        if basis.point is not None:
+            point += basis.point @ theta
+    return turn, link, point
+
+
+def _zeros_link(samples: Samples) -> FloatArray:
+    return np.zeros((len(samples), 7, 6))
+
+
+def _moved_point(samples: Samples, link: FloatArray) -> FloatArray:
+    """Return the point with a small motion put in beyond each frame, exactly."""
+    if not bool(np.any(link)):
+        return samples.point
+    p = apply(inverse(samples.frames[:, 6]), samples.point)
+    for k in range(6, -1, -1):
+        angle = np.linalg.norm(link[:, k, :3], axis=1)
+        axis = link[:, k, :3] / np.where(angle > 0.0, angle, 1.0)[:, None]
+        turned = np.einsum("nij,nj->ni", rotation_about(axis, angle), p)
+        p = turned + link[:, k, 3:]
+        if k > 0:
+            T_before_k = inverse(samples.frames[:, k - 1]) @ samples.frames[:, k]
+            p = apply(T_before_k, p)
+        else:
+            p = apply(samples.frames[:, 0], p)
+    return p
+
+
+@dataclass(frozen=True, slots=True)
+class RobotModel:
+    """What the simulation knows of one robot: its cell and the effects of a model file."""
+
+    arm: Arm
+    states: States
+    registration: Registration | None = None
+
+    @classmethod
+    def of(
+        cls,
+        kinematics: Kinematics,
+        cell: Cell,
+        model: ModelFile | None = None,
+        measured_point: bool = False,
+    ) -> RobotModel:
+        """Return the model of a cell.
+
+        Args:
+            kinematics: of the cell's robot.
+            cell: with its tool.
+            model: effects to add; None for the nominal rigid arm.
+            measured_point: answer for the point that the registration saw, not for the TCP.
+
+        Raises:
+            DataError: GAP002 unknown effect, MOD004 to MOD006 wrong table.
+        """
+        registration = model.registration if model else None
+        point = registration.p_flange_point if registration and measured_point else None
+        arm = arm_of(kinematics, cell, point)
+        states = {}
+        for name in model.effects if model else ():
+            states[name] = _effect_in(model, name).read(model, arm) if model else State(np.zeros(0))
+        return cls(arm, states, registration)
+
+    def samples(
+        self,
+        q: FloatArray,
+        wrench: FloatArray | None = None,
+        conditions: Mapping[str, Any] | None = None,
+    ) -> Samples:
+        """Return rows (n, 6) [rad] with loads (n, 6) or (6,) and other logged columns."""
+        if wrench is not None:
+            wrench = np.broadcast_to(np.asarray(wrench, dtype=np.float64), np.shape(q))
+        return make_samples(self.arm, q, wrench=wrench, **(conditions or {}))
+
+    def nominal(self, q: FloatArray) -> FloatArray:
+        """Return (n, 3) the point of the nominal rigid arm [m], robroot."""
+        return self.samples(q).point
+
+    def tool_point(
+        self,
+        q: FloatArray,
+        wrench: FloatArray | None = None,
+        conditions: Mapping[str, Any] | None = None,
+    ) -> FloatArray:
+        """Return (n, 3) the real tool point [m], axes of robroot.
+
+        An effect whose columns are not given moves nothing; ``missing`` names it.
+        """
+        samples = self.samples(q, wrench, conditions)
+        return tool_point(samples, self.usable(samples))
+
+    def displacement(
+        self,
+        q: FloatArray,
+        wrench: FloatArray | None = None,
+        conditions: Mapping[str, Any] | None = None,
+    ) -> FloatArray:
+        """Return (n, 3) real minus nominal tool point [m], axes of robroot."""
+        samples = self.samples(q, wrench, conditions)
+        return tool_point(samples, self.usable(samples)) - samples.point
+
+    def usable(self, samples: Samples) -> States:
+        """Return the effects whose columns are there."""
+        return {n: s for n, s in self.states.items() if n not in self.missing(samples)}
+
+    def missing(self, samples: Samples) -> tuple[str, ...]:
+        """Return the effects that need a column which was not logged."""
+        return tuple(
+            name
+            for name in self.states
+            if not all(samples.has(column) for column in effect_of(name).needs)
+        )
+
+    def with_states(self, states: States) -> RobotModel:
+        """Return the same arm with other effects."""
+        return replace(self, states=dict(states))
+
+
+def _effect_in(model: ModelFile, name: str) -> Effect:
+    try:
+        return effect_of(name)
+    except DataError as problem:
+        raise DataError(problem.code, problem.message, model.source(name)) from None

@@ -1,0 +1,133 @@
+"""Which subset of effects: exhaustive up to a size, then by exchanges, judged by evidence."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.gap.linear import Block, Gram
+
+PRIOR_LIBRARY = 3.0
+"""Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
+PRIOR_SUSPECT = 6.0
+"""Price of calling for a cause outside of the library."""
+Subset = tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Search:
+    """Subsets visited and their scores in nats (evidence minus the price of the names)."""
+
+    gram: Gram
+    always: Subset
+    names: dict[str, str]
+    price: dict[str, float]
+    scores: dict[Subset, float]
+
+    @property
+    def best(self) -> Subset:
+        """The most probable subset, always-on blocks left out."""
+        return max(self.scores, key=lambda s: (self.scores[s], -len(s), s))
+
+    def score(self, subset: Iterable[str]) -> float:
+        """Return (and keep) the score of a subset."""
+        key = tuple(sorted(subset))
+        if key not in self.scores:
+            evidence = self.gram.evidence((*self.always, *key))
+            self.scores[key] = evidence - sum(self.price[k] for k in key)
+        return self.scores[key]
+
+    def legal(self, subset: Iterable[str]) -> bool:
+        """Return whether no effect is there in two variants."""
+        names = [self.names[k] for k in subset]
+        return len(set(names)) == len(names)
+
+    def inclusion(self) -> dict[str, float]:
+        """Return the posterior probability of each effect over the subsets visited."""
+        keys = list(self.scores)
+        values = np.array([self.scores[k] for k in keys])
+        weight = np.exp(values - values.max())
+        weight /= weight.sum()
+        found = dict.fromkeys(self.names.values(), 0.0)
+        for subset, share in zip(keys, weight, strict=True):
+            for key in subset:
+                found[self.names[key]] += float(share)
+        return found
+
+
+def search(
+    gram: Gram, always: Sequence[str] = (), exhaustive: int = 3, barred: Iterable[str] = ()
+) -> Search:
+    """Score subsets of the candidates.
+
+    All subsets up to ``exhaustive`` blocks are scored; from the best of them one block is added,
+    dropped or exchanged for another as long as the score rises.
+
+    Args:
+        gram: normal equations of all blocks.
+        always: keys of blocks that are in every subset (registration).
+        exhaustive: largest size of which all subsets are tried.
+        barred: keys that may not be used.
+    """
+    out = set(always) | set(barred)
+    blocks = [block for block in gram.blocks if block.key not in out]
+    names = {block.key: block.name for block in blocks}
+    price = {b.key: PRIOR_SUSPECT if b.suspect else PRIOR_LIBRARY for b in blocks}
+    state = Search(gram, tuple(always), names, price, {})
+    keys = sorted(names)
+    for size in range(exhaustive + 1):
+        for subset in itertools.combinations(keys, size):
+            if state.legal(subset):
+                state.score(subset)
+    starts = sorted(state.scores, key=lambda s: -state.scores[s])[:6]
+    starts += _best_of_size(state, range(1, exhaustive + 1))
+    for start in dict.fromkeys(starts):
+        _climb(state, start, keys)
+    return state
+
+
+def _best_of_size(state: Search, sizes: Iterable[int]) -> list[Subset]:
+    found = []
+    for size in sizes:
+        of_size = [s for s in state.scores if len(s) == size]
+        if of_size:
+            found.append(max(of_size, key=lambda s: state.scores[s]))
+    return found
+
+
+def _climb(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -> Subset:
+    """Add, drop or exchange one block at a time while it helps."""
+    here = start
+    for _ in range(steps):
+        around = list(_neighbours(here, keys))
+        best = max((s for s in around if state.legal(s)), key=state.score, default=here)
+        if state.score(best) <= state.score(here) + 1e-9:
+            return here
+        here = best
+    return here
+
+
+def _neighbours(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    inside = set(subset)
+    outside = [key for key in keys if key not in inside]
+    for key in outside:
+        yield tuple(sorted(inside | {key}))
+    for gone in subset:
+        rest = inside - {gone}
+        yield tuple(sorted(rest))
+        for key in outside:
+            yield tuple(sorted(rest | {key}))
+
+
+def drop_gain(search_state: Search, subset: Subset, key: str) -> float:
+    """Return how much the score falls when one block of a subset is left out, refitted."""
+    rest = tuple(k for k in subset if k != key)
+    return search_state.score(subset) - search_state.score(rest)
+
+
+def by_key(blocks: Sequence[Block]) -> dict[str, Block]:
+    """Return blocks by key."""
+    return {block.key: block for block in blocks}
