@@ -1,0 +1,178 @@
+"""Stiffness fields in ``model.toml``: the tables ``joint_compliance`` and ``variable_stiffness``.
+
+``joint_compliance`` holds one stiffness per joint. ``variable_stiffness`` of kind ``grid`` or
+``joint_space`` holds the whole stiffness over the workspace (not a change on top of the constant);
+where both stand in a file the field counts and the constant is its mean, for readers that know no
+more. NaN marks a joint that the data could not see.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from postproc.errors import DataError
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.modelfile import ModelFile, entry
+from postproc.stiffness.field import (
+    ConstantField,
+    ContinuousField,
+    Grid,
+    GridField,
+    Locate,
+    StiffnessField,
+)
+from postproc.units import DEG, MM
+
+STIFFNESS = "stiffness_Nmm_per_rad"
+CONSTANT_KEYS = (STIFFNESS, "unobservable_joints")
+GRID_KEYS = (
+    *("kind", "between_cells", "origin_mm", "cell_mm", "counts"),
+    *(STIFFNESS, "unobservable_joints"),
+)
+JOINT_SPACE_KEYS = (
+    *("kind", STIFFNESS, "length_deg", "nodes_deg", "log_compliance_weights"),
+    "unobservable_joints",
+)
+
+
+def constant_table(c_joint: FloatArray) -> dict[str, Any]:
+    """Return the table ``joint_compliance`` of compliances (6,) [rad/(N*m)]."""
+    with np.errstate(divide="ignore"):
+        table = {STIFFNESS: entry(STIFFNESS, 1.0 / c_joint)}
+    return table | _marks(np.isfinite(c_joint))
+
+
+def field_table(field: GridField | ContinuousField) -> dict[str, Any]:
+    """Return the table ``variable_stiffness`` of a field."""
+    if isinstance(field, GridField):
+        table: dict[str, Any] = {
+            "kind": "grid",
+            "between_cells": "blend" if field.blend else "average",
+            "origin_mm": entry("origin_mm", field.grid.origin),
+            "cell_mm": entry("cell_mm", field.grid.size),
+            "counts": list(field.grid.counts),
+            STIFFNESS: entry(STIFFNESS, 1.0 / field.c_joint),
+        }
+    else:
+        table = {
+            "kind": "joint_space",
+            STIFFNESS: entry(STIFFNESS, np.exp(-field.base)),
+            "length_deg": entry("length_deg", field.lengths),
+            "nodes_deg": entry("nodes_deg", field.nodes),
+            "log_compliance_weights": field.weights.tolist(),
+        }
+    return table | _marks(field.observed)
+
+
+def effects_of(field: StiffnessField, mean: FloatArray) -> dict[str, dict[str, Any]]:
+    """Return the effect tables of a field, with the constant compliances (6,) beside it."""
+    tables = {"joint_compliance": constant_table(mean)}
+    if isinstance(field, (GridField, ContinuousField)):
+        tables["variable_stiffness"] = field_table(field)
+    return tables
+
+
+def is_field_table(model: ModelFile) -> bool:
+    """Return whether the model has a ``variable_stiffness`` table of a kind known here."""
+    table = model.effects.get("variable_stiffness")
+    return table is not None and table.get("kind") in ("grid", "joint_space")
+
+
+def field_of(
+    model: ModelFile, k_fallback: FloatArray | None = None, locate: Locate | None = None
+) -> StiffnessField | None:
+    """Return the stiffness field of a model, None where it knows no joint stiffness.
+
+    Args:
+        model: with ``variable_stiffness`` of kind grid or joint_space, or ``joint_compliance``.
+        k_fallback: (6,) [N*m/rad] for joints that the data could not see; None: rigid.
+        locate: joint angles to tool points, for a field over space.
+
+    Raises:
+        DataError: MOD004 to MOD006 for wrong tables, with the line.
+    """
+    if is_field_table(model):
+        kind = model.effects["variable_stiffness"]["kind"]
+        found = _grid(model, locate) if kind == "grid" else _joint_space(model)
+        return found.with_fallback(k_fallback)
+    if "joint_compliance" in model.effects:
+        return ConstantField(constant_of(model)).with_fallback(k_fallback)
+    return None
+
+
+def constant_of(model: ModelFile) -> FloatArray:
+    """Return the compliances (6,) [rad/(N*m)] of ``joint_compliance``, NaN where unseen."""
+    model.require_known("joint_compliance", CONSTANT_KEYS)
+    return _compliance(model, "joint_compliance", (6,))
+
+
+def _grid(model: ModelFile, locate: Locate | None) -> StiffnessField:
+    name = "variable_stiffness"
+    model.require_known(name, GRID_KEYS)
+    origin = _needed(model, "origin_mm", (3,))
+    size = _needed(model, "cell_mm", (3,))
+    counts = _needed(model, "counts", (3,))
+    rule = model.effects[name].get("between_cells", "blend")
+    if rule not in ("blend", "average"):
+        raise DataError(
+            "MOD006",
+            f"between_cells is {rule!r}, expected 'blend' or 'average'",
+            model.source(name, "between_cells"),
+        )
+    whole = bool(np.all(counts == np.rint(counts)))
+    if not whole or bool(np.any(counts < 1)) or not bool(np.all(size > 0.0)):
+        raise DataError(
+            "MOD006", "counts and cell_mm must be positive", model.source(name, "counts")
+        )
+    grid = Grid(origin, size, (int(counts[0]), int(counts[1]), int(counts[2])))
+    c = _compliance(model, name, (len(grid), 6))
+    return GridField(grid, c, rule == "blend", locate)
+
+
+def _joint_space(model: ModelFile) -> StiffnessField:
+    name = "variable_stiffness"
+    model.require_known(name, JOINT_SPACE_KEYS)
+    nodes = _needed(model, "nodes_deg", (None, 6))
+    weights = _needed(model, "log_compliance_weights", (len(nodes), 6))
+    lengths = _needed(model, "length_deg", (6,))
+    if not bool(np.all(lengths > 0.0)):
+        raise DataError("MOD006", "length_deg must be positive", model.source(name, "length_deg"))
+    base = np.log(_compliance(model, name, (6,)))
+    return ContinuousField(nodes, lengths, base, weights)
+
+
+def _needed(model: ModelFile, key: str, shape: tuple[int | None, ...]) -> FloatArray:
+    values = model.values("variable_stiffness", key, shape)
+    if values is None or not bool(np.all(np.isfinite(values))):
+        raise DataError(
+            "MOD006", f"{key} must be finite numbers", model.source("variable_stiffness", key)
+        )
+    return values
+
+
+def _compliance(model: ModelFile, effect: str, shape: tuple[int, ...]) -> FloatArray:
+    k = model.values(effect, STIFFNESS, shape)
+    if k is None or bool(np.any(k <= 0.0)):
+        raise DataError(
+            "MOD006", f"{effect}.{STIFFNESS} must be positive", model.source(effect, STIFFNESS)
+        )
+    return np.asarray(1.0 / k)
+
+
+def _marks(observed: BoolArray) -> dict[str, Any]:
+    unseen = [int(i) + 1 for i in np.flatnonzero(~observed)]
+    return {"unobservable_joints": unseen} if unseen else {}
+
+
+def describe(field: StiffnessField) -> str:
+    """Return what a field is, in words."""
+    if isinstance(field, GridField):
+        nx, ny, nz = field.grid.counts
+        edge = "x".join(f"{v / MM:g}" for v in field.grid.size)
+        return f"{nx}x{ny}x{nz} cells of {edge} mm"
+    if isinstance(field, ContinuousField):
+        shortest = float(field.lengths.min()) / DEG
+        return f"continuous in joint space, {len(field.nodes)} nodes, from {shortest:.0f} deg"
+    return "constant"
