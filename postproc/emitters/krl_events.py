@@ -1,0 +1,86 @@
+"""Events between motions as calls of the integrator's routines; none is dropped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from postproc.emitters.krl_style import KrlStyle
+from postproc.emitters.krl_template import TemplateSet
+from postproc.krl.program import Statement, Trigger
+from postproc.model.toolpath import Event, EventKind
+from postproc.units import RPM
+
+_MODES = (
+    ("THRU", 3),
+    ("THROUGH", 3),
+    ("TAPKUL", 3),
+    ("HIGH", 3),
+    ("MIST", 2),
+    ("AIR", 4),
+    ("FLOOD", 1),
+)
+"""Coolant words of CAM systems to the number that the routine gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventWriter:
+    """Statements of events: direct, or on the way by a trigger."""
+
+    templates: TemplateSet
+    style: KrlStyle
+
+    def statements(self, event: Event, *, flying: bool) -> list[Statement]:
+        """Return what an event becomes.
+
+        Args:
+            event: the event.
+            flying: True in the middle of a blended cut: the advance run must not stop there.
+        """
+        made = self.templates.statements(
+            str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": _words(event)}
+        )
+        return [_trigger(statement) for statement in made] if flying else made
+
+    def dwell(self, seconds: float, line: int) -> list[Statement]:
+        """Return a wait after a motion."""
+        text = f"CAM line {line}" if line else ""
+        return self.templates.statements(
+            "dwell", {"hooks": self.style.hooks, "seconds": seconds}, {"event": text}
+        )
+
+
+def _trigger(statement: Statement) -> Statement:
+    """Return a statement that is run where the next motion begins, without an advance-run stop."""
+    from dataclasses import replace
+
+    return Trigger(
+        "DISTANCE",
+        0,
+        0,
+        replace(statement, comment=""),
+        priority=-1,
+        comment=statement.comment,
+    )
+
+
+def _values(event: Event) -> dict[str, object]:
+    """Return the numbers of an event as the templates know them."""
+    if event.kind is EventKind.SPINDLE_ON:
+        rpm = round(event.value / RPM, 3)
+        return {"rpm": int(rpm) if rpm == int(rpm) else rpm}
+    if event.kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF):
+        words = event.text.upper()
+        return {"mode": next((number for word, number in _MODES if word in words), 1)}
+    if event.kind is EventKind.TOOL_CHANGE:
+        return {"number": int(event.value)}
+    return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}
+
+
+def _words(event: Event) -> str:
+    text = event.text.strip()
+    if event.kind is EventKind.UNKNOWN:
+        text = f"not converted: {text}"
+    elif event.kind is EventKind.MESSAGE:
+        text = f"message: {text}"
+    # the line comes first: a long text is cut at its end
+    return f"CAM line {event.line}: {text}" if text else f"CAM line {event.line}"
