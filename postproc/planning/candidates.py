@@ -146,7 +146,7 @@ def _chunk(
     pose, slot = np.nonzero(valid)
     q = slots[pose, slot]
     allowed = _turns_within(problem, q)
-    inside = allowed.any(axis=2).all(axis=1)
+    inside = np.asarray(allowed.any(axis=2)).all(axis=1)
     good = inside & problem.regular(q)
     refused = np.stack(
         [

@@ -8,9 +8,8 @@ change in units of 10 degrees, times the weight ``travel``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -74,21 +73,36 @@ class StateContext:
         return self.c_joint
 
 
-class Objective(Protocol):
-    """One named wish.
+Function = Callable[[StateContext], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class Objective:
+    """One named wish: a function of states (N,) and how to read its values.
 
     ``is_stiffness``: the value is an index k [N/m], larger is better, and joint stiffness is
     needed; otherwise the value is a cost, lower is better.
     """
 
-    is_stiffness: bool
+    function: Function
+    is_stiffness: bool = False
 
     def __call__(self, context: StateContext) -> FloatArray:
         """Return (N,) values."""
-        ...
+        return self.function(context)
 
 
 REGISTRY: Registry[Objective] = Registry("objectives", "postproc.planning.objectives")
+
+
+def objective(name: str, *, is_stiffness: bool = False) -> Callable[[Function], Function]:
+    """Return a decorator that registers a function as a built-in objective."""
+
+    def add(function: Function) -> Function:
+        REGISTRY.register(name)(Objective(function, is_stiffness))
+        return function
+
+    return add
 
 
 @dataclass(frozen=True, slots=True)

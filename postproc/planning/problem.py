@@ -72,9 +72,7 @@ class Problem:
 
     def regular(self, q: FloatArray) -> BoolArray:
         """Return (m,) whether the wrist keeps its distance from the straight pose."""
-        return np.asarray(
-            wrist_distance(self.kinematics, q) >= self.cell.limits.singularity - 1e-9
-        )
+        return np.asarray(wrist_distance(self.kinematics, q) >= self.cell.limits.singularity - 1e-9)
 
 
 def nearest_turn(q: FloatArray, q_near: FloatArray) -> FloatArray:

@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from postproc.errors import CellError, SourceRef
 from postproc.model.arrays import FloatArray
-from postproc.planning.costs import REGISTRY, StateContext
+from postproc.planning.costs import StateContext, objective
 from postproc.planning.place import cross_axes
 from postproc.stiffness import index
-
-
-class StiffnessObjective:
-    """A stiffness index as an objective, larger is better."""
-
-    is_stiffness = True
-
-    def __init__(self, function: Callable[[StateContext], FloatArray]) -> None:
-        self._function = function
-        self.__doc__ = function.__doc__
-
-    def __call__(self, context: StateContext) -> FloatArray:
-        """Return k (N,) [N/m]."""
-        return self._function(context)
-
-
-def _register(name: str, function: Callable[[StateContext], FloatArray]) -> None:
-    REGISTRY.register(name)(StiffnessObjective(function))
 
 
 def _along(context: StateContext, direction: FloatArray) -> FloatArray:
@@ -37,11 +17,13 @@ def _along(context: StateContext, direction: FloatArray) -> FloatArray:
     return index.directional(context.jacobian, context.compliance, direction)
 
 
+@objective("axial", is_stiffness=True)
 def axial(context: StateContext) -> FloatArray:
     """Return the stiffness along the tool axis: flatness, countersink depth (seed: kx)."""
     return _along(context, context.tool_axis)
 
 
+@objective("normal", is_stiffness=True)
 def normal(context: StateContext) -> FloatArray:
     """Return the stiffness across the path in the work plane: contour accuracy (seed: kv).
 
@@ -56,6 +38,7 @@ def normal(context: StateContext) -> FloatArray:
     return index.seed_normal(k_y, k_z, context.spin)
 
 
+@objective("radial", is_stiffness=True)
 def radial(context: StateContext) -> FloatArray:
     """Return the stiffness of the weakest direction across the tool axis."""
     if context.cell.optimize.index != "seed":
@@ -66,6 +49,7 @@ def radial(context: StateContext) -> FloatArray:
     return np.minimum(k_y, k_z)
 
 
+@objective("process", is_stiffness=True)
 def process(context: StateContext) -> FloatArray:
     """Return the stiffness along the force of ``[process]``."""
     force = np.asarray(context.cell.process.wrench_tcp)[:3]
@@ -77,12 +61,3 @@ def process(context: StateContext) -> FloatArray:
             SourceRef(context.cell.path),
         )
     return _along(context, context.R_robroot_tcp @ (force / size))
-
-
-for _name, _part in (
-    ("axial", axial),
-    ("normal", normal),
-    ("radial", radial),
-    ("process", process),
-):
-    _register(_name, _part)

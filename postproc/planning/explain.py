@@ -1,0 +1,103 @@
+"""Findings about tags that cannot be run: what stands against them, and what would help."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.errors import Issue, Severity
+from postproc.planning.candidates import States
+from postproc.planning.feasible import Checker, Reason
+from postproc.planning.ladder import IndexArray, Rule
+from postproc.planning.moves import Chosen
+from postproc.planning.problem import Problem
+
+WORDS = {
+    Reason.UNREACHABLE: "unreachable",
+    Reason.JOINT_LIMIT: "joint limit",
+    Reason.SINGULAR: "singular",
+    Reason.COLLISION: "collision",
+    Reason.SPEED: "speed",
+}
+COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
+
+
+def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Issue:
+    """Return the finding of a tag that fails."""
+    name = problem.toolpath.tag_name(tag)
+    return Issue(
+        Severity.ERROR,
+        f"PLN{int(reason)}",
+        f"tag {name}: {WORDS[reason]}: {detail}",
+        tag,
+        problem.toolpath.source(tag),
+        hint=hint,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Why states and steps failed, as a search saw it.
+
+    ``reason``, ``pair`` (N,) of the states; ``step_reason``: last failure of the step into a rung.
+    """
+
+    tags: IndexArray
+    states: States
+    rule: IndexArray
+    reason: IndexArray
+    pair: IndexArray
+    step_reason: Mapping[int, tuple[Reason, int]]
+    chosen: Chosen
+
+
+def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
+    """Return one finding for every tag that has no pose, or that no cut can enter."""
+    issues = []
+    good, entry = evidence.chosen.good, evidence.chosen.entry
+    for row in np.nonzero(~good)[0].tolist():
+        issues.append(_no_pose(checker, evidence, row))
+    cut_off = (evidence.rule == Rule.CHAIN) & entry & good
+    cut_off[1:] &= good[:-1]
+    cut_off[:1] = False
+    for row in np.nonzero(cut_off)[0].tolist():
+        issues.append(_no_way(checker, evidence, row))
+    return issues
+
+
+def _no_pose(checker: Checker, evidence: Evidence, row: int) -> Issue:
+    low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
+    reasons = evidence.reason[low:high]
+    first = np.unique(evidence.states.config[low:high], return_index=True)[1]
+    counts = dict(zip(COUNTED, evidence.states.refused[row].tolist(), strict=True))
+    for reason in COUNTED:
+        counts[reason] = counts[reason] + int((reasons[first] == reason).sum())
+    counts[Reason.COLLISION] = int((reasons[first] == Reason.COLLISION).sum())
+    # The last hurdle is what stands in the way: poses that fail later passed all before.
+    order = (Reason.COLLISION, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
+    main = next((reason for reason in order if counts[reason]), Reason.UNREACHABLE)
+    parts = [f"{counts[r]} {WORDS[r]}" for r in (*COUNTED, Reason.COLLISION) if counts[r]]
+    detail = f"none of {evidence.states.tried} poses can be run ({', '.join(parts)})"
+    pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
+    if main is Reason.COLLISION and len(pairs):
+        detail += f"; {_most_frequent(checker, pairs)}"
+    return failure(checker.problem, int(evidence.tags[row]), main, detail)
+
+
+def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
+    numbers, counts = np.unique(pairs[pairs >= 0], return_counts=True)
+    if not len(numbers):
+        return "solids collide"
+    names = checker.pairs[int(numbers[np.argmax(counts)])]
+    return f"most often {names[0]} hits {names[1]}"
+
+
+def _no_way(checker: Checker, evidence: Evidence, row: int) -> Issue:
+    reason, pair = evidence.step_reason.get(row, (Reason.SINGULAR, -1))
+    before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
+    detail = f"no cut from tag {before} to here keeps one arm configuration"
+    if reason is Reason.COLLISION and 0 <= pair < len(checker.pairs):
+        detail += f"; {checker.pairs[pair][0]} hits {checker.pairs[pair][1]}"
+    return failure(checker.problem, int(evidence.tags[row]), reason, detail)

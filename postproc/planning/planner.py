@@ -1,0 +1,160 @@
+"""From a toolpath to a plan: place, sample, search, refine, route, time."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.errors import Issue, Severity
+from postproc.kinematics.model import build
+from postproc.model.arrays import FloatArray
+from postproc.model.cell import Cell
+from postproc.model.plan import Plan
+from postproc.model.toolpath import ToolPath
+from postproc.planning.candidates import evaluate
+from postproc.planning.feasible import Checker
+from postproc.planning.moves import Chosen
+from postproc.planning.place import place
+from postproc.planning.problem import Problem, path_normals, stiffness_of
+from postproc.planning.route import Route, route
+from postproc.planning.settings import PlanOptions, settle
+from postproc.planning.strategy import choose
+from postproc.planning.stroke import strokes_of
+
+__all__ = ["PlanOptions", "plan"]
+
+Progress = Callable[[int, int, str], None]
+
+
+def plan(
+    toolpath: ToolPath,
+    cell: Cell,
+    options: PlanOptions | None = None,
+    progress: Progress | None = None,
+) -> Plan:
+    """Return the moves that run a toolpath in a cell.
+
+    Args:
+        toolpath: what was read, frame part = workpiece frame.
+        cell: robot, tool, workpiece, obstacles, wishes.
+        options: of this call; None: all as the cell says.
+        progress: called with (done, total, what).
+
+    Returns:
+        The plan; tags that cannot be run are errors among its ``issues``. Without
+        ``options.partial`` such a plan has no moves worth running.
+
+    Raises:
+        PlanError: PLN201 if the path gives no reference for the spin.
+        CellError: if the cell asks for what does not exist.
+    """
+    clock = _Clock(progress)
+    options = options or PlanOptions()
+    cell, settings = settle(cell, options)
+    placement = place(toolpath, cell)
+    problem = Problem(
+        toolpath,
+        cell,
+        build(cell.robot),
+        placement,
+        settings,
+        path_normals(toolpath, placement),
+        stiffness_of(cell),
+    )
+    checker = Checker(problem, strokes_of(toolpath, settings.approach), _scene(problem))
+    clock.lap("place")
+    chosen, issues, record = choose(checker, clock.step)
+    clock.lap("search")
+    routed = route(checker, chosen)
+    clock.lap("route")
+    issues = [*_notes(problem), *issues, *routed.issues]
+    return _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
+
+
+def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    from postproc.collision.scene import Scene
+
+    return Scene.build(problem.cell, problem.kinematics)
+
+
+def _notes(problem: Problem) -> list[Issue]:
+    return [Issue(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
+
+
+def _assembled(
+    problem: Problem,
+    chosen: Chosen,
+    routed: Route,
+    issues: list[Issue],
+    options: PlanOptions,
+    record: dict[str, object],
+) -> Plan:
+    table, times = routed.moves, routed.timed
+    index, initial = _stiffness(problem, chosen)
+    toolpath = problem.toolpath
+    first = np.searchsorted(table.tag, [event.index for event in toolpath.events])
+    return Plan(
+        name=options.name or toolpath.name,
+        toolpath=toolpath,
+        kind=table.kind,
+        role=table.role,
+        tag=table.tag,
+        T_base_tcp=table.T_base_tcp,
+        aux=table.aux,
+        q=table.q,
+        spin=chosen.spin[table.tag],
+        branch=chosen.branch[table.tag],
+        speed=times.speed,
+        ptp_fraction=times.fraction,
+        blend=times.blend,
+        dwell=table.dwell,
+        duration=times.duration,
+        external=np.zeros((len(table), 0)),
+        stiffness=index,
+        stiffness_initial=initial,
+        clearance=np.full(len(toolpath), np.nan),
+        events=tuple(zip(first.tolist(), toolpath.events, strict=True)),
+        issues=tuple(issues),
+        settings=record,
+    )
+
+
+def _stiffness(problem: Problem, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
+    """Return the index (n,) [N/m] as chosen and at spin 0 in the same branch; NaN where none."""
+    n = len(problem)
+    index, initial = np.full(n, np.nan), np.full(n, np.nan)
+    tags = np.nonzero(chosen.good)[0]
+    if problem.settings.weights.main is None or not len(tags):
+        return index, initial
+    for result, spin in ((index, chosen.spin[tags]), (initial, np.zeros(len(tags)))):
+        T = problem.placement.tcp(tags, spin)
+        q, reached = problem.solve(T, chosen.branch[tags], chosen.q[tags])
+        rows = np.nonzero(reached)[0]
+        result[tags[rows]] = evaluate(problem, tags[rows], spin[rows], T[rows], q[rows])[1]
+    return index, initial
+
+
+@dataclass(slots=True)
+class _Clock:
+    """Seconds per stage for the record, and progress."""
+
+    progress: Progress | None
+    stages: dict[str, float] = field(default_factory=dict)
+    _last: float = field(default_factory=time.perf_counter)
+
+    def step(self, done: int, total: int, what: str) -> None:
+        """Pass progress on."""
+        if self.progress is not None:
+            self.progress(done, total, what)
+
+    def lap(self, stage: str) -> None:
+        """Note how long a stage took."""
+        now = time.perf_counter()
+        self.stages[stage], self._last = now - self._last, now
+
+    def record(self) -> dict[str, object]:
+        """Return the times under the key ``timing``."""
+        return {"timing": dict(self.stages)}

@@ -1,0 +1,195 @@
+"""From chosen poses to the moves of the controller, in order, with speeds, blends and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.errors import Issue
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.model.toolpath import EventKind, MotionKind
+from postproc.planning.connect import Detour, Ends, detour, free_joint_moves
+from postproc.planning.cuts import cut_moves
+from postproc.planning.drill import ARRIVE, hole_moves
+from postproc.planning.explain import failure
+from postproc.planning.feasible import Checker, Lines, Reason, Verdict
+from postproc.planning.ladder import IndexArray
+from postproc.planning.moves import Chosen, Moves, in_order, moves
+from postproc.planning.problem import Problem
+from postproc.planning.speeds import Timed, timed
+
+STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
+"""Events before which the robot stands still."""
+
+
+@dataclass(slots=True)
+class Route:
+    """All moves in order with speeds and times, and what was found on the way."""
+
+    moves: Moves
+    timed: Timed
+    issues: list[Issue] = field(default_factory=list)
+
+
+def route(checker: Checker, chosen: Chosen) -> Route:
+    """Return the moves that run the chosen poses.
+
+    Connections that cannot be made free of collision are findings at their tag.
+    """
+    problem = checker.problem
+    issues: list[Issue] = []
+    holes = hole_moves(problem, checker.strokes, chosen)
+    arrives, leaves = _ends(problem, checker, chosen)
+    parts = [*holes, *cut_moves(problem, chosen, leaves)]
+    parts += _free_tags(problem, chosen)
+    table = in_order(parts)
+    ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
+    as_line, blocked = _decide(checker, chosen, ends, issues)
+    rapid = problem.settings.rapid_speed
+    rows = arriving[as_line]
+    table.kind[rows] = MoveKind.LIN
+    table.speed[rows] = rapid
+    extra = [
+        _detour_moves(problem, ends, row, way, table, arriving, chosen)
+        for row, way in sorted(blocked.items())
+    ]
+    if extra:
+        table = in_order([table, *extra])
+    result = timed(checker, table, _stops_before(problem, table), issues)
+    return Route(table, result, issues)
+
+
+def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
+    """Return the joints (n, 6) in which the tool arrives at and leaves each tag."""
+    q = chosen.q.copy()
+    tags = np.nonzero(checker.strokes.is_stroke & chosen.good)[0]
+    if len(tags):
+        top = problem.placement.tcp(tags, chosen.spin[tags], checker.strokes.top[tags])
+        q[tags], _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
+    return q, q
+
+
+def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
+    """Return the moves to rapid and joint tags, as joint moves for now."""
+    kind = np.asarray(problem.toolpath.kind)
+    tags = np.nonzero(np.isin(kind, (MotionKind.RAPID, MotionKind.JOINT)) & chosen.good)[0]
+    role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.RAPID)
+    T = problem.placement.tcp(tags, chosen.spin[tags])
+    return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
+
+
+def _connections(
+    problem: Problem,
+    checker: Checker,
+    chosen: Chosen,
+    table: Moves,
+    arrives: FloatArray,
+    leaves: FloatArray,
+) -> tuple[Ends, IndexArray]:
+    """Return the ends of all joint moves but the first, and their rows in the table."""
+    arriving = np.nonzero(table.kind == MoveKind.PTP)[0]
+    arriving = arriving[arriving > 0]
+    to = table.tag[arriving]
+    good = np.nonzero(chosen.good)[0]
+    before = good[np.searchsorted(good, to) - 1]
+    top = checker.strokes.top
+    return Ends(before, to, top[before], top[to], leaves[before], arrives[to]), arriving
+
+
+def _decide(
+    checker: Checker, chosen: Chosen, ends: Ends, issues: list[Issue]
+) -> tuple[BoolArray, dict[int, Detour]]:
+    """Return which connections run straight (LIN), and the detours of those that are not free."""
+    problem = checker.problem
+    as_line = _straight_rapids(checker, chosen, ends)
+    rest = np.nonzero(~as_line)[0]
+    part = Ends(*(getattr(ends, name)[rest] for name in Ends.__dataclass_fields__))
+    verdict = free_joint_moves(checker, part)
+    ways: dict[int, Detour] = {}
+    for i in np.nonzero(~verdict.good)[0].tolist():
+        row = int(rest[i])
+        way = detour(checker, ends, row, chosen.spin, chosen.branch)
+        if way is not None:
+            ways[row] = way
+            continue
+        tag = int(ends.tag_to[row])
+        name = problem.toolpath.tag_name(int(ends.tag_from[row]))
+        issues.append(failure(problem, tag, Reason.COLLISION, _blocked(checker, verdict, i, name)))
+    return as_line, ways
+
+
+def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
+    pair = int(verdict.pair[row])
+    what = " and ".join(checker.pairs[pair]) if 0 <= pair < len(checker.pairs) else "solids"
+    return f"no free way was found here from tag {name}: {what} collide on the direct one"
+
+
+def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
+    """Return (m,) the rapids that run straight: same branch, every pose between feasible."""
+    kind = np.asarray(checker.problem.toolpath.kind)
+    straight = (
+        (kind[ends.tag_to] == MotionKind.RAPID)
+        & ~chosen.entry[ends.tag_to]
+        & (chosen.branch[ends.tag_from] == chosen.branch[ends.tag_to])
+    )
+    rows = np.nonzero(straight)[0]
+    if not len(rows):
+        return straight
+    place = checker.problem.placement
+    a, b = ends.tag_from[rows], ends.tag_to[rows]
+    lines = Lines(
+        place.tcp(a, chosen.spin[a], ends.height_from[rows]),
+        place.tcp(b, chosen.spin[b], ends.height_to[rows]),
+        ends.q_from[rows],
+        ends.q_to[rows],
+        chosen.branch[b],
+        np.zeros(len(rows), dtype=np.bool_),
+    )
+    straight[rows] = checker.lines(lines)[0].good
+    return straight
+
+
+def _detour_moves(
+    problem: Problem,
+    ends: Ends,
+    row: int,
+    way: Detour,
+    table: Moves,
+    arriving: IndexArray,
+    chosen: Chosen,
+) -> Moves:
+    tag = int(ends.tag_to[row])
+    if way.last_is_line:
+        table.kind[arriving[row]] = MoveKind.LIN
+        table.speed[arriving[row]] = problem.settings.rapid_speed
+        table.role[arriving[row]] = MoveRole.APPROACH
+    place = problem.placement
+    T_robroot_flange = problem.kinematics.fk(way.q)
+    T_base_tcp = (
+        np.linalg.inv(place.T_robroot_base)
+        @ T_robroot_flange
+        @ np.asarray(problem.cell.tool.T_flange_tcp)
+    )
+    k = len(way.q)
+    return moves(
+        np.full(k, tag),
+        np.arange(k),
+        np.where(way.is_line, MoveKind.LIN, MoveKind.PTP),
+        MoveRole.RAPID,
+        T_base_tcp,
+        way.q,
+        np.where(way.is_line, problem.settings.rapid_speed, np.nan),
+    )
+
+
+def _stops_before(problem: Problem, table: Moves) -> BoolArray:
+    """Return (m,) whether the robot stands still before a move because of an event."""
+    stops = np.zeros(len(table), dtype=np.bool_)
+    for event in problem.toolpath.events:
+        if event.kind in STOPS:
+            row = int(np.searchsorted(table.tag, event.index))
+            if row < len(table):
+                stops[row] = True
+    return stops

@@ -1,0 +1,300 @@
+"""Which pose every tag gets: the strategies ``global``, ``each`` and ``smooth``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.errors import Issue
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.toolpath import MotionKind
+from postproc.planning.candidates import States, sample
+from postproc.planning.costs import TRAVEL_UNIT
+from postproc.planning.explain import Evidence, explained
+from postproc.planning.feasible import Checker, Lines, Reason, Verdict
+from postproc.planning.ladder import NONE, IndexArray, Ladder, Rule
+from postproc.planning.moves import Chosen
+from postproc.planning.problem import Problem
+from postproc.planning.refine import Course, refine
+from postproc.planning.search import Found, search
+
+Step = Callable[[int, int, str], None]
+_TIE_TRAVEL = 1e-7
+_TIE_SPIN = 1e-5
+_REVERTS = 6
+
+
+def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
+    """Return the pose of every tag, the findings, and a record of the work."""
+    if checker.problem.settings.strategy == "smooth":
+        from postproc.planning.smooth import smooth
+
+        return smooth(checker, step)
+    tags = np.arange(len(checker.problem))
+    step(0, len(tags), "search")
+    hunt = Hunt.of(checker, tags, each=checker.problem.settings.strategy == "each")
+    found = hunt.run()
+    chosen = hunt.chosen(found)
+    record = hunt.record(found, chosen)
+    if checker.problem.settings.refine > 0.0 and checker.problem.settings.strategy == "global":
+        step(0, len(tags), "refine")
+        chosen = refined(checker, chosen, hunt.weight)
+        record["travel_rad2"] = travel(chosen)
+    step(len(tags), len(tags), "search")
+    return chosen, explained(checker, hunt.evidence(chosen)), record
+
+
+def travel(chosen: Chosen) -> float:
+    """Return the sum of squared joint steps [rad^2] along the unbroken way."""
+    good = chosen.good
+    joined = good[1:] & good[:-1] & ~chosen.entry[1:]
+    return float((np.diff(chosen.q, axis=0)[joined] ** 2).sum())
+
+
+def step_rules(problem: Problem) -> IndexArray:
+    """Return the ``Rule`` (n,) of the step into each tag: cuts keep branch and turns."""
+    kind = np.asarray(problem.toolpath.kind)
+    chain = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    return np.where(chain, Rule.CHAIN, Rule.FREE).astype(np.int64)
+
+
+def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, BoolArray]:
+    """Return the spins of tags, (S,) or (n, S) [rad], and which tags (n,) are pinned to one."""
+    settings = problem.settings
+    pinned = np.zeros(len(tags), dtype=np.bool_)
+    if not settings.pins:
+        return settings.spins, pinned
+    spins = np.tile(settings.spins, (len(tags), 1))
+    for row, tag in enumerate(tags.tolist()):
+        spin = settings.pins.get(problem.toolpath.tag_name(tag))
+        if spin is not None:
+            spins[row], pinned[row] = spin, True
+    return spins, pinned
+
+
+@dataclass(slots=True)
+class Hunt:
+    """A search over tags: their states, the graph, and why states and steps failed."""
+
+    checker: Checker
+    tags: IndexArray
+    states: States
+    ladder: Ladder
+    weight: FloatArray
+    pinned: BoolArray
+    reason: IndexArray
+    pair: IndexArray
+    step_reason: dict[int, tuple[Reason, int]]
+    _table: IndexArray | None = None
+
+    @classmethod
+    def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> Hunt:
+        """Return the search over tags (n,) in this order.
+
+        Args:
+            checker: of the problem.
+            tags: (n,).
+            each: every tag takes its own best state; travel and spin only break ties.
+        """
+        problem = checker.problem
+        spins, pinned = pinned_spins(problem, tags)
+        states = sample(problem, tags, spins)
+        cost = states.cost
+        every = np.arange(len(cost))
+        if pinned.any():
+            cost[pinned[states.tag_of(every)] & (states.column > 0)] = np.inf
+        travel_weight = problem.settings.weights.travel
+        if each:
+            cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
+            travel_weight = _TIE_TRAVEL
+        rule = step_rules(problem)[tags]
+        weight = np.full(len(tags), travel_weight / TRAVEL_UNIT**2)
+        ladder = Ladder(states.offsets, states.q, cost, states.branch, rule, weight)
+        return cls(
+            checker,
+            tags,
+            states,
+            ladder,
+            weight,
+            pinned,
+            np.zeros(len(cost), dtype=np.int64),
+            np.full(len(cost), -1, dtype=np.int64),
+            {},
+        )
+
+    def run(self) -> Found:
+        """Search."""
+        return search(self.ladder, self.check_states, self.check_steps, self.beside)
+
+    def check_states(self, states: IndexArray) -> BoolArray:
+        """Return whether states (m,) can be run; keeps the reasons."""
+        branch = self.states.branch[states].astype(np.int64)
+        q = self.states.q[states].astype(np.float64)
+        rungs = self.states.tag_of(states)
+        verdict = self.checker.states(self.tags[rungs], q, self.states.spin_of(states), branch)
+        self.reason[states], self.pair[states] = verdict.reason, verdict.pair
+        return verdict.good
+
+    def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
+        """Return whether steps (m,) can be run as CP motions; joint moves always can."""
+        rungs = self.states.tag_of(after)
+        chain = np.nonzero(self.ladder.rule[rungs] == Rule.CHAIN)[0]
+        good = np.ones(len(after), dtype=np.bool_)
+        if not len(chain):
+            return good
+        a, b = before[chain], after[chain]
+        verdict = check_chain(
+            self.checker,
+            (self.tags[rungs[chain] - 1], self.tags[rungs[chain]]),
+            (self.states.spin_of(a), self.states.spin_of(b)),
+            (self.states.q[a].astype(np.float64), self.states.q[b].astype(np.float64)),
+            self.states.branch[b].astype(np.int64),
+        )
+        for row in np.nonzero(~verdict.good)[0].tolist():
+            found = (Reason(int(verdict.reason[row])), int(verdict.pair[row]))
+            self.step_reason[int(rungs[chain[row]])] = found
+        good[chain] = verdict.good
+        return good
+
+    def beside(self, failing: IndexArray, rounds: int) -> IndexArray:
+        """Return the states around failing ones: same branch, near in spin and tag, all turns."""
+        width, n = self.states.spins.shape[-1], len(self.tags)
+        if self._table is None:
+            self._table = np.full(n * width * 8, NONE, dtype=np.int64)
+            every = np.arange(len(self.states.q))[::-1]
+            self._table[self._cell(every)] = every
+        reach = min(1 + rounds // 2, 4)
+        around = np.arange(-reach, reach + 1)
+        rung = self.states.tag_of(failing)[:, None, None] + around[None, :, None]
+        column = self.states.column[failing].astype(np.int64)[:, None, None] + around[None, None, :]
+        column %= width
+        inside = (rung >= 0) & (rung < n)
+        branch = self.states.branch[failing].astype(np.int64)[:, None, None]
+        places = (np.clip(rung, 0, n - 1) * width + column) * 8 + branch
+        states = self._table[np.unique(places[np.broadcast_to(inside, places.shape)])]
+        return states[states != NONE]
+
+    def _cell(self, states: IndexArray) -> IndexArray:
+        width = self.states.spins.shape[-1]
+        rung, column = self.states.tag_of(states), self.states.column[states].astype(np.int64)
+        places: IndexArray = (rung * width + column) * 8 + self.states.branch[states]
+        return places
+
+    def chosen(self, found: Found) -> Chosen:
+        """Return the poses of all tags with exact joints."""
+        problem = self.checker.problem
+        n = len(self.tags)
+        good = found.path != NONE
+        rows = found.path[good]
+        spin, q = np.zeros(n), np.zeros((n, 6))
+        branch = np.zeros(n, dtype=np.int64)
+        spin[good] = self.states.spin_of(rows)
+        branch[good] = self.states.branch[rows]
+        T = problem.placement.tcp(self.tags[good], spin[good])
+        q[good], _ = problem.solve(T, branch[good], self.states.q[rows].astype(np.float64))
+        return Chosen(spin, branch, q, good, self.ladder.broken.copy())
+
+    def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
+        """Return what the search did, for the record of the plan."""
+        return {
+            "strategy": self.checker.problem.settings.strategy,
+            "states": len(self.states.q),
+            "checked": found.checked,
+            "rounds": found.rounds,
+            "cost": self.ladder.total(found.path),
+            "travel_rad2_grid": travel(chosen),
+            "travel_rad2": travel(chosen),
+        }
+
+    def evidence(self, chosen: Chosen) -> Evidence:
+        """Return why tags failed."""
+        return Evidence(
+            self.tags,
+            self.states,
+            self.ladder.rule,
+            self.reason,
+            self.pair,
+            self.step_reason,
+            chosen,
+        )
+
+
+def check_chain(
+    checker: Checker,
+    tags: tuple[IndexArray, IndexArray],
+    spins: tuple[FloatArray, FloatArray],
+    joints: tuple[FloatArray, FloatArray],
+    branch: IndexArray,
+) -> Verdict:
+    """Check cuts (m,) from tags to tags."""
+    problem, top = checker.problem, checker.strokes.top
+    T_from = problem.placement.tcp(tags[0], spins[0], top[tags[0]])
+    T_to = problem.placement.tcp(tags[1], spins[1])
+    q_from, _ = problem.solve(T_from, branch, joints[0])
+    q_to, _ = problem.solve(T_to, branch, joints[1])
+    lines = Lines(T_from, T_to, q_from, q_to, branch, np.ones(len(branch), dtype=np.bool_))
+    number = np.asarray(problem.toolpath.arc)[tags[1]]
+    arcs = problem.toolpath.arcs
+    if len(arcs):
+        is_arc = np.asarray(problem.toolpath.kind)[tags[1]] == MotionKind.ARC
+        lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
+        lines.radius = arcs.radius[number]
+        lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
+    return checker.lines(lines)[0]
+
+
+def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
+    """Return the chosen poses moved off the grid, where that stands the checks."""
+    problem, settings = checker.problem, checker.problem.settings
+    tags = np.nonzero(chosen.good)[0]
+    if len(tags) == 0:
+        return chosen
+    linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
+    low, high = problem.cell.optimize.range
+    if high - low >= 2.0 * np.pi - 1e-9:
+        low, high = -np.inf, np.inf
+    grid = Course(tags, chosen.spin[tags], chosen.branch[tags], chosen.q[tags], linked)
+    names = problem.toolpath.tag_name
+    free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
+    low_, high_ = np.full(len(tags), low), np.full(len(tags), high)
+    low_, high_ = np.minimum(low_, grid.spin), np.maximum(high_, grid.spin)
+    for _ in range(_REVERTS):
+        course = refine(problem, grid, free, low_, high_)
+        bad = _failing(checker, course, free)
+        if not bad.any():
+            break
+        free &= ~bad
+    else:
+        course = grid
+    result = Chosen(chosen.spin.copy(), chosen.branch, chosen.q.copy(), chosen.good, chosen.entry)
+    result.spin[tags], result.q[tags] = course.spin, course.q
+    return result
+
+
+def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
+    """Return (n,) the tags of a course that fail by themselves or by the cut into or out of them."""
+    moved = np.nonzero(free)[0]
+    bad = np.zeros(len(course.tags), dtype=np.bool_)
+    verdict = checker.states(
+        course.tags[moved], course.q[moved], course.spin[moved], course.branch[moved]
+    )
+    bad[moved[~verdict.good]] = True
+    rule = step_rules(checker.problem)[course.tags]
+    b = np.nonzero((rule == Rule.CHAIN) & (course.weight > 0.0))[0]
+    b = b[(b > 0)]
+    b = b[free[b] | free[b - 1]]
+    if len(b):
+        a = b - 1
+        verdict = check_chain(
+            checker,
+            (course.tags[a], course.tags[b]),
+            (course.spin[a], course.spin[b]),
+            (course.q[a], course.q[b]),
+            course.branch[b],
+        )
+        fails = ~verdict.good
+        bad[a[fails]] = True
+        bad[b[fails]] = True
+    return bad & free
