@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.kinematics.chain import blocks
+from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm, wrapped
 from postproc.model.arrays import BoolArray, FloatArray
 
@@ -50,6 +50,16 @@ class _Pose(NamedTuple):
     x: FloatArray
     y: FloatArray
     z: FloatArray
+
+    @property
+    def row_1(self) -> Columns:
+        """First row of the rotation."""
+        return self.r11, self.r12, self.r13
+
+    @property
+    def row_2(self) -> Columns:
+        """Second row of the rotation."""
+        return self.r21, self.r22, self.r23
 
 
 class _Arm(NamedTuple):
@@ -163,47 +173,32 @@ class OpwSolver:
         )
 
     def _wrist(self, pose: _Pose, arm: _Arm, theta: FloatArray) -> None:
+        """Solve the last three joints; axis 6 follows from axis 4 so that its error cancels."""
         c1, s1, c23, s23 = arm.cos_1, arm.sin_1, arm.cos_23, arm.sin_23
-        a1, a2, a3 = (
-            c1 * r + s1 * t
-            for r, t in zip(
-                (pose.r11, pose.r12, pose.r13), (pose.r21, pose.r22, pose.r23), strict=True
-            )
-        )
-        y4 = np.broadcast_to(c1 * pose.r23 - s1 * pose.r13, c23.shape)
+        a1, a2, a3 = (c1 * r + s1 * t for r, t in zip(pose.row_1, pose.row_2, strict=True))
+        b1, b2, y4 = (c1 * t - s1 * r for r, t in zip(pose.row_1, pose.row_2, strict=True))
         x4 = c23 * a3 - s23 * pose.r33
         sin_5 = np.sqrt(x4 * x4 + y4 * y4)
         cos_5 = s23 * a3 + c23 * pose.r33
-        y6 = s23 * a2 + c23 * pose.r32
-        x6 = -(s23 * a1 + c23 * pose.r31)
-        theta_4, theta_6 = np.arctan2(y4, x4), np.arctan2(y6, x6)
         straight = sin_5 < STRAIGHT
         if straight.any():
-            total = np.arctan2(
-                np.broadcast_to(c1 * pose.r21 - s1 * pose.r11, c23.shape),
-                c23 * a1 - s23 * pose.r31,
-            )
-            self._split(straight, total, cos_5, theta_4, theta_6)
+            fixed = -float(self.arm.geometry.offsets[3])
+            x4 = np.where(straight, np.cos(fixed), x4)
+            y4 = np.where(straight, np.sin(fixed), y4)
+            length = np.where(straight, 1.0, sin_5)
+            sin_5 = np.where(straight, 0.0, sin_5)
+        else:
+            length = sin_5
+        c4, s4 = x4 / length, y4 / length
+        y6 = c4 * b1 - s4 * (c23 * a1 - s23 * pose.r31)
+        x6 = c4 * b2 - s4 * (c23 * a2 - s23 * pose.r32)
+        theta_4 = np.arctan2(s4, c4)
         theta_5 = np.arctan2(sin_5, cos_5)
+        theta_6 = np.arctan2(y6, x6)
         lower = 1 if self.arm.geometry.signs[4] > 0 else 0  # wrist slot 1: A5 below straight
         theta[3, 1 - lower], theta[3, lower] = theta_4, _half_turned(theta_4)
         theta[4, 1 - lower], theta[4, lower] = theta_5, -theta_5
         theta[5, 1 - lower], theta[5, lower] = theta_6, _half_turned(theta_6)
-
-    def _split(
-        self,
-        straight: BoolArray,
-        total: FloatArray,
-        cos_5: FloatArray,
-        theta_4: FloatArray,
-        theta_6: FloatArray,
-    ) -> None:
-        """Put A4 = 0 where axes 4 and 6 are one, and the whole turn into axis 6."""
-        fixed = -float(self.arm.geometry.offsets[3])
-        forward = wrapped(total - fixed)
-        backward = wrapped(fixed - wrapped(total + np.pi))  # wrist folded back: A4 - A6 matters
-        theta_4[straight] = wrapped(fixed)
-        theta_6[straight] = np.where(cos_5 > 0.0, forward, backward)[straight]
 
 
 def _half_turned(angle: FloatArray) -> FloatArray:

@@ -134,7 +134,7 @@ class NumericSolver:
                 begin.append(known[order.ravel()])
             if not rows:
                 return
-            row = np.concatenate(rows)
+            row = np.concatenate(rows).astype(np.int32)
             solution, is_found = newton(self.chain, T[row], np.concatenate(begin))
             self._sort_in(q, row[is_found], solution[is_found])
             done = starts
@@ -219,10 +219,10 @@ def _best(score: FloatArray, count: int) -> IntArray:
     """Return the columns (n, count) of the highest scores, best first."""
     count = min(count, score.shape[1])
     if count == 1:
-        return np.argmax(score, axis=1)[:, None].astype(np.int32)
+        return np.asarray(np.argmax(score, axis=1)[:, None], dtype=np.int32)
     part = np.argpartition(-score, count - 1, axis=1)[:, :count]
     order = np.argsort(-np.take_along_axis(score, part, axis=1), axis=1, kind="stable")
-    return np.take_along_axis(part, order, axis=1).astype(np.int32)
+    return np.asarray(np.take_along_axis(part, order, axis=1), dtype=np.int32)
 
 
 def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
