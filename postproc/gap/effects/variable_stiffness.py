@@ -9,6 +9,7 @@ import numpy as np
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
 from postproc.model.modelfile import ModelFile
+from postproc.stiffness.fieldfile import constant_of, field_of, is_field_table
 from postproc.units import MM
 
 TERMS = ("cos1", "sin1", "cos2", "sin2", "x", "y", "z", "mean")
@@ -22,7 +23,9 @@ class VariableStiffness(Effect):
     """Relative change of each joint's compliance: own angle, and place of the tool point.
 
     A grid over space alone explains nothing of a stiffness that follows the joints' own angles.
-    The constant part is another effect, ``joint_compliance``.
+    The constant part is another effect, ``joint_compliance``. A table that ``postproc identify``
+    wrote (kind grid or joint_space) holds the whole stiffness: it is one number, 1, times what
+    its field gives beyond that constant.
     """
 
     name = "variable_stiffness"
@@ -40,7 +43,9 @@ class VariableStiffness(Effect):
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return eight relative changes for each joint."""
-        del arm, setting
+        del arm
+        if "field" in setting:
+            return (Parameter("field", 1.0),)
         return tuple(
             Parameter(f"joint_{joint}_{term}", typical, joint=joint)
             for joint in range(1, 7)
@@ -49,6 +54,9 @@ class VariableStiffness(Effect):
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by its torque times the change of its compliance."""
+        if "field" in setting:
+            excess = setting["field"].compliance(samples.q, samples.point) - setting["constant"]
+            return Basis(joint=(samples.load_torque() * excess)[:, :, None])
         place = (samples.point - setting["centre"]) / setting["width"]
         turn = samples.load_torque() * samples.arm.reference.c_joint
         joint = np.zeros((len(samples), 6, 6 * len(TERMS)))
@@ -62,6 +70,8 @@ class VariableStiffness(Effect):
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the relative changes, one row a joint, and the reference they are relative to."""
+        if "field" in state.setting:
+            return dict(state.setting["table"])
         table = np.nan_to_num(state.theta).reshape(6, len(TERMS))
         return {
             "terms": list(TERMS),
@@ -73,6 +83,8 @@ class VariableStiffness(Effect):
 
     def read(self, model: ModelFile, arm: Arm) -> State:
         """Return the state; changes relative to another reference are scaled."""
+        if is_field_table(model):
+            return State(np.ones(1), _field_setting(model))
         keys = ("relative_compliance", "reference_deg_per_Nm", "centre_mm", "width_mm")
         model.require_known(self.name, [*keys, "terms"])
         table = model.values(self.name, keys[0], (6, len(TERMS)))
@@ -82,3 +94,17 @@ class VariableStiffness(Effect):
         scale = np.asarray(reference) / arm.reference.c_joint
         theta = np.asarray(table) * scale[:, None]
         return State(theta.ravel(), {"centre": centre, "width": float(np.asarray(width))})
+
+
+def _field_setting(model: ModelFile) -> Setting:
+    """Return field, constant part (6,) [rad/(N*m)] that another effect has, and the table."""
+    constant = np.zeros(6)
+    if "joint_compliance" in model.effects:
+        constant = np.nan_to_num(constant_of(model), nan=0.0)
+    # a joint that the field does not know keeps the constant, so nothing comes on top of it
+    known = np.where(constant > 0.0, 1.0 / np.where(constant > 0.0, constant, 1.0), np.inf)
+    return {
+        "field": field_of(model, known),
+        "constant": constant,
+        "table": model.effects["variable_stiffness"],
+    }
