@@ -72,7 +72,8 @@ def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, _
     if kind == "operation":
         key = path.operation[:, None].astype(np.int64)
     else:
-        if kind == "region" and not np.isin(path.kind, (MotionKind.HOLE,)).all():
+        holes = path.format == "csv" or bool((path.kind == MotionKind.HOLE).all())
+        if kind == "region" and not holes:
             raise DataError(
                 "BAT041",
                 "only point clouds of holes can be split by region; use operation or count",

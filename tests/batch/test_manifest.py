@@ -1,0 +1,90 @@
+import os
+import subprocess
+import sys
+
+import pytest
+
+from postproc.batch.junit import junit_xml
+from postproc.batch.lock import folder_lock
+from postproc.batch.manifest import JOURNAL, NAME, Manifest
+from postproc.batch.worker import JobResult
+from postproc.errors import DataError
+
+MARKS = {"input": "1", "cell": "2"}
+
+
+def _landed(folder, key="a.cls", content=b"x"):
+    manifest = Manifest.load(folder)
+    (folder / "A.src").write_bytes(content)
+    manifest.record(
+        JobResult(key, "ok", "A", {"A.src": content}, tags=3), MARKS, {"A.src": content}
+    )
+    return manifest
+
+
+def test_a_result_is_current_until_anything_changes(tmp_path):
+    _landed(tmp_path).save()
+    manifest = Manifest.load(tmp_path)
+    assert manifest.is_current("a.cls", MARKS)
+    assert not manifest.is_current("a.cls", {**MARKS, "cell": "3"})
+    assert not manifest.is_current("b.cls", MARKS)
+    (tmp_path / "A.src").write_bytes(b"edited by hand")
+    assert not manifest.is_current("a.cls", MARKS)
+
+
+def test_the_journal_of_a_killed_run_counts_but_not_its_torn_last_line(tmp_path):
+    _landed(tmp_path)
+    with (tmp_path / JOURNAL).open("ab") as stream:
+        stream.write(b'{"key": "b.cls", "entry": {"sta')
+    manifest = Manifest.load(tmp_path)
+    assert manifest.is_current("a.cls", MARKS)
+    assert "b.cls" not in manifest.entries
+    manifest.save()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["A.src", NAME]
+
+
+def test_a_failed_result_is_never_current(tmp_path):
+    manifest = Manifest.load(tmp_path)
+    manifest.record(JobResult("a.cls", "failed", errors=("a.cls:1: error X: y",)), MARKS, {})
+    assert not manifest.is_current("a.cls", MARKS)
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"schema": "other", "entries": {}}'])
+def test_a_foreign_manifest_is_not_overwritten(tmp_path, text):
+    (tmp_path / NAME).write_text(text)
+    with pytest.raises(DataError, match="BAT010"):
+        Manifest.load(tmp_path)
+
+
+def test_a_second_batch_is_refused_with_the_pid_of_the_first(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from postproc.batch.lock import folder_lock\n"
+        "with folder_lock(Path(sys.argv[1])):\n print('held', flush=True); sys.stdin.read()"
+    )
+    first = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert first.stdout is not None
+    assert first.stdout.readline() == "held\n"
+    with pytest.raises(DataError, match=f"BAT011.*pid {first.pid}, since"), folder_lock(tmp_path):
+        pass
+    first.kill()
+    first.communicate()
+    with folder_lock(tmp_path):
+        assert str(os.getpid()) in (tmp_path / ".postproc-lock").read_text()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_junit_counts_and_escapes():
+    text = junit_xml(
+        {
+            "a": {"status": "ok", "errors": []},
+            "b": {"status": "failed", "errors": ["b:1: error <&> \x00"]},
+            "c": {"status": "crash", "errors": []},
+        }
+    ).decode()
+    assert 'tests="3" failures="1" errors="1"' in text
+    assert "&lt;&amp;&gt; ?" in text

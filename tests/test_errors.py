@@ -1,0 +1,31 @@
+import pickle
+
+from postproc.errors import Issue, PostprocError, ReadError, Severity, SourceRef, fold
+
+
+def test_an_error_is_one_line_whatever_it_holds():
+    error = ReadError("APT012", "no number\nhere\r\n at all", SourceRef("blade.apt", 1482))
+    assert str(error) == "blade.apt:1482: error APT012: no number here at all"
+
+
+def test_errors_cross_process_borders():
+    error = ReadError("APT012", "no number", SourceRef("a.apt", 3, "FEDRAT/"), "give one")
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is ReadError
+    assert (again.code, again.message, again.source, again.hint) == (
+        error.code,
+        error.message,
+        error.source,
+        error.hint,
+    )
+    assert isinstance(again, PostprocError)
+    assert isinstance(again, ValueError)
+
+
+def test_equal_findings_fold_into_the_first():
+    one = Issue(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 1))
+    two = Issue(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 9))
+    other = Issue(Severity.ERROR, "APT020", "unknown word", source=SourceRef("a", 9))
+    folded = fold([one, two, other, two])
+    assert [(i.severity, i.count) for i in folded] == [("warning", 3), ("error", 1)]
+    assert str(folded[0]) == "a:1: warning APT020: unknown word (3 times)"
