@@ -29,6 +29,7 @@ LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Text = Annotated[str, Field(min_length=1, max_length=255)]
+KrlName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,23}$")]
 
 
 class Table(BaseModel):
@@ -257,6 +258,22 @@ class MotionTable(Table):
     )
 
 
+class HooksTable(Table):
+    """Routines that the integrator defines and programs call."""
+
+    spindle_on: KrlName = Field(
+        default="PP_SPINDLE_ON", description="gets the speed [1/min], negative counterclockwise"
+    )
+    spindle_off: KrlName = Field(default="PP_SPINDLE_OFF", description="without parameter")
+    coolant_on: KrlName = Field(
+        default="PP_COOLANT_ON", description="gets 1 flood, 2 mist, 3 through the tool, 4 air"
+    )
+    coolant_off: KrlName = Field(default="PP_COOLANT_OFF", description="without parameter")
+    stop: KrlName = Field(default="PP_STOP", description="stop of the CAM program")
+    optional_stop: KrlName = Field(default="PP_OPTIONAL_STOP", description="optional stop")
+    tool_change: KrlName = Field(default="PP_TOOL_CHANGE", description="gets the tool number")
+
+
 class KrlTable(Table):
     """How programs are written."""
 
@@ -266,6 +283,40 @@ class KrlTable(Table):
     max_points_per_file: Annotated[int, Field(ge=2)] = Field(
         default=1000, description="a longer program is split into sub-programs"
     )
+    split: Literal["points", "operations"] = Field(
+        default="points", description="operations: each operation begins a sub-program"
+    )
+    motion: Literal["dense", "spline", "spline_block", "forms"] = Field(
+        default="dense",
+        description="dense: PTP, LIN, CIRC; spline: SPTP, SLIN, SCIRC; spline_block: the same in "
+        "SPLINE blocks; forms: as dense, entries and approaches as inline forms",
+    )
+    points: Literal["inline", "dat"] = Field(
+        default="inline", description="dat: the points stand in the .dat file, to be touched up"
+    )
+    kss: Literal["8.5", "8.6"] = Field(
+        default="8.6", description="inline forms of KSS 8.5 and older, or of 8.6 and newer"
+    )
+    advance: Annotated[int, Field(ge=0, le=5)] = Field(
+        default=3, description="$ADVANCE: motions planned ahead; 0 stops at every point"
+    )
+    orientation_speed_deg_s: Annotated[float, Field(gt=0.0, le=400.0)] = Field(
+        default=200.0, description="$VEL.ORI1 and ORI2 [deg/s]"
+    )
+    path_speed_max_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
+        default=2.0, description="largest path speed [m/s]: rapids are slowed, a feed is refused"
+    )
+    cam_lines: bool = Field(default=True, description="name the CAM line behind each motion")
+    setup: bool = Field(
+        default=False, description="write NAME_SETUP, which enters tool, base and load data"
+    )
+    hooks_example: bool = Field(
+        default=False, description="write PP_HOOKS, an example of the routines of krl.hooks"
+    )
+    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="principal inertia of the tool for LOAD_DATA [kg*m^2]"
+    )
+    hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
 
 
 class ExternalAxisTable(Placement):
