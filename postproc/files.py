@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 from postproc.errors import ReadError, SourceRef
 
@@ -18,6 +19,21 @@ def read_bytes(path: str | Path) -> bytes:
     """
     try:
         return Path(path).read_bytes()
+    except FileNotFoundError:
+        raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
+    except OSError as problem:
+        reason = problem.strerror or type(problem).__name__
+        raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
+
+
+def open_input(path: str | Path) -> BinaryIO:
+    """Return an input file opened for reading bytes; the caller closes it.
+
+    Raises:
+        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable.
+    """
+    try:
+        return Path(path).open("rb")
     except FileNotFoundError:
         raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
     except OSError as problem:

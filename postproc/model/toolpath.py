@@ -153,6 +153,7 @@ class ToolPath:
         names: ids of the tags where the input has them, else None.
         extra: further columns by name (diameter, ...), each of length n.
         unknown_words: words that the reader does not know, with their count.
+        words: all major words of the file with their count, where the format has words.
         warnings: findings; ``recovered``: faults that ``--recover`` fixed.
     """
 
@@ -180,6 +181,7 @@ class ToolPath:
     names: tuple[str, ...] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     unknown_words: Mapping[str, int] = field(default_factory=dict)
+    words: Mapping[str, int] = field(default_factory=dict)
     warnings: tuple[Issue, ...] = ()
     recovered: tuple[Issue, ...] = ()
 

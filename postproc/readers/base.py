@@ -1,0 +1,154 @@
+"""What all readers share: options, the registry, sniffing, and ``read``.
+
+A reader is one class with a ``sniff`` and a ``read``, registered by ``READERS.register(name)``;
+foreign readers come by the entry-point group ``postproc.readers``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from postproc.errors import ReadError, SourceRef, UsageError
+from postproc.files import open_input
+from postproc.model.arrays import FloatArray
+from postproc.model.toolpath import ToolPath
+from postproc.registry import Registry
+from postproc.units import INCH, MM
+
+LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
+"""Metres per unit of length, by the names that ``--units`` takes."""
+HEAD_BYTES = 1 << 16
+LONGEST_LINE = 1 << 16
+"""No statement or row of a real file comes near this many bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadOptions:
+    """How a file is to be read; everything has a default that fits files in the wild.
+
+    Args:
+        units: ``mm``, ``inch`` or ``m`` where the file does not say; None: as the file says.
+        dialect: APT dialect to use instead of the one sniffed from the content.
+        recover: fix what has one possible meaning and list it, instead of an error.
+        columns: names of the columns of a CSV file in order, ``-`` for one to leave out.
+        tool_axis: (3,) axis of the TCP frame that points out of the tool into the part; turns a
+            full orientation of the input into a tool axis: ``axes = -(R_part_tcp @ tool_axis)``.
+        surface_normals: points (n, 3) [m] of the part to outward unit normals (n, 3), from the
+            workpiece's mesh; stands in where a CSV file gives no orientation.
+        chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
+        cycle_words: meaning of the positional numbers of a CATIA drill cycle, in order, out of
+            ``depth``, ``clearance``, ``retract``, ``peck``, ``dwell``, ``feed``, ``-`` (ignored).
+        task: DELMIA task to read; None: every task that no other one calls, in file order.
+    """
+
+    units: str | None = None
+    dialect: str | None = None
+    recover: bool = False
+    columns: tuple[str, ...] | str | None = None
+    tool_axis: tuple[float, ...] = (1.0, 0.0, 0.0)
+    surface_normals: Callable[[FloatArray], FloatArray] | None = None
+    chord_tolerance: float = 1e-5
+    cycle_words: tuple[str, ...] = ("depth", "clearance", "feed", "dwell")
+    task: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the names.
+
+        Raises:
+            UsageError: IO020 for an unknown unit.
+        """
+        if self.units is not None and self.units not in LENGTH_UNITS:
+            known = ", ".join(LENGTH_UNITS)
+            raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
+
+
+class Reader(Protocol):
+    """What a reader offers."""
+
+    def sniff(self, head: bytes) -> float:
+        """Return how sure (0 to 1) the reader is that the file is its own, from its head."""
+
+    def read(self, path: str, options: ReadOptions) -> ToolPath:
+        """Return the toolpath.
+
+        Raises:
+            PostprocError: if the file cannot be read as this format.
+        """
+
+
+READERS: Registry[Reader] = Registry("readers", "postproc.readers")
+
+
+def read(path: str | Path, format: str = "auto", options: ReadOptions | None = None) -> ToolPath:  # noqa: A002 - the option's name on the command line
+    """Return the toolpath of a CAM file.
+
+    Args:
+        path: the file.
+        format: ``auto``, or the name of a registered reader: ``apt``, ``csv``, ``delmia``.
+        options: see ``ReadOptions``.
+
+    Raises:
+        ReadError: IO001 missing, IO002 unreadable, IO010 no format fits, IO011 empty, IO012 not a
+            text file, IO014 no motion in it; and the codes of the reader.
+        UsageError: IO013 if two formats fit equally well.
+        PluginError: PLG001 for an unknown format.
+    """
+    name = str(path)
+    head = _head(name)
+    reader = READERS.get(format) if format != "auto" else _sniffed(name, head)
+    toolpath = reader.read(name, options or ReadOptions())
+    if len(toolpath) == 0:
+        raise ReadError(
+            "IO014", "no motion in this file, expected at least one point", SourceRef(name)
+        )
+    return toolpath
+
+
+def _head(path: str) -> bytes:
+    """Return the first bytes of a text file."""
+    with open_input(path) as stream:
+        head = stream.read(HEAD_BYTES)
+    if not head.strip():
+        raise ReadError("IO011", "empty file, expected a toolpath", SourceRef(path))
+    check_text(path, head, 1)
+    return head
+
+
+def check_text(path: str, data: bytes, first_line: int) -> None:
+    """Raise ReadError IO012 if ``data``, which begins at ``first_line``, is no text."""
+    at = data.find(b"\0")
+    if at < 0:
+        return
+    line = first_line + data.count(b"\n", 0, at)
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
+    else:
+        message = "NUL byte, so this is a binary or damaged file; expected text"
+    raise ReadError("IO012", message, SourceRef(path, line))
+
+
+def _sniffed(path: str, head: bytes) -> Reader:
+    scores = sorted(((reader.sniff(head), name, reader) for name, reader in READERS), key=_by_score)
+    best, runner_up = scores[-1], scores[-2] if len(scores) > 1 else (0.0, "", None)
+    if best[0] <= 0.0:
+        known = ", ".join(sorted(name for _, name, _ in scores))
+        raise ReadError(
+            "IO010",
+            f"this is none of the formats {known}",
+            SourceRef(path),
+            "if it is one of them, name it with --format",
+        )
+    if best[0] == runner_up[0]:
+        raise UsageError(
+            "IO013",
+            f"this may be {best[1]} or {runner_up[1]}, say which with --format",
+            SourceRef(path),
+        )
+    return best[2]
+
+
+def _by_score(candidate: tuple[float, str, Reader]) -> tuple[float, str]:
+    return candidate[0], candidate[1]

@@ -1,0 +1,83 @@
+"""Findings of one reading: errors with their line, warnings once each, fixes of ``--recover``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from postproc.errors import Issue, ReadError, Severity, SourceRef
+
+_SHOWN = 60
+
+
+class Faults:
+    """Collects what a reader finds in one file.
+
+    Args:
+        path: the file as the user named it.
+        recover: fix what has one possible meaning instead of an error.
+    """
+
+    def __init__(self, path: str, recover: bool) -> None:
+        self.path = path
+        self.recover = recover
+        self._warnings: dict[tuple[str, str], Issue] = {}
+        self._fixes: dict[tuple[str, str], Issue] = {}
+
+    @property
+    def warnings(self) -> tuple[Issue, ...]:
+        """Warnings in the order of their first lines, repeated ones counted."""
+        return tuple(self._warnings.values())
+
+    @property
+    def fixes(self) -> tuple[Issue, ...]:
+        """Fixes in the order of their first lines, repeated ones counted."""
+        return tuple(self._fixes.values())
+
+    def error(
+        self, code: str, message: str, line: int, text: str = "", hint: str = ""
+    ) -> ReadError:
+        """Return an error at a line, to be raised; ``text`` is what stands there."""
+        shown = f": {shortened(text)}" if text else ""
+        return ReadError(code, message + shown, SourceRef(self.path, line, text), hint)
+
+    def warn(self, code: str, message: str, line: int) -> None:
+        """Keep a warning; the same again only counts."""
+        self._keep(self._warnings, Severity.WARNING, code, message, line)
+
+    def fix(self, code: str, message: str, done: str, line: int, text: str = "") -> None:
+        """Record a fault that has one possible meaning.
+
+        Args:
+            code: stable code.
+            message: what is wrong.
+            done: what ``--recover`` makes of it.
+            line: 1-based line.
+            text: what stands there.
+
+        Raises:
+            ReadError: unless recovering was asked for.
+        """
+        if not self.recover:
+            raise self.error(code, message, line, text, f"--recover reads it so: {done}")
+        self._keep(self._fixes, Severity.WARNING, code, f"{message}; {done}", line)
+
+    def _keep(
+        self,
+        store: dict[tuple[str, str], Issue],
+        severity: Severity,
+        code: str,
+        message: str,
+        line: int,
+    ) -> None:
+        known = store.get((code, message))
+        if known is None:
+            source = SourceRef(self.path, line)
+            store[code, message] = Issue(severity, code, message, source=source)
+        else:
+            store[code, message] = replace(known, count=known.count + 1)
+
+
+def shortened(text: str) -> str:
+    """Return printable ASCII text of at most 60 characters."""
+    clean = "".join(c if " " <= c <= "~" else "?" for c in text)
+    return clean if len(clean) <= _SHOWN else clean[: _SHOWN - 3] + "..."
