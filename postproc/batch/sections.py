@@ -121,6 +121,10 @@ def split_job(job: Job, path: ToolPath, rule: tuple[str, float]) -> list[Job]:
 
 
 def caller_program(name: str, sections: list[str]) -> dict[str, bytes]:
-    """Return a program that calls the sections' programs in order."""
-    lines = ["&ACCESS RVP", "&REL 1", f"DEF {name}( )", *(f"{s}( )" for s in sections), "END", ""]
-    return {f"{name}.src": "\r\n".join(lines).encode("ascii")}
+    """Return a program that calls the sections' programs in order; each sets itself up."""
+    from postproc.emitters.kuka_krl import render_files
+    from postproc.krl.program import Call, KrlModule, Routine
+
+    routine = Routine(name, tuple(Call(section) for section in sections))
+    attributes = ("ACCESS RVP", "REL 1")
+    return render_files([KrlModule(name, (routine,), attributes=attributes)])

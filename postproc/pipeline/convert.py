@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -106,27 +106,13 @@ def convert(
         PostprocError: if the input, the cell or an option is wrong.
     """
     clock = _Clock()
-    cell = with_options(load_cell(request.cell), request.strategy, request.objective)
+    cell = load_cell(request.cell)
     toolpath = read_toolpath(request, cell) if toolpath is None else toolpath
     clock.lap("read")
     plan = make_plan(toolpath, cell, request, progress)
     clock.lap("plan")
     name, files, issues = _emit_checked(plan, cell, request, clock)
     return Conversion(cell, toolpath, plan, files, name, issues, clock.total())
-
-
-def with_options(cell: Cell, strategy: str | None, objective: str | None) -> Cell:
-    """Return the cell with the strategy and the objective of the call.
-
-    Raises:
-        CellError: CEL901 if the objective has no such name.
-    """
-    changes: dict[str, Any] = {}
-    if strategy:
-        changes["strategy"] = strategy
-    if objective:
-        changes["objective"] = objective
-    return replace(cell, optimize=replace(cell.optimize, **changes)) if changes else cell
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -172,9 +158,13 @@ def make_plan(
     from postproc.planning.planner import PlanOptions
     from postproc.planning.planner import plan as plan_toolpath
 
-    result = plan_toolpath(toolpath, cell, PlanOptions(partial=request.partial), progress)
-    if request.name:
-        result = replace(result, name=request.name)
+    options = PlanOptions(
+        strategy=request.strategy,
+        objective=request.objective,
+        partial=request.partial,
+        name=request.name,
+    )
+    result = plan_toolpath(toolpath, cell, options, progress)
     if request.model and not result.errors:
         from postproc.pipeline.compensate import compensate
 

@@ -1,0 +1,85 @@
+import json
+import subprocess
+import sys
+
+import pytest
+
+from postproc.cli import app
+
+
+def run(arguments, capsys):
+    code = app.run(arguments)
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_help_loads_no_numbers():
+    code = (
+        "import sys; from postproc.cli import app; code = app.run(['--help'])\n"
+        "heavy = {'numpy', 'scipy', 'trimesh', 'pinocchio', 'fcl', 'lxml', 'pydantic', 'rich'}\n"
+        "assert code == 0\nassert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("name", sorted(app.COMMANDS))
+def test_every_command_has_help_with_an_example(name, capsys):
+    code, out, err = run([name, "--help"], capsys)
+    assert code == 0
+    assert f"postproc {name}" in out.split("Example", 1)[1]
+    assert "--json" in out
+    assert "--quiet" in out
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["convrt", "a"],
+        ["convert"],
+        ["convert", "a.cls", "-o", "x"],
+        ["convert", "a.cls", "--cell", "c.toml", "-o", "x", "--format", "step"],
+        ["convert", "a.cls", "--cell", "c.toml", "-o", "x", "--nonsense"],
+        ["diff", "only_one"],
+        ["batch", "-o", "x", "a", "--jobs", "0"],
+    ],
+)
+def test_a_wrong_call_is_one_line_and_exit_2(arguments, capsys):
+    code, out, err = run(arguments, capsys)
+    assert code == 2
+    assert out == ""
+    assert err.splitlines()[0].startswith("postproc:1: error CLI001: ")
+    assert "Traceback" not in err
+
+
+def test_a_missing_input_is_named(tmp_path, capsys):
+    code, out, err = run(["inspect", str(tmp_path / "none.cls")], capsys)
+    assert (code, out) == (2, "")
+    assert err.splitlines()[0] == f"{tmp_path / 'none.cls'}:1: error IO001: no such file"
+
+
+def test_a_bug_shows_itself_and_asks_for_a_report(monkeypatch, capsys):
+    def broken(*_args, **_kwargs):
+        raise ZeroDivisionError("inside")
+
+    monkeypatch.setattr(app.group, "main", broken)
+    code, _, err = run(["robots"], capsys)
+    assert code == 70
+    assert "ZeroDivisionError: inside" in err
+    assert "please report" in err
+
+
+def test_an_interrupt_is_exit_130(monkeypatch, capsys):
+    def stopped(*_args, **_kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(app.group, "main", stopped)
+    code, _, err = run(["robots"], capsys)
+    assert code == 130
+    assert "interrupted" in err
+
+
+def test_json_is_one_object_and_nothing_else(capsys):
+    code, out, _ = run(["robots", "--json"], capsys)
+    assert code == 0
+    assert isinstance(json.loads(out), dict)
