@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +52,9 @@ class Ladder:
     """
 
     offsets: IndexArray
-    position: FloatArray
+    position: NDArray[np.floating[Any]]
     cost: FloatArray
-    group: IndexArray
+    group: NDArray[np.integer[Any]]
     rule: IndexArray
     weight: FloatArray
     value: FloatArray = field(init=False)

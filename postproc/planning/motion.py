@@ -90,7 +90,7 @@ def path_length(
 ) -> FloatArray:
     """Return the length (m,) [m]: straight where ``sweep`` is 0, else that of the arc or helix."""
     straight = np.linalg.norm(end - start, axis=1)
-    return np.where(sweep > 0.0, np.maximum(radius * sweep, straight), straight)
+    return np.asarray(np.where(sweep > 0.0, np.maximum(radius * sweep, straight), straight))
 
 
 def _turned(T_a: FloatArray, T_b: FloatArray, share: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from postproc.errors import PlanError
 from postproc.frames import inverse, rotation_about, transform
@@ -174,11 +175,11 @@ def spin_values(step: float, low: float, high: float) -> FloatArray:
         return rounded_spin((np.arange(count) - count // 2) * step)
     first, last = int(np.ceil(low / step - 1e-9)), int(np.floor(high / step + 1e-9))
     if last < first:
-        return rounded_spin(np.array([0.5 * (low + high)]))
+        return rounded_spin(np.full(1, 0.5 * (low + high)))
     return rounded_spin(np.arange(first, last + 1) * step)
 
 
-def rounded_spin(spin: FloatArray) -> FloatArray:
+def rounded_spin(spin: ArrayLike) -> FloatArray:
     """Round to the grid that makes poses independent of the machine's last digit."""
-    rounded: FloatArray = np.round(np.asarray(spin) / SPIN_GRID) * SPIN_GRID + 0.0
+    rounded: FloatArray = np.round(np.asarray(spin, dtype=np.float64) / SPIN_GRID) * SPIN_GRID + 0.0
     return rounded

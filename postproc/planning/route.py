@@ -129,7 +129,7 @@ def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
 def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
     """Return (m,) the rapids that run straight: same branch, every pose between feasible."""
     kind = np.asarray(checker.problem.toolpath.kind)
-    straight = (
+    straight: BoolArray = (
         (kind[ends.tag_to] == MotionKind.RAPID)
         & ~chosen.entry[ends.tag_to]
         & (chosen.branch[ends.tag_from] == chosen.branch[ends.tag_to])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -205,4 +206,4 @@ def _runs(labels: IndexArray) -> list[tuple[int, int]]:
         return []
     edges = np.nonzero(np.diff(labels))[0] + 1
     bounds = [0, *edges.tolist(), len(labels)]
-    return list(zip(bounds[:-1], bounds[1:], strict=True))
+    return list(itertools.pairwise(bounds))

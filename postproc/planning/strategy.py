@@ -124,9 +124,10 @@ class Hunt:
             {},
         )
 
-    def run(self) -> Found:
-        """Search."""
-        return search(self.ladder, self.check_states, self.check_steps, self.beside)
+    def run(self, *, steps: bool = True) -> Found:
+        """Search; without ``steps`` only states are checked, not the motions between them."""
+        check_steps = self.check_steps if steps else None
+        return search(self.ladder, self.check_states, check_steps, self.beside)
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run; keeps the reasons."""
@@ -173,14 +174,13 @@ class Hunt:
         inside = (rung >= 0) & (rung < n)
         branch = self.states.branch[failing].astype(np.int64)[:, None, None]
         places = (np.clip(rung, 0, n - 1) * width + column) * 8 + branch
-        states = self._table[np.unique(places[np.broadcast_to(inside, places.shape)])]
-        return states[states != NONE]
+        states: IndexArray = self._table[np.unique(places[np.broadcast_to(inside, places.shape)])]
+        return np.asarray(states[states != NONE])
 
     def _cell(self, states: IndexArray) -> IndexArray:
         width = self.states.spins.shape[-1]
         rung, column = self.states.tag_of(states), self.states.column[states].astype(np.int64)
-        places: IndexArray = (rung * width + column) * 8 + self.states.branch[states]
-        return places
+        return np.asarray((rung * width + column) * 8 + self.states.branch[states])
 
     def chosen(self, found: Found) -> Chosen:
         """Return the poses of all tags with exact joints."""
@@ -274,7 +274,7 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
 
 
 def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
-    """Return (n,) the tags of a course that fail by themselves or by the cut into or out of them."""
+    """Return (n,) the tags of a course that fail, by themselves or by a cut into or out of them."""
     moved = np.nonzero(free)[0]
     bad = np.zeros(len(course.tags), dtype=np.bool_)
     verdict = checker.states(

@@ -1,0 +1,232 @@
+"""The smoothing of Jiao et al. 2022: key tags optimised, the turn of the others interpolated.
+
+The paper interpolates the first roll angle of the inverse rotation (Eqs. 28-37), which fails where
+that angle wraps, where the tool is vertical, and by the signs printed. Here the turn is measured
+against a cross direction that is carried along the path by the smallest rotation from tool axis to
+tool axis (parallel transport), unwrapped, and interpolated over arc length: the same where the
+paper's holds, free of singularities elsewhere.
+
+Interpolation can lose much of the stiffness that the key tags gained. The loss of every tag against
+its own optimum is therefore measured, and key tags are added where it exceeds the bound, as well
+as where an interpolated pose cannot be run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from postproc.errors import Issue, Severity
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.planning.candidates import evaluate
+from postproc.planning.feasible import Checker
+from postproc.planning.keytags import arc_length, key_tags, stretches
+from postproc.planning.ladder import NONE, IndexArray, Rule
+from postproc.planning.moves import Chosen
+from postproc.planning.place import Placement, cross_axes, rounded_spin, transported
+from postproc.planning.problem import Problem
+
+_FULL_TURN = 2.0 * np.pi
+_ROUNDS = 40
+
+
+def smooth(
+    checker: Checker, step: Callable[[int, int, str], None]
+) -> tuple[Chosen, list[Issue], dict[str, object]]:
+    """Return poses, findings and record of the strategy ``smooth``."""
+    from postproc.planning.explain import explained
+    from postproc.planning.strategy import Hunt, travel
+
+    problem = checker.problem
+    n = len(problem)
+    keys = key_tags(problem.toolpath, problem.settings)
+    first_keys = int(keys.sum())
+    best = _best_index(checker)
+    for round_ in range(_ROUNDS):
+        step(int(keys.sum()), n, "smooth")
+        tags = np.nonzero(keys)[0]
+        hunt = Hunt.of(checker, tags, each=problem.settings.refine == 0.0)
+        hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
+        found = hunt.run(steps=False)
+        chosen, failing = _filled(checker, hunt.chosen(found), tags, last=round_ == _ROUNDS - 1)
+        loss = _loss(problem, chosen, best)
+        added = _more_keys(problem, keys, failing, loss)
+        if not added.any():
+            break
+        keys |= added
+    record = {
+        **hunt.record(found, hunt.chosen(found)),
+        "key_tags": tags.tolist(),
+        "loss": np.where(chosen.good, loss, np.nan).tolist(),
+        "travel_rad2": travel(chosen),
+    }
+    issues = [*explained(checker, hunt.evidence(hunt.chosen(found))), _report(problem, loss, tags)]
+    if len(tags) > first_keys:
+        record["key_tags_added"] = len(tags) - first_keys
+    return chosen, issues, record
+
+
+def interpolated_spin(
+    placement: Placement, tags: IndexArray, way: FloatArray, spin: FloatArray, known: BoolArray
+) -> FloatArray:
+    """Return the spins (m,) of successive tags, interpolated between those known.
+
+    Args:
+        placement: of the tags.
+        tags: (m,) in the order of the path.
+        way: (m,) length of the path at each [m].
+        spin: (m,) [rad], of meaning where ``known``.
+        known: (m,), the first and the last among them.
+    """
+    axis = placement.axis_base(tags)
+    first, _ = cross_axes(placement.tool_axis)
+    cross = placement.R_base_tcp[tags] @ first
+    carried = transported(axis, cross[0])
+    sine = np.einsum("ij,ij->i", np.cross(carried, cross), axis)
+    offset = np.arctan2(sine, np.einsum("ij,ij->i", carried, cross))
+    at = np.nonzero(known)[0]
+    twist = np.unwrap(spin[at] + offset[at])
+    distance = way if way[-1] > way[0] else np.arange(len(way), dtype=np.float64)
+    full = np.interp(distance, distance[at], twist) - offset
+    full += _FULL_TURN * np.round((_line(spin, at, distance) - full) / _FULL_TURN)
+    full[at] = spin[at]
+    return rounded_spin(full)
+
+
+def _line(spin: FloatArray, at: IndexArray, distance: FloatArray) -> FloatArray:
+    return np.asarray(np.interp(distance, distance[at], spin[at]))
+
+
+def _same_stretch(problem: Problem, tags: IndexArray) -> BoolArray:
+    number = stretches(problem.toolpath)[tags]
+    return np.asarray(np.diff(number) == 0)
+
+
+def _filled(
+    checker: Checker, key: Chosen, tags: IndexArray, *, last: bool
+) -> tuple[Chosen, BoolArray]:
+    """Return poses of all tags, and which of those between key tags cannot be run so.
+
+    Args:
+        checker: of the problem.
+        key: poses of the key tags.
+        tags: (k,) the key tags.
+        last: tags that fail are given up, not marked for another try.
+    """
+    problem = checker.problem
+    n = len(problem)
+    spin, q = np.zeros(n), np.zeros((n, 6))
+    branch = np.zeros(n, dtype=np.int64)
+    good = np.zeros(n, dtype=np.bool_)
+    spin[tags], q[tags], branch[tags], good[tags] = key.spin, key.q, key.branch, key.good
+    way = arc_length(problem.toolpath)
+    failing = np.zeros(n, dtype=np.bool_)
+    for k in range(1, len(tags)):
+        a, b = int(tags[k - 1]), int(tags[k])
+        if b == a + 1:
+            continue
+        inner = np.arange(a + 1, b)
+        if not (key.good[k - 1] and key.good[k]) or key.entry[k]:
+            failing[inner] = True
+            continue
+        span = np.arange(a, b + 1)
+        known = np.isin(span, (a, b))
+        spin[inner] = interpolated_spin(problem.placement, span, way[span], spin[span], known)[1:-1]
+        branch[inner] = key.branch[k]
+        share = (way[inner] - way[a]) / max(way[b] - way[a], 1e-12)
+        q[inner] = q[a] + share[:, None] * (q[b] - q[a])
+        good[inner] = True
+    inner = np.setdiff1d(np.nonzero(good)[0], tags)
+    if len(inner):
+        T = problem.placement.tcp(inner, spin[inner])
+        solved, reached = problem.solve(T, branch[inner], q[inner])
+        q[inner] = np.where(reached[:, None], solved, q[inner])
+        fine = reached & problem.within(q[inner]) & problem.regular(q[inner])
+        rows = inner[fine]
+        fine[fine] = checker.states(rows, q[rows], spin[rows], branch[rows]).good
+        failing[inner[~fine]] = True
+    entry = np.zeros(n, dtype=np.bool_)
+    entry[:1] = True
+    entry[tags] = key.entry
+    _check_cuts(checker, Chosen(spin, branch, q, good & ~failing, entry), failing)
+    good &= ~failing
+    entry[1:] |= ~good[:-1]
+    return Chosen(spin, branch, q, good, entry), failing & (not last)
+
+
+def _check_cuts(checker: Checker, chosen: Chosen, failing: BoolArray) -> None:
+    """Mark the tags whose cut from the tag before cannot be run."""
+    from postproc.planning.strategy import check_chain, step_rules
+
+    rule = step_rules(checker.problem)
+    into = (rule == Rule.CHAIN) & chosen.good & ~chosen.entry
+    into[1:] &= chosen.good[:-1]
+    b = np.nonzero(into)[0]
+    b = b[b > 0]
+    if not len(b):
+        return
+    verdict = check_chain(
+        checker,
+        (b - 1, b),
+        (chosen.spin[b - 1], chosen.spin[b]),
+        (chosen.q[b - 1], chosen.q[b]),
+        chosen.branch[b],
+    )
+    failing[b[~verdict.good]] = True
+
+
+def _best_index(checker: Checker) -> FloatArray:
+    """Return the best stiffness index (n,) [N/m] that each tag could have by itself."""
+    from postproc.planning.strategy import Hunt
+
+    problem = checker.problem
+    best = np.full(len(problem), np.nan)
+    if problem.settings.weights.main is None:
+        return best
+    hunt = Hunt.of(checker, np.arange(len(problem)), each=True)
+    hunt.ladder.rule[:] = Rule.FREE
+    path = hunt.run(steps=False).path
+    good = path != NONE
+    best[good] = hunt.states.index[path[good]]
+    return best
+
+
+def _loss(problem: Problem, chosen: Chosen, best: FloatArray) -> FloatArray:
+    """Return the loss (n,) of the index against each tag's own optimum; below 0 for a gain."""
+    loss = np.full(len(best), np.nan)
+    tags = np.nonzero(chosen.good & np.isfinite(best))[0]
+    if len(tags):
+        T = problem.placement.tcp(tags, chosen.spin[tags])
+        index = evaluate(problem, tags, chosen.spin[tags], T, chosen.q[tags])[1]
+        loss[tags] = 1.0 - index / best[tags]
+    return loss
+
+
+def _more_keys(
+    problem: Problem, keys: BoolArray, failing: BoolArray, loss: FloatArray
+) -> BoolArray:
+    """Return the tags to make key: between two key tags the middle failing or the worst one."""
+    added = np.zeros_like(keys)
+    lossy = np.nan_to_num(loss, nan=0.0) > problem.settings.loss_bound
+    at = np.nonzero(keys)[0]
+    for a, b in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):
+        bad = a + 1 + np.nonzero(failing[a + 1 : b])[0]
+        if len(bad):
+            added[bad[len(bad) // 2]] = True
+        elif lossy[a + 1 : b].any():
+            added[a + 1 + int(np.nanargmax(loss[a + 1 : b]))] = True
+        elif failing[b] and b > a + 1:
+            added[(a + b) // 2] = True
+    return added & ~keys
+
+
+def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
+    text = f"{len(tags)} of {len(problem)} tags are key tags"
+    if np.isfinite(loss).any():
+        worst = int(np.nanargmax(loss))
+        text += (
+            f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
+            f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
+        )
+    return Issue(Severity.NOTE, "PLN304", text)
