@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from postproc.emitters.krl_style import KrlStyle
 from postproc.emitters.krl_template import TemplateSet
-from postproc.krl.program import Statement, Trigger
+from postproc.krl import numbers
+from postproc.krl.program import Comment, FoldBegin, FoldEnd, Statement, Trigger
 from postproc.model.toolpath import Event, EventKind
 from postproc.units import RPM
 
@@ -36,31 +37,34 @@ class EventWriter:
             event: the event.
             flying: True in the middle of a blended cut: the advance run must not stop there.
         """
+        if event.kind is EventKind.DWELL:
+            numbers.nonzero(event.value, numbers.SECOND_DIGITS, "a dwell of")
         made = self.templates.statements(
             str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": _words(event)}
         )
-        return [_trigger(statement) for statement in made] if flying else made
+        return [self._trigger(statement) for statement in made] if flying else made
 
     def dwell(self, seconds: float, line: int) -> list[Statement]:
         """Return a wait after a motion."""
+        numbers.nonzero(seconds, numbers.SECOND_DIGITS, "a dwell of")
         text = f"CAM line {line}" if line else ""
         return self.templates.statements(
             "dwell", {"hooks": self.style.hooks, "seconds": seconds}, {"event": text}
         )
 
-
-def _trigger(statement: Statement) -> Statement:
-    """Return a statement that is run where the next motion begins, without an advance-run stop."""
-    from dataclasses import replace
-
-    return Trigger(
-        "DISTANCE",
-        0,
-        0,
-        replace(statement, comment=""),
-        priority=-1,
-        comment=statement.comment,
-    )
+    def _trigger(self, statement: Statement) -> Statement:
+        """Return what is run where the next motion begins, without an advance-run stop."""
+        if isinstance(statement, Comment | FoldBegin | FoldEnd):
+            return statement
+        return Trigger(
+            "PATH" if self.style.is_spline else "DISTANCE",
+            0,
+            0,
+            replace(statement, comment=""),
+            priority=-1,
+            on_start=self.style.is_spline,
+            comment=statement.comment,
+        )
 
 
 def _values(event: Event) -> dict[str, object]:

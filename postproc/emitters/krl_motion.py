@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from postproc.emitters.krl_columns import Columns, is_flying
 from postproc.emitters.krl_events import EventWriter
+from postproc.emitters.krl_forms import FormWriter
+from postproc.emitters.krl_points import PointStore
 from postproc.emitters.krl_style import KrlStyle
 from postproc.krl.comments import comment_text
 from postproc.krl.program import (
@@ -20,17 +22,22 @@ from postproc.krl.program import (
     Move,
     MoveWord,
     Pose,
+    SplineBegin,
+    SplineEnd,
     Statement,
     Value,
 )
 from postproc.krl.split import Part
-from postproc.model.plan import MoveKind, Plan
+from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, EventKind
 
 ANCHOR_PERCENT = 10.0
 """Axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain [%]."""
 SPLINE_SEGMENTS = 500
 """Longest spline block; a longer chain is cut into blocks that blend into each other."""
+FORM_ROLES = (MoveRole.ENTRY, MoveRole.APPROACH)
+"""Moves that become inline forms when a cell asks for them."""
+_QUIET = (EventKind.MESSAGE, EventKind.UNKNOWN)
 _WORDS = {
     False: (MoveWord.PTP, MoveWord.LIN, MoveWord.CIRC),
     True: (MoveWord.SPTP, MoveWord.SLIN, MoveWord.SCIRC),
@@ -44,10 +51,13 @@ class Modal:
     speed_m_s: float | None = None
     blend_mm: float | None = None
     percent: float | None = None
+    is_disturbed: bool = False
+    """A form has set speeds and approximations of its own."""
 
-    def forget(self) -> None:
+    def disturb(self) -> None:
         """Know nothing any more."""
         self.speed_m_s = self.blend_mm = self.percent = None
+        self.is_disturbed = True
 
 
 @dataclass(slots=True)
@@ -57,8 +67,8 @@ class PartWriter:
     Args:
         plan: the whole plan; table: its columns; part: the moves of this file.
         style: the cell's choices; events: what events become.
-        by_index: events by the move they come before.
-        point: puts a target into the data list and returns its name; None writes it in place.
+        by_index: events by the move they come before; values: what the frame templates get.
+        points: the data list of this file; forms: writer of inline forms, None for none.
     """
 
     plan: Plan
@@ -67,7 +77,9 @@ class PartWriter:
     style: KrlStyle
     events: EventWriter
     by_index: Mapping[int, Sequence[Event]]
-    point: Callable[[int, Pose | Axes], Value] | None = None
+    values: Mapping[str, object]
+    points: PointStore
+    forms: FormWriter | None = None
     out: list[Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
     _operation: int = -1
@@ -77,18 +89,27 @@ class PartWriter:
         first = self.part.first
         if self.table.kind[first] != MoveKind.PTP:
             self._anchor(first - 1)
-        self.moves(range(first, self.part.stop))
+        self._moves(first, self.part.stop)
         self._close_operation()
         if self.part.stop == len(self.plan):
             self._events_before(self.part.stop)
         return self.out
 
-    def moves(self, indices: Iterable[int]) -> None:
-        """Write motions one by one."""
-        for index in indices:
-            self._before(index)
-            self._motion(index)
-            self._after(index)
+    def _moves(self, first: int, stop: int) -> None:
+        index = first
+        while index < stop:
+            end = self._block_end(index, stop)
+            if end - index > 1:
+                self._block(index, end)
+            else:
+                end = index + 1
+                self._before(index)
+                if self.forms is not None and self.table.role[index] in FORM_ROLES:
+                    self._form(index, self.forms)
+                else:
+                    self._motion(index)
+            self._after(end - 1)
+            index = end
 
     # ------------------------------------------------------------------ around the motions
 
@@ -107,8 +128,7 @@ class PartWriter:
 
     def _events_before(self, index: int) -> None:
         for event in self.by_index.get(index, ()):
-            quiet = event.kind in (EventKind.MESSAGE, EventKind.UNKNOWN)
-            flying = not quiet and is_flying(self.plan, index, event.kind)
+            flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
             self.out += self.events.statements(event, flying=flying)
 
     def _open_operation(self, operation: int) -> None:
@@ -134,41 +154,88 @@ class PartWriter:
 
     @property
     def _words(self) -> tuple[MoveWord, MoveWord, MoveWord]:
-        return _WORDS[self.style.motion in ("spline", "spline_block")]
+        return _WORDS[self.style.is_spline]
 
     def _motion(self, index: int) -> None:
-        table = self.table
-        kind = table.kind[index]
-        blend = self._blend(index, kind)
-        target: Value = self._axes(index) if kind == MoveKind.PTP else self._pose(index)
-        auxiliary: Value | None = None
-        if kind == MoveKind.PTP:
-            self._percent(table.percent[index])
+        """Write one motion, after what it needs set."""
+        if self.modal.is_disturbed:
+            self._restore()
+        if self.table.kind[index] == MoveKind.PTP:
+            self._percent(self.table.percent[index])
         else:
-            self._speed(table.speed_m_s[index])
-            aux = table.auxiliary[index]
-            if aux is not None:
-                auxiliary = self._target(index, _pose(aux, table.external[index]))
-        target = self._target(index, target)
-        self.out.append(
-            Move(
-                self._words[kind],
-                target,
-                auxiliary,
-                blend=blend,
-                comment=self.cam_line(index),
-            )
+            self._speed(self.table.speed_m_s[index])
+        blend = self._blend(index, self.table.kind[index])
+        self.out.append(self._move(index, blend))
+
+    def _move(
+        self, index: int, blend: tuple[str, ...] = (), settings: tuple[Assign, ...] = ()
+    ) -> Move:
+        table = self.table
+        kind, aux = table.kind[index], table.auxiliary[index]
+        auxiliary = None if aux is None else self._target(index, _pose(aux, table.external[index]))
+        target = self._axes(index) if kind == MoveKind.PTP else self._pose(index)
+        return Move(
+            self._words[kind],
+            self._target(index, target),
+            auxiliary,
+            blend=blend,
+            settings=settings,
+            comment=self._cam_line(index),
         )
 
-    def cam_line(self, index: int) -> str:
+    def _form(self, index: int, forms: FormWriter) -> None:
+        """Write a motion as an inline form; a CIRC stays as it is."""
+        table, pose = self.table, self._pose(index)
+        if table.kind[index] == MoveKind.CIRC:
+            self._motion(index)
+            return
+        if comment := self._cam_line(index):  # outside: the pad rewrites what is inside
+            self.out.append(Comment(comment))
+        if table.kind[index] == MoveKind.PTP:
+            self.out += forms.ptp(index, pose, table.percent[index])
+        else:
+            self.out += forms.lin(index, pose, table.speed_m_s[index], table.blend_mm[index])
+        self.modal.disturb()
+
+    def _cam_line(self, index: int) -> str:
         """Return the comment that names the CAM line of a move."""
         line = self.table.line[index]
         return f" CAM line {line}" if line and self.style.cam_lines else ""
 
-    def _target(self, index: int, target: Value) -> Value:
-        if self.point is None or not isinstance(target, Pose | Axes):
-            return target
-        return self.point(index, target)
+    def _target(self, index: int, target: Pose | Axes) -> Value:
+        return self.points.add(index, target) if self.style.points == "dat" else target
+
+    # ------------------------------------------------------------------------ spline blocks
+
+    def _block_end(self, first: int, stop: int) -> int:
+        """Return the move behind the spline block that begins with move ``first``."""
+        table = self.table
+        if self.style.motion != "spline_block" or table.kind[first] == MoveKind.PTP:
+            return first + 1
+        last = first
+        while (
+            last + 1 < min(stop, first + SPLINE_SEGMENTS)
+            and table.blend_mm[last] > 0.0
+            and table.kind[last + 1] != MoveKind.PTP
+            and table.operation[last + 1] == table.operation[first]
+        ):
+            last += 1
+        return last + 1
+
+    def _block(self, first: int, end: int) -> None:
+        """Write moves as one spline block: it passes through every point and stops behind it."""
+        self._before(first)
+        speed = self.table.speed_m_s[first]
+        self._speed(speed)
+        blend = self._blend(end - 1, MoveKind.LIN)
+        self.out.append(SplineBegin())
+        for index in range(first, end):
+            if index > first:
+                self._before(index)
+            own = self.table.speed_m_s[index]
+            settings = () if own == speed else (Assign("$VEL.CP", own),)
+            self.out.append(self._move(index, settings=settings))
+        self.out.append(SplineEnd(blend=blend))
 
     def _axes(self, index: int) -> Axes:
         a1, a2, a3, a4, a5, a6 = self.table.axes[index]
@@ -178,6 +245,11 @@ class PartWriter:
         return _pose(self.table.pose[index], self.table.external[index])
 
     # ------------------------------------------------------------------------ what is modal
+
+    def _restore(self) -> None:
+        """Set again what BAS(#CP_PARAMS) and BAS(#PTP_PARAMS) of a form have changed."""
+        self.modal.is_disturbed = False
+        self.out += self.events.templates.statements("motion_speeds", self.values)
 
     def _percent(self, percent: float) -> None:
         if percent != self.modal.percent:
@@ -197,11 +269,10 @@ class PartWriter:
             return ()
         following = index + 1
         is_ptp_next = following < len(self.table) and self.table.kind[following] == MoveKind.PTP
-        is_spline = self.style.motion != "dense" and self.style.motion != "forms"
         if kind == MoveKind.PTP and is_ptp_next:
-            return ("C_SPL",) if is_spline else ("C_PTP",)
+            return ("C_SPL",) if self.style.is_spline else ("C_PTP",)
         self._distance(index, blend)
-        if is_spline:
+        if self.style.is_spline:
             return ("C_SPL",)
         return ("C_PTP", "C_DIS") if kind == MoveKind.PTP else ("C_DIS",)
 

@@ -68,6 +68,11 @@ class KrlStyle:
         style._check(SourceRef(cell.path))
         return style
 
+    @property
+    def is_spline(self) -> bool:
+        """Whether all motions are the newer ones, which do not blend with the classic ones."""
+        return self.motion in ("spline", "spline_block")
+
     def _check(self, source: SourceRef) -> None:
         choices = (
             ("motion", self.motion, MOTIONS),

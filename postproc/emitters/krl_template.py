@@ -107,9 +107,10 @@ class TemplateSet:
             self._read[key] = [s for s in module.main.statements if not isinstance(s, Blank)]
         return [_filled(statement, name, outside) for statement in self._read[key]]
 
-    def module(self, name: str, values: Mapping[str, object]) -> KrlModule:
+    def module(self, name: str, values: Mapping[str, object], module_name: str) -> KrlModule:
         """Return a template that is a whole module text; errors as ``statements``."""
-        return self._module(name, self.lines(name, values))
+        module = self._module(name, self.lines(name, values))
+        return replace(module, name=module_name, src_path="", src_facts=None)
 
     def _module(self, name: str, lines: list[str]) -> KrlModule:
         text = "\r\n".join([*lines, ""]).encode("ascii")

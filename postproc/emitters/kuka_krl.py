@@ -17,7 +17,15 @@ from pathlib import PurePath
 from postproc.emitters.base import REGISTRY
 from postproc.emitters.krl_columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.krl_events import EventWriter
+from postproc.emitters.krl_forms import FormWriter
 from postproc.emitters.krl_motion import PartWriter
+from postproc.emitters.krl_points import PointStore
+from postproc.emitters.krl_setup import (
+    HOOKS_MODULE,
+    SETUP_ENDING,
+    hooks_module,
+    setup_statements,
+)
 from postproc.emitters.krl_style import KrlStyle
 from postproc.emitters.krl_template import TemplateSet
 from postproc.errors import EmitError, SourceRef
@@ -81,19 +89,31 @@ class _Program:
         """Return the main module and those of the parts."""
         parts = self.parts
         endings = suffixes(len(parts)) if len(parts) > 1 else ()
-        name = self.names.allocate(self.plan.name, endings)
-        if not endings:
-            body = self._writer(parts[0]).statements()
-            return (self._module(name, self._main(body)),)
-        subs = [name + ending for ending in endings]
-        main = self._module(name, self._main([Call(sub) for sub in subs]))
-        return (
-            main,
-            *(
-                self._module(sub, self._sub(number, part))
+        extra = (SETUP_ENDING,) if self.style.setup else ()
+        self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
+        name = self.names.allocate(self.plan.name, (*endings, *extra))
+        if endings:
+            subs = [name + ending for ending in endings]
+            modules = [self._module(name, self._main([Call(sub) for sub in subs]))]
+            modules += [
+                self._module(sub, *self._sub(number, part))
                 for number, (sub, part) in enumerate(zip(subs, parts, strict=True), 1)
-            ),
-        )
+            ]
+        else:
+            writer = self._writer(parts[0])
+            body = self._main(writer.statements())
+            modules = [self._module(name, body, writer.points.declarations)]
+        return (*modules, *self._extras(name))
+
+    def _extras(self, name: str) -> list[KrlModule]:
+        """Return the separate modules that the cell asks for."""
+        modules = []
+        if self.style.setup:
+            body = setup_statements(self.cell, self.style, self.templates)
+            modules.append(self._module(name + SETUP_ENDING, body))
+        if self.style.hooks_example:
+            modules.append(hooks_module(self.style, self.templates))
+        return modules
 
     @cached_property
     def style(self) -> KrlStyle:
@@ -126,7 +146,39 @@ class _Program:
         return dict(found)
 
     def _writer(self, part: Part) -> PartWriter:
-        return PartWriter(self.plan, self.table, part, self.style, self.events, self.by_index)
+        cell, style = self.cell, self.style
+        points = PointStore(
+            self._status_turn, self._point_name, cell.tool.number, cell.workpiece.number
+        )
+        forms = FormWriter(points, style.kss) if style.motion == "forms" else None
+        return PartWriter(
+            plan=self.plan,
+            table=self.table,
+            part=part,
+            style=style,
+            events=self.events,
+            by_index=self.by_index,
+            values=self._values(),
+            points=points,
+            forms=forms,
+        )
+
+    def _point_name(self, index: int) -> str:
+        tag = int(self.plan.tag[index])
+        names = self.plan.toolpath.names
+        return names[tag] if names is not None and 0 <= tag < len(names) else ""
+
+    def _status_turn(self, index: int) -> tuple[int, int]:
+        status, turn = self._postures
+        return status[index], turn[index]
+
+    @cached_property
+    def _postures(self) -> tuple[list[int], list[int]]:
+        from postproc.kinematics.branch import status_turn
+        from postproc.kinematics.model import build
+
+        status, turn = status_turn(build(self.cell.robot), self.plan.q)
+        return status.tolist(), turn.tolist()
 
     # ----------------------------------------------------------------------------- the frame
 
@@ -158,15 +210,18 @@ class _Program:
             *self.templates.statements("main_tail", values, texts),
         ]
 
-    def _sub(self, number: int, part: Part) -> list[Statement]:
+    def _sub(self, number: int, part: Part) -> tuple[list[Statement], list[Statement]]:
+        """Return the statements and the data of a sub-program."""
         values = self._values()
         title = f"part {number} of {len(self.parts)}: motions {part.first + 1} to {part.stop}"
         texts = {**self._texts(), "part": title}
-        return [
+        writer = self._writer(part)
+        body = [
             *self.templates.statements("sub_head", values, texts),
-            *self._writer(part).statements(),
+            *writer.statements(),
             *self.templates.statements("sub_tail", values, texts),
         ]
+        return body, writer.points.declarations
 
     def _module(
         self, name: str, statements: list[Statement], points: Sequence[Statement] = ()

@@ -92,6 +92,10 @@ class NameAllocator:
         """Whether nothing has this name yet, in any case."""
         return name.upper() not in self._taken
 
+    def reserve(self, names: Iterable[str]) -> None:
+        """Take names that something else has: nothing gets them from now on."""
+        self._taken.update(name.upper() for name in names)
+
     def allocate(
         self, wanted: str, suffixes: Iterable[str] = (), prefix: str = "", fallback: str = "PROGRAM"
     ) -> str:

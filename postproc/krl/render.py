@@ -230,7 +230,8 @@ def _component(name: str, value: Value) -> str:
         return numbers.real(value, numbers.LENGTH_DIGITS)
     if name in _ANGLES or name in _EXTERNALS:
         return numbers.real(value, numbers.ANGLE_DIGITS)
-    return numbers.significant(value) if name == "CP" else numbers.real(value, numbers.PLAIN_DIGITS)
+    is_speed = name in ("CP", "VEL")
+    return numbers.significant(value) if is_speed else numbers.real(value, numbers.PLAIN_DIGITS)
 
 
 def _aggregate(value: Aggregate) -> str:
