@@ -1,6 +1,6 @@
 """Arms from URDF files: joint frames by pinocchio, then the same kinematics as built-in arms.
 
-The link names and limits come from ``model.urdffile``; pinocchio gives the placements of the
+The link names and limits come from ``model.urdfchain``; pinocchio gives the placements of the
 joints. An arm that turns out to be ortho-parallel with a spherical wrist is solved in closed form
 (followed by Newton steps if its numbers are rounded); any other one numerically.
 """
@@ -19,7 +19,7 @@ from postproc.kinematics.numeric import DeterminantBranches, NumericSolver, Poli
 from postproc.kinematics.opw import OpwArm, chain_of
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import UrdfGeometry
-from postproc.model.urdffile import read_chain
+from postproc.model.urdfchain import read_chain
 
 EXACT = 1e-9
 """Largest difference [m and 1] of forward kinematics for a closed form without Newton steps."""

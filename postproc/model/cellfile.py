@@ -42,6 +42,7 @@ from postproc.model.cellschema import (
 from postproc.model.robotfile import load_robot
 from postproc.model.tomltext import Location, TomlText, load_toml
 from postproc.model.urdffile import read_urdf_robot
+from postproc.resources import templates_folder
 from postproc.units import DEG, MM, MM_PER_MIN, NMM_PER_RAD, PERCENT
 
 _AXES = {
@@ -203,9 +204,18 @@ class _Builder:
         )
 
     def _template(self) -> str:
-        """Return the template's name, as a path where the cell names a folder of its own."""
-        folder = self.folder / self.file.krl.template
-        return str(folder) if folder.is_dir() else self.file.krl.template
+        """Return the name of a built-in template, or the whole path of a folder of one's own."""
+        name = self.file.krl.template
+        if Path(name).name == name and (templates_folder() / name).is_dir():
+            return name
+        if not (self.folder / name).is_dir():
+            raise CellError(
+                "CEL005",
+                f"krl.template: neither a built-in template nor a folder beside the cell file is "
+                f"named {name!r}",
+                self.toml.source(("krl", "template")),
+            )
+        return str((self.folder / name).absolute())
 
     def _solids(
         self, tables: Sequence[Solid], at: Location, owner: str
@@ -302,9 +312,12 @@ def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
 
 
 def _complaint(toml: TomlText, problem: ValidationError) -> CellError:
-    """Return the first complaint (by line) as an error; the others go into the hint."""
+    """Return the first complaint as an error; the others go into the hint.
+
+    Unknown keys come first, since a misspelt key makes a required one look missing; then by line.
+    """
     found = [_explain(toml, detail) for detail in problem.errors(include_url=False)]
-    found.sort(key=lambda error: error.source.line if error.source else 0)
+    found.sort(key=lambda e: (e.code != "CEL002", e.source.line if e.source else 0))
     first, others = found[0], found[1:]
     hints = [first.hint] if first.hint else []
     if others:

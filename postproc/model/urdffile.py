@@ -1,96 +1,21 @@
-"""What a URDF file says about a six-axis arm: chain, limits, speeds. Standard library only.
-
-Geometry is left to ``postproc.kinematics``; this reader finds the six moving joints between the
-root link and the flange, and refuses what is not such an arm with the line at fault.
-"""
+"""A robot from a URDF file: limits, speeds, masses and solids; what it lacks is marked assumed."""
 
 from __future__ import annotations
 
-import math
-import xml.etree.ElementTree as ET
-from dataclasses import dataclass
 from pathlib import Path
-from xml.parsers import expat
 
 import numpy as np
 
-from postproc.errors import CellError, SourceRef
-from postproc.files import read_bytes
+from postproc.errors import SourceRef
 from postproc.model.cell import Origin, Provenance, Robot, UrdfGeometry
+from postproc.model.urdfbody import link_inertia, link_solids
+from postproc.model.urdfchain import read_chain
 from postproc.units import DEG
 
-_MOVING = ("revolute", "continuous")
 _FULL_TURN = 360.0 * DEG
 _ASSUMED_SPEED = 60.0 * DEG
 _ASSUMED_RAMP = 0.5
 """Seconds to full speed, where nothing says how fast a joint accelerates."""
-_TIP_NAMES = ("flange", "tool0")
-"""Names by which a robot package calls its flange, in order of preference."""
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfJoint:
-    """A joint of the chain: names, kind, limits [rad] and speed [rad/s] (NaN: not given)."""
-
-    name: str
-    kind: str
-    parent: str
-    child: str
-    lower: float
-    upper: float
-    velocity: float
-    element: ET.Element
-
-
-@dataclass(frozen=True, slots=True)
-class UrdfChain:
-    """The joints from ``root`` to ``tip`` in order, fixed ones included."""
-
-    path: Path
-    root: str
-    tip: str
-    joints: tuple[UrdfJoint, ...]
-    tree: ET.Element
-
-    @property
-    def moving(self) -> tuple[UrdfJoint, ...]:
-        """The six joints that move."""
-        return tuple(joint for joint in self.joints if joint.kind in _MOVING)
-
-
-def read_chain(path: Path, tip: str | None = None, source: SourceRef | None = None) -> UrdfChain:
-    """Return the chain of six moving joints from the root to the flange.
-
-    Args:
-        path: the URDF file.
-        tip: name of the flange link; default: the end of the only chain with six moving joints.
-        source: where the cell names the file, for errors about the tip.
-
-    Raises:
-        CellError: CEL011 if this is not the URDF of a six-axis arm.
-    """
-    tree = _parse(path)
-    joints = [_joint(element, path) for element in tree.findall("joint")]
-    links = [str(link.get("name")) for link in tree.findall("link")]
-    by_child = {joint.child: joint for joint in joints}
-    if len(by_child) != len(joints):
-        raise _error(path, "a link hangs on two joints")
-    for joint in joints:
-        for name in (joint.parent, joint.child):
-            if name not in links:
-                raise _error(path, f"joint {joint.name!r} names link {name!r}, which is not there")
-    tip = tip if tip is not None else _only_tip(path, links, joints, by_child, source)
-    if tip not in links:
-        known = ", ".join(links[:20])
-        raise _error(path, f"no link is named {tip!r}, known are {known}", source)
-    chain = _chain_to(tip, by_child)
-    for joint in chain:
-        if joint.kind not in (*_MOVING, "fixed"):
-            raise _error(path, f"joint {joint.name!r} is {joint.kind}, expected revolute", source)
-    count = sum(joint.kind in _MOVING for joint in chain)
-    if count != 6:
-        raise _error(path, f"{count} moving joints lead to link {tip!r}, expected 6", source)
-    return UrdfChain(path, chain[0].parent, tip, tuple(chain), tree)
 
 
 def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None = None) -> Robot:
@@ -125,6 +50,14 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         "qd_max": from_file if has_speed.all() else assumed,
         "qdd_max": assumed,
     }
+    mass, com = link_inertia(chain)
+    meshes, not_found = link_solids(chain)
+    if mass is not None:
+        origins |= {"link_mass": from_file, "link_com": from_file}
+    if not_found:
+        origins["link_meshes"] = Origin(
+            Provenance.ASSUMED, f"collision meshes not found: {', '.join(not_found)}"
+        )
     return Robot(
         name=str(chain.tree.get("name") or path.stem),
         geometry=UrdfGeometry(path, chain.tip),
@@ -133,93 +66,8 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         qd_max=speed,
         qdd_max=speed / _ASSUMED_RAMP,
         T_world_robroot=np.eye(4),
+        link_mass=mass,
+        link_com=com,
+        link_meshes=meshes,
         origins=origins,
     )
-
-
-def _parse(path: Path) -> ET.Element:
-    raw = read_bytes(path)
-    try:
-        tree = ET.fromstring(raw)
-    except ET.ParseError as problem:
-        reason = expat.errors.messages.get(problem.code, "not XML")
-        raise CellError(
-            "CEL011", f"not valid XML: {reason}", SourceRef(str(path), problem.position[0])
-        ) from None
-    except (ValueError, LookupError):
-        raise _error(path, "not valid XML: unknown encoding") from None
-    if tree.tag != "robot":
-        raise _error(path, f"not a URDF file: the root is <{tree.tag}>, expected <robot>")
-    return tree
-
-
-def _error(path: Path, message: str, source: SourceRef | None = None) -> CellError:
-    where = f"{path.name}: " if source else ""
-    return CellError("CEL011", f"{where}{message}", source or SourceRef(str(path)))
-
-
-def _joint(element: ET.Element, path: Path) -> UrdfJoint:
-    name = element.get("name") or "?"
-    kind = element.get("type") or "?"
-    if kind not in (*_MOVING, "fixed", "prismatic", "planar", "floating"):
-        raise _error(path, f"joint {name!r} has the unknown type {kind!r}")
-    ends = [
-        str(child.get("link"))
-        for tag in ("parent", "child")
-        if (child := element.find(tag)) is not None and child.get("link")
-    ]
-    if len(ends) != 2:
-        raise _error(path, f"joint {name!r} has no parent or no child")
-    limit = element.find("limit")
-    bounds = {key: _number(limit, key, name, path) for key in ("lower", "upper", "velocity")}
-    if kind == "continuous":
-        bounds["lower"] = bounds["upper"] = math.nan
-    elif kind == "revolute" and not bounds["lower"] < bounds["upper"]:
-        raise _error(path, f"joint {name!r} has no limits with lower below upper")
-    if not bounds["velocity"] > 0:
-        bounds["velocity"] = math.nan
-    return UrdfJoint(name, kind, ends[0], ends[1], element=element, **bounds)
-
-
-def _number(element: ET.Element | None, key: str, joint: str, path: Path) -> float:
-    text = element.get(key) if element is not None else None
-    if text is None:
-        return 0.0 if key != "velocity" and element is not None else math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise _error(path, f"joint {joint!r}: {key} is {text!r}, expected a number")
-    return value
-
-
-def _chain_to(tip: str, by_child: dict[str, UrdfJoint]) -> list[UrdfJoint]:
-    chain: list[UrdfJoint] = []
-    while tip in by_child and len(chain) <= len(by_child):
-        chain.append(by_child[tip])
-        tip = by_child[tip].parent
-    return chain[::-1]
-
-
-def _only_tip(
-    path: Path,
-    links: list[str],
-    joints: list[UrdfJoint],
-    by_child: dict[str, UrdfJoint],
-    source: SourceRef | None,
-) -> str:
-    parents = {joint.parent for joint in joints}
-    ends = {
-        link: sum(joint.kind in _MOVING for joint in _chain_to(link, by_child))
-        for link in links
-        if link not in parents
-    }
-    tips = [link for link, count in ends.items() if count == 6]
-    preferred = [name for name in _TIP_NAMES if name in tips]
-    if len(tips) == 1 or preferred:
-        return preferred[0] if preferred else tips[0]
-    if not tips:
-        counts = ", ".join(f"{count} to {link!r}" for link, count in ends.items())
-        raise _error(path, f"not a six-axis arm: moving joints are {counts or 'none'}", source)
-    raise _error(path, f"the chain has several ends ({', '.join(tips)}): name one as tip", source)
