@@ -19,6 +19,7 @@ from postproc.planning.ladder import NONE, IndexArray, Ladder
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
 Spread = Callable[[IndexArray, int], IndexArray]
+Widen = Callable[[list[tuple[int, int]]], list[tuple[int, int]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +37,7 @@ def search(
     check_states: CheckStates,
     check_steps: CheckSteps | None = None,
     spread: Spread | None = None,
+    widen: Widen | None = None,
     step_rounds: int = 200,
 ) -> Found:
     """Return the cheapest way of which every state and every step passes its check.
@@ -47,13 +49,14 @@ def search(
             unbroken steps of ways whose states all pass, once for each.
         spread: failing states (m,) and how often this happened -> states worth a check along
             with them, in any order, repeats allowed.
-        step_rounds: after so many rounds of failing steps a rung whose steps still fail is cut
-            off from the one before (``ladder.broken``).
+        widen: failing steps -> steps worth a check along with them.
+        step_rounds: after so many rounds of failing steps the rungs whose steps still fail are cut
+            off from those before (``ladder.broken``).
     """
     ladder.solve()
     known = np.zeros(len(ladder.position), dtype=np.bool_)
     passed: set[tuple[int, int]] = set()
-    rounds = forbidden = 0
+    rounds = forbidden = failures = 0
     while True:
         rounds += 1
         path = ladder.path()
@@ -65,10 +68,14 @@ def search(
             ladder.remove(failing)
             continue
         bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)
-        if not bad:
+        if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
+        failures += 1
+        if widen is not None:
+            more = [step for step in widen(bad) if step not in passed]
+            bad = sorted({*bad, *_failing_steps(more, passed, check_steps)})
         forbidden += len(bad)
-        if forbidden > step_rounds * max(1, len(bad)):
+        if failures > step_rounds:
             ladder.cut(ladder.rung_of(np.array([to for _, to in bad])))
         else:
             ladder.forbid(bad)
@@ -88,7 +95,12 @@ def _bad_steps(
 ) -> list[tuple[int, int]]:
     joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~ladder.broken[1:]
     pairs = zip(path[:-1][joined].tolist(), path[1:][joined].tolist(), strict=True)
-    todo = [pair for pair in pairs if pair not in passed]
+    return _failing_steps([pair for pair in pairs if pair not in passed], passed, check)
+
+
+def _failing_steps(
+    todo: list[tuple[int, int]], passed: set[tuple[int, int]], check: CheckSteps
+) -> list[tuple[int, int]]:
     if not todo:
         return []
     ends = np.array(todo)

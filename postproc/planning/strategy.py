@@ -22,6 +22,9 @@ from postproc.planning.search import Found, search
 
 Step = Callable[[int, int, str], None]
 _TIE_TRAVEL = 1e-7
+_CHAIN_TRAVEL = 1e-3
+"""Weight of travel inside a cut where every tag is optimised for itself: 0.1 % of stiffness for a
+joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
 _TIE_SPIN = 1e-5
 _REVERTS = 6
 
@@ -96,7 +99,8 @@ class Hunt:
         Args:
             checker: of the problem.
             tags: (n,).
-            each: every tag takes its own best state; travel and spin only break ties.
+            each: every tag takes its own best state. Travel and spin only break ties, but inside a
+                cut travel counts a little (``_CHAIN_TRAVEL``): a cut must still be a cut.
         """
         problem = checker.problem
         spins, pinned = pinned_spins(problem, tags)
@@ -105,12 +109,12 @@ class Hunt:
         every = np.arange(len(cost))
         if pinned.any():
             cost[pinned[states.tag_of(every)] & (states.column > 0)] = np.inf
-        travel_weight = problem.settings.weights.travel
         if each:
             cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
-            travel_weight = _TIE_TRAVEL
         rule = step_rules(problem)[tags]
-        weight = np.full(len(tags), travel_weight / TRAVEL_UNIT**2)
+        weight = np.full(len(tags), problem.settings.weights.travel / TRAVEL_UNIT**2)
+        if each:
+            weight = np.where(rule == Rule.CHAIN, _CHAIN_TRAVEL, _TIE_TRAVEL) / TRAVEL_UNIT**2
         ladder = Ladder(states.offsets, states.q, cost, states.branch, rule, weight)
         return cls(
             checker,
@@ -127,7 +131,7 @@ class Hunt:
     def run(self, *, steps: bool = True) -> Found:
         """Search; without ``steps`` only states are checked, not the motions between them."""
         check_steps = self.check_steps if steps else None
-        return search(self.ladder, self.check_states, check_steps, self.beside)
+        return search(self.ladder, self.check_states, check_steps, self.beside, self.fan)
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run; keeps the reasons."""
@@ -176,6 +180,25 @@ class Hunt:
         places = (np.clip(rung, 0, n - 1) * width + column) * 8 + branch
         states: IndexArray = self._table[np.unique(places[np.broadcast_to(inside, places.shape)])]
         return np.asarray(states[states != NONE])
+
+    def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Return the steps that leave or enter the same states as failing ones, in their branch."""
+        more: set[tuple[int, int]] = set()
+        for a, b in steps:
+            rung = int(self.states.tag_of(np.array([b]))[0])
+            before = np.arange(self.states.offsets[rung - 1], self.states.offsets[rung])
+            now = np.arange(self.states.offsets[rung], self.states.offsets[rung + 1])
+            branch = self.states.branch[a]
+            for state in now[self._open(now, branch, self.states.q[a])].tolist():
+                more.add((a, state))
+            for state in before[self._open(before, branch, self.states.q[b])].tolist():
+                more.add((state, b))
+        return sorted(more - set(steps))
+
+    def _open(self, states: IndexArray, branch: int, q: FloatArray) -> BoolArray:
+        near = np.abs(self.states.q[states] - q).max(axis=1) <= np.pi
+        alive = np.isfinite(self.ladder.cost[states])
+        return np.asarray(near & alive & (self.states.branch[states] == branch))
 
     def _cell(self, states: IndexArray) -> IndexArray:
         width = self.states.spins.shape[-1]

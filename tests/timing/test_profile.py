@@ -1,0 +1,120 @@
+"""Times against closed forms, and proof that nothing can reach a network."""
+
+from __future__ import annotations
+
+import socket
+
+import numpy as np
+import pytest
+
+from postproc.timing import profile
+from postproc.timing.profile import (
+    axis_speed_cap,
+    chain_profile,
+    joint_move_time,
+    line_time,
+)
+
+
+def double_s(way, speed, acceleration, jerk):
+    """Rest-to-rest time with limited jerk (Biagiotti and Melchiorri, Trajectory Planning, 3.4.3)."""
+    if speed * jerk >= acceleration**2:
+        ramp = speed / acceleration + acceleration / jerk
+    else:
+        ramp = 2.0 * np.sqrt(speed / jerk)
+    if way >= speed * ramp:
+        return way / speed + ramp
+    if way >= 2.0 * acceleration**3 / jerk**2:
+        a = acceleration
+        return a / jerk + np.sqrt((a / jerk) ** 2 + 4.0 * way / a)
+    return 4.0 * np.cbrt(way / (2.0 * jerk))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_line_time_is_the_double_s(seed):
+    rng = np.random.default_rng(seed)
+    way = 10.0 ** rng.uniform(-4, 0.5, 40)
+    speed = 10.0 ** rng.uniform(-3, 0.3, 40)
+    got = line_time(way, speed, acceleration=2.3, ramp=0.1)
+    want = [double_s(w, v, 2.3, 23.0) for w, v in zip(way, speed, strict=True)]
+    assert np.allclose(got, want, rtol=5e-6)
+
+
+def test_joint_time_is_the_slowest_axis():
+    rng = np.random.default_rng(7)
+    a, b = rng.uniform(-2, 2, (2, 300, 6))
+    b[::3] = a[::3] + rng.normal(size=(100, 6)) * 1e-3
+    speed, push = rng.uniform(0.5, 2.0, 6), rng.uniform(0.6, 5.0, 6)
+    got = joint_move_time(a, b, speed, push, ramp=0.15)
+    want = np.max(
+        [
+            [
+                double_s(abs(d), v, acc, acc / 0.15)
+                for d, v, acc in zip(row, speed, push, strict=True)
+            ]
+            for row in b - a
+        ],
+        axis=1,
+    )
+    assert np.allclose(got, want, rtol=1e-6)
+    assert joint_move_time(a[:1], a[:1], speed, push)[0] == 0.0
+
+
+def test_chain_at_constant_feed():
+    """Trapezoid plus the jerk ramp: s/v + v/a + ramp, however finely the way is cut."""
+    for knots in (2, 11, 1001):
+        way = np.linspace(0.0, 2.0, knots)
+        time = chain_profile(way, np.full(knots - 1, 0.5), 2.0, ramp=0.1).duration.sum()
+        assert time == pytest.approx(2.0 / 0.5 + 0.5 / 2.0 + 0.1, rel=1e-9)
+
+
+def test_chain_is_never_faster_than_its_caps_or_its_acceleration():
+    rng = np.random.default_rng(2)
+    way = np.concatenate([[0.0], np.cumsum(10.0 ** rng.uniform(-4, -2, 400))])
+    cap = rng.uniform(0.01, 0.3, 400)
+    result = chain_profile(way, cap, 1.5)
+    assert (result.speed[1:-1] <= np.minimum(cap[1:], cap[:-1]) + 1e-12).all()
+    assert result.speed[0] == result.speed[-1] == 0.0
+    change = np.abs(np.diff(result.speed**2)) / (2.0 * np.diff(way))
+    assert change.max() <= 1.5 + 1e-9
+    assert (result.duration >= np.diff(way) / cap - 1e-12).all()
+
+
+def test_a_stop_in_the_middle_costs_time():
+    way, cap = np.array([0.0, 0.5, 1.0]), np.full(2, 0.5)
+    whole = chain_profile(way, cap, 2.0).duration.sum()
+    halves = 2.0 * chain_profile(way[:2], cap[:1], 2.0).duration.sum()
+    assert halves > whole + 0.2
+
+
+def test_axis_cap():
+    """0.2 rad over 0.1 m on an axis of 1 rad/s: 0.5 m/s; standing axes do not count."""
+    cap = axis_speed_cap([[0.2, 0.0], [0.0, 0.0]], [0.1, 0.1], [1.0, 1.0])
+    assert cap[0] == pytest.approx(0.5)
+    assert np.isinf(cap[1])
+
+
+def test_axis_cap_on_a_circle_of_joint_space():
+    """q = A sin(s/R): q'' = A/R^2 at the top, so v^2 A/R^2 = qdd there."""
+    s = np.linspace(0.0, np.pi, 2001)
+    q = 0.3 * np.sin(s / 0.5)[:, None]
+    cap = axis_speed_cap(np.diff(q, axis=0), np.diff(s), [np.inf], [2.0])
+    at = int(np.argmin(np.abs(s - 0.25 * np.pi)))
+    assert cap[at] == pytest.approx(np.sqrt(2.0 * 0.5**2 / 0.3), rel=1e-3)
+
+
+def test_no_waypoint_and_no_network(monkeypatch):
+    """ruckig sends problems with intermediate waypoints to a service: no such call is made."""
+
+    def refuse(*args, **kwargs):
+        raise AssertionError("network access")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    monkeypatch.setattr(socket, "create_connection", refuse)
+    monkeypatch.setattr(socket, "getaddrinfo", refuse)
+    monkeypatch.setattr(profile._RestToRest, "_parts", None)
+    assert line_time([0.3], 0.2)[0] > 0.0
+    assert joint_move_time(np.zeros((1, 6)), np.ones((1, 6)), np.ones(6), np.ones(6))[0] > 0.0
+    _, request, trajectory = profile._RestToRest._parts
+    assert request.intermediate_positions == []
+    assert trajectory.intermediate_durations in ([], [trajectory.duration])
