@@ -83,6 +83,8 @@ class PartWriter:
     out: list[Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
     _operation: int = -1
+    _pending: list[Statement] = field(default_factory=list)
+    """Triggers that wait for their motion."""
 
     def statements(self) -> list[Statement]:
         """Return all statements of the moves, events and waits of this file."""
@@ -129,7 +131,8 @@ class PartWriter:
     def _events_before(self, index: int) -> None:
         for event in self.by_index.get(index, ()):
             flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
-            self.out += self.events.statements(event, flying=flying)
+            made = self.events.statements(event, flying=flying)
+            (self._pending if flying else self.out).extend(made)
 
     def _open_operation(self, operation: int) -> None:
         self._operation = operation
@@ -165,22 +168,27 @@ class PartWriter:
         else:
             self._speed(self.table.speed_m_s[index])
         blend = self._blend(index, self.table.kind[index])
-        self.out.append(self._move(index, blend))
+        self._move(index, blend)
 
     def _move(
         self, index: int, blend: tuple[str, ...] = (), settings: tuple[Assign, ...] = ()
-    ) -> Move:
+    ) -> None:
+        """Write the motion itself, behind the triggers that belong to it."""
         table = self.table
         kind, aux = table.kind[index], table.auxiliary[index]
         auxiliary = None if aux is None else self._target(index, _pose(aux, table.external[index]))
         target = self._axes(index) if kind == MoveKind.PTP else self._pose(index)
-        return Move(
-            self._words[kind],
-            self._target(index, target),
-            auxiliary,
-            blend=blend,
-            settings=settings,
-            comment=self._cam_line(index),
+        self.out += self._pending
+        self._pending.clear()
+        self.out.append(
+            Move(
+                self._words[kind],
+                self._target(index, target),
+                auxiliary,
+                blend=blend,
+                settings=settings,
+                comment=self._cam_line(index),
+            )
         )
 
     def _form(self, index: int, forms: FormWriter) -> None:
@@ -234,7 +242,7 @@ class PartWriter:
                 self._before(index)
             own = self.table.speed_m_s[index]
             settings = () if own == speed else (Assign("$VEL.CP", own),)
-            self.out.append(self._move(index, settings=settings))
+            self._move(index, settings=settings)
         self.out.append(SplineEnd(blend=blend))
 
     def _axes(self, index: int) -> Axes:

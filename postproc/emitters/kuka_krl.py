@@ -188,6 +188,7 @@ class _Program:
             "tool_number": self.cell.tool.number,
             "base_number": self.cell.workpiece.number,
             "advance": style.advance,
+            "positioner": any(axis.kind == "positioner" for axis in self.cell.external_axes),
             "orientation_speed": float(style.orientation_speed_deg_s),
         }
 

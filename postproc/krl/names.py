@@ -7,6 +7,7 @@ controller, and is unique whatever its case: all modules of the controller share
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable
 
@@ -15,6 +16,8 @@ from postproc.krl.comments import ascii_text
 
 NAME_LENGTH = 24
 """Longest KRL name."""
+MARK_LENGTH = 4
+"""Characters of the mark at the end of a shortened name."""
 LEGAL_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}\Z")
 
 _WORDS = """
@@ -50,16 +53,19 @@ def legal_name(text: str, length: int = NAME_LENGTH, fallback: str = "PROGRAM") 
     """Return the legal name nearest to ``text``, at most ``length`` characters; not yet unique.
 
     Accents are dropped, other illegal characters become ``_``, a leading digit gets ``P_`` before
-    it, a keyword or a name of the controller ``_P`` behind it.
+    it, a keyword or a name of the controller ``_P`` behind it. A name that is too long ends in a
+    mark made from the whole of it, so that long names which begin alike stay different, whatever
+    process shortens them.
     """
-    # `ß` and the like are gone after this: what is left of them is a question mark, so `_`
     bare = re.sub(r"[^A-Za-z0-9_]+", "_", ascii_text(text[:1000]))
     name = re.sub(r"_{2,}", "_", bare).strip("_")
     if not name:
         name = fallback
     if name[0].isdigit():
         name = f"P_{name}"
-    name = name[:length].rstrip("_")
+    if len(name) > length:
+        mark = hashlib.sha256(name.upper().encode()).hexdigest()[:MARK_LENGTH].upper()
+        name = f"{name[: length - MARK_LENGTH - 1].rstrip('_')}_{mark}"
     if not is_legal(name):
         name = f"{name[: length - 2]}_P"
     return name
@@ -108,11 +114,11 @@ class NameAllocator:
             fallback: name for a text without any legal character.
 
         Raises:
-            EmitError: EMT301 if prefix and suffix leave less than four characters.
+            EmitError: EMT301 if prefix and suffix leave less than eight characters.
         """
         endings = tuple(suffixes)
         room = NAME_LENGTH - len(prefix) - max((len(ending) for ending in endings), default=0)
-        if room < 4:
+        if room < 8:
             raise EmitError("EMT301", f"no room for a name beside prefix {prefix!r} and suffixes")
         base = legal_name(wanted, room, fallback)
         name, count = base, 1
