@@ -6,6 +6,8 @@ import math
 
 MM = 1e-3
 """One millimetre in metres."""
+UM = 1e-6
+"""One micrometre in metres."""
 INCH = 25.4e-3
 """One inch in metres."""
 DEG = math.pi / 180.0

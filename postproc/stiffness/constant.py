@@ -92,13 +92,19 @@ def fit_constant(
         raise StiffnessError(
             "STF012",
             "the loads move the tool too little to show any joint's stiffness",
-            hint=f"they move it by {1e6 * float(seen.motion.max()):.1f} um, the noise is "
-            f"{1e6 * sigma:.1f} um",
+            hint=f"they move it by {float(seen.motion.max()) / UM:.1f} um, the noise is "
+            f"{sigma / UM:.1f} um",
         )
     c, sigma, dof = _solve(cases, c_ref, seen.seen, weight)
+    low, high = BOUNDS[0] * c_ref, BOUNDS[1] * c_ref
+    lost = seen.seen & ((c < low) | (c > high)) & (seen.relative_sd > WEAK)
+    if np.any(lost) and not np.all(lost[seen.seen]):
+        # a weak estimate at its bound is no estimate: leave the joint out
+        seen = seen.without(lost)
+        c, sigma, dof = _solve(cases, c_ref, seen.seen, weight)
     sd = _deviations(A, c_ref, seen.seen, sigma)
     reach = _quantile(confidence, dof) * sd
-    inside = np.clip(c, BOUNDS[0] * c_ref, BOUNDS[1] * c_ref)
+    inside = np.clip(c, low, high)
     at_bound = tuple(int(i) for i in np.flatnonzero(seen.seen & (inside != c)))
     if at_bound:
         inside = _bounded(cases, c_ref, seen.seen, weight)

@@ -7,7 +7,7 @@ are visible: two joints that the loads turn alike cannot both be fitted, but one
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -55,6 +55,14 @@ class Observability:
     def seen(self) -> BoolArray:
         """(6,) joints that can be fitted."""
         return np.array([v is not Visibility.UNOBSERVABLE for v in self.visibility])
+
+    def without(self, joints: BoolArray) -> Observability:
+        """Return the same with some joints (6,) marked as not observable."""
+        marks = zip(self.visibility, joints, strict=True)
+        return replace(
+            self,
+            visibility=tuple(Visibility.UNOBSERVABLE if lost else old for old, lost in marks),
+        )
 
 
 def observe(A: FloatArray, c_ref: FloatArray, sigma: float) -> Observability:

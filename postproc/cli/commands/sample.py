@@ -1,0 +1,196 @@
+"""``postproc sample``: the measuring plan for joint stiffness."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+EPILOG = """\b
+Examples:
+  postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure
+  postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure \\
+      --method optimal --count 64 --load-kg 50 --force 0 300 0
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option(
+    "--box",
+    required=True,
+    nargs=6,
+    type=float,
+    metavar="X0 Y0 Z0 X1 Y1 Z1",
+    help="Lowest and highest corner of the measured space, robot root frame [mm].",
+)
+@click.option("--grid", type=float, default=150.0, show_default=True, help="Edge of a cell [mm].")
+@click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the plan.")
+@click.option("--name", default="sample", show_default=True, help="Name of the files.")
+@click.option(
+    "--method",
+    type=click.Choice(["grid", "optimal"]),
+    default="grid",
+    show_default=True,
+    help="Every posture of the grid, or the --count most telling of them.",
+)
+@click.option(
+    "--model",
+    type=click.Choice(["constant", "grid", "continuous"]),
+    default="continuous",
+    show_default=True,
+    help="What --method optimal is to tell.",
+)
+@click.option(
+    "--count", type=click.IntRange(3, 5000), default=64, show_default=True, help="Postures."
+)
+@click.option(
+    "--axis",
+    type=click.Choice(["x", "y", "z"]),
+    default="y",
+    show_default=True,
+    help="Axis of the tool frame about which the postures turn.",
+)
+@click.option(
+    "--angles",
+    default="-10,0,10",
+    show_default=True,
+    metavar="DEG,DEG,...",
+    help="Angles of the postures.",
+)
+@click.option(
+    "--orientation",
+    nargs=3,
+    type=float,
+    default=None,
+    metavar="A B C",
+    help="Tool orientation at angle 0 [deg]; default: the axis-parallel one that reaches most.",
+)
+@click.option(
+    "--load-kg",
+    type=float,
+    default=None,
+    help="Weight to hang on [kg]; default 50 without --force.",
+)
+@click.option(
+    "--load-at",
+    nargs=3,
+    type=float,
+    default=None,
+    metavar="X Y Z",
+    help="Centre of gravity of that weight in the flange [mm]; default: the tool point.",
+)
+@click.option(
+    "--force",
+    nargs=3,
+    type=float,
+    multiple=True,
+    metavar="FX FY FZ",
+    help="Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
+)
+@click.option("--wait", type=float, default=5.0, show_default=True, help="Wait at a posture [s].")
+@click.option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(1.0, 100.0),
+    default=30.0,
+    show_default=True,
+    help="Axis speed [%].",
+)
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Plan the measurement of joint stiffness over a box by space gridding.
+
+    Writes NAME.csv to fill in with the measured points, NAME.src and NAME.dat that drive the robot
+    through all postures without and with each load, and NAME.html that shows cells and tags.
+    Postures that the arm cannot take or that collide are left out and named.
+    """
+    from postproc.emitters.kuka_krl import emit, render_files
+    from postproc.files import write_files
+    from postproc.model.cellfile import load_cell
+    from postproc.pipeline.sample import csv_text, document, motion_plan, sample
+    from postproc.report.sample_page import sample_page
+
+    cell = load_cell(options["cell"])
+    with session.progress() as progress:
+        sampling = sample(cell, _request(options), progress)
+    files = dict(render_files(emit(motion_plan(sampling), cell)))
+    files[f"{options['name']}.csv"] = csv_text(sampling)
+    files[f"{options['name']}.html"] = sample_page(sampling)
+    folder = Path(options["output"])
+    write_files({folder / name: content for name, content in files.items()})
+    content = document(sampling, sorted(files))
+    session.document(content)
+    _summary(session, content, folder)
+    return answer(good=True)
+
+
+def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
+    import numpy as np
+
+    from postproc.errors import StiffnessError
+    from postproc.frames import rotation_from_abc
+    from postproc.pipeline.sample import SampleRequest
+    from postproc.stiffness.sampling import SamplingRules, box_grid
+    from postproc.units import DEG, MM, PERCENT
+
+    try:
+        angles = np.array([float(text) for text in options["angles"].split(",")]) * DEG
+    except ValueError:
+        raise StiffnessError(
+            "STF025", f"--angles {options['angles']!r}, expected numbers with commas between"
+        ) from None
+    box = np.array(options["box"]) * MM
+    abc = options["orientation"]
+    rules = SamplingRules(
+        axis=np.eye(3)["xyz".index(options["axis"])],
+        angles=angles,
+        R_robroot_tcp=None if abc is None else rotation_from_abc(np.array(abc) * DEG),
+    )
+    return SampleRequest(
+        grid=box_grid(box[:3], box[3:], options["grid"] * MM),
+        rules=rules,
+        loads=_loads(options),
+        name=options["name"],
+        method=options["method"],
+        model=options["model"],
+        count=options["count"],
+        wait=options["wait"],
+        halt=options["halt"],
+        speed=options["speed"] * PERCENT,
+    )
+
+
+def _loads(options: dict[str, Any]) -> tuple[Any, ...]:
+    import numpy as np
+
+    from postproc.pipeline.sample import Load
+    from postproc.units import MM
+
+    mass = options["load_kg"]
+    if mass is None and not options["force"]:
+        mass = 50.0
+    loads = []
+    if mass:
+        at = options["load_at"]
+        loads.append(Load(f"{mass:g}kg", mass, None if at is None else np.array(at) * MM))
+    for number, force in enumerate(options["force"], start=1):
+        loads.append(Load(f"force{number}", force=np.array(force)))
+    return tuple(loads)
+
+
+def _summary(session: Session, content: dict[str, Any], folder: Path) -> None:
+    session.show(f"plan     {folder / content['files'][0]}")
+    session.show(
+        f"cells    {content['cells']}, tags {content['tags_used']} of {content['tags']}, "
+        f"postures {content['postures']}, readings {content['readings']}"
+    )
+    if content["dropped"]:
+        session.say(f"{len(content['dropped'])} postures are left out, see the page")
+    for joint in content["joints"]:
+        if joint["status"] != "good":
+            shown = f"; shown by {joint['shown_by']}" if joint["shown_by"] else ""
+            session.say(f"A{joint['joint']} will be {joint['status']}{shown}")
