@@ -214,6 +214,30 @@ class OptimizeTable(Table):
         description="global: best joint-continuous sequence over all tags; smooth: key tags "
         "optimised, the rest interpolated; each: every tag for itself",
     )
+    turns: bool = Field(
+        default=True, description="also use angles a whole turn away where the limits allow them"
+    )
+    refine: bool = Field(
+        default=True, description="leave the grid of turns for better ones in between"
+    )
+    key_every_mm: Positive = Field(
+        default=100.0, description="smooth: a key tag at least every so many mm of path"
+    )
+    key_corner_deg: Annotated[float, Field(gt=0.0, le=180.0)] = Field(
+        default=20.0, description="smooth: a bend of path or tool axis that makes a key tag [deg]"
+    )
+    key_tags: list[Text | int] = Field(
+        default=[], description="smooth: ids of the key tags, instead of corners and distances"
+    )
+    loss_bound_percent: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
+        default=5.0, description="smooth: more key tags where more stiffness than this is lost [%]"
+    )
+    free_order: bool = Field(
+        default=False, description="the order of holes is not binding: take the quickest one found"
+    )
+    pins: dict[str, Angle] = Field(
+        default={}, description="tag id to the turn about the tool axis it must have [deg]"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> OptimizeTable:
@@ -255,6 +279,18 @@ class MotionTable(Table):
     )
     home_deg: SixAngles | None = Field(
         default=None, description="A1..A6 where programs start and end [deg]; default: no home move"
+    )
+    approach_mm: NotNegative = Field(
+        default=50.0, description="height above a point without a depth where it is approached [mm]"
+    )
+    chord_mm: Positive = Field(
+        default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
+    )
+    arcs: Literal["circ", "lin"] = Field(
+        default="circ", description="circ: arcs as circular motions where possible; lin: as lines"
+    )
+    rapid_speed_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
+        default=2.0, description="path speed of straight rapid moves at rapid_percent = 100 [m/s]"
     )
 
 

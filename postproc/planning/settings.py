@@ -26,7 +26,6 @@ class PlanOptions:
         objective: name or table of weights.
         partial: plan the good stretches although some tags fail.
         clearance: measure the smallest distance at every tag (slow).
-        spin_map: keep the whole map of spin and tag in the record of the plan.
         name: program name; None: the input's.
     """
 
@@ -45,7 +44,7 @@ class Settings:
     weights: Weights
     spins: FloatArray
     step: float
-    refine: float
+    refine: bool
     turns: bool
     key_every: float
     key_corner: float
@@ -87,7 +86,7 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
         weights=weights_of(cell),
         spins=spin_values(chosen.step, *chosen.range),
         step=chosen.step,
-        refine=extra.number("refine_deg", 0.5) * DEG,
+        refine=extra.flag("refine", default=True),
         turns=extra.flag("turns", default=True),
         key_every=extra.number("key_every_mm", 100.0) * MM,
         key_corner=extra.number("key_corner_deg", 20.0) * DEG,

@@ -46,7 +46,7 @@ def smooth(
     for round_ in range(_ROUNDS):
         step(int(keys.sum()), n, "smooth")
         tags = np.nonzero(keys)[0]
-        hunt = Hunt.of(checker, tags, each=problem.settings.refine == 0.0)
+        hunt = Hunt.of(checker, tags, each=not problem.settings.refine)
         hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
         found = hunt.run(steps=False)
         chosen, failing = _filled(checker, hunt.chosen(found), tags, last=round_ == _ROUNDS - 1)

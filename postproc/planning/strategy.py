@@ -41,7 +41,7 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str,
     found = hunt.run()
     chosen = hunt.chosen(found)
     record = hunt.record(found, chosen)
-    if checker.problem.settings.refine > 0.0 and checker.problem.settings.strategy == "global":
+    if checker.problem.settings.refine and checker.problem.settings.strategy == "global":
         step(0, len(tags), "refine")
         chosen = refined(checker, chosen, hunt.weight)
         record["travel_rad2"] = travel(chosen)
