@@ -134,11 +134,10 @@ class _Builder:
         }
         user = Origin(Provenance.USER, "cell file")
         origins |= {key: user for key in changes}
-        meshes = self._link_meshes() or robot.link_meshes
         return replace(
             robot,
             T_world_robroot=_transform(table.base),
-            link_meshes=meshes,
+            link_meshes=self._link_meshes(),
             origins=origins,
             **changes,
         )

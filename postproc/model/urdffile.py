@@ -1,4 +1,4 @@
-"""A robot from a URDF file: limits, speeds, masses and solids; what it lacks is marked assumed."""
+"""A robot from a URDF file: limits, speeds, masses; what it lacks is marked assumed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.errors import SourceRef
 from postproc.model.cell import Origin, Provenance, Robot, UrdfGeometry
-from postproc.model.urdfbody import link_inertia, link_solids
+from postproc.model.urdfbody import link_inertia
 from postproc.model.urdfchain import read_chain
 from postproc.units import DEG
 
@@ -51,13 +51,8 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         "qdd_max": assumed,
     }
     mass, com = link_inertia(chain)
-    meshes, not_found = link_solids(chain)
     if mass is not None:
         origins |= {"link_mass": from_file, "link_com": from_file}
-    if not_found:
-        origins["link_meshes"] = Origin(
-            Provenance.ASSUMED, f"collision meshes not found: {', '.join(not_found)}"
-        )
     return Robot(
         name=str(chain.tree.get("name") or path.stem),
         geometry=UrdfGeometry(path, chain.tip),
@@ -68,6 +63,5 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         T_world_robroot=np.eye(4),
         link_mass=mass,
         link_com=com,
-        link_meshes=meshes,
         origins=origins,
     )
