@@ -14,7 +14,7 @@ import numpy as np
 from postproc.model.toolpath import ToolPath
 from postproc.readers.apt_dialect import Dialect, dialect_of
 from postproc.readers.apt_finish import finished_toolpath
-from postproc.readers.apt_lines import TextBlock, text_blocks
+from postproc.readers.apt_lines import statement_blocks
 from postproc.readers.apt_motion import MotionReader, Motions
 from postproc.readers.apt_nurbs import close_spline
 from postproc.readers.apt_scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
@@ -22,6 +22,7 @@ from postproc.readers.apt_state import AptState
 from postproc.readers.apt_words import comment, handle, unit_name
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.faults import Faults
+from postproc.readers.text_blocks import TextBlock
 
 _SNIFFED = re.compile(
     rb"^[ \t]*(GOTO|CIRCLE|FEDRAT|RAPID|TOOL PATH|PARTNO|UNITS?|LOADTL|TLAXIS|CUTTER|SPINDL"
@@ -51,7 +52,7 @@ class AptReader:
         state: AptState | None = None
         motion_reader: MotionReader | None = None
         last_motion = 0
-        for block in text_blocks(path):
+        for block in statement_blocks(path):
             if state is None or motion_reader is None:
                 state = _new_state(block, options, faults)
                 motion_reader = MotionReader(state.dialect, faults)

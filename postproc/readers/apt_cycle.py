@@ -23,7 +23,8 @@ NAN = float("nan")
 
 _KINDS = {
     "DRILL": "drill", "FACE": "drill", "CSINK": "countersink", "DEEP": "peck", "DEEP2": "peck",
-    "BRKCHP": "break_chip", "BREAKCHIP": "break_chip", "THRU": "drill", "TAP": "tap", "BORE": "bore",
+    "BRKCHP": "break_chip", "BREAKCHIP": "break_chip", "THRU": "drill", "TAP": "tap",
+    "BORE": "bore",
     "BORE5": "bore", "BORE6": "bore", "BORE7": "bore", "BORE8": "bore", "BORE9": "bore",
     "REAM": "ream", "MILL": "mill", "SPOT": "drill",
 }  # fmt: skip
@@ -78,7 +79,7 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
     """
     numbers = [bounded(arg) if arg else NAN for arg in statement.args]
     most = _SIEMENS[statement.word]
-    if not 4 <= len(numbers) <= most or None in numbers:  # noqa: PLR2004 - RTP, RFP, SDIS, DP at least
+    if not 4 <= len(numbers) <= most or None in numbers:
         raise state.faults.error(
             "APT041",
             f"{statement.word} needs RTP, RFP, SDIS, DP[, DPR, ...]",
@@ -184,8 +185,10 @@ def _positional(
 def _camworks(
     state: AptState, words: tuple[str, ...], line: int, statement: Statement
 ) -> dict[str, float]:
-    """Return the parameters of CAMWorks: G98, depth[, PECKING, first, next], MMPM, feed, rapid
-    height, retract height, initial height, DWELL, time; the comma after a height may be missing.
+    """Return the parameters of CAMWorks' order; the comma between two heights may be missing.
+
+    G98, depth[, PECKING, first, next], MMPM, feed, rapid height, retract height, initial height,
+    DWELL, time.
     """
     tokens = [part for word in words[1:] for part in word.split()]
     found: dict[str, float] = {}
@@ -199,7 +202,7 @@ def _camworks(
         position += 1
         if value is not None:
             (heights if "feed" in found else bare).append(value)
-        elif word == "PECKING" and len(following) == 2 and None not in following:  # noqa: PLR2004 - first and next
+        elif word == "PECKING" and len(following) == 2 and None not in following:
             found["peck_first"], found["peck"] = (v or 0.0 for v in following)
             position += 2
         elif word in FEED_UNITS and following and following[0] is not None:

@@ -31,7 +31,7 @@ def msys_statement(state: AptState, statement: Statement, line: int) -> None:
 
 def origin_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle ORIGIN/: origin, and perhaps x axis and z axis, in the part (CATIA)."""
-    if len(statement.args) == 3:  # noqa: PLR2004 - a point alone
+    if len(statement.args) == 3:
         point = _all_numbers(state, statement, line, 3)
         state.set_frame(np.eye(3), np.array(point) * state.scale)
         return
@@ -171,7 +171,7 @@ class MatrixComment:
         if len(numbers) != _ROW or None in numbers:
             return
         self._rows.append([float(v) for v in numbers if v is not None])
-        if len(self._rows) == 3:  # noqa: PLR2004 - a 3x4 matrix
+        if len(self._rows) == 3:
             matrix = np.array(self._rows)
             line, self._line = self._line, 0
             R = _rotation(state, matrix[:, :3], line)

@@ -1,4 +1,4 @@
-"""Modal values of a CL file as columns: what is in force at each point, without a loop over points."""
+"""Modal values of a CL file as columns: what is in force at each point."""
 
 from __future__ import annotations
 

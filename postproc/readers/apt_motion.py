@@ -73,7 +73,7 @@ class MotionReader:
         self._points, self._relative, self._arcs, self._tangents = {}, set(), {}, {}
         self._feeds = []
         scan.others = [item for item in scan.others if not self._take(*item)]
-        lines = np.flatnonzero((scan.code == GOTO))
+        lines = np.flatnonzero(scan.code == GOTO)
         points = self._merged(lines, bulk_points, scan.goto, self._points, 6)
         relative = [int(np.searchsorted(lines, line)) for line in sorted(self._relative)]
         rapid = self._rapids(lines, len(scan.code))
@@ -215,7 +215,7 @@ class MotionReader:
             return False
         circle = [bounded(text) for text in match.group(1).split(",")]
         ray = [bounded(text) for text in match.group(2).split(",")]
-        if None in circle or None in ray or len(circle) != 4 or len(ray) not in (4, 6):  # noqa: PLR2004 - centre and radius; two points
+        if None in circle or None in ray or len(circle) != 4 or len(ray) not in (4, 6):
             raise self._faults.error(
                 "APT033", "TLON needs CIRCLE/x,y,z,r and LINE/x,y,z,x,y,z", line, statement.text
             )
@@ -225,7 +225,7 @@ class MotionReader:
             )
         numbers = [float(v) for v in circle if v is not None]
         end = [float(v) for v in ray if v is not None]
-        end = end[3:6] if len(end) == 6 else [*end[2:4], numbers[2]]  # noqa: PLR2004 - points with or without z
+        end = end[3:6] if len(end) == 6 else [*end[2:4], numbers[2]]
         self._points[index] = [*end, np.nan, np.nan, np.nan]
         self._arcs[index] = ([*numbers[:3], 0.0, 0.0, 1.0, numbers[3]], 1.0, 0)
         self._tangents[index] = self._tangent
@@ -262,8 +262,8 @@ class MotionReader:
             cancelled = np.full(k + 1, -2, dtype=np.int64)
             cancelled[np.searchsorted(lines, feed_lines)] = feed_lines
             last[cancelled > last] = -2
-        self._rapid = bool(last[k] > -2)  # noqa: PLR2004 - -2 stands for none
-        return np.asarray(last[:k] > -2)  # noqa: PLR2004 - as above
+        self._rapid = bool(last[k] > -2)
+        return np.asarray(last[:k] > -2)
 
     def _with_arcs(
         self,

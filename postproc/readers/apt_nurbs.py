@@ -31,7 +31,7 @@ def knot_statement(state: AptState, statement: Statement, line: int) -> None:
 def control_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle CNTRL/x,y,z: one control point."""
     numbers = _numbers(state, statement, line)
-    if len(numbers) != 3:  # noqa: PLR2004 - x, y, z
+    if len(numbers) != 3:
         raise state.faults.error("APT081", "CNTRL needs 3 numbers", line, statement.text)
     _draft(state, line).points.append(numbers)
 
@@ -61,7 +61,7 @@ def close_spline(state: AptState) -> None:
 
 
 def discretised(record: SplineRecord, start: FloatArray, tolerance: float) -> FloatArray:
-    """Return points (n, 3) [m] on the spline, without the start, whose chords stay within tolerance.
+    """Return points (n, 3) [m] of the spline, without the start, with chords within tolerance.
 
     Each knot span is cut into equal parts; a part of parameter length h leaves its chord by at most
     h^2/8 times the largest second derivative, which the control polygon bounds.
@@ -112,7 +112,7 @@ def _second_derivative(control: FloatArray, knots: FloatArray, degree: int) -> f
     points, p = control, degree
     inner = knots
     for _ in range(2):
-        if p < 1 or len(points) < 2:  # noqa: PLR2004 - a line has no second derivative
+        if p < 1 or len(points) < 2:
             return 0.0
         width = inner[p + 1 : p + len(points)] - inner[1 : len(points)]
         points = p * np.diff(points, axis=0) / np.where(width > 0, width, np.inf)[:, None]

@@ -13,10 +13,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.readers.apt_lines import TextBlock, is_continued
+from postproc.readers.apt_lines import is_continued
 from postproc.readers.apt_statement import Statement, is_free_text, parse_statement
 from postproc.readers.decimals import LARGEST, parse_tokens
 from postproc.readers.faults import Faults
+from postproc.readers.text_blocks import TextBlock
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -105,7 +106,7 @@ def _codes(buffer: NDArray[np.uint8], starts: IntArray, ends: IntArray) -> NDArr
     rapid = np.frombuffer(b"RAPID\0\0\0", dtype=np.uint64)[0]
     length = ends - starts
     five = (folded & np.uint64(0xFFFFFFFFFF)) == rapid
-    code[five & ((length == 5) | ((length == 6) & (head[:, 5] == ord("/"))))] = RAPID  # noqa: PLR2004 - RAPID with and without a slash
+    code[five & ((length == 5) | ((length == 6) & (head[:, 5] == ord("/"))))] = RAPID
     return code
 
 

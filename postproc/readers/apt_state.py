@@ -194,7 +194,7 @@ class AptState:
                 arcs.tangent,
                 arcs.radius,
                 arcs.turns,
-            )  # fmt: skip
+            )
         )
         self.done += k
         self.at = 0

@@ -98,7 +98,7 @@ def _unknown(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT005", f"{word[:30]!r} is no word; is it {near}?", line, statement.text
         )
-    shown = word if len(word) <= 60 else word[:57] + "..."  # noqa: PLR2004 - a line of a report
+    shown = word if len(word) <= 60 else word[:57] + "..."
     state.unknown[shown] = state.unknown.get(shown, 0) + 1
     state.add_event(EventKind.UNKNOWN, line, 0.0, statement.text)
 
@@ -183,7 +183,7 @@ def _tool_path(state: AptState, statement: Statement, line: int) -> None:
     """TOOL PATH/name,TOOL,tool name (NX): a new operation; the tool axis begins at (0, 0, 1)."""
     args = statement.args
     state.add_operation(args[0] if args else "", line)
-    if len(args) > 2 and args[1].upper() == "TOOL":  # noqa: PLR2004 - name, TOOL, tool name
+    if len(args) > 2 and args[1].upper() == "TOOL":
         state.add_tool(line, name=args[2])
     if statement.word in state.dialect.axis_reset:
         state.set_axis(0.0, 0.0, 1.0)

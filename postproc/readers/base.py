@@ -21,8 +21,6 @@ from postproc.units import INCH, MM
 LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
 """Metres per unit of length, by the names that ``--units`` takes."""
 HEAD_BYTES = 1 << 16
-LONGEST_LINE = 1 << 16
-"""No statement or row of a real file comes near this many bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +80,7 @@ class Reader(Protocol):
 READERS: Registry[Reader] = Registry("readers", "postproc.readers")
 
 
-def read(path: str | Path, format: str = "auto", options: ReadOptions | None = None) -> ToolPath:  # noqa: A002 - the option's name on the command line
+def read(path: str | Path, format: str = "auto", options: ReadOptions | None = None) -> ToolPath:
     """Return the toolpath of a CAM file.
 
     Args:

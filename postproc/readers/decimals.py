@@ -153,7 +153,7 @@ def _parse_rest(
     """Evaluate the tokens ``rest`` one by one, in place."""
     cache: dict[bytes, float | None] = {}
     for i in rest:
-        if ends[i] - starts[i] > 64:  # noqa: PLR2004 - no number is written that long
+        if ends[i] - starts[i] > 64:
             continue
         raw = buffer[starts[i] : ends[i]].tobytes()
         if raw not in cache:

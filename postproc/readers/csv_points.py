@@ -1,0 +1,409 @@
+"""Reader of point and hole lists: CSV in the dialects found in the wild.
+
+Separator, decimal sign, header and encoding are found from the content; columns by their names
+(``csv_columns``), by ``ReadOptions.columns``, or without either by their number: x, y, z or
+x, y, z, i, j, k, with or without a name first. Lengths are mm unless the header or the option says
+otherwise. A row with a depth is a hole. An empty field of any column but x, y, z repeats the row
+before. Where no orientation is given, the normals come from the workpiece's mesh.
+
+Heights of a hole without columns of its own: the feed starts 2 mm above the point, the tool ends
+10 mm above it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from postproc.frames import FloatArray
+from postproc.model.arrays import IntArray
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.readers.base import LENGTH_UNITS, READERS, ReadOptions
+from postproc.readers.csv_columns import (
+    NORMAL,
+    ORIENTATIONS,
+    POSITION,
+    TEXT_ROLES,
+    Column,
+    column_of,
+)
+from postproc.readers.csv_holes import HoleColumns, motion_kinds, operation_runs, tool_calls
+from postproc.readers.csv_orientation import rotations_from, unit_rows
+from postproc.readers.csv_repeats import merged_repeats
+from postproc.readers.csv_table import (
+    Layout,
+    Rows,
+    decoded,
+    is_number,
+    layout_of,
+    parse_rows,
+    split_row,
+)
+from postproc.readers.faults import Faults
+from postproc.readers.text_blocks import text_blocks
+from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
+
+FAR_AWAY = 50.0
+"""Farther from the origin than this [m] no workpiece of a robot cell lies."""
+_HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
+
+
+@dataclass(slots=True)
+class _Columns:
+    """All rows: line (n,), numeric columns by role (n,) as written, texts by role."""
+
+    line: IntArray
+    numbers: dict[str, FloatArray] = field(default_factory=dict)
+    texts: dict[str, list[str]] = field(default_factory=dict)
+
+
+class CsvReader:
+    """Reader of point and hole lists."""
+
+    def sniff(self, head: bytes) -> float:
+        """Return how much of the first rows is numbers."""
+        lines = [
+            line for line in decoded(head).splitlines()[:-1] or [decoded(head)] if line.strip()
+        ]
+        rows = [line for line in lines if not line.lstrip().startswith("#")][:20]
+        if not rows or rows[0].lstrip().startswith("<"):
+            return 0.0
+        fitting = sum(1 for row in rows[-10:] if _looks_like_a_row(row))
+        return 0.5 * fitting / len(rows[-10:])
+
+    def read(self, path: str, options: ReadOptions) -> ToolPath:
+        """Return the points of a list.
+
+        Raises:
+            ReadError: with a ``CSV`` code and the line.
+        """
+        faults = Faults(path, options.recover)
+        layout: Layout | None = None
+        columns: list[Column] = []
+        parts: list[Rows] = []
+        for block in text_blocks(path):
+            if layout is None:
+                layout = layout_of(block, faults)
+                columns = _columns(layout, options, faults)
+            numeric, texts = _used(columns)
+            parts.append(parse_rows(block, layout, numeric, texts, faults))
+        if layout is None:
+            raise faults.error("CSV002", "no row of data", 1)
+        return _toolpath(path, options, layout, columns, _joined(columns, parts, faults), faults)
+
+
+def _looks_like_a_row(text: str) -> bool:
+    return any(
+        sum(is_number(part, decimal_comma=True) for part in split_row(text, separator)) >= 3
+        for separator in (";", "\t", ",", " ")
+    )
+
+
+def _columns(layout: Layout, options: ReadOptions, faults: Faults) -> list[Column]:
+    """Return what each column means: as asked for, by the header, or by their number."""
+    if options.columns is not None:
+        columns = _asked_columns(options.columns, layout, faults)
+    elif layout.header is not None:
+        columns = [column_of(name) for name in layout.header]
+    else:
+        columns = _counted_columns(layout, faults)
+    columns = _first_of_each(columns, faults, layout)
+    missing = [role for role in POSITION if role not in {column.role for column in columns}]
+    if missing:
+        seen = ", ".join(column.name or "-" for column in columns)
+        raise faults.error(
+            "CSV010",
+            f"no column {', '.join(missing)} among {seen}",
+            layout.header_line or 1,
+            hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
+        )
+    unused = [column.name for column in columns if not column.role and column.name not in ("", "-")]
+    if unused and options.columns is None:
+        faults.warn(
+            "CSV120",
+            f"columns without a meaning here: {', '.join(unused)}",
+            layout.header_line or 1,
+        )
+    return columns
+
+
+def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults) -> list[Column]:
+    listed = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
+    columns = [Column("", "-") if name == "-" else column_of(name) for name in listed]
+    unknown = [column.name for column in columns if not column.role and column.name != "-"]
+    if unknown:
+        raise faults.error(
+            "CSV011",
+            f"--columns: {unknown[0]!r} is no column, known are x y z i j k a b c roll pitch yaw "
+            "qw qx qy qz id depth diameter feed operation tool clearance retract dwell peck motion "
+            "and - for one to leave out",
+            1,
+        )
+    if len(columns) != layout.width:
+        raise faults.error(
+            "CSV012",
+            f"--columns names {len(columns)} columns, the file has {layout.width}",
+            layout.first_row_line,
+        )
+    return columns
+
+
+def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
+    row = layout.first_row
+    named = bool(row) and not is_number(row[0], layout.decimal_comma)
+    roles = _HEADERLESS.get(layout.width - named)
+    if roles is None:
+        raise faults.error(
+            "CSV013",
+            f"{layout.width} columns without a header, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)",
+            layout.first_row_line,
+            hint="name the columns in order with --columns, such as x,y,z,w,p,r,id",
+        )
+    listed = (("id",) if named else ()) + tuple(roles)
+    return [Column(role, role) for role in listed]
+
+
+def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> list[Column]:
+    """Keep the first column of each role; two of a coordinate have no single meaning."""
+    result: list[Column] = []
+    seen: set[str] = set()
+    for column in columns:
+        if column.role in seen and column.role != "id":
+            raise faults.error(
+                "CSV014",
+                f"two columns for {column.role}, the second is {column.name!r}",
+                layout.header_line or 1,
+                hint="choose with --columns, - leaves a column out",
+            )
+        result.append(Column("", column.name) if column.role in seen else column)
+        seen.add(column.role)
+        seen.discard("")
+    return result
+
+
+def _used(columns: list[Column]) -> tuple[list[int], list[int]]:
+    numeric = [i for i, c in enumerate(columns) if c.role and c.role not in TEXT_ROLES]
+    texts = [i for i, c in enumerate(columns) if c.role in TEXT_ROLES]
+    return numeric, texts
+
+
+def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Columns:
+    """Return the columns of all blocks, empty fields filled from the row before."""
+    numeric, texts = _used(columns)
+    line = np.concatenate([part.line for part in parts]).astype(np.int32)
+    joined = _Columns(line)
+    for at, column in enumerate(numeric):
+        role = columns[column].role
+        values = np.concatenate([part.numbers[:, at] for part in parts])
+        empty = np.flatnonzero(np.concatenate([part.empty[:, at] for part in parts]))
+        if len(empty):
+            if role in POSITION:
+                faults.fix(
+                    "CSV005", f"{columns[column].name} is empty",
+                    "it is that of the row before", int(line[empty[0]]),
+                )  # fmt: skip
+            values = _filled(values, empty, role, line, faults)
+        joined.numbers[role] = values
+    for column in texts:
+        joined.texts[columns[column].role] = [text for part in parts for text in part.texts[column]]
+    return joined
+
+
+def _filled(
+    values: FloatArray, empty: IntArray, role: str, line: IntArray, faults: Faults
+) -> FloatArray:
+    if empty[0] == 0:
+        if role in POSITION:
+            raise faults.error("CSV005", f"{role} of the first row is empty", int(line[0]))
+        if len(empty) == len(values):
+            return values
+    source = np.arange(len(values))
+    source[empty] = 0
+    source = np.maximum.accumulate(source)
+    faults.warn(
+        "CSV121", f"empty fields of column {role}: taken from the row before", int(line[empty[0]])
+    )
+    filled: FloatArray = values[source]
+    return filled
+
+
+def _toolpath(
+    path: str,
+    options: ReadOptions,
+    layout: Layout,
+    columns: list[Column],
+    data: _Columns,
+    faults: Faults,
+) -> ToolPath:
+    units, scale = _units(columns, options, faults, layout)
+    factors = {c.role: c.factor for c in columns}
+
+    def length(role: str) -> FloatArray | None:
+        if role not in data.numbers:
+            return None
+        factor = factors[role]
+        return data.numbers[role] * (scale if factor is None else factor)
+
+    points = np.column_stack([length(role) for role in POSITION])
+    names = data.texts.get("id")
+    operations = data.texts.get("operation")
+    merged = merged_repeats(names, operations, points, data.line, faults) if names else None
+    rows: IntArray | slice = slice(None)
+    if merged is not None:
+        points, rows = merged
+        names = [names[i] for i in rows.tolist()] if names else None
+        operations = [operations[i] for i in rows.tolist()] if operations else None
+    line = data.line[rows]
+    _warn_if_far(points, line, faults)
+    axes, rotations = _orientation(data, factors, points, rows, options, faults)
+
+    def kept(role: str) -> FloatArray | None:
+        values = length(role)
+        return None if values is None else values[rows]
+
+    motion = data.texts.get("motion")
+    holes = HoleColumns(
+        kept("depth"),
+        kept("diameter"),
+        kept("clearance"),
+        kept("retract"),
+        kept("peck"),
+        data.numbers["dwell"][rows] if "dwell" in data.numbers else None,
+        list(np.array(motion, dtype=object)[rows]) if motion else None,
+    )
+    kind, cycle, cycles = motion_kinds(holes, line, faults)
+    operation, runs = operation_runs(operations, line)
+    tool, tools, events = tool_calls(
+        data.numbers["tool"][rows] if "tool" in data.numbers else None, line, faults
+    )
+    n = len(points)
+    return ToolPath(
+        path=path,
+        name=Path(path).stem,
+        format="csv",
+        dialect="csv",
+        units=units,
+        points=points,
+        axes=axes,
+        kind=kind,
+        feed=_feeds(data, factors, rows, units, kind, faults, line),
+        line=line,
+        operation=operation,
+        tool=tool,
+        arc=np.full(n, -1, dtype=np.int32),
+        cycle=cycle,
+        operations=runs,
+        tools=tools,
+        cycles=cycles,
+        events=events,
+        rotations=rotations,
+        names=tuple(names) if names else None,
+        extra={} if holes.diameter is None else {"diameter": holes.diameter},
+        warnings=faults.warnings,
+        recovered=faults.fixes,
+    )
+
+
+def _units(
+    columns: list[Column], options: ReadOptions, faults: Faults, layout: Layout
+) -> tuple[str, float]:
+    """Return name and factor of the unit of length for columns without one of their own."""
+    factors = {column.factor for column in columns if column.role in POSITION}
+    named = {name for name, factor in LENGTH_UNITS.items() if factor in factors}
+    if options.units is not None and named and named != {options.units}:
+        raise faults.error(
+            "CSV015",
+            f"the header says {' and '.join(sorted(named))}, but --units says {options.units}",
+            layout.header_line,
+        )
+    units = options.units or (min(named) if len(named) == 1 and None not in factors else "mm")
+    return units, LENGTH_UNITS[units]
+
+
+def _warn_if_far(points: FloatArray, line: IntArray, faults: Faults) -> None:
+    far = np.flatnonzero(np.abs(points).max(axis=1, initial=0.0) > FAR_AWAY)
+    if len(far):
+        reach = float(np.abs(points[far]).max()) / MM
+        faults.warn(
+            "CSV110",
+            f"{len(far)} points lie up to {reach:.0f} mm from the origin: these are coordinates of "
+            "another frame (an aircraft's, a site's) than the workpiece's",
+            int(line[far[0]]),
+        )
+
+
+def _orientation(
+    data: _Columns,
+    factors: dict[str, float | None],
+    points: FloatArray,
+    rows: IntArray | slice,
+    options: ReadOptions,
+    faults: Faults,
+) -> tuple[FloatArray, FloatArray | None]:
+    """Return the tool axes (n, 3), and the rotations (n, 3, 3) where the file gives them."""
+    line = data.line[rows]
+    forms = [form for form in (NORMAL, *ORIENTATIONS) if set(form) <= set(data.numbers)]
+    if len(forms) > 1:
+        raise faults.error(
+            "CSV024",
+            f"two orientations, {','.join(forms[0])} and {','.join(forms[1])}",
+            1,
+            hint="choose with --columns, - leaves a column out",
+        )
+    if not forms:
+        return _normals_of_surface(data, points, options, faults), None
+    form = forms[0]
+    values = np.column_stack([data.numbers[role][rows] for role in form])
+    empty = np.flatnonzero(np.isnan(values).any(axis=1))
+    if len(empty):
+        raise faults.error("CSV025", "no orientation in this row", int(line[empty[0]]))
+    if form == NORMAL:
+        return unit_rows(values, "normal", line, faults), None
+    R = rotations_from(form, values, [factors[role] for role in form], line, faults)
+    axes: FloatArray = -(R @ np.asarray(options.tool_axis)) + 0.0
+    return axes, R
+
+
+def _normals_of_surface(
+    data: _Columns, points: FloatArray, options: ReadOptions, faults: Faults
+) -> FloatArray:
+    partial = [role for role in (*NORMAL, "a", "b", "c") if role in data.numbers]
+    if options.surface_normals is None or partial:
+        what = f"only {','.join(partial)} of an orientation" if partial else "no orientation"
+        raise faults.error(
+            "CSV020",
+            f"{what} in this file, expected columns i,j,k (from the tip to the holder) or a,b,c",
+            1,
+            hint="add the columns, or give the cell a workpiece mesh to take the normals from",
+        )
+    normals = np.asarray(options.surface_normals(points), dtype=np.float64)
+    faults.warn("CSV111", "no orientation in this file: normals are those of the workpiece mesh", 1)
+    return unit_rows(normals, "normal of the mesh", data.line[: len(points)], faults)
+
+
+def _feeds(
+    data: _Columns,
+    factors: dict[str, float | None],
+    rows: IntArray | slice,
+    units: str,
+    kind: IntArray,
+    faults: Faults,
+    line: IntArray,
+) -> FloatArray:
+    """Return the feed (n,) [m/s], NaN for rapids and where none is given."""
+    if "feed" not in data.numbers:
+        return np.full(len(kind), np.nan)
+    factor = factors["feed"]
+    if factor is None:
+        factor = INCH_PER_MIN if units == "inch" else MM_PER_MIN
+    feed: FloatArray = data.numbers["feed"][rows] * factor
+    wrong = np.flatnonzero(feed <= 0.0)
+    if len(wrong):
+        raise faults.error("CSV034", "a feed must be above zero", int(line[wrong[0]]))
+    feed[kind == MotionKind.RAPID] = np.nan
+    return feed
+
+
+READERS.register("csv")(CsvReader())
