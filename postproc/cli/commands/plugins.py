@@ -1,0 +1,62 @@
+"""``postproc plugins``: readers, emitters, effects and objectives."""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+if TYPE_CHECKING:
+    from postproc.registry import PluginInfo, Registry
+
+EPILOG = """\b
+Examples:
+  postproc plugins
+  postproc plugins --json
+"""
+_REGISTRIES = (
+    ("postproc.readers.base", "READERS"),
+    ("postproc.emitters.base", "REGISTRY"),
+    ("postproc.gap.effect", "REGISTRY"),
+    ("postproc.planning.costs", "REGISTRY"),
+)
+
+
+@click.command(epilog=EPILOG)
+@standard_options
+def command(session: Session, /) -> int:
+    """List readers, emitters, effects and objectives: name, origin, version.
+
+    Installed packages add their own by the entry-point groups postproc.readers,
+    postproc.emitters, postproc.effects and postproc.objectives. One that cannot be loaded is
+    listed with the cause and left out of all work.
+    """
+    infos = [info for place in _REGISTRIES for info in _registry(*place).infos()]
+    plugins = [_entry(info) for info in infos]
+    session.document({"schema": "postproc.plugins/1", "plugins": plugins})
+    width = max(len(info.name) for info in infos)
+    for info in infos:
+        line = f"{info.group:11} {info.name:{width}}  {info.origin} {info.version}"
+        session.show(f"{line}  cannot be loaded" if info.problem else line)
+        if info.problem:
+            name = f"{info.group} part {info.name!r} of {info.origin} {info.version}"
+            session.say(f"postproc: warning PLG003: {name} cannot be loaded: {info.problem}")
+    return answer(good=True)
+
+
+def _registry(module: str, name: str) -> Registry[Any]:
+    registry: Registry[Any] = getattr(importlib.import_module(module), name)
+    return registry
+
+
+def _entry(info: PluginInfo) -> dict[str, Any]:
+    return {
+        "group": info.group,
+        "name": info.name,
+        "origin": info.origin,
+        "version": info.version,
+        "problem": info.problem or None,
+    }
