@@ -120,6 +120,7 @@ class Checker:
     strokes: Strokes
     scene: Scene | None
     checked: int = field(default=0, init=False)
+    swept: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
 
     def states(
@@ -235,7 +236,14 @@ class Checker:
 
     def _sweep(self, verdict: Verdict, row: IndexArray, q: FloatArray, contact: BoolArray) -> None:
         """Check the motions between successive samples of the same row."""
-        self._hits(verdict, row, q, contact[row])
+        if self.scene is None or len(q) < 2:
+            return
+        start = np.nonzero(row[1:] == row[:-1])[0]
+        motion = row[start]
+        hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion])
+        self.swept += len(start)
+        self.pairs = hits.pairs
+        verdict.collide(motion[hits.hit], hits.pair[hits.hit])
 
 
 def _poses(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
