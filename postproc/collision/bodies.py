@@ -1,0 +1,140 @@
+"""The solids of a cell, each named as the user knows it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.collision.arm import Arm
+from postproc.collision.links import default_links
+from postproc.collision.mesh import Mesh, decimated, joined, solid
+from postproc.collision.urdf_solids import urdf_links
+from postproc.errors import Issue, Severity
+from postproc.frames import inverse, transform
+from postproc.model.arrays import FloatArray, IntArray
+from postproc.model.cell import Cell, MeshPlacement, UrdfGeometry
+
+WORLD = -1
+"""Stands for a link where a body does not move."""
+LAST_LINK = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """One solid.
+
+    Args:
+        name: as the user knows it: ``link 4``, ``tool spindle.stl``, ``obstacle fixture``.
+        kind: ``link``, ``tool``, ``cutting``, ``workpiece`` or ``obstacle``.
+        link: 0..6, the link that carries it and in whose frame the mesh is given, or ``WORLD``:
+            the mesh is given in the world.
+        mesh: its surface [m].
+    """
+
+    name: str
+    kind: str
+    link: int
+    mesh: Mesh
+
+    @property
+    def vertices(self) -> FloatArray:
+        """(v, 3) [m] in the frame of the link or of the world."""
+        return self.mesh.vertices
+
+    @property
+    def faces(self) -> IntArray:
+        """(f, 3) indices of vertices, outward counter-clockwise."""
+        return self.mesh.faces
+
+    def coarse(self, max_faces: int) -> Body:
+        """Return the body with at most ``max_faces`` triangles, for display."""
+        return Body(self.name, self.kind, self.link, decimated(self.mesh, max_faces))
+
+
+def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Issue, ...]]:
+    """Return the solids of a cell in fixed order, and what the user should know about them.
+
+    Links 0..6, tool, workpiece, obstacles; within each in the order of the cell file.
+
+    Raises:
+        CellError: COL001 to COL005 naming the mesh file that cannot be used.
+    """
+    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
+    zero = np.zeros(6)
+    T_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK]) @ arm.fk(zero)
+    T_world_base = T_world_robroot @ cell.T_robroot_base
+    links, issues = _links(cell, arm)
+    bodies = [
+        *links,
+        *(
+            _placed(s, "tool", LAST_LINK, T_link6_flange, "cutting" if s.cutting else "tool")
+            for s in cell.tool.meshes
+        ),
+        *(_placed(s, "workpiece", WORLD, T_world_base) for s in cell.workpiece.meshes),
+        *(_placed(s, "obstacle", WORLD, np.eye(4)) for s in cell.obstacles),
+    ]
+    if not cell.tool.meshes:
+        text = "the tool has no solids: what it hits is not seen"
+        issues.append(Issue(Severity.WARNING, "COL101", text))
+    return _told_apart(bodies), tuple(issues)
+
+
+def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
+    """Return a cutting solid pulled back along the tool axis by the cell's contact depth."""
+    zero = np.zeros(6)
+    R_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK])[:3, :3] @ arm.fk(zero)[:3, :3]
+    axis = R_link6_flange @ cell.tool.T_flange_tcp[:3, :3] @ cell.tool.axis
+    shift = transform(np.eye(3), -cell.limits.contact_depth * axis)
+    return Body(body.name, body.kind, body.link, body.mesh.moved(shift))
+
+
+def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Issue]]:
+    own = cell.robot.link_meshes
+    if own:
+        counts = np.bincount([link for link, _ in own], minlength=LAST_LINK + 1)
+        return [
+            Body(_link_name(link, placement, int(counts[link])), "link", link, solid(placement))
+            for link, placement in sorted(own, key=lambda entry: entry[0])
+        ], []
+    meshes = default_links(cell.robot, arm)
+    issues: list[Issue] = []
+    if isinstance(cell.robot.geometry, UrdfGeometry):
+        found, issues = urdf_links(cell.robot.geometry)
+        meshes = [joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes)]
+    return [Body(f"link {i}", "link", i, mesh) for i, mesh in enumerate(meshes)], issues
+
+
+def _link_name(link: int, placement: MeshPlacement, count: int) -> str:
+    if count == 1:
+        return f"link {link}"
+    return f"link {link} {_own_name(placement, 'link')}".rstrip()
+
+
+def _placed(
+    placement: MeshPlacement, owner: str, link: int, T_link_owner: FloatArray, kind: str = ""
+) -> Body:
+    name = f"{owner} {_own_name(placement, owner)}".rstrip()
+    return Body(name, kind or owner, link, solid(placement).moved(T_link_owner))
+
+
+def _own_name(placement: MeshPlacement, owner: str) -> str:
+    """Return the name the user gave, else the file's, else the number in the cell file."""
+    numbered = re.fullmatch(rf"{owner}( \d+)?", placement.name)
+    if numbered is None:
+        return placement.name
+    if placement.file is not None:
+        return placement.file.name
+    return (numbered[1] or "").strip()
+
+
+def _told_apart(bodies: list[Body]) -> tuple[Body, ...]:
+    """Return the bodies with a number behind names that stand twice."""
+    seen: dict[str, int] = {}
+    result = []
+    for body in bodies:
+        count = seen[body.name] = seen.get(body.name, 0) + 1
+        name = body.name if count == 1 else f"{body.name} ({count})"
+        result.append(Body(name, body.kind, body.link, body.mesh))
+    return tuple(result)

@@ -1,0 +1,132 @@
+"""Oriented bounding boxes: fitting, and a lower bound of the distance between two of them.
+
+All kernels work on many boxes at once with the box index last, so that every numpy operation
+runs over contiguous memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.model.arrays import FloatArray
+
+_AXIS_FLOOR = 1e-6
+"""Cross products of nearly parallel edges shorter than this say nothing and are left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class Boxes:
+    """k oriented boxes in one frame: centres (k, 3) [m], axes (k, 3, 3) as columns, half sizes."""
+
+    centre: FloatArray
+    axes: FloatArray
+    half: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of boxes."""
+        return len(self.centre)
+
+
+def fit_box(points: FloatArray, faces: FloatArray | None = None) -> tuple[FloatArray, ...]:
+    """Return centre (3,), axes (3, 3) as columns and half sizes (3,) of a tight box.
+
+    The smallest surface of three candidates: the axes of the frame, the principal axes of the
+    points, and the plane of the largest triangle with an edge of it (exact for boxes and prisms).
+
+    Args:
+        points: (v, 3) [m], at least one.
+        faces: (f, 3, 3) corners of triangles for the third candidate.
+    """
+    best: tuple[FloatArray, ...] = ()
+    smallest = np.inf
+    for axes in _candidates(points, faces):
+        local = points @ axes
+        low, high = local.min(axis=0), local.max(axis=0)
+        half = 0.5 * (high - low)
+        surface = float(half[0] * half[1] + half[1] * half[2] + half[2] * half[0])
+        if surface < smallest * (1.0 - 1e-9):
+            smallest = surface
+            best = (axes @ (0.5 * (high + low)), axes, half)
+    return best
+
+
+def _candidates(points: FloatArray, faces: FloatArray | None) -> list[FloatArray]:
+    axes = [np.eye(3)]
+    if len(points) > 3:
+        spread = points - points.mean(axis=0)
+        _, principal = np.linalg.eigh(spread.T @ spread)
+        axes.append(principal)
+    if faces is not None and len(faces):
+        edges = np.roll(faces, -1, axis=1) - faces
+        normals = np.cross(edges[:, 0], edges[:, 1])
+        largest = int(np.argmax(np.einsum("fi,fi->f", normals, normals)))
+        lengths = np.linalg.norm(edges[largest], axis=1)
+        area = float(np.linalg.norm(normals[largest]))
+        if area > 0.0:
+            # the edge that stands most nearly square on another one: a leg of a right triangle
+            unit = edges[largest] / lengths[:, None]
+            square = np.abs(np.einsum("ij,ij->i", unit, np.roll(unit, -1, axis=0)))
+            x, z = unit[int(np.argmin(square))], normals[largest] / area
+            axes.append(np.stack([x, np.cross(z, x), z], axis=1))
+    return axes
+
+
+def box_gap(
+    R_a_b: FloatArray, p_a_b: FloatArray, half_a: FloatArray, half_b: FloatArray
+) -> FloatArray:
+    """Return lower bounds (k,) [m] of the distance between boxes; <= 0 where they may touch.
+
+    Separating axes of two boxes (Gottschalk, Lin and Manocha 1996). The gap along any axis is a
+    lower bound of the distance; so is the length of the vector of the gaps along the three axes of
+    one box. The largest of all is returned.
+
+    Args:
+        R_a_b: (3, 3, k) axes of box b in box a.
+        p_a_b: (3, k) centre of b in a [m].
+        half_a: (3, k) half sizes [m].
+        half_b: (3, k) half sizes [m].
+    """
+    size = np.abs(R_a_b)
+    gap_a = np.abs(p_a_b) - half_a
+    for j in range(3):
+        gap_a -= size[:, j] * half_b[j]
+    gap_b = np.abs(R_a_b[0] * p_a_b[0] + R_a_b[1] * p_a_b[1] + R_a_b[2] * p_a_b[2]) - half_b
+    for i in range(3):
+        gap_b -= size[i] * half_a[i]
+    best = np.maximum(_outside(gap_a), _outside(gap_b))
+    undecided = np.flatnonzero(best <= 0.0)
+    if len(undecided):
+        best[undecided] = _edge_gap(
+            R_a_b[:, :, undecided],
+            p_a_b[:, undecided],
+            half_a[:, undecided],
+            half_b[:, undecided],
+        )
+    return best
+
+
+def _outside(gap: FloatArray) -> FloatArray:
+    """Return the length of the positive gaps (3, k), or the largest gap where none is positive."""
+    positive = np.maximum(gap, 0.0)
+    length = np.sqrt(positive[0] ** 2 + positive[1] ** 2 + positive[2] ** 2)
+    return np.asarray(np.where(length > 0.0, length, gap.max(axis=0)))
+
+
+def _edge_gap(
+    R_a_b: FloatArray, p_a_b: FloatArray, half_a: FloatArray, half_b: FloatArray
+) -> FloatArray:
+    """Return the largest gap (k,) along the nine cross products of edges."""
+    size = np.abs(R_a_b)
+    best = np.full(p_a_b.shape[-1], -np.inf)
+    for i in range(3):
+        i1, i2 = (i + 1) % 3, (i + 2) % 3
+        along = np.abs(p_a_b[i2] * R_a_b[i1] - p_a_b[i1] * R_a_b[i2])
+        along -= half_a[i1] * size[i2] + half_a[i2] * size[i1]
+        along -= half_b[[1, 2, 0]] * size[i][[2, 0, 1]] + half_b[[2, 0, 1]] * size[i][[1, 2, 0]]
+        length = np.sqrt(np.maximum(1.0 - R_a_b[i] ** 2, 0.0))
+        usable = length > _AXIS_FLOOR
+        gap = np.where(usable, along / np.where(usable, length, 1.0), -np.inf)
+        np.maximum(best, gap.max(axis=0), out=best)
+    return best

@@ -1,0 +1,112 @@
+"""Do the bodies collide in given configurations, and which pair?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.collision.engine import CHUNK, Candidates, Engine
+from postproc.model.arrays import BoolArray, FloatArray
+
+NO_PAIR = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """Answer for n configurations.
+
+    Args:
+        hit: (n,) whether any pair collides.
+        pair: (n,) index into ``pairs`` of the first pair that does, by the order of ``pairs``;
+            -1 where none does.
+        pairs: names of the tested pairs.
+    """
+
+    hit: BoolArray
+    pair: NDArray[np.int64]
+    pairs: tuple[tuple[str, str], ...]
+
+    def name(self, row: int) -> str:
+        """Return ``A and B`` of the pair that collides in a row, empty if none does."""
+        return " and ".join(self.pairs[self.pair[row]]) if self.hit[row] else ""
+
+
+@dataclass(slots=True)
+class Tally:
+    """How much work a check was: pairs, those left by culling, exact tests."""
+
+    configurations: int = 0
+    pairs: int = 0
+    exact: int = 0
+
+
+def check(
+    engine: Engine,
+    q: FloatArray,
+    contact: BoolArray | None,
+    tally: Tally | None = None,
+    only: BoolArray | None = None,
+) -> Hits:
+    """Return for each configuration (n, 6) [rad] whether it collides.
+
+    Args:
+        engine: the scene.
+        q: (n, 6) [rad].
+        contact: (n,) where cutting solids may touch the workpiece; None: nowhere.
+        tally: counts the work.
+        only: (p,) the pairs to look at; None: all.
+    """
+    pair = np.full(len(q), NO_PAIR, dtype=np.int64)
+    for rows in chunks(len(q)):
+        touch = None if contact is None else contact[rows]
+        found = _candidates(engine, q[rows], touch, only)
+        entries = first_hits(engine, found)
+        pair[rows.start + found.near.row[entries]] = found.near.pair[entries]
+        if tally is not None:
+            tally.configurations += rows.stop - rows.start
+            tally.pairs += len(engine.table) * (rows.stop - rows.start)
+            tally.exact += len(found)
+    return Hits(pair != NO_PAIR, pair, engine.names)
+
+
+def chunks(count: int, size: int = CHUNK) -> Iterator[slice]:
+    """Yield slices of at most ``size`` that cover ``count`` rows."""
+    for start in range(0, count, size):
+        yield slice(start, min(count, start + size))
+
+
+def _candidates(
+    engine: Engine, q: FloatArray, contact: BoolArray | None, only: BoolArray | None
+) -> Candidates:
+    """Return the pairs that may collide in configurations (n, 6)."""
+    margin = engine.table.margin[:, None]
+    wanted = engine.wanted(contact)
+    if only is not None:
+        wanted = wanted & only[:, None]
+    return engine.candidates(engine.place(q), margin, wanted, fine=bool(margin.any()))
+
+
+def first_hits(engine: Engine, found: Candidates) -> np.ndarray:
+    """Return the first entry of each row that collides, ordered by row."""
+    near = found.near
+    first, second = engine.bodies(near)
+    hit = found.nested.copy()
+    # behind a pair that is known to collide nothing of the same row matters
+    order = np.where(hit, np.arange(len(found)), len(found))
+    earliest = np.full(int(near.row.max(initial=-1)) + 1, len(found))
+    np.minimum.at(earliest, near.row, order)
+    open_ = np.flatnonzero(np.arange(len(found)) < earliest[near.row])
+    met = engine.exact.collide(
+        first[open_],
+        second[open_],
+        found.R[open_],
+        found.p[open_],
+        near.row[open_],
+        engine.table.margin[near.pair[open_]],
+    )
+    hit[open_[met]] = True
+    entries = np.flatnonzero(hit)
+    return entries[np.unique(near.row[entries], return_index=True)[1]]

@@ -1,0 +1,212 @@
+"""Culling: which pairs of bodies may be nearer than a threshold, for many configurations at once.
+
+Three stages, each a rigorous lower bound of the distance: axis-aligned boxes of all pairs, then
+oriented boxes of the survivors, then oriented boxes of the pieces of their surfaces. What stays is
+for the exact test. Arrays run over configurations last.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.collision.boxes import box_gap
+from postproc.collision.shape import Shape
+from postproc.model.arrays import BoolArray, FloatArray
+
+SLACK = 1e-9
+"""Rounding of positions [m]: nothing nearer than this counts as proven apart."""
+_BATCH = 400_000
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Bodies placed for n configurations, in robroot.
+
+    ``link`` (7, 3, 4, n) frames of the links; ``centre`` (b, 3, n), ``axes`` (b, 3, 3, n) and
+    ``extent`` (b, 3, n) of the bodies' boxes: centre, axes, half size along the axes of robroot.
+    """
+
+    link: FloatArray
+    centre: FloatArray
+    axes: FloatArray
+    extent: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of configurations."""
+        return int(self.link.shape[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Near:
+    """Pairs that may be near, in order of pair, then configuration.
+
+    ``pair`` (k,), ``row`` (k,), ``bound`` (k,) [m] lower bound of the distance of the surfaces
+    (0 where they may touch).
+    """
+
+    pair: np.ndarray
+    row: np.ndarray
+    bound: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of entries."""
+        return len(self.pair)
+
+    def take(self, index: np.ndarray) -> Near:
+        """Return some of the entries."""
+        return Near(self.pair[index], self.row[index], self.bound[index])
+
+
+class Culler:
+    """Bounds of distances between the bodies of a scene, for a fixed table of pairs.
+
+    Args:
+        shapes: shapes (b) in the frames of their links; bodies of the world in robroot.
+        links: (b,) link 0..6 that carries each; 0 for the world.
+        first, second: (p,) bodies of each pair, ``first`` in growing order.
+    """
+
+    def __init__(
+        self, shapes: list[Shape], links: np.ndarray, first: np.ndarray, second: np.ndarray
+    ) -> None:
+        self.shapes, self.links, self.first, self.second = shapes, links, first, second
+        self._centre = np.stack([shape.centre for shape in shapes])
+        self._axes = np.stack([shape.axes for shape in shapes])
+        self._half = np.stack([shape.half for shape in shapes])
+        self._has_inside = np.array([shape.inside.has_inside for shape in shapes])
+        self._probes = np.vstack([shape.probes for shape in shapes])
+        self._probe_count = np.array([len(shape.probes) for shape in shapes])
+        self._probe_start = np.cumsum(self._probe_count) - self._probe_count
+        self._by_link = [np.flatnonzero(links == link) for link in range(7)]
+        starts = np.flatnonzero(np.diff(first, prepend=-1))
+        ends = np.append(starts[1:], len(first))
+        self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
+
+    def place(self, link_frames: FloatArray) -> Placed:
+        """Return the bodies for link frames (n, 7, 4, 4) in robroot."""
+        frames = np.ascontiguousarray(np.moveaxis(link_frames[:, :, :3, :], 0, -1))
+        n = frames.shape[-1]
+        bodies = len(self.shapes)
+        centre = np.empty((bodies, 3, n))
+        axes = np.empty((bodies, 3, 3, n))
+        for link, members in enumerate(self._by_link):
+            if not len(members):
+                continue
+            R, p = frames[link, :, :3], frames[link, :, 3]
+            # (3 rows of R, members, n): one product for each row of the rotation
+            moved = np.matmul(self._centre[members], R) + p[:, None]
+            centre[members] = np.moveaxis(moved, 0, 1)
+            columns = np.swapaxes(self._axes[members], 1, 2).reshape(-1, 3)
+            turned = np.matmul(columns, R).reshape(3, len(members), 3, n)
+            axes[members] = np.moveaxis(turned, 0, 1)
+        extent = np.abs(axes[:, :, 0]) * self._half[:, 0, None, None]
+        extent += np.abs(axes[:, :, 1]) * self._half[:, 1, None, None]
+        extent += np.abs(axes[:, :, 2]) * self._half[:, 2, None, None]
+        return Placed(frames, centre, axes, extent)
+
+    def bodies_near(
+        self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None = None
+    ) -> Near:
+        """Return pairs whose boxes are nearer than the threshold.
+
+        Args:
+            placed: the bodies.
+            threshold: (p, n) or (p, 1) [m], not negative.
+            wanted: (p, n) or (p, 1), pairs to look at; None: all.
+        """
+        pair, row = self._axis_aligned(placed, threshold, wanted)
+        R_a_b, p_a_b = self._relative(placed, pair, row)
+        half_a = self._half[self.first[pair]].T
+        half_b = self._half[self.second[pair]].T
+        gap = box_gap(R_a_b, p_a_b, half_a, half_b)
+        limit = threshold[pair, row] if threshold.shape[1] > 1 else threshold[pair, 0]
+        kept = np.flatnonzero(gap <= limit + SLACK)
+        return Near(pair[kept], row[kept], np.maximum(gap[kept], 0.0))
+
+    def axis_aligned_bound(self, placed: Placed) -> FloatArray:
+        """Return lower bounds (p, n) [m] of the distances, from axis-aligned boxes only."""
+        bound = np.empty((len(self.first), len(placed)))
+        for begin, end in self._runs:
+            gap = self._gap(placed, begin, end)
+            np.maximum(gap, 0.0, out=gap)
+            bound[begin:end] = np.sqrt(np.einsum("kin,kin->kn", gap, gap))
+        return bound
+
+    def _gap(self, placed: Placed, begin: int, end: int) -> FloatArray:
+        """Return gaps (k, 3, n) along the axes of robroot for pairs of one first body."""
+        a, b = self.first[begin], self.second[begin:end]
+        gap: FloatArray = placed.centre[b]
+        gap -= placed.centre[a]
+        np.abs(gap, out=gap)
+        gap -= placed.extent[b]
+        gap -= placed.extent[a]
+        return gap
+
+    def _axis_aligned(
+        self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        near = np.empty((len(self.first), len(placed)), dtype=bool)
+        for begin, end in self._runs:
+            gap = self._gap(placed, begin, end).max(axis=1)
+            np.less_equal(gap, threshold[begin:end] + SLACK, out=near[begin:end])
+        if wanted is not None:
+            near &= wanted
+        pair, row = np.nonzero(near)
+        return pair, row
+
+    def _relative(
+        self, placed: Placed, pair: np.ndarray, row: np.ndarray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return axes (3, 3, k) and centre (3, k) of the second body's box in the first's."""
+        a, b = self.first[pair], self.second[pair]
+        A = np.moveaxis(placed.axes[a, :, :, row], 0, -1)
+        B = np.moveaxis(placed.axes[b, :, :, row], 0, -1)
+        step = (placed.centre[b, :, row] - placed.centre[a, :, row]).T
+        R = A[0][:, None] * B[0] + A[1][:, None] * B[1] + A[2][:, None] * B[2]
+        return R, A[0] * step[0] + A[1] * step[1] + A[2] * step[2]
+
+    def nested(self, near: Near, R_a_b: FloatArray, p_a_b: FloatArray) -> np.ndarray:
+        """Return which entries (h,) have a part of one body wholly inside the other.
+
+        Meant for pairs whose surfaces do not touch: one point of each part decides.
+
+        Args:
+            near: pairs to look at.
+            R_a_b: (k, 3, 3) rotation from ``relative``.
+            p_a_b: (k, 3) origin from ``relative`` [m].
+        """
+        a, b = self.first[near.pair], self.second[near.pair]
+        R_b_a = np.swapaxes(R_a_b, 1, 2)
+        p_b_a = -np.einsum("kij,kj->ki", R_b_a, p_a_b)
+        found = np.zeros(len(near), dtype=bool)
+        for outer, inner, R, p in ((a, b, R_a_b, p_a_b), (b, a, R_b_a, p_b_a)):
+            found[self._inside(outer, inner, R, p)] = True
+        return np.flatnonzero(found)
+
+    def _inside(
+        self, outer: np.ndarray, inner: np.ndarray, R: FloatArray, p: FloatArray
+    ) -> np.ndarray:
+        """Return entries (h,) with a probe of the inner body inside the outer one."""
+        entry = np.flatnonzero(self._has_inside[outer])
+        count = self._probe_count[inner[entry]]
+        entry = np.repeat(entry, count)
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        probe = self._probes[self._probe_start[inner[entry]] + step]
+        points = np.einsum("kij,kj->ki", R[entry], probe) + p[entry]
+        body = outer[entry]
+        local = np.einsum("kji,kj->ki", self._axes[body], points - self._centre[body])
+        kept = np.flatnonzero((np.abs(local) <= self._half[body]).all(axis=1))
+        hit = np.zeros(len(kept), dtype=bool)
+        for one in np.unique(body[kept]):
+            mine = np.flatnonzero(body[kept] == one)
+            hit[mine] = self.shapes[one].inside.contains(points[kept[mine]])
+        return entry[kept[hit]]
+
+    def relative(self, placed: Placed, near: Near) -> tuple[FloatArray, FloatArray]:
+        """Return rotation (k, 3, 3) and origin (k, 3) of the second body's frame in the first's."""
+        A = placed.link[self.links[self.first[near.pair]], :, :, near.row]
+        B = placed.link[self.links[self.second[near.pair]], :, :, near.row]
+        R_a = np.swapaxes(A[:, :, :3], 1, 2)
+        return R_a @ B[:, :, :3], np.einsum("kij,kj->ki", R_a, B[:, :, 3] - A[:, :, 3])

@@ -1,0 +1,160 @@
+"""Everything the checks share: bodies prepared for culling, the pairs, the exact tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.collision.arm import Arm
+from postproc.collision.bodies import WORLD, Body
+from postproc.collision.cull import Culler, Near, Placed
+from postproc.collision.exact import ExactTests
+from postproc.collision.pairs import (
+    PairTable,
+    candidate_pairs,
+    neutral_poses,
+    spread_poses,
+)
+from postproc.collision.pieces import PieceBounds
+from postproc.collision.shape import Shape
+from postproc.collision.sweep import SweepBound
+from postproc.frames import inverse
+from postproc.model.arrays import BoolArray, FloatArray
+
+CHUNK = 1000
+"""Configurations handled at once, so that intermediate arrays stay in the cache."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Pairs that need an exact test, in order of row, then pair.
+
+    ``R``, ``p``: (k, 3, 3), (k, 3) [m] frame of the second body in the first's; ``nested``: (k,)
+    one lies wholly inside the other if their surfaces do not touch.
+    """
+
+    near: Near
+    R: FloatArray
+    p: FloatArray
+    nested: BoolArray
+
+    def __len__(self) -> int:
+        """Return the number of entries."""
+        return len(self.near)
+
+
+class Engine:
+    """Bodies, pairs and tests of one scene.
+
+    Args:
+        arm: the kinematics.
+        bodies: the bodies, those pulled back by the contact depth last.
+        pulled_back: how many of them are pulled back.
+        T_world_robroot: (4, 4).
+        clearance: smallest allowed distance [m].
+        limits: q_min (6,) and q_max (6,) [rad], to find links that touch by construction.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        bodies: tuple[Body, ...],
+        pulled_back: int,
+        T_world_robroot: FloatArray,
+        clearance: float,
+        limits: tuple[FloatArray, FloatArray],
+    ) -> None:
+        self.arm = arm
+        T_robroot_world = inverse(T_world_robroot)
+        meshes = [b.mesh.moved(T_robroot_world) if b.link == WORLD else b.mesh for b in bodies]
+        self._shapes = [Shape.of(mesh) for mesh in meshes]
+        self._links = np.array([max(body.link, 0) for body in bodies])
+        self.exact = ExactTests(meshes)
+        self._use(candidate_pairs(bodies, pulled_back, clearance))
+        by_construction = self._touching(*limits)
+        self.excluded = tuple(
+            (bodies[self.table.first[i]].name, bodies[self.table.second[i]].name)
+            for i in by_construction
+        )
+        self._use(self.table.take(np.delete(np.arange(len(self.table)), by_construction)))
+        self.names = tuple(
+            (bodies[a].name, bodies[b].name)
+            for a, b in zip(self.table.first, self.table.second, strict=True)
+        )
+
+    def _use(self, table: PairTable) -> None:
+        """Set the pairs."""
+        self.table = table
+        parts = (self._shapes, self._links, table.first, table.second)
+        self._culler = Culler(*parts)
+        self._pieces = PieceBounds(self._shapes, table.first, table.second)
+        self.sweep = SweepBound(self.arm, *parts)
+
+    def _touching(self, q_min: FloatArray, q_max: FloatArray) -> np.ndarray:
+        """Return pairs of links that touch at a neutral pose or at all of the spread poses."""
+        neutral, spread = neutral_poses(q_min, q_max), spread_poses(q_min, q_max)
+        placed = self.place(np.vstack([neutral, spread]))
+        found = self.candidates(placed, np.zeros((len(self.table), 1)), self.table.is_self[:, None])
+        first, second = self.bodies(found.near)
+        every = np.arange(len(found))
+        touching = found.nested.copy()
+        touching[self.exact.collide(first, second, found.R, found.p, every)] = True
+        hit = np.zeros((len(self.table), len(placed)), dtype=bool)
+        hit[found.near.pair[touching], found.near.row[touching]] = True
+        n = len(neutral)
+        return np.flatnonzero(hit[:, :n].any(axis=1) | hit[:, n:].all(axis=1))
+
+    @property
+    def is_closed(self) -> list[bool]:
+        """Whether each body is closed, so that what lies inside it is seen."""
+        return [shape.is_closed for shape in self._shapes]
+
+    def place(self, q: FloatArray) -> Placed:
+        """Return the bodies at configurations (n, 6) [rad]."""
+        return self._culler.place(self.arm.link_frames(q))
+
+    def bodies(self, near: Near) -> tuple[np.ndarray, np.ndarray]:
+        """Return the first and second body (k,) of entries."""
+        return self.table.first[near.pair], self.table.second[near.pair]
+
+    def wanted(self, contact: BoolArray | None) -> BoolArray:
+        """Return (p, n) or (p, 1) which pairs are tested, by where contact is allowed (n,)."""
+        if contact is None or not contact.any():
+            return self.table.out_of_contact[:, None]
+        return np.where(contact, self.table.in_contact[:, None], self.table.out_of_contact[:, None])
+
+    def candidates(
+        self, placed: Placed, threshold: FloatArray, wanted: BoolArray, fine: bool = False
+    ) -> Candidates:
+        """Return the pairs that may be nearer than their threshold, or one in the other.
+
+        Args:
+            placed: the bodies.
+            threshold: (p, n) or (p, 1) [m].
+            wanted: (p, n) or (p, 1), the pairs to look at.
+            fine: cull by pieces of surfaces too, which pays where the exact test is a distance.
+        """
+        near = self._culler.bodies_near(placed, threshold, wanted)
+        near = near.take(np.lexsort((near.pair, near.row)))
+        R, p = self._culler.relative(placed, near)
+        nested = np.zeros(len(near), dtype=bool)
+        nested[self._culler.nested(near, R, p)] = True
+        if not fine or not len(near):
+            return Candidates(near, R, p, nested)
+        limit = np.broadcast_to(threshold, (len(threshold), len(placed)))[near.pair, near.row]
+        kept, bound = self._pieces.refine(near, R, p, limit)
+        near.bound[kept] = bound
+        kept = np.union1d(kept, np.flatnonzero(nested))
+        return Candidates(near.take(kept), R[kept], p[kept], nested[kept])
+
+    def distances(self, found: Candidates, which: np.ndarray) -> FloatArray:
+        """Return exact distances [m] of the given entries; 0 where they meet or are nested."""
+        first, second = self.bodies(found.near)
+        d = self.exact.distance(first[which], second[which], found.R[which], found.p[which])
+        d[found.nested[which]] = 0.0
+        return d
+
+    def axis_aligned_bound(self, placed: Placed) -> FloatArray:
+        """Return lower bounds (p, n) [m] of all distances of surfaces."""
+        return self._culler.axis_aligned_bound(placed)

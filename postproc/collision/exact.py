@@ -1,0 +1,112 @@
+"""The only user of fcl: exact tests of single pairs of meshes.
+
+fcl objects belong to one thread of one process: elsewhere they give wrong answers. They are built
+when first needed and again in every other thread or process.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import Any
+
+import numpy as np
+
+from postproc.collision.mesh import Mesh
+from postproc.model.arrays import FloatArray
+
+
+class ExactTests:
+    """Collision and distance of pairs of meshes by fcl's trees of triangles.
+
+    Args:
+        meshes: (b) in the frames of their links.
+    """
+
+    def __init__(self, meshes: list[Mesh]) -> None:
+        self._meshes = meshes
+        self._local = threading.local()
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the meshes only."""
+        return (ExactTests, (self._meshes,))
+
+    def _objects(self) -> tuple[list[Any], list[Any]]:
+        """Return this thread's objects: two of each mesh, one that stands and one that moves."""
+        if getattr(self._local, "process", None) != os.getpid():
+            self._local.process = os.getpid()
+            self._local.standing = [None] * len(self._meshes)
+            self._local.moving = [None] * len(self._meshes)
+        return self._local.standing, self._local.moving
+
+    def _pair(self, first: int, second: int) -> tuple[Any, Any]:
+        import fcl
+
+        standing, moving = self._objects()
+        for body in (first, second):
+            if standing[body] is None:
+                mesh = self._meshes[body]
+                model = fcl.BVHModel()
+                model.beginModel(len(mesh.vertices), len(mesh.faces))
+                model.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
+                model.endModel()
+                standing[body] = fcl.CollisionObject(model)
+                moving[body] = fcl.CollisionObject(model)
+        return standing[first], moving[second]
+
+    def collide(
+        self,
+        first: np.ndarray,
+        second: np.ndarray,
+        R: FloatArray,
+        p: FloatArray,
+        group: np.ndarray,
+        margin: FloatArray | None = None,
+    ) -> np.ndarray:
+        """Return the first entry of each group whose surfaces meet.
+
+        Args:
+            first: (k,) standing bodies.
+            second: (k,) moving bodies.
+            R: (k, 3, 3) axes of the second body's frame in the first's.
+            p: (k, 3) [m] its origin.
+            group: (k,) in growing order; once an entry meets, the rest of its group is skipped.
+            margin: (k,) [m]; surfaces up to this far apart meet. None: 0 for all.
+
+        Returns:
+            Indices of entries (h,), at most one for each group.
+        """
+        import fcl
+
+        request, result = fcl.CollisionRequest(num_max_contacts=1), fcl.CollisionResult()
+        margins = [0.0] * len(first) if margin is None else margin.tolist()
+        found, done = [], -1
+        rows = zip(first.tolist(), second.tolist(), group.tolist(), margins, strict=True)
+        for k, (a, b, g, m) in enumerate(rows):
+            if g == done:
+                continue
+            one, two = self._pair(a, b)
+            two.setRotation(R[k])
+            two.setTranslation(p[k])
+            if m > 0.0:
+                meets = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult()) <= m
+            else:
+                meets = fcl.collide(one, two, request, result) > 0
+            if meets:
+                found.append(k)
+                done = g
+        return np.array(found, dtype=np.int64)
+
+    def distance(
+        self, first: np.ndarray, second: np.ndarray, R: FloatArray, p: FloatArray
+    ) -> FloatArray:
+        """Return distances (k,) [m] of the surfaces, 0 where they meet."""
+        import fcl
+
+        distances = np.empty(len(first))
+        for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+            one, two = self._pair(a, b)
+            two.setRotation(R[k])
+            two.setTranslation(p[k])
+            distances[k] = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult())
+        return np.maximum(distances, 0.0)

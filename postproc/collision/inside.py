@@ -1,0 +1,188 @@
+"""Is a point inside a closed mesh? Connected parts, which of them are closed, and the test.
+
+A mesh is a surface to fcl: a solid wholly inside another touches nothing and counts as free. When
+two surfaces do not touch, each connected part of one lies wholly inside or wholly outside the
+other, so one point of every part decides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.collision.mesh import Mesh
+from postproc.model.arrays import BoolArray, FloatArray, IntArray
+
+MOST_PROBES = 64
+"""Parts of one body that are tested; of a body in more pieces, the largest ones."""
+_FACES_PER_CELL = 4
+_BATCH = 200_000
+# A fixed turn that no edge of a drawing is likely to be parallel to: rays along z of this frame.
+_TURN: FloatArray = np.linalg.qr(
+    np.array([[0.83, 0.41, -0.37], [-0.29, 0.91, 0.23], [0.47, -0.17, 0.86]])
+)[0]
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Connected parts of a mesh: ``label`` (f,) part of each face, ``closed`` (k,) by part.
+
+    ``oriented`` (k,): the faces of a closed part agree on which side is out.
+    """
+
+    label: IntArray
+    closed: BoolArray
+    oriented: BoolArray
+
+
+def parts_of(mesh: Mesh) -> Parts:
+    """Return the parts of a mesh that hang together by shared vertices."""
+    smallest = _component_of_vertex(mesh)[mesh.faces[:, 0]]
+    label = np.unique(smallest, return_inverse=True)[1].ravel().astype(np.int32)
+    count = int(label.max()) + 1
+    start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    n = len(mesh.vertices)
+    key = np.minimum(start, end).astype(np.int64) * n + np.maximum(start, end)
+    edge, number = np.unique(key, return_inverse=True)
+    number = number.ravel()
+    uses = np.bincount(number, minlength=len(edge))
+    turns = np.bincount(number, np.where(start < end, 1.0, -1.0), minlength=len(edge))
+    face_of_edge = np.repeat(label, 3)
+    odd = np.bincount(face_of_edge, uses[number] % 2, minlength=count)
+    one_sided = np.bincount(face_of_edge, np.abs(turns[number]), minlength=count)
+    return Parts(label, odd == 0, (odd == 0) & (one_sided == 0))
+
+
+def _component_of_vertex(mesh: Mesh) -> IntArray:
+    """Return the smallest vertex index of each vertex's part (v,)."""
+    label = np.arange(len(mesh.vertices))
+    while True:
+        smallest = label[mesh.faces].min(axis=1)
+        before = label.copy()
+        for k in range(3):
+            np.minimum.at(label, before[mesh.faces[:, k]], smallest)
+        label = label[label]
+        label = np.minimum(label, before)
+        if np.array_equal(label, before):
+            return label.astype(np.int32)
+
+
+def probes_of(mesh: Mesh, parts: Parts) -> FloatArray:
+    """Return one vertex (k, 3) [m] of each part, of the ``MOST_PROBES`` largest at most."""
+    first = np.unique(parts.label, return_index=True)[1]
+    if len(first) > MOST_PROBES:
+        area = np.bincount(parts.label, np.linalg.norm(_normals(mesh.corners), axis=1))
+        first = first[np.sort(np.argsort(-area, kind="stable")[:MOST_PROBES])]
+    return np.asarray(mesh.vertices[mesh.faces[first, 0]])
+
+
+def _normals(corners: FloatArray) -> FloatArray:
+    """Return normals (f, 3) of twice the area of each triangle [m^2]."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+class InsideTest:
+    """Tells which points lie inside the closed parts of a mesh.
+
+    Rays along one direction that no face of a drawing is parallel to; the signed count of the
+    faces above a point is the winding number, so overlapping parts do not cancel. Parts whose
+    faces disagree about out and in are judged by whether the count is odd.
+    """
+
+    def __init__(self, mesh: Mesh, parts: Parts) -> None:
+        kept = parts.closed[parts.label]
+        self._is_oriented = parts.oriented[parts.label][kept]
+        self._faces = mesh.faces[kept]
+        self._turned = mesh.vertices @ _TURN
+        corners = self._turned[self._faces] if len(self._faces) else np.zeros((1, 3, 3))
+        flat = corners[..., :2]
+        area = (flat[:, 1, 0] - flat[:, 0, 0]) * (flat[:, 2, 1] - flat[:, 0, 1]) - (
+            flat[:, 1, 1] - flat[:, 0, 1]
+        ) * (flat[:, 2, 0] - flat[:, 0, 0])
+        self._side = np.sign(area)
+        self._low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        self._high = high
+        self._grid = max(1, int(np.sqrt(len(self._faces) / _FACES_PER_CELL)))
+        self._cell = np.maximum((high - self._low)[:2], 1e-12) / self._grid
+        self._start, self._members = self._fill(flat)
+
+    @property
+    def has_inside(self) -> bool:
+        """Whether any part is closed."""
+        return len(self._faces) > 0
+
+    def _fill(self, flat: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return for each grid cell where its faces begin, and the faces (rows of the index)."""
+        low = np.floor((flat.min(axis=1) - self._low[:2]) / self._cell).astype(np.int64)
+        high = np.floor((flat.max(axis=1) - self._low[:2]) / self._cell).astype(np.int64)
+        low, high = np.clip(low, 0, self._grid - 1), np.clip(high, 0, self._grid - 1)
+        size = high - low + 1
+        count = size[:, 0] * size[:, 1]
+        face = np.repeat(np.arange(len(flat)), count)
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        x = low[face, 0] + step // size[face, 1]
+        y = low[face, 1] + step % size[face, 1]
+        cell = x * self._grid + y
+        order = np.argsort(cell, kind="stable")
+        start = np.searchsorted(cell[order], np.arange(self._grid**2 + 1))
+        return start.astype(np.int32), face[order].astype(np.int32)
+
+    def contains(self, points: FloatArray) -> BoolArray:
+        """Return (n,) whether each point (n, 3) [m] in the mesh's frame lies inside a closed part.
+
+        Points on the surface may fall on either side.
+        """
+        inside = np.zeros(len(points), dtype=bool)
+        if not self.has_inside:
+            return inside
+        turned = points @ _TURN
+        near = np.flatnonzero(((turned >= self._low) & (turned <= self._high)).all(axis=1))
+        for begin in range(0, len(near), 2000):
+            rows = near[begin : begin + 2000]
+            inside[rows] = self._count(turned[rows])
+        return inside
+
+    def _count(self, points: FloatArray) -> BoolArray:
+        xy = np.floor((points[:, :2] - self._low[:2]) / self._cell).astype(np.int64)
+        xy = np.clip(xy, 0, self._grid - 1)
+        cell = xy[:, 0] * self._grid + xy[:, 1]
+        count = self._start[cell + 1] - self._start[cell]
+        row = np.repeat(np.arange(len(points)), count)
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        face = self._members[self._start[cell][row] + step]
+        winding = np.zeros(len(points))
+        crossings = np.zeros(len(points))
+        for begin in range(0, len(row), _BATCH):
+            part = slice(begin, begin + _BATCH)
+            above = self._is_above(points[row[part]], face[part])
+            r, f = row[part][above], face[part][above]
+            oriented = self._is_oriented[f]
+            winding += np.bincount(r[oriented], self._side[f[oriented]], minlength=len(points))
+            crossings += np.bincount(r[~oriented], minlength=len(points))
+        return np.asarray((winding != 0.0) | (crossings % 2.0 == 1.0))
+
+    def _is_above(self, points: FloatArray, face: IntArray) -> BoolArray:
+        """Return (m,) whether the ray from each point meets its face.
+
+        Each edge is evaluated from its smaller to its larger vertex, so the two faces at an edge
+        get the same number and a ray through the edge meets exactly one of them.
+        """
+        index = self._faces[face]
+        left = np.empty((3, len(face)), dtype=bool)
+        weight = np.empty((3, len(face)))
+        for k in range(3):
+            a, b = index[:, k], index[:, (k + 1) % 3]
+            is_turned = a > b
+            p = self._turned[np.where(is_turned, b, a)]
+            q = self._turned[np.where(is_turned, a, b)]
+            cross = (q[:, 0] - p[:, 0]) * (points[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (
+                points[:, 0] - p[:, 0]
+            )
+            left[k] = (cross >= 0.0) != is_turned
+            weight[(k + 2) % 3] = np.where(is_turned, -cross, cross)
+        hit = (left[0] == left[1]) & (left[1] == left[2])
+        total = weight.sum(axis=0)
+        z = np.einsum("km,mk->m", weight, self._turned[index, 2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(hit & (z / total > points[:, 2]))

@@ -1,0 +1,138 @@
+"""The finest stage of culling: boxes of the pieces of two surfaces instead of whole bodies.
+
+A curved panel fills little of its own box; cut into pieces, each with a box of its own, it can be
+proven apart from a tool a few millimetres in front of it without an exact test.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.collision.boxes import box_gap
+from postproc.collision.cull import SLACK, Near
+from postproc.collision.shape import Shape
+from postproc.model.arrays import FloatArray
+
+_BATCH = 200_000
+
+
+class PieceBounds:
+    """Lower bounds of the distance of two surfaces from the boxes of their pieces.
+
+    Args:
+        shapes: shapes (b) of the bodies.
+        first, second: (p,) bodies of each pair.
+    """
+
+    def __init__(self, shapes: list[Shape], first: np.ndarray, second: np.ndarray) -> None:
+        self._shapes, self._first, self._second = shapes, first, second
+        self._count = np.array([len(shape.pieces) for shape in shapes])
+        self._start = np.cumsum(self._count) - self._count
+        self._centre = np.vstack([shape.pieces.centre for shape in shapes])
+        self._axes = np.vstack([shape.pieces.axes for shape in shapes])
+        self._half = np.vstack([shape.pieces.half for shape in shapes])
+        self._whole = (
+            np.stack([shape.centre for shape in shapes]),
+            np.stack([shape.axes for shape in shapes]),
+            np.stack([shape.half for shape in shapes]),
+        )
+
+    def refine(
+        self, near: Near, R_a_b: FloatArray, p_a_b: FloatArray, threshold: FloatArray
+    ) -> tuple[np.ndarray, FloatArray]:
+        """Return which entries may still be nearer than their thresholds, and their bounds.
+
+        Args:
+            near: pairs to look at (k).
+            R_a_b: (k, 3, 3) axes of the second body's frame in the first's.
+            p_a_b: (k, 3) [m] its origin.
+            threshold: (k,) [m].
+
+        Returns:
+            Indices (h,) in growing order, and lower bounds (h,) [m], 0 where surfaces may touch.
+        """
+        a, b = self._first[near.pair], self._second[near.pair]
+        whole = (self._count[a] == 1) & (self._count[b] == 1)
+        split = np.flatnonzero(~whole)
+        bound = near.bound.copy()
+        bound[split] = np.inf
+        for rows in np.array_split(split, max(1, -(-len(split) // 4096))):
+            self._refine(rows, a, b, R_a_b, p_a_b, threshold, bound)
+        kept = np.flatnonzero(bound <= threshold + SLACK)
+        return kept, np.maximum(bound[kept], near.bound[kept])
+
+    def _refine(
+        self,
+        rows: np.ndarray,
+        a: np.ndarray,
+        b: np.ndarray,
+        R_a_b: FloatArray,
+        p_a_b: FloatArray,
+        threshold: FloatArray,
+        bound: FloatArray,
+    ) -> None:
+        """Lower ``bound`` of the given rows to the least of their pairs of pieces, in place."""
+        R, p = R_a_b[rows], p_a_b[rows]
+        entry, piece_b = self._pieces_near(
+            b[rows], self._box(a[rows]), _inverse(R, p), threshold[rows]
+        )
+        other = self._box(b[rows][entry], piece_b)
+        again, piece_a = self._pieces_near(
+            a[rows][entry], other, (R[entry], p[entry]), threshold[rows][entry]
+        )
+        entry, piece_b = entry[again], piece_b[again]
+        if not len(entry):
+            return
+        one, two = self._box(a[rows][entry], piece_a), self._box(b[rows][entry], piece_b)
+        A = np.swapaxes(one[1], 1, 2)
+        R_pieces = A @ R[entry] @ two[1]
+        centre = np.einsum("kij,kj->ki", R[entry], two[0]) + p[entry] - one[0]
+        p_pieces = np.einsum("kij,kj->ki", A, centre)
+        gap = box_gap(np.moveaxis(R_pieces, 0, -1), p_pieces.T, one[2].T, two[2].T)
+        np.minimum.at(bound, rows[entry], np.maximum(gap, 0.0))
+
+    def _box(
+        self, body: np.ndarray, piece: np.ndarray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return centre (k, 3), axes (k, 3, 3), half (k, 3) of bodies or of their pieces."""
+        if piece is not None:
+            index = self._start[body] + piece
+            return self._centre[index], self._axes[index], self._half[index]
+        return self._whole[0][body], self._whole[1][body], self._whole[2][body]
+
+    def _pieces_near(
+        self,
+        body: np.ndarray,
+        box: tuple[FloatArray, FloatArray, FloatArray],
+        frame: tuple[FloatArray, FloatArray],
+        threshold: FloatArray,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return (row, piece) of bodies (k,) whose pieces may be near boxes (k) of other frames.
+
+        ``frame``: rotation and origin of each box's frame in the frame of the body.
+        """
+        rows = [np.zeros(0, dtype=np.int64)]
+        pieces = [np.zeros(0, dtype=np.int64)]
+        for one in np.unique(body):
+            shape = self._shapes[one]
+            mine = np.flatnonzero(body == one)
+            for part in np.array_split(mine, max(1, -(-len(mine) * len(shape.pieces) // _BATCH))):
+                R = shape.axes.T @ frame[0][part]
+                centre = np.einsum("kij,kj->ki", frame[0][part], box[0][part]) + frame[1][part]
+                centre = (centre - shape.centre) @ shape.axes
+                extent = np.einsum("kij,kj->ki", np.abs(R @ box[1][part]), box[2][part])
+                low = shape.low - (centre + extent)[:, None]
+                high = (centre - extent)[:, None] - shape.high
+                gap = np.maximum(np.maximum(low, high), 0.0)
+                square = np.einsum("kmi,kmi->km", gap, gap)
+                row, piece = np.nonzero(square <= (threshold[part, None] + SLACK) ** 2)
+                rows.append(part[row])
+                pieces.append(piece)
+        row, piece = np.concatenate(rows), np.concatenate(pieces)
+        order = np.argsort(row, kind="stable")
+        return row[order], piece[order]
+
+
+def _inverse(R: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
+    back = np.swapaxes(R, 1, 2)
+    return back, -np.einsum("kij,kj->ki", back, p)

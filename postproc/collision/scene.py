@@ -1,0 +1,250 @@
+"""The scene of a cell: its solids, and every question about collisions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.collision import clearance, motion
+from postproc.collision.arm import Arm
+from postproc.collision.bodies import Body, bodies_of, pulled_back
+from postproc.collision.check import Hits, Tally, check
+from postproc.collision.engine import Engine
+from postproc.collision.mesh import joined
+from postproc.collision.motion import RESOLUTION, MotionHits
+from postproc.collision.surface import Surface, SurfacePoints
+from postproc.errors import CellError, Issue, Severity
+from postproc.frames import inverse
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.cell import Cell
+
+
+class Scene:
+    """The solids of a cell and the checks between them.
+
+    What may touch: where ``contact`` is true, a solid of the tool marked ``cutting`` may lie in the
+    workpiece, as deep as ``limits.contact_depth``. The depth is counted along the tool axis: the
+    solid, pulled back out of the part by the depth, must be free of the workpiece. So a drill may
+    go in by its depth; a cutter that works with its flank needs the depth infinite (the default).
+    All other solids of the tool may never touch anything, nor may cutting solids an obstacle.
+
+    ``limits.clearance`` > 0: solids that near count as colliding; not two links of the robot, and
+    not cutting solids in contact with the workpiece.
+
+    Attributes:
+        bodies: the solids in fixed order: links, tool, workpiece, obstacles.
+    """
+
+    def __init__(
+        self, cell: Cell, arm: Arm, bodies: tuple[Body, ...], issues: tuple[Issue, ...]
+    ) -> None:
+        self.bodies = bodies
+        self._issues = issues
+        self._cell = cell
+        self._arm = arm
+        self._engine_: Engine | None = None
+        self._surface_: Surface | None = None
+
+    @classmethod
+    def build(cls, cell: Cell, kinematics: Arm) -> Scene:
+        """Return the scene of a cell.
+
+        Args:
+            cell: the cell; its mesh files are read now.
+            kinematics: the arm of the cell.
+
+        Raises:
+            CellError: COL001 a mesh file is missing, cut off or of no known format, COL002 without
+                triangles, COL003 with coordinates that are no numbers, COL004 larger than 10 km,
+                COL005 a solid without shape, COL006 numbers in the URDF's collision geometry.
+        """
+        bodies, issues = bodies_of(cell, kinematics)
+        return cls(cell, kinematics, bodies, issues)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Pickle without what can be made again: exact tests belong to one process."""
+        return {**self.__dict__, "_engine_": None, "_surface_": None}
+
+    @property
+    def pairs(self) -> tuple[tuple[str, str], ...]:
+        """Names of the tested pairs, in the order in which they are named."""
+        return self._engine.names
+
+    @property
+    def excluded(self) -> tuple[tuple[str, str], ...]:
+        """Pairs of links that touch by construction and are not tested."""
+        return self._engine.excluded
+
+    @property
+    def issues(self) -> tuple[Issue, ...]:
+        """What the user should know: no tool solids, stand-ins, meshes that are not closed."""
+        open_ = [
+            Issue(
+                Severity.WARNING,
+                "COL103",
+                f"{body.name} is not closed: a solid wholly inside it is not seen",
+                hint="repair the mesh, or leave it if it is a sheet",
+            )
+            for body, is_closed in zip(self.bodies, self._engine.is_closed, strict=False)
+            if not is_closed
+        ]
+        return (*self._issues, *open_)
+
+    def check(
+        self, q: ArrayLike, contact: ArrayLike | None = None, tally: Tally | None = None
+    ) -> Hits:
+        """Return for each configuration whether it collides, and the first pair that does.
+
+        Args:
+            q: (n, 6) [rad].
+            contact: (n,) or bool, where cutting solids may touch the workpiece; None: nowhere.
+            tally: counts the work done.
+        """
+        joints = _rows(q)
+        return check(self._engine, joints, _contact(contact, len(joints)), tally)
+
+    def clearance(
+        self, q: ArrayLike, contact: ArrayLike | None = None, most: float = np.inf
+    ) -> FloatArray:
+        """Return the smallest distance (n,) [m] at each configuration, 0 in collision.
+
+        Over all pairs but those of two links of the robot, which count only when they collide.
+
+        Args:
+            q: (n, 6) [rad].
+            contact: (n,) or bool, where cutting solids against the workpiece do not count.
+            most: larger distances [m] are given as this; the smaller, the faster.
+        """
+        joints = _rows(q)
+        return clearance.clearance(self._engine, joints, _contact(contact, len(joints)), most)
+
+    def check_paths(
+        self,
+        q_from: ArrayLike,
+        q_to: ArrayLike,
+        contact: ArrayLike | None = None,
+        resolution: float = RESOLUTION,
+    ) -> MotionHits:
+        """Return for each straight joint motion whether anything collides on the way.
+
+        Args:
+            q_from: (m, 6) [rad].
+            q_to: (m, 6) [rad].
+            contact: (m,) or bool, motions on which cutting solids may touch the workpiece.
+            resolution: [m]; contact that is grazed on a shorter way than this may pass.
+        """
+        start, end = _rows(q_from), _rows(q_to)
+        touch = _contact(contact, len(start))
+        if touch is None:
+            touch = np.zeros(len(start), dtype=np.bool_)
+        return motion.MotionCheck(self._engine, resolution).run(start, end, touch)
+
+    def check_motion(
+        self,
+        q_path: ArrayLike,
+        contact: ArrayLike | None = None,
+        resolution: float = RESOLUTION,
+    ) -> MotionHits:
+        """Return for the motions between successive configurations whether anything collides.
+
+        Each motion is straight in joint space. For LIN and CIRC give configurations along the
+        motion, near enough together that straight joint motions between them stand for it.
+
+        Args:
+            q_path: (k, 6) [rad], at least two rows for an answer; gives k - 1 motions.
+            contact: (k - 1,) or bool, motions on which cutting solids may touch the workpiece.
+            resolution: [m], as in ``check_paths``.
+        """
+        joints = _rows(q_path)
+        return self.check_paths(joints[:-1], joints[1:], contact, resolution)
+
+    def check_curve(
+        self,
+        q_at: Callable[[FloatArray], FloatArray],
+        count: int = 2,
+        contact: bool = False,
+        resolution: float = RESOLUTION,
+    ) -> tuple[FloatArray, MotionHits]:
+        """Check a curve in joint space, such as a LIN or CIRC motion.
+
+        Args:
+            q_at: shares (k,) of the curve, 0 to 1, to configurations (k, 6) [rad].
+            count: samples to begin with; more are taken where the curve leaves the straight
+                joint motion by more than the resolution.
+            contact: whether cutting solids may touch the workpiece.
+            resolution: [m], as in ``check_paths``.
+
+        Returns:
+            Shares (k,) of the samples taken, and the answer for the k - 1 motions between them.
+        """
+        share, q = motion.samples_of_curve(self._engine, q_at, count, resolution)
+        return share, self.check_motion(q, contact, resolution)
+
+    def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
+        """Return the nearest places on the workpiece: point, outward normal, distance.
+
+        Args:
+            points: (n, 3) [m] in BASE, the CAM coordinates.
+
+        Raises:
+            CellError: COL007 if the workpiece has no solid.
+        """
+        return self._surface.nearest(np.asarray(points, dtype=np.float64).reshape(-1, 3))
+
+    def surface_normals(self, points: ArrayLike) -> FloatArray:
+        """Return outward unit normals (n, 3) of the workpiece where it is nearest to points.
+
+        Args:
+            points: (n, 3) [m] in BASE. How far they are off tells ``nearest_surface``.
+
+        Raises:
+            CellError: COL007 if the workpiece has no solid.
+        """
+        return self.nearest_surface(points).normal
+
+    def display_bodies(self, max_faces: int = 20_000) -> list[Body]:
+        """Return the bodies with at most ``max_faces`` triangles each, for display."""
+        return [body.coarse(max_faces) for body in self.bodies]
+
+    @property
+    def _engine(self) -> Engine:
+        if self._engine_ is None:
+            self._engine_ = self._build_engine()
+        return self._engine_
+
+    def _build_engine(self) -> Engine:
+        cell, arm = self._cell, self._arm
+        behind: list[Body] = []
+        if np.isfinite(cell.limits.contact_depth):
+            behind = [pulled_back(b, cell, arm) for b in self.bodies if b.kind == "cutting"]
+        return Engine(
+            arm,
+            (*self.bodies, *behind),
+            len(behind),
+            np.asarray(cell.robot.T_world_robroot),
+            cell.limits.clearance,
+            (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)),
+        )
+
+    @property
+    def _surface(self) -> Surface:
+        if self._surface_ is None:
+            meshes = [body.mesh for body in self.bodies if body.kind == "workpiece"]
+            if not meshes:
+                raise CellError("COL007", "the workpiece has no solid to take normals from")
+            T_world_base = self._cell.robot.T_world_robroot @ self._cell.T_robroot_base
+            self._surface_ = Surface(joined(meshes).moved(inverse(T_world_base)))
+        return self._surface_
+
+
+def _rows(q: ArrayLike) -> FloatArray:
+    return np.ascontiguousarray(np.asarray(q, dtype=np.float64).reshape(-1, 6))
+
+
+def _contact(contact: ArrayLike | None, count: int) -> BoolArray | None:
+    if contact is None:
+        return None
+    return np.broadcast_to(np.asarray(contact, dtype=np.bool_), (count,))

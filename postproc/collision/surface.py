@@ -1,0 +1,212 @@
+"""The nearest place on a mesh, and the outward normal of the surface that the mesh stands for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.collision.inside import parts_of
+from postproc.collision.mesh import Mesh
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.units import DEG
+
+SMOOTH = 30.0 * DEG
+"""Faces that meet at less than this angle are pieces of one curved surface."""
+_LEAF = 16
+_BATCH = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class SurfacePoints:
+    """Nearest places for n points: ``point`` (n, 3) [m], unit ``normal`` (n, 3), ``distance`` (n,).
+
+    ``distance`` [m] of each given point from the surface, not signed.
+    """
+
+    point: FloatArray
+    normal: FloatArray
+    distance: FloatArray
+
+
+class Surface:
+    """Nearest-point queries on a mesh.
+
+    Normals are interpolated over faces that meet at less than ``SMOOTH``, so that a tessellated
+    curved skin answers as the smooth skin would; flat faces and sharp edges keep theirs. Closed
+    parts are turned so that their normals point out.
+    """
+
+    def __init__(self, mesh: Mesh) -> None:
+        faces = _outward(mesh)
+        corners = mesh.vertices[faces]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = np.linalg.norm(normal, axis=1)
+        flat = size > 0.0
+        faces, corners, normal = faces[flat], corners[flat], normal[flat] / size[flat, None]
+        order = _grouped(corners.mean(axis=1))
+        self._corners = corners[order]
+        self._normals = _corner_normals(corners, faces, normal, len(mesh.vertices))[order]
+        starts = np.arange(0, len(order), _LEAF)
+        self._low = np.minimum.reduceat(self._corners.min(axis=1), starts)
+        self._high = np.maximum.reduceat(self._corners.max(axis=1), starts)
+
+    def nearest(self, points: FloatArray) -> SurfacePoints:
+        """Return the nearest places for points (n, 3) [m] in the mesh's frame."""
+        parts = [self._nearest(points[i : i + _BATCH]) for i in range(0, len(points), _BATCH)]
+        if not parts:
+            none = np.zeros((0, 3))
+            return SurfacePoints(none, none, np.zeros(0))
+        return SurfacePoints(
+            np.concatenate([part.point for part in parts]),
+            np.concatenate([part.normal for part in parts]),
+            np.concatenate([part.distance for part in parts]),
+        )
+
+    def _nearest(self, points: FloatArray) -> SurfacePoints:
+        gap = np.maximum(np.maximum(self._low - points[:, None], points[:, None] - self._high), 0.0)
+        bound = np.einsum("nki,nki->nk", gap, gap)
+        n = len(points)
+        best = _Best(n)
+        first = bound.argmin(axis=1)
+        self._visit(points, np.arange(n), first, best)
+        bound[np.arange(n), first] = np.inf
+        while True:
+            # leaf after leaf in order of their bounds, until no bound is below the best distance
+            row = np.flatnonzero(bound.min(axis=1) <= best.square)
+            if not len(row):
+                break
+            leaf = bound[row].argmin(axis=1)
+            self._visit(points, row, leaf, best)
+            bound[row, leaf] = np.inf
+        weight = best.weight[..., None]
+        normal = (self._normals[best.face] * weight).sum(axis=1)
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        place = (self._corners[best.face] * weight).sum(axis=1)
+        return SurfacePoints(place, normal, np.sqrt(best.square))
+
+    def _visit(self, points: FloatArray, row: np.ndarray, leaf: np.ndarray, best: _Best) -> None:
+        face = leaf[:, None] * _LEAF + np.arange(_LEAF)
+        face = np.minimum(face, len(self._corners) - 1)
+        weight = nearest_in_triangle(points[row][:, None], self._corners[face])
+        place = np.einsum("nkc,nkci->nki", weight, self._corners[face])
+        square = ((place - points[row][:, None]) ** 2).sum(axis=2)
+        which = square.argmin(axis=1)
+        every = np.arange(len(row))
+        best.offer(row, square[every, which], face[every, which], weight[every, which])
+
+
+class _Best:
+    """The nearest place found so far for each point."""
+
+    def __init__(self, count: int) -> None:
+        self.square = np.full(count, np.inf)
+        self.face = np.zeros(count, dtype=np.int64)
+        self.weight = np.zeros((count, 3))
+
+    def offer(
+        self, row: np.ndarray, square: FloatArray, face: np.ndarray, weight: FloatArray
+    ) -> None:
+        """Take what is nearer."""
+        better = square < self.square[row]
+        mine = row[better]
+        self.square[mine] = square[better]
+        self.face[mine], self.weight[mine] = face[better], weight[better]
+
+
+def nearest_in_triangle(points: FloatArray, corners: FloatArray) -> FloatArray:
+    """Return barycentric weights (..., 3) of the place in a triangle nearest to a point.
+
+    Args:
+        points: (..., 3).
+        corners: (..., 3, 3), triangles with an area.
+
+    Source:
+        Ericson, Real-Time Collision Detection, 2005, section 5.1.5, without branches.
+    """
+    a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
+    inner = _plane_weights(points, a, b, c)
+    is_inside = (inner >= 0.0).all(axis=-1)
+    best = inner
+    square = np.where(is_inside, -np.inf, np.inf)
+    for first, second, place in ((a, b, (0, 1)), (b, c, (1, 2)), (c, a, (2, 0))):
+        edge = second - first
+        t = np.einsum("...i,...i->...", points - first, edge) / np.einsum(
+            "...i,...i->...", edge, edge
+        )
+        t = np.clip(t, 0.0, 1.0)
+        off = ((first + t[..., None] * edge - points) ** 2).sum(axis=-1)
+        weight = np.zeros(best.shape)
+        weight[..., place[0]], weight[..., place[1]] = 1.0 - t, t
+        is_nearer = off < square
+        best = np.where(is_nearer[..., None], weight, best)
+        square = np.where(is_nearer, off, square)
+    return best
+
+
+def _plane_weights(points: FloatArray, a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Return barycentric weights (..., 3) of points dropped on the plane of a triangle."""
+    u, v, w = b - a, c - a, points - a
+    normal = np.cross(u, v)
+    area = np.einsum("...i,...i->...", normal, normal)
+    second = np.einsum("...i,...i->...", np.cross(w, v), normal) / area
+    third = np.einsum("...i,...i->...", np.cross(u, w), normal) / area
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
+def _outward(mesh: Mesh) -> np.ndarray:
+    """Return faces (f, 3), closed parts turned so that their volume is positive."""
+    parts = parts_of(mesh)
+    corners = mesh.corners
+    volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    is_inward = (np.bincount(parts.label, volume) < 0.0) & parts.oriented
+    return np.where(is_inward[parts.label][:, None], mesh.faces[:, ::-1], mesh.faces)
+
+
+def _corner_normals(
+    corners: FloatArray, faces: np.ndarray, normal: FloatArray, vertices: int
+) -> FloatArray:
+    """Return a unit normal (f, 3, 3) at each corner of each face.
+
+    The mean, weighted by the angle at the corner, of the faces around the vertex that differ from
+    this face by less than ``SMOOTH``.
+    """
+    ahead = np.roll(corners, -1, axis=1) - corners
+    back = np.roll(corners, 1, axis=1) - corners
+    cosine = np.einsum("fci,fci->fc", ahead, back) / (
+        np.linalg.norm(ahead, axis=2) * np.linalg.norm(back, axis=2)
+    )
+    angle = np.arccos(np.clip(cosine, -1.0, 1.0))
+    vertex = faces.ravel()
+    corner = np.argsort(vertex, kind="stable")
+    around = np.bincount(vertex, minlength=vertices)
+    start = np.cumsum(around) - around
+    # every corner with every corner at the same vertex
+    count = around[vertex]
+    mine = np.repeat(np.arange(len(vertex)), count)
+    step = np.arange(len(mine)) - np.repeat(np.cumsum(count) - count, count)
+    other = corner[start[vertex[mine]] + step]
+    alike: BoolArray = np.einsum("ki,ki->k", normal[mine // 3], normal[other // 3]) > np.cos(SMOOTH)
+    mine, other = mine[alike], other[alike]
+    weighted = normal[other // 3] * angle.ravel()[other, None]
+    columns = [np.bincount(mine, weighted[:, k], faces.size) for k in range(3)]
+    total = np.stack(columns, axis=1).astype(np.float64)
+    total /= np.linalg.norm(total, axis=1, keepdims=True)
+    return total.reshape(-1, 3, 3)
+
+
+def _grouped(middle: FloatArray) -> np.ndarray:
+    """Return an order of places (f, 3) in which neighbours in space stand together."""
+    order = np.arange(len(middle))
+    pending, done = [order], []
+    while pending:
+        group = pending.pop()
+        if len(group) <= _LEAF:
+            done.append(group)
+            continue
+        along = int(np.argmax(np.ptp(middle[group], axis=0)))
+        ranked = group[np.argsort(middle[group, along], kind="stable")]
+        # halves of whole leaves, so that leaves do not straddle two places
+        half = -(-(len(group) // 2) // _LEAF) * _LEAF
+        pending += [ranked[half:], ranked[:half]]
+    return np.concatenate(done)
