@@ -12,8 +12,8 @@ from postproc.model.cell import (
     KrlOptions,
     Limits,
     Motion,
-    OpwGeometry,
     Optimize,
+    OpwGeometry,
     Process,
     Robot,
     Tool,
@@ -28,9 +28,7 @@ HOME = np.array([10.0, -95.5, 100.25, 5.0, 40.0, -3.5]) * DEG
 
 def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
     """A KR210 R2700-2 with round numbers; keyword arguments are keys of ``[krl]``."""
-    geometry = OpwGeometry(
-        0.330, -0.115, 0.0, 0.645, 1.150, 1.220, 0.215, np.ones(6), np.zeros(6)
-    )
+    geometry = OpwGeometry(0.330, -0.115, 0.0, 0.645, 1.150, 1.220, 0.215, np.ones(6), np.zeros(6))
     robot = Robot(
         "test_arm",
         geometry,

@@ -1,0 +1,120 @@
+"""Names: legal, short, unique whatever the case, the same in every run."""
+
+import re
+import subprocess
+import sys
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from postproc.errors import EmitError
+from postproc.krl.names import KEYWORDS, SYSTEM_MODULES, NameAllocator, is_legal, legal_name
+
+LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}\Z")
+nasty = st.one_of(
+    st.text(max_size=80),
+    st.sampled_from(["PTP", "END", "A B", "HALT\r\nEND", "x;y", "$TOOL", "bas", "a" * 500, ""]),
+)
+
+
+@given(nasty, st.integers(8, 24))
+def test_every_text_gets_a_legal_name(text, length):
+    name = legal_name(text, length)
+    assert LEGAL.match(name)
+    assert len(name) <= length
+    assert is_legal(name)
+    assert not name.startswith("$")
+
+
+@given(nasty)
+def test_a_name_is_stable(text):
+    assert legal_name(legal_name(text)) == legal_name(text)
+
+
+@given(st.lists(nasty, max_size=30), st.lists(st.sampled_from(["_001", "_002"]), unique=True))
+def test_allocated_names_are_unique_with_their_endings(texts, endings):
+    names = NameAllocator()
+    taken = []
+    for text in texts:
+        name = names.allocate(text, endings)
+        taken += [name.upper(), *((name + ending).upper() for ending in endings)]
+        assert all(LEGAL.match(item) for item in taken)
+    assert len(set(taken)) == len(taken)
+    assert [cam for cam, _ in names.mapping] == texts
+
+
+@pytest.mark.parametrize("word", sorted(KEYWORDS | SYSTEM_MODULES))
+def test_keywords_and_modules_of_the_controller_are_avoided(word):
+    for spelling in (word, word.lower(), word.title()):
+        name = legal_name(spelling)
+        assert name.upper() not in KEYWORDS | SYSTEM_MODULES
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("P001-Nut Ø12,5 (rev. B)", "P001_Nut_12_5_rev_B"),
+        ("Fräsen", "Frasen"),
+        ("2nd side", "P_2nd_side"),
+        ("__x__", "x"),
+        ("日本", "PROGRAM"),
+        ("TASCHE", "TASCHE"),
+    ],
+)
+def test_nearest_legal_name(text, name):
+    assert legal_name(text) == name
+
+
+def test_long_names_that_begin_alike_stay_different():
+    first, second = (legal_name(f"FREEFORM_SURFACE_FINISHING_{n}") for n in (1, 2))
+    assert first != second
+    assert first.startswith("FREEFORM_SURFACE_FI")
+    assert legal_name("FREEFORM_SURFACE_FINISHING_1") == first
+
+
+def test_prefix_and_suffix_count_in_the_24_characters():
+    names = NameAllocator()
+    assert len("X" + names.allocate("P" * 40, prefix="X")) == 24
+    assert len(names.allocate("N" * 40, ["_001", "_SETUP"]) + "_SETUP") == 24
+
+
+def test_names_differing_in_case_only_are_not_the_same_program():
+    names = NameAllocator(["BOHREN"])
+    assert names.allocate("Bohren") == "Bohren_2"
+    assert names.allocate("bohren") == "bohren_3"
+    assert names.changes == (("Bohren", "Bohren_2"), ("bohren", "bohren_3"))
+
+
+def test_an_ending_must_be_free_too():
+    names = NameAllocator(["DECK_002"])
+    assert names.allocate("DECK", ["_001", "_002"]) == "DECK_2"
+
+
+def test_reserved_names_are_not_given():
+    names = NameAllocator()
+    names.reserve(["PP_STOP"])
+    assert names.allocate("pp_stop") == "pp_stop_2"
+
+
+def test_no_room():
+    with pytest.raises(EmitError, match="no room"):
+        NameAllocator().allocate("A", ["_" * 20])
+
+
+def test_the_same_names_whatever_the_hash_seed():
+    code = (
+        "from postproc.krl.names import NameAllocator; n = NameAllocator();"
+        "print([n.allocate(t, ('_001',)) for t in ('a' * 40, 'A' * 40, 'LIN', 'x y', 'x-y')])"
+    )
+    outputs = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={"PYTHONHASHSEED": seed, "PATH": ""},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("0", "1", "4242")
+    }
+    assert len(outputs) == 1
