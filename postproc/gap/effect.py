@@ -109,6 +109,16 @@ class Effect(ABC):
         del samples
         return {}
 
+    def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
+        """Return why fitted numbers (p,) are not physical for this cause, empty if they are.
+
+        Args:
+            theta: fitted numbers; deviation: their standard deviations.
+            arm: the arm they belong to.
+        """
+        del theta, deviation, arm
+        return ""
+
     def placebo(self, samples: Samples, rng: np.random.Generator) -> Samples:
         """Return the same rows with the meaning of the needed columns destroyed.
 

@@ -17,6 +17,8 @@ from postproc.model.arrays import FloatArray
 
 LOWEST, HIGHEST = 2, 120
 """Orders scanned, whole numbers; refined to a hundredth afterwards."""
+FRACTIONAL = 8
+"""From this order on a gear ratio may give a number of periods that is not whole."""
 TYPICAL = 1e-4
 """Amplitude [rad]."""
 _PRICE = 5.0
@@ -53,6 +55,7 @@ def find_waves(
     weight: FloatArray,
     blocks: Sequence[Block],
     at_most: int = 8,
+    highest: int = HIGHEST,
 ) -> tuple[Wave, ...]:
     """Return the waves in what ``blocks`` leave of the gap, strongest first.
 
@@ -62,9 +65,10 @@ def find_waves(
         weight: (n,) 1/sigma [1/m].
         blocks: what explains the rest.
         at_most: largest number of waves.
+        highest: largest order that is tried.
     """
     context = Context(blocks, y, weight)
-    orders = np.arange(LOWEST, HIGHEST + 1, dtype=np.float64)
+    orders = np.arange(LOWEST, highest + 1, dtype=np.float64)
     tried = 6 * len(orders)
     found: list[Wave] = []
     for _ in range(at_most):
@@ -112,7 +116,7 @@ def _strongest(
         signal = np.einsum("ni,ni->n", push, residual)
         waves = np.exp(-1j * orders[:, None] * samples.q[None, :, joint])
         power[joint] = np.abs(waves @ signal) ** 2 / size
-    order = np.argsort(power, axis=None)[::-1][:24]
+    order = np.argsort(power, axis=None)[::-1][:12]
     for flat in order:
         joint, index = np.unravel_index(flat, power.shape)
         chosen.append((int(joint) + 1, float(orders[index])))
@@ -124,6 +128,8 @@ def _refined(
 ) -> Wave:
     """Return the order off the whole numbers if that is clearly better."""
     joint, n = wave
+    if n < FRACTIONAL:
+        return wave
     near = [(joint, n + d) for d in np.arange(-0.5, 0.51, 0.05) if n + d >= LOWEST]
     best = max(near, key=lambda w: _gain(context, samples, w, rest))
     for step in (0.02, 0.01):

@@ -16,7 +16,8 @@ class GravitySag(Effect):
 
     Where the masses come from the size class only, the split of the weight between the upper arm
     and the forearm is as uncertain as its sum: four shape parameters let the torque on axes 2
-    and 3 follow the levers of both, along and across each link. Parameters are multiples of the
+    and 3 follow the levers of both, along and across each link, and three let the wrist's centre
+    of gravity lie off its axes. Parameters are multiples of the
     reference sag; the arm's balancing may take a part of it.
     """
 
@@ -26,14 +27,16 @@ class GravitySag(Effect):
     action = "compensate with model.toml; check the counterbalance"
     conditions = ("q2", "q3")
     equilibrium = True
-    layout = (("scale", 6), ("shape", 4))
+    layout = (("scale", 6), ("shape", 4), ("wrist_moment", 3))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six scales of the reference sag, then four shapes of axes 2 and 3."""
+        """Return six scales of the reference sag, four shapes of axes 2 and 3, wrist moments."""
         del arm, setting
         shapes = ("2_upper_arm", "2_forearm", "2_forearm_across", "3_forearm_across")
-        return per_joint(1.0) + tuple(
-            Parameter(f"joint_{name}", 0.3, joint=int(name[0])) for name in shapes
+        return (
+            *per_joint(1.0),
+            *(Parameter(f"joint_{name}", 0.3, joint=int(name[0])) for name in shapes),
+            *(Parameter(f"wrist_{axis}", 0.05, joint=5) for axis in "xyz"),
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -41,7 +44,7 @@ class GravitySag(Effect):
         del setting
         reference = samples.arm.reference
         torque = weight_torque(samples)
-        joint = np.zeros((len(samples), 6, 10))
+        joint = np.zeros((len(samples), 6, 13))
         joint[:, :, :6] = diagonal(torque * reference.c_joint)
         upper, along, across = self._levers(samples)
         for column, (axis, lever) in enumerate(
@@ -51,7 +54,19 @@ class GravitySag(Effect):
                 "ni,ni->n", samples.axes[:, :, axis], np.cross(lever, reference.gravity)
             )
             joint[:, axis, column] = turn * self._moment(samples) * reference.c_joint[axis]
+        joint[:, :, 10:] = self._wrist(samples) * reference.c_joint[:, None]
         return Basis(joint=joint)
+
+    @staticmethod
+    def _wrist(samples: Samples) -> FloatArray:
+        """Return (n, 6, 3) the torque of the wrist's mass, one metre off along its own axes."""
+        reference = samples.arm.reference
+        R = samples.frames[:, 5, :3, :3]
+        origin = samples.frames[:, 5, :3, 3]
+        here = samples.weight_torque(origin, 5, reference.gravity)
+        mass = float(np.sum(reference.link_mass[3:]))
+        there = [samples.weight_torque(origin + R[:, :, k], 5, reference.gravity) for k in range(3)]
+        return mass * np.stack([torque - here for torque in there], axis=2)
 
     @staticmethod
     def _levers(samples: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -50,6 +50,12 @@ class JointCompliance(Effect):
         del setting
         return Basis(joint=diagonal(samples.load_torque() * samples.arm.reference.c_joint))
 
+    def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
+        """Refuse a joint that moves against its load."""
+        del arm
+        wrong = theta < -4.0 * deviation - 0.05
+        return "a joint would move against its load" if bool(np.any(wrong)) else ""
+
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the stiffness; infinite for a joint that gives nothing."""
         with np.errstate(divide="ignore"):

@@ -1,0 +1,68 @@
+"""``postproc diagnose``: the sim-to-real gap of a measured robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+EPILOG = """\b
+Examples:
+  postproc diagnose measured.csv --cell cell.toml -o out
+  postproc diagnose tracker.csv --cell cell.toml --register --json
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("measurements", metavar="MEAS.csv")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("--model", metavar="MODEL.toml", help="What the simulation knows already.")
+@click.option(
+    "--register",
+    "registered",
+    is_flag=True,
+    help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
+)
+@click.option("--tol-mm", type=float, help="Exit 1 if the gap (rms) is larger than this.")
+@click.option("-o", "--output", metavar="DIR", help="Write DIR/report.html and DIR/model.toml.")
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Tell where a robot misses its model, which effect causes it, and how far that shrinks it.
+
+    Names an effect only when the rows show it on poses that were not fitted; names all of a set
+    that cannot be told apart; says "unexplained" rather than blame the nearest effect it knows.
+    """
+    from postproc.files import write_files
+    from postproc.gap.document import document, model_file
+    from postproc.gap.diagnose import diagnose
+    from postproc.gap.problem import pose_problem
+    from postproc.gap.summary import summary
+    from postproc.kinematics.model import build
+    from postproc.model.cellfile import load_cell
+    from postproc.model.modelfile import load_model, save_model
+    from postproc.readers.measurements import read_measurements
+
+    cell = load_cell(options["cell"])
+    model = load_model(options["model"]) if options["model"] else None
+    rows = read_measurements(options["measurements"])
+    problem = pose_problem(rows, build(cell.robot), cell, model, options["registered"])
+    with session.progress() as progress:
+        finding = diagnose(problem, progress)
+    content = document(finding)
+    if options["output"]:
+        from postproc.report.diagnosis_page import diagnosis_page
+
+        folder = Path(options["output"])
+        files = {
+            folder / "report.html": diagnosis_page(finding, content),
+            folder / "model.toml": save_model(model_file(finding, model)),
+        }
+        write_files(files)
+    session.document(content)
+    for line in summary(content):
+        session.show(line)
+    tolerance = options["tol_mm"]
+    return answer(tolerance is None or content["gap"]["rms_mm"] <= tolerance)

@@ -1,0 +1,59 @@
+"""``postproc predict``: the tool points that a model expects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+EPILOG = """\b
+Example:
+  postproc predict measured.csv --cell cell.toml --model out/model.toml -o expected.csv
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("measurements", metavar="MEAS.csv")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
+@click.option(
+    "--register",
+    "registered",
+    is_flag=True,
+    help="Fit the measured frame and the reflector anew on these rows; keep the effects.",
+)
+@click.option("-o", "--output", required=True, metavar="OUT.csv", help="id,x_mm,y_mm,z_mm.")
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Write the tool point that the model expects for each row of a measurement file.
+
+    The answer is in the robot root; in the measured frame where the model carries a registration
+    or --register fits one.
+    """
+    from postproc.files import write_files
+    from postproc.gap.predict import predict
+    from postproc.kinematics.model import build
+    from postproc.model.cellfile import load_cell
+    from postproc.model.modelfile import load_model
+    from postproc.readers.measurements import read_measurements
+
+    cell = load_cell(options["cell"])
+    model = load_model(options["model"]) if options["model"] else None
+    rows = read_measurements(options["measurements"])
+    prediction = predict(rows, build(cell.robot), cell, model, options["registered"])
+    write_files({Path(options["output"]): prediction.csv(rows.ids)})
+    for name in prediction.missing:
+        session.say(f"{options['measurements']}: {name} was left out, its columns are missing")
+    session.document(
+        {
+            "schema": "postproc.prediction/1",
+            "rows": len(rows),
+            "left_out": list(prediction.missing),
+            "rms_mm": round(prediction.rms * 1e3, 6),
+        }
+    )
+    session.show(f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)")
+    return answer(True)

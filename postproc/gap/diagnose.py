@@ -1,0 +1,193 @@
+"""The diagnosis: which effects, how sure, what is left, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.gap.choice import Bench, Choice
+from postproc.gap.fit import Fit
+from postproc.gap.linear import Gram, block_of
+from postproc.gap.problem import Problem
+from postproc.gap.residual import Dependence
+from postproc.gap.robot_model import evaluate
+from postproc.gap.verdict import Settled, fitted, settle, verdict
+from postproc.gap.waves import Wave, find_waves
+from postproc.gap.workbench import WAVES, chosen, prepare, without_waves
+from postproc.model.arrays import BoolArray, FloatArray
+
+Progress = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One effect in the order of adoption: 3D rms before and after on sealed rows [m]."""
+
+    name: str
+    before: float
+    after: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Result of a diagnosis, SI. Rows refer to those of ``problem``.
+
+    noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
+    baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
+    extra: for each effect not adopted the 3D rms [m] on sealed rows without and with it;
+    ripple: waves in what is left where the verdict is "unexplained".
+    """
+
+    problem: Problem
+    verdict: str
+    noise: float
+    noise_freedom: int
+    outlier: BoolArray
+    choice: Choice
+    adopted: tuple[str, ...]
+    suspects: tuple[str, ...]
+    fit: Fit
+    baseline: FloatArray
+    residual: FloatArray
+    tests: tuple[Dependence, ...]
+    structure: float
+    steps: tuple[Step, ...]
+    total_interval: tuple[float, float]
+    extra: dict[str, tuple[float, float]]
+    ripple: tuple[Wave, ...]
+    bench: Bench
+
+    @property
+    def kept(self) -> BoolArray:
+        """(n,) rows that are no measuring faults."""
+        return ~self.outlier
+
+
+def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
+    """Return the diagnosis of a campaign."""
+    say = progress or (lambda done, total, what: None)
+    say(0, 4, "noise and measuring faults")
+    prepared = prepare(problem)
+    say(1, 4, "which effects")
+    bench, choice = chosen(prepared.bench)
+    say(2, 4, "what is left")
+    settled = settle(problem, prepared, bench, choice)
+    choice = settled.choice
+    say(3, 4, "sealed rows")
+    names = {b.key: b.name for b in bench.blocks}
+    sigma = prepared.noise.sigma
+    rows = problem.searchable & ~settled.outlier
+    base = fitted(problem, bench, (), sigma, rows)
+    steps, total = _steps(problem, bench, settled, sigma, base)
+    answer = verdict(settled, sigma)
+    return Finding(
+        problem=problem,
+        verdict=answer,
+        noise=sigma,
+        noise_freedom=prepared.noise.freedom,
+        outlier=settled.outlier,
+        choice=choice,
+        adopted=tuple(names[k] for k in choice.keys),
+        suspects=tuple(choice.suspects),
+        fit=settled.fit,
+        baseline=base.point,
+        residual=settled.residual,
+        tests=settled.tests,
+        structure=settled.structure,
+        steps=steps,
+        total_interval=total,
+        extra=_extra(problem, bench, settled),
+        ripple=_ripple(bench, choice) if answer == "unexplained" else (),
+        bench=bench,
+    )
+
+
+def _steps(
+    problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit
+) -> tuple[tuple[Step, ...], tuple[float, float]]:
+    """Add the effects one by one, each time fitted on unsealed rows and judged on sealed ones."""
+    rows = problem.searchable & ~settled.outlier
+    test = problem.split.sealed & ~settled.outlier
+    cluster = problem.split.cluster[test]
+    names = {b.key: b.name for b in bench.blocks}
+    first = before = _left(problem.measured - base.point, test)
+    keys = settled.choice.keys
+    steps = []
+    for count in range(1, len(keys) + 1):
+        if count == len(keys):
+            after = _left(settled.residual, test)
+        else:
+            part = fitted(problem, bench, keys[:count], sigma, rows)
+            after = _left(problem.measured - part.point, test)
+        interval = shrink_interval(before, after, cluster)
+        steps.append(Step(names[keys[count - 1]], _rms(before), _rms(after), interval))
+        before = after
+    return tuple(steps), shrink_interval(first, before, cluster)
+
+
+def _extra(
+    problem: Problem, bench: Bench, settled: Settled
+) -> dict[str, tuple[float, float]]:
+    """Return what each further effect would do on sealed rows, to first order."""
+    test = problem.split.sealed & ~settled.outlier
+    index = np.flatnonzero(test)
+    if len(index) == 0:
+        return {}
+    actual = evaluate(problem.samples.rows(index), problem.given)[1]
+    chosen_keys = (*bench.always, *settled.choice.keys)
+    gram = Gram.of(bench.blocks, bench.y, bench.weight)
+    far = {
+        b.key: block_of(b.effect, actual, b.setting, b.key, problem.widen(b.name)).X
+        for b in bench.blocks
+        if not b.suspect
+    }
+    y = problem.gap[index]
+
+    def left(keys: tuple[str, ...]) -> float:
+        theta = gram.solve(keys)[0]
+        X = np.concatenate([far[k] for k in keys] or [np.zeros((len(y), 3, 0))], axis=2)
+        return _rms(np.linalg.norm(y - X @ theta, axis=1))
+
+    before = left(chosen_keys)
+    named = {b.name for b in bench.blocks if b.key in chosen_keys}
+    return {
+        b.name: (before, left((*chosen_keys, b.key)))
+        for b in bench.blocks
+        if b.name not in named and not b.suspect
+    }
+
+
+def _ripple(bench: Bench, choice: Choice) -> tuple[Wave, ...]:
+    """Return the waves of joint angles in what is left."""
+    base = without_waves(bench, choice) + [
+        b for b in bench.blocks if b.name == WAVES and b.key in choice.keys
+    ]
+    return find_waves(bench.samples, bench.y, bench.weight, base)
+
+
+def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(residual, axis=1)[test])
+
+
+def shrink_interval(
+    before: FloatArray, after: FloatArray, cluster: FloatArray, draws: int = 400
+) -> tuple[float, float]:
+    """Return the 90 % interval of the shrinkage, by drawing pose clusters anew."""
+    if len(before) == 0:
+        return 0.0, 0.0
+    rng = np.random.default_rng(3)
+    names, index = np.unique(cluster, return_inverse=True)
+    k = len(names)
+    sums = np.stack([np.bincount(index, v**2, minlength=k) for v in (before, after)])
+    counts = rng.multinomial(k, np.full(k, 1.0 / k), draws)
+    total = counts @ sums.T
+    shrink = 1.0 - np.sqrt(total[:, 1] / np.maximum(total[:, 0], 1e-30))
+    low, high = np.quantile(shrink, [0.05, 0.95])
+    return float(low), float(high)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -1,0 +1,68 @@
+"""A diagnosis in plain words, for a person at the machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from postproc.gap.robot_model import effect_of
+
+
+def summary(content: dict[str, Any]) -> list[str]:
+    """Return the lines of a plain-language summary of a diagnosis document."""
+    gap, rest = content["gap"], content["residual"]
+    lines = [
+        f"The robot misses the simulation by {gap['rms_mm']:.3f} mm rms"
+        f" (95 % within {gap['p95_mm']:.3f}, largest {gap['max_mm']:.3f});"
+        f" noise {content['noise_mm']:.3f} mm per axis, {_from(content)}."
+    ]
+    lines += _causes(content)
+    if content["verdict"] == "no_gap":
+        lines.append("No gap: what is measured cannot be told from noise.")
+    elif content["verdict"] == "explained":
+        lines.append(f"Explained: the {rest['rms_mm']:.3f} mm that remain look like noise.")
+    else:
+        lines += _unexplained(rest)
+    if content["outliers"]:
+        shown = ", ".join(content["outliers"][:8])
+        lines.append(f"Measuring faults left out ({len(content['outliers'])}): {shown}")
+    for item in content["not_testable"]:
+        lines.append(f"Not testable: {item['name']} (needs {', '.join(item['needs'])})")
+    if content["next_measurements"]:
+        first = content["next_measurements"][0]
+        lines.append(f"Measure next: {len(content['next_measurements'])} poses; {first['why']}.")
+    return lines
+
+
+def _from(content: dict[str, Any]) -> str:
+    return "from repeats" if content["noise_from"] == "repeats" else "estimated without repeats"
+
+
+def _causes(content: dict[str, Any]) -> list[str]:
+    lines = []
+    for item in content["effects"]:
+        if not item["adopted"]:
+            continue
+        low, high = item["shrinkage_ci"]
+        line = (
+            f"Cause: {item['title']} ({item['name']}), {item['rms_before_mm']:.3f} to"
+            f" {item['rms_after_mm']:.3f} mm on rows not fitted"
+            f" ({100 * item['shrinkage']:.0f} %, 90 % interval {100 * low:.0f} to {100 * high:.0f})."
+        )
+        if item["confounded_with"]:
+            line += f" These rows cannot tell it from {', '.join(item['confounded_with'])}."
+        lines += [line, f"  What to do: {effect_of(item['name']).action}."]
+    return lines
+
+
+def _unexplained(rest: dict[str, Any]) -> list[str]:
+    clear = [d["name"] for d in rest["depends_on"] if d["p_value"] < 1e-3][:4]
+    line = f"Unexplained: {rest['rms_mm']:.3f} mm remain"
+    line += f" and follow {', '.join(clear)}." if clear else "."
+    lines = [line + " No effect of the library is to blame for it."]
+    lines += [f"  It {item['title']}. {item['action']}." for item in rest["resembles"]]
+    if rest["ripple"]:
+        waves = ", ".join(
+            f"axis {w['joint']} at {w['periods_per_turn']:g} per turn" for w in rest["ripple"][:5]
+        )
+        lines.append(f"  Ripple of joint angles in it: {waves}.")
+    return lines

@@ -1,0 +1,153 @@
+"""Fit of the choice, tests of what is left, and what may still be named in the light of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.gap.choice import Bench, Choice
+from postproc.gap.fit import Fit, Free, fit
+from postproc.gap.noise import Noise
+from postproc.gap.problem import FRAMES, Problem
+from postproc.gap.residual import Dependence, dependences
+from postproc.gap.robot_model import evaluate
+from postproc.gap.waves import Context
+from postproc.gap.workbench import Prepared
+from postproc.model.arrays import BoolArray, FloatArray
+
+STRUCTURE = 0.5
+"""Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
+GEOMETRY = (*FRAMES, "joint_offset", "link_geometry", "gravity_sag")
+_SURE = 1e-4
+_F_RATIO = 1.35
+"""Variance over that of the repeats from which the rest is more than noise, if significant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """The choice that stands, its fit (suspects and dropped effects as nuisance), the tests.
+
+    residual: (n, 3) [m] of all rows against given model, adopted effects and registration;
+    structure: 3D rms [m] of what is left and not noise.
+    """
+
+    choice: Choice
+    fit: Fit
+    residual: FloatArray
+    tests: tuple[Dependence, ...]
+    structure: float
+    outlier: BoolArray
+    nuisance: tuple[str, ...]
+
+
+def settle(problem: Problem, prepared: Prepared, bench: Bench, choice: Choice) -> Settled:
+    """Return what stands of a choice after its residual has been looked at."""
+    level = prepared.noise
+    everything = (*choice.keys, *choice.suspects)
+    outlier = _faults(problem, bench, everything, prepared)
+    rows = problem.searchable & ~outlier
+    full = fitted(problem, bench, everything, level.sigma, rows)
+    residual = problem.measured - full.point
+    tests, structure = _tested(problem, bench, everything, residual, level, outlier)
+    kept = choice.keys
+    if structure > STRUCTURE * level.sigma:
+        kept = tuple(k for k in kept if _stands_clear(bench, choice, k, structure))
+    gone = [k for k in choice.keys if k not in kept]
+    nuisance = (*choice.suspects, *gone)
+    if not nuisance:
+        return Settled(choice, full, residual, tests, structure, outlier, ())
+    reasons = {_name(bench, k): "what is left may be imitating it" for k in gone}
+    choice = replace(choice, keys=kept, refused=choice.refused | reasons)
+    residual = problem.measured - _point_without(problem, full, bench, nuisance)
+    tests, left = _tested(problem, bench, kept, residual, level, outlier)
+    return Settled(choice, full, residual, tests, max(left, structure), outlier, nuisance)
+
+
+def verdict(settled: Settled, sigma: float) -> str:
+    """Return ``explained``, ``no_gap`` or ``unexplained``."""
+    if settled.choice.suspects or settled.structure > STRUCTURE * sigma:
+        return "unexplained"
+    return "explained" if settled.choice.keys else "no_gap"
+
+
+def fitted(
+    problem: Problem, bench: Bench, keys: Iterable[str], sigma: float, rows: BoolArray
+) -> Fit:
+    """Fit blocks on some rows (n,); the fitted points are those of all rows."""
+    index = np.flatnonzero(rows)
+    blocks = {b.key: b for b in bench.blocks}
+    free = {blocks[k].name: Free(blocks[k].setting) for k in keys}
+    for name in problem.always:
+        free[name] = Free(problem.settings[name], problem.widen(name))
+    weight = np.full(len(index), 1.0 / sigma)
+    part = problem.samples.rows(index)
+    result = fit(part, problem.measured[index], weight, problem.given, free)
+    return replace(result, point=evaluate(problem.samples, result.states)[0])
+
+
+def _point_without(
+    problem: Problem, full: Fit, bench: Bench, nuisance: tuple[str, ...]
+) -> FloatArray:
+    names = {_name(bench, key) for key in nuisance}
+    states = {
+        name: (problem.given[name] if name in problem.given else state)
+        for name, state in full.states.items()
+        if name not in names or name in problem.given
+    }
+    return evaluate(problem.samples, states)[0]
+
+
+def _name(bench: Bench, key: str) -> str:
+    return next(b.name for b in bench.blocks if b.key == key)
+
+
+def _faults(
+    problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Prepared
+) -> BoolArray:
+    """Return (n,) rows that are measuring faults under the chosen model."""
+    rest, level = prepared.saturated, max(prepared.saturated.sigma, prepared.noise.sigma)
+    rows = problem.searchable.copy()
+    rows[np.flatnonzero(rows)[rest.outlier]] = False
+    result = fitted(problem, bench, keys, level, rows)
+    left = np.linalg.norm(problem.measured - result.point, axis=1)
+    usual = max(level, float(np.median(left[rows])) / 1.538)
+    bad = left > 6.0 * usual
+    return bad if bad.mean() <= 0.06 else bad & (left > np.quantile(left, 0.94))
+
+
+def _tested(
+    problem: Problem,
+    bench: Bench,
+    keys: tuple[str, ...],
+    residual: FloatArray,
+    level: Noise,
+    outlier: BoolArray,
+) -> tuple[tuple[Dependence, ...], float]:
+    index = np.flatnonzero(problem.searchable)
+    weight = np.where(outlier[index], 0.0, 1.0 / level.sigma)
+    base = [b for b in bench.blocks if b.key in (*keys, *bench.always)]
+    context = Context(base, bench.y, weight)
+    tests = dependences(bench.samples, residual[index], weight, context)
+    return tests, _structure(residual[index][weight > 0], tests, level)
+
+
+def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
+    """Return whether an effect is far larger than the structure that nothing explains."""
+    ratio = 0.5 if _name(bench, key) in GEOMETRY else 2.0
+    return choice.evidence[key].unique > ratio * structure
+
+
+def _structure(residual: FloatArray, tests: tuple[Dependence, ...], level: Noise) -> float:
+    """Return the 3D rms [m] of what follows some condition or exceeds the repeats."""
+    limit = _SURE / max(len(tests), 1)
+    found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
+    if level.freedom:
+        from scipy.stats import f
+
+        square = float(np.mean(residual**2))
+        ratio = square / level.sigma**2
+        if ratio > _F_RATIO and f.sf(ratio, residual.size, level.freedom) < 1e-3:
+            found = max(found, float(np.sqrt(3.0 * (square - level.sigma**2))))
+    return found
