@@ -53,6 +53,7 @@
     scene.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ vertexColors: true })));
     const c = D.centre, e = Math.max(D.extent, 0.6);
     controls.target.set(c[0] * 0.75, c[1], c[2]); camera.position.set(c[0] - 1.2 * e - 1.2, c[1] - 1.6 * e - 2.2, c[2] + e + 0.9);
+    controls.update();
     draw = () => renderer.render(scene, camera);
     controls.addEventListener("change", draw);
     const resize = () => { const w = host.clientWidth, h = host.clientHeight; renderer.setSize(w, h, false); renderer.domElement.style.height = h + "px"; camera.aspect = w / h; camera.updateProjectionMatrix(); draw(); };
@@ -154,7 +155,11 @@
       PP.lineChart($("spin"), { series: [{ name: D.spin_map.label, x: D.spin_map.spins, y }], xLabel: "turn about the tool axis [deg]", yLabel: "N/mm", marks: t.spin === null ? [] : [{ x: t.spin }], height: 200 });
     }
   }
-  function select(i) { const m = firstCut[i] >= 0 ? firstCut[i] : lastMove[i]; if (m >= 0) seek(time[m]); showTag(i); if (rows.has(i)) rows.get(i).scrollIntoView({ block: "nearest" }); }
+  function select(i) { const m = firstCut[i] >= 0 ? firstCut[i] : lastMove[i]; if (m >= 0) seek(time[m]); showTag(i); if (rows.has(i)) reveal(rows.get(i)); }
+  function reveal(row) {  // within the list only: the page itself must not jump
+    const list = row.closest(".scroll"), top = row.offsetTop - list.clientHeight / 2;
+    if (row.offsetTop < list.scrollTop || row.offsetTop > list.scrollTop + list.clientHeight - 30) list.scrollTop = top;
+  }
   pickTag = select;
   const spinMap = D.spin_map ? U(D.spin_map.values) : null;
 
