@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.model.arrays import FloatArray, IntArray
 from postproc.model.toolpath import Arcs, Cycle, Event, MotionKind, ToolPath
@@ -14,6 +15,7 @@ from postproc.readers.apt_nurbs import discretised
 from postproc.readers.apt_state import AptState, Columns
 
 _NONE = -1
+Shift = NDArray[np.int64]
 
 
 @dataclass(slots=True)
@@ -35,7 +37,7 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     table = _joined(state)
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
-    shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    shift: Shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
     if state.splines:
         table, shift = _with_splines(state, table)
         before = np.searchsorted([s.tag for s in state.splines], records.tag, side="right")
@@ -91,7 +93,7 @@ def _ints(parts: list[IntArray]) -> IntArray:
     return joined
 
 
-def _with_splines(state: AptState, table: Table) -> tuple[Table, IntArray]:
+def _with_splines(state: AptState, table: Table) -> tuple[Table, Shift]:
     """Return the table with the points of the splines, and how many stand before each spline."""
     shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
     parts: list[Table] = []
@@ -175,7 +177,7 @@ def _settle_feeds(table: Table, cycles: list[Cycle]) -> None:
         table.feed[own] = of_cycle[own]
 
 
-def _events(state: AptState, shift: IntArray) -> tuple[Event, ...]:
+def _events(state: AptState, shift: Shift) -> tuple[Event, ...]:
     if not state.splines:
         return tuple(record.event for record in state.events)
     return tuple(

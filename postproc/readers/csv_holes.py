@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.frames import FloatArray
 from postproc.model.arrays import IntArray
@@ -17,6 +18,7 @@ DEFAULT_CLEARANCE = 2.0 * MM
 DEFAULT_RETRACT = 10.0 * MM
 """Height [m] above a hole where the tool ends, without a column for it."""
 _NONE = -1
+Index = NDArray[np.int64]
 _MOTIONS = {
     "rapid": MotionKind.RAPID, "g0": MotionKind.RAPID, "g00": MotionKind.RAPID,
     "linear": MotionKind.LINEAR, "lin": MotionKind.LINEAR, "g1": MotionKind.LINEAR,
@@ -59,9 +61,21 @@ def motion_kinds(
     if len(holes) == 0:
         return kind, cycle, ()
     depth = _depths(columns, holes, line, faults)
-    table, index = np.unique(_parameters(columns, holes, depth), axis=0, return_inverse=True)
-    cycle[holes] = index.reshape(-1)
+    table, index = distinct_rows(_parameters(columns, holes, depth))
+    cycle[holes] = index
     return kind, cycle, tuple(_cycle(row) for row in table.tolist())
+
+
+def distinct_rows(table: FloatArray) -> tuple[FloatArray, Index]:
+    """Return the distinct rows of a table (n, c), and which of them each row is (n,)."""
+    code = np.zeros(len(table), dtype=np.int64)
+    for column in table.T:
+        values, index = np.unique(column, return_inverse=True)
+        code = code * len(values) + index
+        _, code = np.unique(code, return_inverse=True)
+    first = np.full(int(code.max(initial=-1)) + 1, len(table), dtype=np.int64)
+    np.minimum.at(first, code, np.arange(len(table)))
+    return table[first], code
 
 
 def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
@@ -75,7 +89,7 @@ def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
     return np.array([kinds[text] for text in motion], dtype=np.int32)
 
 
-def _depths(columns: HoleColumns, holes: IntArray, line: IntArray, faults: Faults) -> FloatArray:
+def _depths(columns: HoleColumns, holes: Index, line: IntArray, faults: Faults) -> FloatArray:
     if columns.depth is None or np.isnan(columns.depth[holes]).any():
         missing = holes if columns.depth is None else holes[np.isnan(columns.depth[holes])]
         raise faults.error("CSV032", "a hole without a depth", int(line[missing[0]]))
@@ -90,7 +104,7 @@ def _depths(columns: HoleColumns, holes: IntArray, line: IntArray, faults: Fault
     return np.asarray(np.abs(depth))
 
 
-def _parameters(columns: HoleColumns, holes: IntArray, depth: FloatArray) -> FloatArray:
+def _parameters(columns: HoleColumns, holes: Index, depth: FloatArray) -> FloatArray:
     def of(values: FloatArray | None, default: float) -> FloatArray:
         if values is None:
             return np.full(len(holes), default)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.frames import FloatArray
 from postproc.model.arrays import IntArray
@@ -45,6 +46,7 @@ from postproc.readers.faults import Faults
 from postproc.readers.text_blocks import text_blocks
 from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 
+Index = NDArray[np.int64]
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
 _HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
@@ -212,7 +214,7 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Column
 
 
 def _filled(
-    values: FloatArray, empty: IntArray, role: str, line: IntArray, faults: Faults
+    values: FloatArray, empty: Index, role: str, line: IntArray, faults: Faults
 ) -> FloatArray:
     if empty[0] == 0:
         if role in POSITION:
@@ -246,11 +248,11 @@ def _toolpath(
         factor = factors[role]
         return data.numbers[role] * (scale if factor is None else factor)
 
-    points = np.column_stack([length(role) for role in POSITION])
+    points = np.column_stack([values for role in POSITION if (values := length(role)) is not None])
     names = data.texts.get("id")
     operations = data.texts.get("operation")
     merged = merged_repeats(names, operations, points, data.line, faults) if names else None
-    rows: IntArray | slice = slice(None)
+    rows: Index | slice = slice(None)
     if merged is not None:
         points, rows = merged
         names = [names[i] for i in rows.tolist()] if names else None
@@ -338,7 +340,7 @@ def _orientation(
     data: _Columns,
     factors: dict[str, float | None],
     points: FloatArray,
-    rows: IntArray | slice,
+    rows: Index | slice,
     options: ReadOptions,
     faults: Faults,
 ) -> tuple[FloatArray, FloatArray | None]:
@@ -386,7 +388,7 @@ def _normals_of_surface(
 def _feeds(
     data: _Columns,
     factors: dict[str, float | None],
-    rows: IntArray | slice,
+    rows: Index | slice,
     units: str,
     kind: IntArray,
     faults: Faults,

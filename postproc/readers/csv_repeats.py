@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.frames import FloatArray
 from postproc.model.arrays import IntArray
@@ -16,7 +17,7 @@ SPREAD = 1.0 * MM
 def merged_repeats(
     names: list[str], operations: list[str] | None, points: FloatArray, line: IntArray,
     faults: Faults,
-) -> tuple[FloatArray, IntArray] | None:  # fmt: skip
+) -> tuple[FloatArray, NDArray[np.int64]] | None:  # fmt: skip
     """Return the mean point of each name and the first row of each, None if no name repeats.
 
     Rows without a name stay as they are, and one hole may stand in several operations.

@@ -1,0 +1,388 @@
+"""DELMIA's OLP XML to records: streamed, so that memory does not grow with the file.
+
+External entities, DTDs and the network are off, and a document type declaration is an error: no
+OLP file has one, and entities are the way to blow up a reader.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import BinaryIO
+
+import numpy as np
+from lxml import etree
+
+from postproc.files import open_input
+from postproc.frames import FloatArray, rotation_from_abc, transform
+from postproc.readers.base import check_text
+from postproc.readers.decimals import parse_number
+from postproc.readers.faults import Faults
+from postproc.units import DEG, INCH, MM, PERCENT
+
+_LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
+_ANGLES = {"deg": DEG, "rad": 1.0}
+_SPEEDS = {"m/s": 1.0, "mm/s": MM}
+_FARTHEST = 1e6
+"""No position lies farther off [m]."""
+_ROOT = "OLPData"
+_CALL = "DNBIgpCallRobotTask"
+_MOTION = "DNBRobotMotionActivity"
+_TAGS = ("GeneralInfo", "ToolProfileList", "MotionProfileList", "AccuracyProfileList",
+         "ObjectFrameProfileList", "Activity", "ActivityList", "Resource")  # fmt: skip
+N_JOINTS = 6
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class MotionProfile:
+    """Speed of a profile: share of the robot's maximum, or [m/s]; NaN where not given."""
+
+    share: float = NAN
+    speed: float = NAN
+
+
+@dataclass(slots=True)
+class RobotData:
+    """What a ``Resource`` says about the robot and its profiles."""
+
+    name: str = ""
+    max_speed: float = NAN
+    coordinates: str = ""
+    tools: list[str] = field(default_factory=list)
+    motions: dict[str, MotionProfile] = field(default_factory=dict)
+    blends: dict[str, float] = field(default_factory=dict)
+    """Fly-by distance [m] of the accuracy profiles; 0 = exact stop, NaN = by speed."""
+    objects: dict[str, tuple[str, FloatArray]] = field(default_factory=dict)
+    """Reference frame and pose of the object frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """One robot motion; positions [m], angles roll, pitch, yaw [rad], NaN where not given."""
+
+    line: int
+    name: str
+    group: str
+    kind: str
+    via: bool
+    motion_profile: str
+    tool_profile: str
+    accuracy_profile: str
+    object_profile: str
+    xyz: tuple[float, float, float]
+    rpy: tuple[float, float, float]
+    base: tuple[float, ...]
+    joints: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """A call of another task."""
+
+    line: int
+    task: str
+
+
+@dataclass(frozen=True, slots=True)
+class OtherActivity:
+    """An activity without a meaning here: kept with its type and text."""
+
+    line: int
+    kind: str
+    text: str
+
+
+Item = Motion | Call | OtherActivity
+
+
+@dataclass(slots=True)
+class Document:
+    """All tasks of the one robot in the file, in file order."""
+
+    robot: RobotData = field(default_factory=RobotData)
+    tasks: dict[str, list[Item]] = field(default_factory=dict)
+    task_lines: dict[str, int] = field(default_factory=dict)
+
+
+class _Checked:
+    """A stream that refuses binary data and document type declarations as they pass."""
+
+    def __init__(self, stream: BinaryIO, faults: Faults) -> None:
+        self._stream = stream
+        self._faults = faults
+        self._tail = b""
+        self._line = 1
+
+    def read(self, size: int = -1) -> bytes:
+        """Return the next bytes."""
+        chunk = self._stream.read(size)
+        check_text(self._faults.path, chunk, self._line)
+        seen = self._tail + chunk
+        at = seen.find(b"<!DOCTYPE")
+        if at >= 0:
+            raise self._faults.error(
+                "DEL002",
+                "a document type declaration, expected plain OLP XML without DTD or entities",
+                self._line + seen.count(b"\n", 0, at),
+            )
+        self._line += chunk.count(b"\n")
+        self._tail = seen[-8:].replace(b"\n", b" ")
+        return chunk
+
+
+def read_document(path: str, faults: Faults) -> Document:
+    """Return everything in an OLP file that matters to a path.
+
+    Raises:
+        ReadError: DEL001 if the XML is not well-formed, DEL002 for a DTD, DEL003 for another root,
+            DEL004 for a number or unit, DEL005 for a missing element, DEL014 for two robots with
+            tasks, DEL015 for two tasks of one name.
+    """
+    document = Document()
+    with open_input(path) as stream:
+        events = etree.iterparse(
+            _Checked(stream, faults),
+            events=("end",),
+            tag=_TAGS,
+            resolve_entities=False,
+            no_network=True,
+            load_dtd=False,
+            huge_tree=False,
+            remove_comments=True,
+            remove_pis=True,
+        )
+        try:
+            _walk(events, document, faults)
+        except etree.XMLSyntaxError as problem:
+            message = str(problem.msg or problem).split("(<string>")[0]
+            raise faults.error(
+                "DEL001", f"not well-formed XML: {message}", problem.lineno or 1
+            ) from None
+    root = events.root
+    if root is None or root.tag != _ROOT:
+        tag = "nothing" if root is None else str(root.tag)[:40]
+        raise faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
+    return document
+
+
+def _walk(events: etree.iterparse, document: Document, faults: Faults) -> None:
+    reader = _ElementReader(document, faults)
+    for _, element in events:
+        reader.take(element)
+        if element.tag != "Activity":
+            element.clear()
+            continue
+        element.clear()
+        parent = element.getparent()
+        while parent is not None and element.getprevious() is not None:
+            del parent[0]
+
+
+class _ElementReader:
+    """Takes finished elements one after the other."""
+
+    def __init__(self, document: Document, faults: Faults) -> None:
+        self._document = document
+        self._faults = faults
+        self._robot = RobotData()
+        self._items: list[Item] = []
+        self._has_tasks = False
+
+    def take(self, element: etree._Element) -> None:
+        """Take one element of ``_TAGS``."""
+        handler = {
+            "Activity": self._activity,
+            "ActivityList": self._task,
+            "GeneralInfo": self._general,
+            "ToolProfileList": self._tools,
+            "MotionProfileList": self._motions,
+            "AccuracyProfileList": self._accuracies,
+            "ObjectFrameProfileList": self._objects,
+            "Resource": self._resource,
+        }[str(element.tag)]
+        handler(element)
+
+    def _general(self, element: etree._Element) -> None:
+        self._robot.name = _text(element.find("ResourceName"))
+        self._robot.coordinates = _text(element.find("DownloadCoordinates"))
+        speed = element.find("MaxSpeed")
+        if speed is not None and _text(speed):
+            value = self._number(_text(speed), speed)
+            self._robot.max_speed = value * self._unit(speed, _SPEEDS)
+
+    def _tools(self, element: etree._Element) -> None:
+        self._robot.tools = [_text(profile.find("Name")) for profile in element.iter("ToolProfile")]
+
+    def _motions(self, element: etree._Element) -> None:
+        for profile in element.iter("MotionProfile"):
+            basis, speed = _text(profile.find("MotionBasis")), profile.find("Speed")
+            made = MotionProfile()
+            if speed is not None and speed.get("Value"):
+                value = self._number(speed.get("Value", ""), speed)
+                if speed.get("Units", "%") == "%" and basis.lower() != "time":
+                    made = MotionProfile(share=value * PERCENT)
+                elif speed.get("Units") in _SPEEDS:
+                    made = MotionProfile(speed=value * self._unit(speed, _SPEEDS))
+            self._robot.motions[_text(profile.find("Name"))] = made
+
+    def _accuracies(self, element: etree._Element) -> None:
+        for profile in element.iter("AccuracyProfile"):
+            blend = 0.0
+            value = profile.find("AccuracyValue")
+            if _text(profile.find("FlyByMode")).lower() == "on":
+                blend = NAN
+                if _text(profile.find("AccuracyType")).lower() == "distance" and value is not None:
+                    blend = self._number(value.get("Value", ""), value)
+                    blend *= self._unit(value, _LENGTHS)
+            self._robot.blends[_text(profile.find("Name"))] = blend
+
+    def _objects(self, element: etree._Element) -> None:
+        for profile in element.iter("ObjectFrameProfile"):
+            frame = profile.find("ObjectFrame")
+            if frame is None:
+                raise self._missing("ObjectFrame", profile)
+            xyz = self._xyz(self._child(frame, "ObjectFramePosition"))
+            rpy = self._rpy(self._child(frame, "ObjectFrameOrientation"))
+            reference = frame.get("ReferenceFrame", "World")
+            self._robot.objects[_text(profile.find("Name"))] = (reference, pose(xyz, rpy))
+
+    def _resource(self, element: etree._Element) -> None:
+        if self._has_tasks:
+            if self._document.robot.name or self._document.robot.objects:
+                raise self._faults.error(
+                    "DEL014",
+                    f"tasks of two robots, {self._document.robot.name!r} and {self._robot.name!r}",
+                    _line(element),
+                    hint="export one robot's tasks to a file",
+                )
+            self._document.robot = self._robot
+        self._robot, self._has_tasks = RobotData(), False
+
+    def _task(self, element: etree._Element) -> None:
+        name = element.get("Task", "")
+        if name in self._document.tasks:
+            raise self._faults.error("DEL015", f"two tasks of the name {name!r}", _line(element))
+        self._document.tasks[name] = self._items
+        self._document.task_lines[name] = _line(element)
+        self._items, self._has_tasks = [], True
+
+    def _activity(self, element: etree._Element) -> None:
+        kind = element.get("ActivityType", "")
+        if kind == _CALL:
+            self._items.append(Call(_line(element), _text(self._child(element, "CallName"))))
+        elif kind == _MOTION:
+            self._items.append(self._motion(element))
+        else:
+            name = _text(element.find("ActivityName"))
+            self._items.append(OtherActivity(_line(element), kind or "Activity", name))
+
+    def _motion(self, element: etree._Element) -> Motion:
+        attributes = {str(child.tag): _text(child) for child in self._child(
+            element, "MotionAttributes")}  # fmt: skip
+        target = self._child(element, "Target")
+        base = target.find("BaseWRTWorld")
+        xyz = rpy = (NAN, NAN, NAN)
+        tag = group = ""
+        cartesian = target.find("CartesianTarget")
+        if cartesian is not None:
+            xyz = self._xyz(self._child(cartesian, "Position"))
+            rpy = self._rpy(self._child(cartesian, "Orientation"))
+            named = cartesian.find("Tag")
+            if named is not None:
+                tag, group = _text(named), named.get("TagGroup", "")
+        return Motion(
+            line=_line(element),
+            name=tag or element.get("Operation", "") or _text(element.find("ActivityName")),
+            group=group,
+            kind=attributes.get("MotionType", ""),
+            via=target.get("ViaPoint", "false").lower() == "true",
+            motion_profile=attributes.get("MotionProfile", ""),
+            tool_profile=attributes.get("ToolProfile", ""),
+            accuracy_profile=attributes.get("AccuracyProfile", ""),
+            object_profile=attributes.get("ObjectFrameProfile", ""),
+            xyz=xyz,
+            rpy=rpy,
+            base=self._base(base) if base is not None else (0.0,) * 6,
+            joints=self._joints(target.find("JointTarget"), element, cartesian is None),
+        )
+
+    def _base(self, element: etree._Element) -> tuple[float, ...]:
+        return (
+            *self._xyz(self._child(element, "Position")),
+            *self._rpy(self._child(element, "Orientation")),
+        )
+
+    def _joints(
+        self, element: etree._Element | None, activity: etree._Element, needed: bool
+    ) -> tuple[float, ...]:
+        """Return the first six joints [rad] in the order of their DOF numbers."""
+        if element is None:
+            if needed:
+                raise self._missing("CartesianTarget or JointTarget", activity)
+            return ()
+        found: dict[int, float] = {}
+        for joint in element.iter("Joint"):
+            number = parse_number(joint.get("DOFNumber", ""))
+            if number is None:
+                raise self._faults.error("DEL004", "a Joint without DOFNumber", _line(joint))
+            if number > N_JOINTS:
+                self._faults.warn("DEL120", "positions of external axes are left out", _line(joint))
+                continue
+            value = self._number(_text(self._child(joint, "JointValue")), joint)
+            found[int(number)] = value * self._unit(joint, {**_ANGLES, "m": 1.0})
+        return tuple(found.get(i, NAN) for i in range(1, N_JOINTS + 1))
+
+    def _xyz(self, element: etree._Element) -> tuple[float, float, float]:
+        unit = self._unit(element, _LENGTHS)
+        x, y, z = (self._number(element.get(name, ""), element) for name in ("X", "Y", "Z"))
+        return x * unit, y * unit, z * unit
+
+    def _rpy(self, element: etree._Element) -> tuple[float, float, float]:
+        unit = self._unit(element, _ANGLES)
+        names = ("Roll", "Pitch", "Yaw")
+        roll, pitch, yaw = (self._number(element.get(name, ""), element) for name in names)
+        return roll * unit, pitch * unit, yaw * unit
+
+    def _number(self, text: str, element: etree._Element) -> float:
+        value = parse_number(text)
+        if value is None or abs(value) > _FARTHEST:
+            raise self._faults.error(
+                "DEL004", f"{element.tag} needs a number, not", _line(element), text or "nothing"
+            )
+        return value
+
+    def _unit(self, element: etree._Element, known: dict[str, float]) -> float:
+        name = element.get("Units", "")
+        if name not in known:
+            expected = ", ".join(known)
+            raise self._faults.error(
+                "DEL004", f"{element.tag} has Units {name[:20]!r}, expected {expected}",
+                _line(element),
+            )  # fmt: skip
+        return known[name]
+
+    def _child(self, element: etree._Element, tag: str) -> etree._Element:
+        child = element.find(tag)
+        if child is None:
+            raise self._missing(tag, element)
+        return child
+
+    def _missing(self, tag: str, element: etree._Element) -> Exception:
+        return self._faults.error("DEL005", f"{element.tag} without {tag}", _line(element))
+
+
+def pose(xyz: tuple[float, ...], rpy: tuple[float, ...]) -> FloatArray:
+    """Return T (4, 4) from a position [m] and roll, pitch, yaw [rad].
+
+    R = Rz(Roll) Ry(Pitch) Rx(Yaw): DELMIA's yaw turns about x.
+    """
+    return transform(rotation_from_abc(np.array(rpy)), np.array(xyz))
+
+
+def _text(element: etree._Element | None) -> str:
+    return (element.text or "").strip() if element is not None else ""
+
+
+def _line(element: etree._Element) -> int:
+    line = element.sourceline
+    return line if isinstance(line, int) else 1

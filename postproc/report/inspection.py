@@ -1,0 +1,146 @@
+"""What was read from a CAM file, as the document of ``inspect --json`` and as text for people."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from postproc.errors import Issue
+from postproc.model.arrays import FloatArray
+from postproc.model.toolpath import EventKind, MotionKind, ToolPath
+from postproc.units import MM, MM_PER_MIN
+
+SCHEMA = "postproc.inspect/1"
+_AXIS_STEP = 1e-6
+_LENGTH_DIGITS = 6
+_FEED_DIGITS = 6
+
+
+def inspection(toolpath: ToolPath) -> dict[str, Any]:
+    """Return the document of ``inspect --json``.
+
+    Lengths count from the first point on and from where the tool really stands: after a hole that
+    is at its retract height. The way from hole to hole, down to where the feed starts, is rapid;
+    drill strokes count nowhere, nor do joint motions, whose path only a robot knows. Arcs and
+    helices count along the arc. Axes are distinct if they differ by more than 1e-6 in a component.
+    """
+    kind = toolpath.kind
+    cutting, rapid = lengths(toolpath)
+    return {
+        "schema": SCHEMA,
+        "format": toolpath.format,
+        "dialect": toolpath.dialect,
+        "units": toolpath.units,
+        "points": len(toolpath),
+        "rapid_points": int((kind == MotionKind.RAPID).sum()),
+        "arcs": len(toolpath.arcs),
+        "holes": int((kind == MotionKind.HOLE).sum()),
+        "tools": len(toolpath.tools),
+        "tool_changes": sum(event.kind is EventKind.TOOL_CHANGE for event in toolpath.events),
+        "tool_axes": distinct_axes(toolpath.axes),
+        "box_mm": _box_mm(toolpath.points),
+        "cutting_length_mm": round(cutting / MM, _LENGTH_DIGITS),
+        "rapid_length_mm": round(rapid / MM, _LENGTH_DIGITS),
+        "feeds_mm_min": _feeds_mm_min(toolpath.feed),
+        "operations": [operation.name for operation in toolpath.operations],
+        "words": dict(toolpath.words),
+        "unknown_words": dict(toolpath.unknown_words),
+        "warnings": [_warning(issue) for issue in toolpath.warnings],
+        "recovered": [_warning(issue) for issue in toolpath.recovered],
+    }
+
+
+def lengths(toolpath: ToolPath) -> tuple[float, float]:
+    """Return the cutting and the rapid length [m], see ``inspection``."""
+    kind, points = toolpath.kind, toolpath.points
+    if len(points) < 2:
+        return 0.0, 0.0
+    leave, enter = np.array(points), np.array(points)
+    holes = np.flatnonzero(kind == MotionKind.HOLE)
+    if len(holes):
+        index = toolpath.cycle[holes]
+        retract = np.array([cycle.retract for cycle in toolpath.cycles])[index]
+        clearance = np.array([cycle.clearance for cycle in toolpath.cycles])[index]
+        leave[holes] += retract[:, None] * toolpath.axes[holes]
+        enter[holes] += clearance[:, None] * toolpath.axes[holes]
+    way = np.zeros(len(points))
+    way[1:] = np.linalg.norm(enter[1:] - leave[:-1], axis=1)
+    arcs = np.flatnonzero(kind == MotionKind.ARC)
+    way[arcs] = _arc_lengths(toolpath, leave, arcs)
+    way = np.where(np.isnan(way), 0.0, way)
+    is_cut = (kind == MotionKind.LINEAR) | (kind == MotionKind.ARC)
+    is_rapid = (kind == MotionKind.RAPID) | (kind == MotionKind.HOLE)
+    return float(way[is_cut].sum()), float(way[is_rapid].sum())
+
+
+def _arc_lengths(toolpath: ToolPath, leave: FloatArray, tags: np.ndarray) -> FloatArray:
+    """Return the length (m,) [m] along the arcs that end at these tags; a helix rises evenly."""
+    arcs, index = toolpath.arcs, toolpath.arc[tags]
+    starts = leave[np.maximum(tags - 1, 0)]
+    chord = toolpath.points[tags] - starts
+    rise = np.einsum("ni,ni->n", chord, arcs.normal[index])
+    length: FloatArray = np.hypot(arcs.radius[index] * arcs.sweep[index], rise)
+    return np.where(tags > 0, length, 0.0)
+
+
+def distinct_axes(axes: FloatArray) -> int:
+    """Return how many unit vectors (n, 3) differ by more than 1e-6."""
+    known = axes[~np.isnan(axes).any(axis=1)]
+    steps = np.round(known / _AXIS_STEP).astype(np.int64) + (1 << 20)
+    return len(np.unique((steps[:, 0] << 42) | (steps[:, 1] << 21) | steps[:, 2]))
+
+
+def text_lines(toolpath: ToolPath) -> list[str]:
+    """Return the same for people, one line a fact."""
+    facts = inspection(toolpath)
+    box = facts["box_mm"]
+    size = " x ".join(f"{b - a:.3f}" for a, b in zip(*box, strict=True)) if box else "-"
+    feeds = ", ".join(f"{feed:g}" for feed in facts["feeds_mm_min"][:12]) or "none"
+    unknown = ", ".join(f"{word} ({n})" for word, n in facts["unknown_words"].items()) or "none"
+    tools = "; ".join(_tool_text(toolpath, i) for i in range(len(toolpath.tools))) or "none"
+    rows = [
+        ("file", toolpath.path),
+        ("format", f"{facts['format']}, dialect {facts['dialect']}, in {facts['units']}"),
+        ("points", f"{facts['points']}, of them {facts['rapid_points']} rapid"),
+        ("arcs", str(facts["arcs"])),
+        ("holes", str(facts["holes"])),
+        ("tools", f"{facts['tools']}: {tools}"),
+        ("tool axes", str(facts["tool_axes"])),
+        ("box", f"{size} mm" + (f", from {_corner(box[0])} to {_corner(box[1])}" if box else "")),
+        (
+            "length",
+            f"{facts['cutting_length_mm']:.1f} mm cutting, {facts['rapid_length_mm']:.1f} mm rapid",
+        ),  # fmt: skip
+        ("feeds", f"{feeds} mm/min" if facts["feeds_mm_min"] else feeds),
+        ("unknown words", unknown),
+    ]
+    return [f"{name:<14} {value}" for name, value in rows]
+
+
+def _tool_text(toolpath: ToolPath, index: int) -> str:
+    tool = toolpath.tools[index]
+    size = "" if np.isnan(tool.diameter) else f" D{tool.diameter / MM:g}"
+    return f"{tool.number or '-'}{size} {tool.name}".strip()
+
+
+def _corner(point: list[float]) -> str:
+    return "(" + ", ".join(f"{value:.3f}" for value in point) + ")"
+
+
+def _box_mm(points: FloatArray) -> list[list[float]] | None:
+    known = points[~np.isnan(points).any(axis=1)]
+    if len(known) == 0:
+        return None
+    corners = np.array([known.min(axis=0), known.max(axis=0)]) / MM
+    return [[float(v) for v in np.round(corner, _LENGTH_DIGITS) + 0.0] for corner in corners]
+
+
+def _feeds_mm_min(feed: FloatArray) -> list[float]:
+    known = feed[~np.isnan(feed)]
+    return [float(v) for v in np.unique(np.round(known / MM_PER_MIN, _FEED_DIGITS))]
+
+
+def _warning(issue: Issue) -> dict[str, Any]:
+    line = issue.source.line if issue.source else 1
+    return {"line": line, "text": issue.message, "code": issue.code, "count": issue.count}
