@@ -283,6 +283,11 @@ class MotionTable(Table):
     approach_mm: NotNegative = Field(
         default=50.0, description="height above a point without a depth where it is approached [mm]"
     )
+    points: Literal["auto", "touch", "path"] = Field(
+        default="auto",
+        description="points of a list without a depth: touch: each is approached along the tool "
+        "axis and left again; path: a line through all; auto: path where they have a feed",
+    )
     chord_mm: Positive = Field(
         default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.arrays import FloatArray
 from postproc.planning.costs import StateContext, state_costs
 from postproc.planning.ladder import IndexArray
 from postproc.planning.problem import Problem
@@ -145,8 +145,8 @@ def _chunk(
         valid &= kept
     pose, slot = np.nonzero(valid)
     q = slots[pose, slot]
-    allowed = _turns_within(problem, q)
-    inside = np.asarray(allowed.any(axis=2)).all(axis=1)
+    low, high = _turn_range(problem, q)
+    inside = np.asarray((low <= high).all(axis=1))
     good = inside & problem.regular(q)
     refused = np.stack(
         [
@@ -158,11 +158,11 @@ def _chunk(
         ],
         axis=1,
     )
-    pose, slot, q, allowed = pose[good], slot[good], q[good], allowed[good]
+    pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
     if near is not None:
         q, source = _nearest(problem, q, near[pose // width])
     else:
-        q, source = _copies(q, allowed, all_turns=problem.settings.turns)
+        q, source = _copies(q, low, high, all_turns=problem.settings.turns)
     cost, index = _costs(problem, which[pose], turn[pose], T_base_tcp[pose], q, source)
     row = pose[source] // width
     _subtract_best(cost, row)
@@ -184,37 +184,37 @@ def n_of(rows: IndexArray, n: int) -> IndexArray:
     return np.bincount(rows, minlength=n).astype(np.int64)
 
 
-def _turns_within(problem: Problem, q: FloatArray) -> BoolArray:
-    """Return (m, 6, 3): whether the angle -1, 0, +1 turns away is within limits and margin."""
-    margin = problem.cell.limits.joint_margin
-    low = np.asarray(problem.kinematics.q_min) + margin - 1e-9
-    high = np.asarray(problem.kinematics.q_max) - margin + 1e-9
-    shifted = q[:, :, None] + _FULL_TURN * np.array([-1.0, 0.0, 1.0])
-    return np.asarray((shifted >= low[:, None]) & (shifted <= high[:, None]))
+def _turn_range(problem: Problem, q: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the fewest and the most whole turns (m, 6) that bring an angle within its limits."""
+    margin = problem.cell.limits.joint_margin - 1e-9
+    low = np.ceil((np.asarray(problem.kinematics.q_min) + margin - q) / _FULL_TURN)
+    high = np.floor((np.asarray(problem.kinematics.q_max) - margin - q) / _FULL_TURN)
+    return low.astype(np.int64), high.astype(np.int64)
 
 
-def _copies(q: FloatArray, allowed: BoolArray, *, all_turns: bool) -> tuple[FloatArray, IndexArray]:
+def _copies(
+    q: FloatArray, low: IndexArray, high: IndexArray, *, all_turns: bool
+) -> tuple[FloatArray, IndexArray]:
     """Return every in-limit turn of configurations (m, 6), and the row each comes from.
 
     Ordered by row. Without ``all_turns`` only the turn nearest to the principal value stays.
     """
-    best = np.where(allowed[:, :, 1], 0, np.where(allowed[:, :, 0], -1, 1))
+    best = np.clip(0, low, high)
     base = q + _FULL_TURN * best
     rows = np.arange(len(q))
     if not all_turns or not len(q):
         return base, rows
-    wide = [j for j in range(q.shape[1]) if (allowed[:, j].sum(axis=1) > 1).any()]
+    wide = np.nonzero((high > low).any(axis=0))[0].tolist()
     copies, sources = [base], [rows]
-    for shift in itertools.product((-1, 0, 1), repeat=len(wide)):
-        fits = np.ones(len(q), dtype=np.bool_)
-        same = np.ones(len(q), dtype=np.bool_)
-        for j, k in zip(wide, shift, strict=True):
-            fits &= allowed[:, j, k + 1]
-            same &= best[:, j] == k
-        chosen = np.nonzero(fits & ~same)[0]
+    spans = [range(int(low[:, j].min()), int(high[:, j].max()) + 1) for j in wide]
+    for shift in itertools.product(*spans):
+        turns = np.array(shift, dtype=np.int64)
+        fits = ((low[:, wide] <= turns) & (turns <= high[:, wide])).all(axis=1)
+        fits &= (best[:, wide] != turns).any(axis=1)
+        chosen = np.nonzero(fits)[0]
         if len(chosen):
             copy = base[chosen]
-            copy[:, wide] = q[chosen][:, wide] + _FULL_TURN * np.array(shift)
+            copy[:, wide] = q[chosen][:, wide] + _FULL_TURN * turns
             copies.append(copy)
             sources.append(chosen)
     source = np.concatenate(sources)

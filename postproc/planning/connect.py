@@ -2,7 +2,7 @@
 
 Straight in joint space if that is free; else by backing off along the tool axes first; else by a
 random tree in joint space from both ends (RRT-connect, Kuffner and LaValle 2000) with a fixed
-seed, shortened afterwards.
+seed, shortened afterwards. Checks are asked for in batches: one call costs far more than one row.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.model.arrays import BoolArray, FloatArray
-from postproc.planning.feasible import Checker, Lines, Verdict
+from postproc.planning.feasible import Checker, Lines
 from postproc.planning.ladder import IndexArray
 
 BACK_OFF = (0.05, 0.1, 0.2, 0.4)
 """Heights [m] by which both ends back off along their tool axes, tried in turn."""
-_TREE_STEP = 0.25
-_TREE_NODES = 1500
 _SEED = 20220115
+_BATCH = 48
+_ROUNDS = 60
+_STEP = 0.35
+_AROUND = 1.2
 
 
 @dataclass(slots=True)
@@ -39,6 +41,14 @@ class Ends:
     q_from: FloatArray
     q_to: FloatArray
 
+    def __len__(self) -> int:
+        """Return the number of connections."""
+        return len(self.tag_to)
+
+    def take(self, rows: IndexArray) -> Ends:
+        """Return some of the connections."""
+        return Ends(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
 
 @dataclass(frozen=True, slots=True)
 class Detour:
@@ -52,52 +62,48 @@ class Detour:
     last_is_line: bool
 
 
-def free_joint_moves(checker: Checker, ends: Ends) -> Verdict:
-    """Return whether the straight joint moves are free."""
-    return checker.joint_moves(ends.q_from, ends.q_to)
-
-
-def detour(
-    checker: Checker, ends: Ends, row: int, spin: FloatArray, branch: IndexArray
-) -> Detour | None:
-    """Return a free way round for one connection, None if none was found."""
+def detours(
+    checker: Checker, ends: Ends, spin: FloatArray, branch: IndexArray
+) -> dict[int, Detour]:
+    """Return free ways round for connections (m,) by row; rows without one are missing."""
+    ways: dict[int, Detour] = {}
     for height in BACK_OFF:
-        for lifted in ((True, True), (True, False), (False, True)):
-            found = _by_backing_off(checker, ends, row, spin, branch, height, lifted)
-            if found is not None:
-                return found
-    points = rrt_connect(checker, ends.q_from[row], ends.q_to[row])
-    if points is None:
-        return None
-    return Detour(points, np.zeros(len(points), dtype=np.bool_), last_is_line=False)
+        rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+        if not len(rows):
+            return ways
+        found = _by_backing_off(checker, ends.take(rows), spin, branch, height)
+        ways.update({int(rows[row]): way for row, way in found.items()})
+    for row in range(len(ends)):
+        if row not in ways:
+            points = rrt_connect(checker, ends.q_from[row], ends.q_to[row])
+            if points is not None:
+                ways[row] = Detour(points, np.zeros(len(points), dtype=np.bool_), False)
+    return ways
 
 
 def _by_backing_off(
-    checker: Checker,
-    ends: Ends,
-    row: int,
-    spin: FloatArray,
-    branch: IndexArray,
-    height: float,
-    lifted: tuple[bool, bool],
-) -> Detour | None:
-    points = []
-    for end, up in enumerate(lifted):
-        tag = (ends.tag_from if end == 0 else ends.tag_to)[row : row + 1]
-        q = (ends.q_from if end == 0 else ends.q_to)[row : row + 1]
-        if not up:
-            points.append(q[0])
+    checker: Checker, ends: Ends, spin: FloatArray, branch: IndexArray, height: float
+) -> dict[int, Detour]:
+    up_from, from_free = _lifted(
+        checker, ends.tag_from, ends.height_from, ends.q_from, spin, branch, height
+    )
+    up_to, to_free = _lifted(checker, ends.tag_to, ends.height_to, ends.q_to, spin, branch, height)
+    options = (
+        (from_free & to_free, up_from, up_to, (True, True)),
+        (from_free, up_from, ends.q_to, (True, False)),
+        (to_free, ends.q_from, up_to, (False, True)),
+    )
+    ways: dict[int, Detour] = {}
+    for possible, start, end, lifted in options:
+        rows = np.array([row for row in np.nonzero(possible)[0].tolist() if row not in ways])
+        if not len(rows):
             continue
-        base = (ends.height_from if end == 0 else ends.height_to)[row : row + 1]
-        lifted_q = _lifted(checker, tag, base, q, spin[tag], branch[tag], height)
-        if lifted_q is None:
-            return None
-        points.append(lifted_q)
-    if not checker.joint_moves(points[0][None], points[1][None]).good[0]:
-        return None
-    chosen = [point for point, up in zip(points, lifted, strict=True) if up]
-    straight = [lifted[0]] if lifted == (True, False) else [True, False] if lifted[0] else [False]
-    return Detour(np.array(chosen), np.array(straight), last_is_line=lifted[1])
+        free = checker.joint_moves(start[rows], end[rows]).good
+        for row in rows[free].tolist():
+            points = [q for q, up in zip((start[row], end[row]), lifted, strict=True) if up]
+            lines = [True, False] if all(lifted) else [lifted[0]]
+            ways[row] = Detour(np.array(points), np.array(lines), lifted[1])
+    return ways
 
 
 def _lifted(
@@ -108,40 +114,44 @@ def _lifted(
     spin: FloatArray,
     branch: IndexArray,
     height: float,
-) -> FloatArray | None:
-    """Return the joints ``height`` above where the tool stands, None if the way up is not free."""
+) -> tuple[FloatArray, BoolArray]:
+    """Return the joints (m, 6) ``height`` above where the tool stands, and if the way is free."""
     problem = checker.problem
-    low = problem.placement.tcp(tag, spin, base)
-    high = problem.placement.tcp(tag, spin, base + height)
-    solved, reached = problem.solve(high, branch, q)
-    if not (reached & problem.within(solved) & problem.regular(solved))[0]:
-        return None
-    lines = Lines(low, high, q, solved, branch, np.zeros(1, dtype=np.bool_))
-    return solved[0] if checker.lines(lines)[0].good[0] else None
+    low = problem.placement.tcp(tag, spin[tag], base)
+    high = problem.placement.tcp(tag, spin[tag], base + height)
+    solved, reached = problem.solve(high, branch[tag], q)
+    solved = np.where(reached[:, None], solved, q)
+    good = reached & problem.within(solved) & problem.regular(solved)
+    rows = np.nonzero(good)[0]
+    lines = Lines(
+        low[rows],
+        high[rows],
+        q[rows],
+        solved[rows],
+        branch[tag[rows]],
+        np.zeros(len(rows), dtype=np.bool_),
+    )
+    good[rows] = checker.lines(lines)[0].good
+    return solved, good
 
 
 def rrt_connect(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
     """Return the joints (k, 6) between start and goal of a free way, None if none was found."""
     problem = checker.problem
     margin = problem.cell.limits.joint_margin
-    low = np.maximum(np.asarray(problem.kinematics.q_min) + margin, np.minimum(start, goal) - 1.5)
-    high = np.minimum(np.asarray(problem.kinematics.q_max) - margin, np.maximum(start, goal) + 1.5)
+    low = np.minimum(start, goal) - _AROUND
+    high = np.maximum(start, goal) + _AROUND
+    low = np.maximum(low, np.asarray(problem.kinematics.q_min) + margin)
+    high = np.minimum(high, np.asarray(problem.kinematics.q_max) - margin)
     rng = np.random.default_rng(_SEED)
-    trees = [_Tree(start), _Tree(goal)]
-    for round_ in range(_TREE_NODES):
+    trees = (_Tree(start), _Tree(goal))
+    for round_ in range(_ROUNDS):
         one, two = trees[round_ % 2], trees[1 - round_ % 2]
-        target = rng.uniform(low, high)
-        new = one.grow(checker, target)
-        if new is None:
-            continue
-        other = two.reach(checker, one.nodes[new])
-        if other is None:
-            continue
-        way_one, way_two = one.way(new), two.way(other)
-        way = [*way_one, *way_two[::-1][1:]]
-        if round_ % 2 == 1:
-            way = way[::-1]
-        return _shortened(checker, np.array(way))[1:-1]
+        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)))
+        met = two.meet(checker, one, new)
+        if met is not None:
+            way = [*one.way(met[0]), *two.way(met[1])[::-1]]
+            return _shortened(checker, np.array(way[::-1] if round_ % 2 else way))[1:-1]
     return None
 
 
@@ -149,28 +159,32 @@ class _Tree:
     """Configurations reached from one end."""
 
     def __init__(self, root: FloatArray) -> None:
-        self.nodes: list[FloatArray] = [np.asarray(root, dtype=np.float64)]
-        self.parent: list[int] = [-1]
+        self.nodes = np.asarray(root, dtype=np.float64)[None]
+        self.parent = [-1]
 
-    def grow(self, checker: Checker, target: FloatArray) -> int | None:
-        """Add one node a step towards the target; None if the way is not free."""
-        near = self._nearest(target)
-        way = target - self.nodes[near]
-        size = float(np.linalg.norm(way))
-        if size < 1e-9:
+    def grow(self, checker: Checker, targets: FloatArray) -> IndexArray:
+        """Add nodes a step towards targets where that is free; return their numbers."""
+        near = self.nearest(targets)
+        way = targets - self.nodes[near]
+        size = np.linalg.norm(way, axis=1, keepdims=True)
+        ends = self.nodes[near] + way * np.minimum(1.0, _STEP / np.maximum(size, 1e-9))
+        free = np.nonzero(checker.joint_moves(self.nodes[near], ends).good)[0]
+        first = len(self.nodes)
+        self.nodes = np.concatenate([self.nodes, ends[free]])
+        self.parent += near[free].tolist()
+        return np.arange(first, len(self.nodes))
+
+    def meet(self, checker: Checker, other: _Tree, new: IndexArray) -> tuple[int, int] | None:
+        """Return a new node of the other tree and the own node joined to it by a free move."""
+        if not len(new):
             return None
-        return self._add(checker, near, self.nodes[near] + way * min(1.0, _TREE_STEP / size))
-
-    def reach(self, checker: Checker, target: FloatArray) -> int | None:
-        """Grow step by step until the target is met; None if something is in the way."""
-        while True:
-            added = self.grow(checker, target)
-            if added is None:
-                near = self._nearest(target)
-                met = float(np.linalg.norm(self.nodes[near] - target)) < 1e-9
-                return near if met else None
-            if float(np.linalg.norm(self.nodes[added] - target)) < 1e-9:
-                return added
+        near = self.nearest(other.nodes[new])
+        good = np.nonzero(checker.joint_moves(other.nodes[new], self.nodes[near]).good)[0]
+        if not len(good):
+            return None
+        gap = np.linalg.norm(other.nodes[new[good]] - self.nodes[near[good]], axis=1)
+        best = good[int(np.argmin(gap))]
+        return int(new[best]), int(near[best])
 
     def way(self, node: int) -> list[FloatArray]:
         """Return the nodes from the root to this one."""
@@ -180,25 +194,23 @@ class _Tree:
             node = self.parent[node]
         return nodes[::-1]
 
-    def _nearest(self, target: FloatArray) -> int:
-        distance = ((np.array(self.nodes) - target) ** 2).sum(axis=1)
-        return int(np.argmin(distance))
-
-    def _add(self, checker: Checker, near: int, point: FloatArray) -> int | None:
-        if not checker.joint_moves(self.nodes[near][None], point[None]).good[0]:
-            return None
-        self.nodes.append(point)
-        self.parent.append(near)
-        return len(self.nodes) - 1
+    def nearest(self, targets: FloatArray) -> IndexArray:
+        """Return the number (m,) of the node nearest to each target (m, 6)."""
+        square = ((targets[:, None] - self.nodes[None]) ** 2).sum(axis=2)
+        return np.asarray(np.argmin(square, axis=1))
 
 
 def _shortened(checker: Checker, way: FloatArray) -> FloatArray:
-    """Leave out nodes that a straight joint move can skip, farthest first."""
-    kept = [0]
-    while kept[-1] < len(way) - 1:
-        here = kept[-1]
-        for there in range(len(way) - 1, here, -1):
-            if there == here + 1 or checker.joint_moves(way[here][None], way[there][None]).good[0]:
-                kept.append(there)
-                break
-    return way[kept]
+    """Leave out nodes that straight joint moves can skip: fewest moves first, then shortest."""
+    k = len(way)
+    a, b = np.triu_indices(k, 1)
+    free = checker.joint_moves(way[a], way[b]).good | (b == a + 1)
+    best, before = [(0, 0.0)] + [(k + 1, 0.0)] * (k - 1), [0] * k
+    for i, j in sorted(zip(a[free].tolist(), b[free].tolist(), strict=True)):
+        cost = (best[i][0] + 1, best[i][1] + float(np.linalg.norm(way[j] - way[i])))
+        if cost < best[j]:
+            best[j], before[j] = cost, i
+    kept = [k - 1]
+    while kept[-1] > 0:
+        kept.append(before[kept[-1]])
+    return way[kept[::-1]]

@@ -134,11 +134,16 @@ class Checker:
             spin: (m,) [rad].
             branch: (m,).
         """
-        verdict = Verdict.clean(len(tags))
-        self._hits(verdict, np.arange(len(tags)), q, self.problem.is_contact[tags])
+        verdict = self.poses(tags, q)
         rows = np.nonzero(self.strokes.is_stroke[tags] & verdict.good)[0]
         if len(rows):
             self._stroke(verdict, rows, tags[rows], q[rows], spin[rows], branch[rows])
+        return verdict
+
+    def poses(self, tags: IndexArray, q: FloatArray) -> Verdict:
+        """Check poses (m, 6) at tags (m,) for collision, without strokes."""
+        verdict = Verdict.clean(len(tags))
+        self._hits(verdict, np.arange(len(tags)), q, self.problem.is_contact[tags])
         return verdict
 
     def _stroke(

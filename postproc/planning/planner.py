@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
 from postproc.planning.settings import PlanOptions, settle
 from postproc.planning.strategy import choose
-from postproc.planning.stroke import strokes_of
+from postproc.planning.stroke import strokes_of, with_touched_points
 
 __all__ = ["PlanOptions", "plan"]
 
@@ -55,8 +55,9 @@ def plan(
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
     placement = place(toolpath, cell)
+    served = with_touched_points(toolpath, settings.points)
     problem = Problem(
-        toolpath,
+        served,
         cell,
         build(cell.robot),
         placement,
@@ -64,14 +65,15 @@ def plan(
         path_normals(toolpath, placement),
         stiffness_of(cell),
     )
-    checker = Checker(problem, strokes_of(toolpath, settings.approach), _scene(problem))
+    checker = Checker(problem, strokes_of(served, settings.approach), _scene(problem))
     clock.lap("place")
     chosen, issues, record = choose(checker, clock.step)
     clock.lap("search")
     routed = route(checker, chosen)
     clock.lap("route")
     issues = [*_notes(problem), *issues, *routed.issues]
-    return _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
+    result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
+    return replace(result, toolpath=toolpath)
 
 
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202

@@ -10,7 +10,7 @@ from postproc.errors import Issue
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind, MotionKind
-from postproc.planning.connect import Detour, Ends, detour, free_joint_moves
+from postproc.planning.connect import Detour, Ends, detours
 from postproc.planning.cuts import cut_moves
 from postproc.planning.drill import ARRIVE, hole_moves
 from postproc.planning.explain import failure
@@ -105,19 +105,15 @@ def _decide(
     problem = checker.problem
     as_line = _straight_rapids(checker, chosen, ends)
     rest = np.nonzero(~as_line)[0]
-    part = Ends(*(getattr(ends, name)[rest] for name in Ends.__dataclass_fields__))
-    verdict = free_joint_moves(checker, part)
-    ways: dict[int, Detour] = {}
-    for i in np.nonzero(~verdict.good)[0].tolist():
-        row = int(rest[i])
-        way = detour(checker, ends, row, chosen.spin, chosen.branch)
-        if way is not None:
-            ways[row] = way
-            continue
-        tag = int(ends.tag_to[row])
+    verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
+    stuck = np.nonzero(~verdict.good)[0]
+    found = detours(checker, ends.take(rest[stuck]), chosen.spin, chosen.branch)
+    for i in [i for i in range(len(stuck)) if i not in found]:
+        row = int(rest[stuck[i]])
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
-        issues.append(failure(problem, tag, Reason.COLLISION, _blocked(checker, verdict, i, name)))
-    return as_line, ways
+        detail = _blocked(checker, verdict, int(stuck[i]), name)
+        issues.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail))
+    return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 
 def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:

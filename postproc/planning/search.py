@@ -18,7 +18,7 @@ from postproc.planning.ladder import NONE, IndexArray, Ladder
 
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
-Spread = Callable[[IndexArray, int], IndexArray]
+Beside = Callable[[IndexArray], IndexArray]
 Widen = Callable[[list[tuple[int, int]]], list[tuple[int, int]]]
 
 
@@ -36,7 +36,7 @@ def search(
     ladder: Ladder,
     check_states: CheckStates,
     check_steps: CheckSteps | None = None,
-    spread: Spread | None = None,
+    beside: Beside | None = None,
     widen: Widen | None = None,
     step_rounds: int = 200,
 ) -> Found:
@@ -47,8 +47,7 @@ def search(
         check_states: states (m,) -> (m,) whether each passes; asked once for each state.
         check_steps: states from (m,), to (m,) -> (m,) whether each step passes; asked for the
             unbroken steps of ways whose states all pass, once for each.
-        spread: failing states (m,) and how often this happened -> states worth a check along
-            with them, in any order, repeats allowed.
+        beside: failing states (m,) -> further states known to fail, in any order.
         widen: failing steps -> steps worth a check along with them.
         step_rounds: after so many rounds of failing steps the rungs whose steps still fail are cut
             off from those before (``ladder.broken``).
@@ -62,9 +61,9 @@ def search(
         path = ladder.path()
         failing = _check(path[path != NONE], known, check_states)
         if len(failing):
-            if spread is not None:
-                beside = _check(np.unique(spread(failing, rounds)), known, check_states)
-                failing = np.concatenate([failing, beside])
+            if beside is not None:
+                failing = np.unique(np.concatenate([failing, beside(failing)]))
+                known[failing] = True
             ladder.remove(failing)
             continue
         bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)

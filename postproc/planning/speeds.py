@@ -185,6 +185,7 @@ def _durations(
     )
     path = (table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0)
     stop = (blend == 0.0) | ~path
+    stop[:-1] |= ~path[1:]
     starts = path & np.concatenate([[True], stop[:-1]])
     alone = np.nonzero(starts & stop)[0]
     duration[alone] = line_time(length[alone], np.maximum(speed[alone], SLOWEST))

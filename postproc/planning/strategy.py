@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,6 +27,8 @@ _CHAIN_TRAVEL = 1e-3
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
 _TIE_SPIN = 1e-5
 _REVERTS = 6
+_WIDEST = 8
+"""How many spins and tags around a failing pose are looked at, at most."""
 
 
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
@@ -89,8 +91,10 @@ class Hunt:
     pinned: BoolArray
     reason: IndexArray
     pair: IndexArray
-    step_reason: dict[int, tuple[Reason, int]]
-    _table: IndexArray | None = None
+    seen: BoolArray
+    failures: IndexArray
+    step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
+    table: IndexArray | None = None
 
     @classmethod
     def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> Hunt:
@@ -125,7 +129,8 @@ class Hunt:
             pinned,
             np.zeros(len(cost), dtype=np.int64),
             np.full(len(cost), -1, dtype=np.int64),
-            {},
+            np.zeros(int(states.config[-1]) + 1 if len(cost) else 0, dtype=np.bool_),
+            np.zeros(len(tags), dtype=np.int64),
         )
 
     def run(self, *, steps: bool = True) -> Found:
@@ -134,13 +139,15 @@ class Hunt:
         return search(self.ladder, self.check_states, check_steps, self.beside, self.fan)
 
     def check_states(self, states: IndexArray) -> BoolArray:
-        """Return whether states (m,) can be run; keeps the reasons."""
-        branch = self.states.branch[states].astype(np.int64)
-        q = self.states.q[states].astype(np.float64)
-        rungs = self.states.tag_of(states)
-        verdict = self.checker.states(self.tags[rungs], q, self.states.spin_of(states), branch)
-        self.reason[states], self.pair[states] = verdict.reason, verdict.pair
-        return verdict.good
+        """Return whether states (m,) can be run, strokes and all; keeps the reasons."""
+        fresh = states[self.reason[states] == Reason.NONE]
+        branch = self.states.branch[fresh].astype(np.int64)
+        q = self.states.q[fresh].astype(np.float64)
+        rungs = self.states.tag_of(fresh)
+        verdict = self.checker.states(self.tags[rungs], q, self.states.spin_of(fresh), branch)
+        self.reason[fresh], self.pair[fresh] = verdict.reason, verdict.pair
+        self.seen[self.states.config[fresh]] = True
+        return np.asarray(self.reason[states] == Reason.NONE)
 
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
         """Return whether steps (m,) can be run as CP motions; joint moves always can."""
@@ -163,23 +170,55 @@ class Hunt:
         good[chain] = verdict.good
         return good
 
-    def beside(self, failing: IndexArray, rounds: int) -> IndexArray:
-        """Return the states around failing ones: same branch, near in spin and tag, all turns."""
+    def beside(self, failing: IndexArray) -> IndexArray:
+        """Return states that fail along with others: their turn copies, and colliding neighbours.
+
+        Poses near a failing one (in spin and tag, same branch) are checked too, without their
+        strokes, the farther around the more often their tag failed.
+        """
+        rungs = self.states.tag_of(failing)
+        np.add.at(self.failures, rungs, 1)
+        reach = np.minimum(1 + self.failures[rungs], _WIDEST)
+        poses = self._around(failing, int(reach.max()))
+        poses = poses[~self.seen[self.states.config[poses]]]
+        self.seen[self.states.config[poses]] = True
+        rows = self.states.tag_of(poses)
+        verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
+        bad = poses[~verdict.good]
+        self.reason[bad], self.pair[bad] = (
+            verdict.reason[~verdict.good],
+            verdict.pair[~verdict.good],
+        )
+        hit = failing[self.reason[failing] == Reason.COLLISION]
+        return self._copies(np.concatenate([hit, bad]))
+
+    def _copies(self, states: IndexArray) -> IndexArray:
+        """Return the turn copies of colliding states, with the reason noted for each."""
+        of_config = np.searchsorted(self.states.config, self.states.config[states])
+        ends = np.searchsorted(self.states.config, self.states.config[states], side="right")
+        count = ends - of_config
+        copies = np.repeat(of_config, count) + (
+            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        )
+        self.reason[copies] = Reason.COLLISION
+        self.pair[copies] = np.repeat(self.pair[states], count)
+        return np.asarray(copies)
+
+    def _around(self, states: IndexArray, reach: int) -> IndexArray:
+        """Return one state of every configuration near to states: same branch, spin and tag."""
         width, n = self.states.spins.shape[-1], len(self.tags)
-        if self._table is None:
-            self._table = np.full(n * width * 8, NONE, dtype=np.int64)
+        if self.table is None:
+            self.table = np.full(n * width * 8, NONE, dtype=np.int64)
             every = np.arange(len(self.states.q))[::-1]
-            self._table[self._cell(every)] = every
-        reach = min(1 + rounds // 2, 4)
-        around = np.arange(-reach, reach + 1)
-        rung = self.states.tag_of(failing)[:, None, None] + around[None, :, None]
-        column = self.states.column[failing].astype(np.int64)[:, None, None] + around[None, None, :]
-        column %= width
+            self.table[self._cell(every)] = every
+        along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)
+        rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
+        column = self.states.column[states].astype(np.int64)[:, None, None] + around[None, None, :]
         inside = (rung >= 0) & (rung < n)
-        branch = self.states.branch[failing].astype(np.int64)[:, None, None]
-        places = (np.clip(rung, 0, n - 1) * width + column) * 8 + branch
-        states: IndexArray = self._table[np.unique(places[np.broadcast_to(inside, places.shape)])]
-        return np.asarray(states[states != NONE])
+        branch = self.states.branch[states].astype(np.int64)[:, None, None]
+        places = (np.clip(rung, 0, n - 1) * width + column % width) * 8 + branch
+        found = self.table[np.unique(places[np.broadcast_to(inside, places.shape)])]
+        return np.asarray(found[found != NONE])
 
     def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Return the steps that leave or enter the same states as failing ones, in their branch."""
