@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from postproc.errors import CellError
+from postproc.files import read_bytes
 from postproc.frames import transform_from_kuka
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import (
@@ -40,7 +41,7 @@ from postproc.model.cellschema import (
     ToolSolid,
 )
 from postproc.model.robotfile import load_robot
-from postproc.model.tomltext import Location, TomlText, load_toml
+from postproc.model.tomltext import Location, TomlText, parse_toml
 from postproc.model.urdffile import read_urdf_robot
 from postproc.resources import templates_folder
 from postproc.units import DEG, MM, MM_PER_MIN, NMM_PER_RAD, PERCENT
@@ -73,7 +74,12 @@ def load_cell(path: str | Path) -> Cell:
             CEL011 the URDF cannot be used.
         ReadError: if the file is missing or unreadable.
     """
-    toml = load_toml(path, CellError, "CEL001")
+    return parse_cell(read_bytes(path), path)
+
+
+def parse_cell(raw: bytes, path: str | Path) -> Cell:
+    """Read the bytes of a cell file that stands, or is to stand, at ``path``; as ``load_cell``."""
+    toml = parse_toml(raw, path, CellError, "CEL001")
     try:
         file = CellFile.model_validate(toml.data)
     except ValidationError as problem:

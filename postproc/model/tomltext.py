@@ -58,7 +58,11 @@ def load_toml(path: str | Path, error: type[PostprocError], code: str) -> TomlTe
         PostprocError: of class ``error`` with the line, if the text is not UTF-8 or not TOML.
         ReadError: if the file is missing or unreadable.
     """
-    raw = read_bytes(path)
+    return parse_toml(read_bytes(path), path, error, code)
+
+
+def parse_toml(raw: bytes, path: str | Path, error: type[PostprocError], code: str) -> TomlText:
+    """Read the bytes of a TOML file; as ``load_toml``, with ``path`` for the errors only."""
     try:
         text = raw.decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as problem:
