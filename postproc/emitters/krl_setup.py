@@ -86,5 +86,5 @@ def _load_note(cell: Cell) -> str:
         if absent
     ]
     missing.append("inertia")
-    have = f"the cell gives {' and '.join(known)}, " if known else ""
-    return f"to be entered by hand: {have}not known: {', '.join(missing)}"
+    have = f", from the cell: {', '.join(known)}" if known else ""
+    return f"enter by hand: not known {', '.join(missing)}{have}"

@@ -104,6 +104,12 @@ class TemplateSet:
             marks = {k: OutsideText(k, t) for k, t in outside.items()}
             lines = self.lines(name, {**values, **marks})
             module = self._module(name, ["DEF T( )", *lines, "END"])
+            if len(module.routines) != 1:
+                raise EmitError(
+                    "EMT333",
+                    f"template {name} begins a routine, expected statements only",
+                    SourceRef(f"{name}.j2"),
+                )
             self._read[key] = [s for s in module.main.statements if not isinstance(s, Blank)]
         return [_filled(statement, name, outside) for statement in self._read[key]]
 

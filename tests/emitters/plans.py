@@ -9,6 +9,7 @@ import numpy as np
 from postproc.frames import rotation_from_abc, transform
 from postproc.model.cell import (
     Cell,
+    ExternalAxis,
     KrlOptions,
     Limits,
     Motion,
@@ -55,13 +56,13 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
     )
 
 
-def toolpath(n, *, name="part", path="part.cls", operations=(), operation=None, tools=()):
+def toolpath(n, *, path="part.cls", operations=(), operation=None, names=None):
     """A toolpath with ``n`` tags; tag i stands in line 100 + i."""
     if operation is None:
         operation = np.zeros(n) if operations else np.full(n, -1)
     return ToolPath(
         path=path,
-        name=name,
+        name="part",
         format="apt",
         dialect="nx",
         units="mm",
@@ -75,7 +76,7 @@ def toolpath(n, *, name="part", path="part.cls", operations=(), operation=None, 
         arc=np.full(n, -1),
         cycle=np.full(n, -1),
         operations=tuple(Operation(text, 10 + i) for i, text in enumerate(operations)),
-        tools=tools,
+        names=names,
     )
 
 
@@ -88,9 +89,11 @@ def plan(moves, *, name="TEST", events=(), path=None, **changes) -> Plan:
     kind = np.array([move.get("kind", MoveKind.LIN) for move in moves])
     is_ptp = kind == MoveKind.PTP
     xyz = np.array([move.get("xyz_mm", (10.0 * i, 0.0, 0.0)) for i, move in enumerate(moves)])
-    abc = np.array([move.get("abc_deg", (0.0, 90.0, 0.0)) for move in moves])
+    xyz = xyz.reshape(m, 3)
+    abc = np.array([move.get("abc_deg", (0.0, 90.0, 0.0)) for move in moves]).reshape(m, 3)
     q = np.array([move.get("q_deg", HOME / DEG + 0.01 * i) for i, move in enumerate(moves)])
-    aux = np.array([move.get("aux_mm", (np.nan,) * 3) for move in moves])
+    q = q.reshape(m, 6)
+    aux = np.array([move.get("aux_mm", (np.nan,) * 3) for move in moves]).reshape(m, 3)
     tags = np.array([move.get("tag", i) for i, move in enumerate(moves)])
     path = path or toolpath(max(int(tags.max()) + 1 if m else 1, 1))
     default_role = np.where(is_ptp, MoveRole.ENTRY, MoveRole.CUT)
@@ -110,7 +113,9 @@ def plan(moves, *, name="TEST", events=(), path=None, **changes) -> Plan:
         "blend": np.array([move.get("blend_mm", 0.0) for move in moves]) * MM,
         "dwell": np.array([move.get("dwell", 0.0) for move in moves]),
         "duration": np.ones(m),
-        "external": np.array([move.get("external", ()) for move in moves]).reshape(m, -1),
+        "external": np.array([move.get("external", ()) for move in moves]).reshape(
+            m, -1 if m else 0
+        ),
         "stiffness": np.full(len(path), np.nan),
         "stiffness_initial": np.full(len(path), np.nan),
         "clearance": np.full(len(path), np.nan),
@@ -129,3 +134,15 @@ def milling(n=6, **changes) -> Plan:
 def event(index, kind: EventKind, value=0.0, text="", line=7):
     """An event before move ``index``."""
     return index, Event(index, kind, value, text, line)
+
+
+def with_axis(cell: Cell, name: str, kind: str) -> Cell:
+    """The cell with one external axis."""
+    axis = ExternalAxis(name, kind, np.array([0.0, 1.0, 0.0]), np.eye(4), -3.0, 3.0, 1.0)
+    return replace(cell, external_axes=(axis,))
+
+
+def heavy(cell: Cell) -> Cell:
+    """The cell with a tool of known mass and centre of gravity."""
+    tool = replace(cell.tool, mass=120.0, com=np.array([0.0, 0.0, 0.18]))
+    return replace(cell, tool=tool)

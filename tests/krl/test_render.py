@@ -175,7 +175,9 @@ def test_blocks_are_indented():
     assert dat == b""
 
 
-@pytest.mark.parametrize("text", ["a\nHALT", "a\rHALT", "tab\there", "nul\x00", "ä", "a\u2028HALT", "\x85"])
+@pytest.mark.parametrize(
+    "text", ["a\nHALT", "a\rHALT", "tab\there", "nul\x00", "ä", "a\u2028HALT", "a\x85b"]
+)
 @pytest.mark.parametrize("place", ["comment", "fold", "raw", "trailing", "text"])
 def test_text_that_breaks_its_line_is_refused(text, place):
     statement = {
