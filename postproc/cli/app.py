@@ -12,6 +12,11 @@ import click
 from postproc import __version__
 from postproc.errors import ExitCode, PostprocError
 
+# One thread for linear algebra, set before numpy is loaded: sums must not depend on the number
+# of cores, the matrices here are small, and parallel work runs in processes.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
 COMMANDS = {
     "convert": "CAM toolpath to a checked KUKA program.",
     "inspect": "What was read from a CAM file, before any robot.",

@@ -21,12 +21,14 @@ from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import Registration
 from postproc.stiffness.cartesian import joint_torque
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
 SAME_POSTURE = 0.005 * DEG
 """Commanded angles within this [rad] are one posture."""
 SAME_PLACE = 1e-3
 """Tool points within this [m] are one tag."""
+FARTHEST = 0.02
+"""Readings farther than this [m] from the nominal tool point are in another frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +102,7 @@ def load_cases(
             point, in robroot.
 
     Raises:
-        StiffnessError: STF010 no load in the file, STF011 every row carries the same load at
-            different postures only, so that nothing separates load from geometry.
+        StiffnessError: STF010 no load in the file, STF011 the readings are in another frame.
     """
     if measured.wrench is None or not np.any(measured.wrench):
         raise StiffnessError(
@@ -111,6 +112,7 @@ def load_cases(
             hint="read each posture with and without load and give the load's force in fx_N..fz_N",
         )
     rows = _Rows.of(measured, kinematics, p_flange_tcp, registration)
+    _check_frame(measured, rows)
     posture = clusters(measured.q, SAME_POSTURE)
     place = clusters(rows.nominal, SAME_PLACE)
     group = _group_numbers(measured.group, place)
@@ -168,6 +170,20 @@ class _Rows:
             position = apply(inverse(registration.T_measured_robroot), measured.position)
         A = J_seen[:, :3, :] * joint_torque(J_load, wrench)[:, None, :]
         return cls(A, position, apply(kinematics.fk(measured.q), p_seen))
+
+
+def _check_frame(measured: MeasurementSet, rows: _Rows) -> None:
+    distance = np.linalg.norm(rows.position - rows.nominal, axis=1)
+    typical = float(np.median(distance))
+    if typical > FARTHEST:
+        raise StiffnessError(
+            "STF011",
+            f"the readings lie {typical / MM:.0f} mm off the nominal tool points, expected the "
+            "tool point in the robot root frame",
+            SourceRef(measured.path, int(measured.line[0])),
+            hint="give --register if the tracker has its own frame or sees another point; else "
+            "check robot and tool of the cell",
+        )
 
 
 def clusters(values: FloatArray, tolerance: float) -> IntArray:

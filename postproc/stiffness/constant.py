@@ -16,6 +16,7 @@ from postproc.errors import StiffnessError
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.stiffness.cases import LoadCases
 from postproc.stiffness.observability import FINEST, WEAK, Observability, observe
+from postproc.units import UM
 
 TYPICAL_C = 1.0 / np.array([1.5e7, 6e6, 5e6, 4e5, 2.5e5, 3e5])
 """Expected pattern of joint compliances [rad/(N*m)] where nothing is known; its size is fitted."""

@@ -12,17 +12,18 @@ import numpy as np
 from postproc.errors import SourceRef, StiffnessError
 from postproc.frames import apply, inverse, rotation_about, transform
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import Registration
 
+FEWEST_UNLOADED = 12
 _STEPS = 50
 
 
 def fit_registration(
     measured: MeasurementSet, kinematics: Kinematics, p_flange_tcp: FloatArray
 ) -> Registration:
-    """Fit tracker frame and reflector place to all readings.
+    """Fit tracker frame and reflector place to the unloaded readings, or to all without enough.
 
     Args:
         measured: positions in any frame.
@@ -36,8 +37,9 @@ def fit_registration(
     Raises:
         StiffnessError: STF013 with fewer than four readings or all on one line.
     """
-    T = kinematics.fk(measured.q)
-    seen = np.asarray(measured.position)
+    rows = _unloaded(measured)
+    T = kinematics.fk(measured.q[rows])
+    seen = np.asarray(measured.position)[rows]
     centred = seen - seen.mean(axis=0)
     spread = np.linalg.svd(centred, compute_uv=False)
     if len(seen) < 4 or spread[1] < 1e-3 * max(spread[0], 1e-9):
@@ -56,6 +58,15 @@ def fit_registration(
     left = seen - apply(frame, apply(T, point))
     rms = float(np.sqrt(np.mean(np.sum(left**2, axis=1))))
     return Registration(frame, point, rms)
+
+
+def _unloaded(measured: MeasurementSet) -> BoolArray:
+    """Return the rows to register on: a load moves the tool point off the nominal arm."""
+    everything = np.ones(len(measured), dtype=bool)
+    if measured.wrench is None:
+        return everything
+    free = ~np.any(np.asarray(measured.wrench) != 0.0, axis=1)
+    return free if int(free.sum()) >= FEWEST_UNLOADED else everything
 
 
 def _aligned(source: FloatArray, target: FloatArray) -> FloatArray:

@@ -153,7 +153,8 @@ def plan_sampling(
         cells=cells,
         tag=tag[order].astype(np.int32),
         angle=np.asarray(rules.angles)[turn[order]],
-        q=q[good][order],
+        # what a program can say, so that the file to fill in holds what was commanded
+        q=np.round(q[good][order] / DEG, 5) * DEG,
         R_robroot_tcp=orientation,
         dropped=dropped,
     )

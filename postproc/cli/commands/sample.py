@@ -91,7 +91,13 @@ Examples:
     metavar="FX FY FZ",
     help="Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
 )
-@click.option("--wait", type=float, default=5.0, show_default=True, help="Wait at a posture [s].")
+@click.option(
+    "--wait",
+    type=click.FloatRange(0.0, 3600.0),
+    default=5.0,
+    show_default=True,
+    help="Wait at a posture [s].",
+)
 @click.option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
 @click.option(
     "--speed",
@@ -111,8 +117,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.emitters.kuka_krl import emit, render_files
     from postproc.files import write_files
     from postproc.model.cellfile import load_cell
-    from postproc.pipeline.sample import csv_text, document, motion_plan, sample
+    from postproc.pipeline.sample import motion_plan, sample
     from postproc.report.sample_page import sample_page
+    from postproc.stiffness.measuring import csv_text, document
 
     cell = load_cell(options["cell"])
     with session.progress() as progress:
@@ -133,7 +140,7 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
 
     from postproc.errors import StiffnessError
     from postproc.frames import rotation_from_abc
-    from postproc.pipeline.sample import SampleRequest
+    from postproc.stiffness.measuring import SampleRequest
     from postproc.stiffness.sampling import SamplingRules, box_grid
     from postproc.units import DEG, MM, PERCENT
 
@@ -167,7 +174,7 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
 def _loads(options: dict[str, Any]) -> tuple[Any, ...]:
     import numpy as np
 
-    from postproc.pipeline.sample import Load
+    from postproc.stiffness.measuring import Load
     from postproc.units import MM
 
     mass = options["load_kg"]

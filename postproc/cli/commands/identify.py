@@ -1,0 +1,135 @@
+"""``postproc identify``: joint stiffness from measurements."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+EPILOG = """\b
+Examples:
+  postproc identify measured.csv --cell cell.toml -o model.toml
+  postproc identify measured.csv --cell cell.toml -o model.toml --grid 150 --report stiffness.html
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("source", metavar="MEAS.csv")
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
+@click.option(
+    "--method",
+    type=click.Choice(["auto", "constant", "grid", "continuous"]),
+    help="Kind of model; default: auto (smallest held-out error), or grid with --grid.",
+)
+@click.option("--grid", type=float, metavar="MM", help="One stiffness per cell of this edge [mm].")
+@click.option(
+    "--origin",
+    nargs=3,
+    type=float,
+    default=None,
+    metavar="X Y Z",
+    help="Lowest corner of the grid [mm]; default: of the tool points.",
+)
+@click.option(
+    "--between-cells",
+    type=click.Choice(["blend", "average"]),
+    default="blend",
+    show_default=True,
+    help="Run continuously between cell centres, or average on faces only (the paper's rule).",
+)
+@click.option(
+    "--confidence",
+    type=click.FloatRange(0.5, 0.999),
+    default=0.9,
+    show_default=True,
+    help="Of the intervals.",
+)
+@click.option("--register", is_flag=True, help="Fit the tracker's frame and the reflector first.")
+@click.option("--report", metavar="FILE.html", help="Write a page with figures.")
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Identify joint stiffness from readings with and without load.
+
+    Readings of one posture under different loads are compared with each other, so geometry errors
+    cancel. Joints that the loads cannot show are left out and named, with the load that would
+    show them. Without --method and --grid the kind of model is chosen by its error on tags that
+    it has not seen.
+    """
+    from postproc.files import write_files
+    from postproc.kinematics.model import build
+    from postproc.model.cellfile import load_cell
+    from postproc.model.modelfile import save_model
+    from postproc.readers.measurements import read_measurements
+    from postproc.stiffness.identified import document, warnings
+    from postproc.stiffness.identify import identify
+
+    cell = load_cell(options["cell"])
+    measured = read_measurements(options["source"])
+    with session.progress() as progress:
+        result = identify(
+            measured,
+            build(cell.robot),
+            cell.tool.T_flange_tcp[:3, 3],
+            _settings(options),
+            cell.joint_stiffness,
+            progress,
+        )
+    contents = {Path(options["output"]): save_model(result.model())}
+    if options["report"]:
+        from postproc.report.identify_page import identify_page
+
+        contents[Path(options["report"])] = identify_page(result)
+    write_files(contents)
+    content = document(result)
+    session.document(content)
+    _summary(session, content, options)
+    for text in warnings(result):
+        session.say(f"warning: {text}")
+    return answer(good=True)
+
+
+def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
+    import numpy as np
+
+    from postproc.errors import StiffnessError
+    from postproc.stiffness.identify import IdentifyOptions
+    from postproc.units import MM
+
+    edge, method = options["grid"], options["method"]
+    if edge is not None and not edge > 0.0:
+        raise StiffnessError("STF026", f"--grid {edge:g}, expected a positive edge in mm")
+    if method == "grid" and edge is None:
+        raise StiffnessError("STF026", "--method grid needs --grid MM")
+    return IdentifyOptions(
+        method=method or ("grid" if edge is not None else "auto"),
+        grid=None if edge is None else edge * MM,
+        origin=None if options["origin"] is None else np.array(options["origin"]) * MM,
+        blend=options["between_cells"] == "blend",
+        confidence=options["confidence"],
+        register=options["register"],
+    )
+
+
+def _summary(session: Session, content: dict[str, Any], options: dict[str, Any]) -> None:
+    session.show(f"model    {options['output']}: {content['method']} ({content['reason']})")
+    session.show(
+        f"loads    move the tool {content['deflection_mm']['mean']:.4f} mm on average, "
+        f"noise {content['noise_mm']:.4f} mm per axis"
+    )
+    for model in content["models"]:
+        session.show(
+            f"error    {model['name']}: mean {model['held_out_mean_mm']:.4f} max "
+            f"{model['held_out_max_mm']:.4f} mm on tags not fitted"
+        )
+    for joint in content["joints"]:
+        k, (low, high) = joint["stiffness_Nmm_per_rad"], joint["stiffness_ci_Nmm_per_rad"]
+        value = "-" if k is None else f"{k:.3e} Nmm/rad"
+        upper = "inf" if high is None else f"{high:.2e}"
+        span = "" if low is None else f" [{low:.2e}, {upper}]"
+        session.show(f"A{joint['joint']}       {value}{span} {joint['status']}")
+    if options["report"]:
+        session.show(f"page     {options['report']}")
