@@ -97,6 +97,7 @@ def plan(moves, *, name="TEST", events=(), path=None, **changes) -> Plan:
     tags = np.array([move.get("tag", i) for i, move in enumerate(moves)])
     path = path or toolpath(max(int(tags.max()) + 1 if m else 1, 1))
     default_role = np.where(is_ptp, MoveRole.ENTRY, MoveRole.CUT)
+    external = np.array([move.get("external", ()) for move in moves])
     values = {
         "name": name,
         "toolpath": path,
@@ -113,9 +114,7 @@ def plan(moves, *, name="TEST", events=(), path=None, **changes) -> Plan:
         "blend": np.array([move.get("blend_mm", 0.0) for move in moves]) * MM,
         "dwell": np.array([move.get("dwell", 0.0) for move in moves]),
         "duration": np.ones(m),
-        "external": np.array([move.get("external", ()) for move in moves]).reshape(
-            m, -1 if m else 0
-        ),
+        "external": external.reshape(m, -1 if m else 0),
         "stiffness": np.full(len(path), np.nan),
         "stiffness_initial": np.full(len(path), np.nan),
         "clearance": np.full(len(path), np.nan),

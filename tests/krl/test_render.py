@@ -236,6 +236,7 @@ def test_numbers_that_are_none_are_refused(make, wrong):
 
 number = st.floats(-1e6, 1e6)
 angle = st.floats(-720, 720)
+fraction = st.floats(1e-4, 1e3)
 external = st.lists(number, max_size=6).map(tuple)
 poses = st.builds(
     Pose,
@@ -282,7 +283,7 @@ relative = st.builds(
 others = st.one_of(
     st.builds(Assign, st.just("$VEL.CP"), st.floats(1e-4, 3.0), comment=comments),
     st.builds(Assign, names, st.one_of(number, st.integers(-999, 999), st.booleans())),
-    st.builds(Call, names, st.lists(st.one_of(st.integers(0, 9), number), max_size=3).map(tuple)),
+    st.builds(Call, names, st.lists(st.one_of(st.integers(0, 9), fraction), max_size=3).map(tuple)),
     st.builds(WaitSec, st.floats(0, 100)),
     st.builds(Comment, comments.filter(bool)),
     st.builds(FoldBegin, st.just("A b;%{PE}")),
