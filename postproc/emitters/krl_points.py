@@ -95,8 +95,12 @@ class PointStore:
 
     def _point(self, index: int, target: Pose | Axes) -> str:
         self._count += 1
-        wanted = self.point_name(index) or f"P{self._count}"
-        name = self._names.allocate(wanted, prefix="X", fallback="P")
+        name = f"P{self._count}"
+        wanted = self.point_name(index)
+        if wanted or not self._names.is_free(name):
+            name = self._names.allocate(wanted or name, prefix="X", fallback="P")
+        else:
+            self._names.reserve((name,))
         if isinstance(target, Pose):
             status, turn = self.status_turn(index)
             self._declare("E6POS", f"X{name}", replace(target, status=status, turn=turn))
