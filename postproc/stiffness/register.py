@@ -17,6 +17,8 @@ from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import Registration
 
 FEWEST_UNLOADED = 12
+PULL = 2e-4
+"""Noise of a reading (20 um) over the uncertainty of the reflector's place (0.1 m)."""
 _STEPS = 50
 
 
@@ -91,9 +93,9 @@ def _improve(
     X[:, :, 6:] = T[:, :3, :3]
     # a weak pull keeps what the postures cannot tell at its start
     pull = np.zeros((3, 9))
-    pull[:, 6:] = 1e-6 * np.sqrt(n) * np.eye(3)
+    pull[:, 6:] = PULL * np.eye(3)
     rows = np.vstack([X.reshape(-1, 9), pull])
-    right = np.concatenate([left.reshape(-1), 1e-6 * np.sqrt(n) * (start - point)])
+    right = np.concatenate([left.reshape(-1), PULL * (start - point)])
     x = np.linalg.lstsq(rows, right, rcond=1e-12)[0]
     angle = float(np.linalg.norm(x[3:6]))
     axis = x[3:6] / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
