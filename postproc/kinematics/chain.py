@@ -9,7 +9,7 @@ matrices.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,11 +36,13 @@ class SerialChain:
 
     placements: FloatArray
     axes: FloatArray
+    _steps: tuple[_Step, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Check shapes and freeze."""
+        """Check shapes, freeze, and turn every joint axis onto z."""
         frozen_floats(self, "placements", (7, 4, 4))
         frozen_floats(self, "axes", (6, 3))
+        object.__setattr__(self, "_steps", _steps_of(self.placements, self.axes))
 
     def fk(self, q: ArrayLike) -> FloatArray:
         """Return ``T_robroot_flange`` (..., 4, 4) [m] for joint angles (..., 6) [rad]."""
@@ -48,7 +50,7 @@ class SerialChain:
         flat = angles.reshape(-1, 6)
         T = np.zeros((len(flat), 4, 4))
         T[:, 3, 3] = 1.0
-        steps = self._steps()
+        steps = self._steps
         for block in blocks(len(flat)):
             columns, origin = _identity(flat[block].shape[0])
             for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
@@ -64,14 +66,13 @@ class SerialChain:
         T = np.zeros((len(flat), 7, 4, 4))
         T[:, 0] = np.eye(4)
         T[..., 3, 3] = 1.0
-        steps = self._steps()
-        back = [np.swapaxes(_z_to(axis), 0, 1) for axis in self.axes]
+        steps = self._steps
         for block in blocks(len(flat)):
             columns, origin = _identity(flat[block].shape[0])
             joints = zip(steps[:6], *_trigonometry(flat[block]), strict=True)
             for link, (step, cosine, sine) in enumerate(joints, start=1):
                 columns, origin = step.advance(columns, origin, cosine, sine)
-                _write(T[block, link], _turned(columns, back[link - 1]), origin)
+                _write(T[block, link], _turned(columns, step.back), origin)
         return T.reshape(*angles.shape[:-1], 7, 4, 4)
 
     def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
@@ -88,7 +89,7 @@ class SerialChain:
         flat = angles.reshape(-1, 6)
         tcp = np.asarray(p_flange_tcp, dtype=np.float64)
         J = np.empty((len(flat), 6, 6))
-        steps = self._steps()
+        steps = self._steps
         for block in blocks(len(flat)):
             columns, origin = _identity(flat[block].shape[0])
             turns: list[tuple[FloatArray, FloatArray]] = []
@@ -100,25 +101,17 @@ class SerialChain:
             _write_jacobian(J[block], turns, end)
         return J.reshape(*angles.shape[:-1], 6, 6)
 
-    def _steps(self) -> list[_Step]:
-        """Return the constants with every joint axis turned onto z."""
-        steps: list[_Step] = []
-        before = np.eye(3)
-        for joint in range(7):
-            after = _z_to(self.axes[joint]) if joint < 6 else np.eye(3)
-            turn = before.T @ self.placements[joint, :3, :3] @ after
-            shift = before.T @ self.placements[joint, :3, 3]
-            steps.append(_Step(_cleaned(turn), shift))
-            before = after
-        return steps
-
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """From one joint's turned frame to the next one's, then about its z axis."""
+    """From one joint's turned frame to the next one's, then about its z axis.
+
+    ``back`` (3, 3) leads from the turned frame to the link frame.
+    """
 
     turn: FloatArray
     shift: FloatArray
+    back: FloatArray
 
     def advance(
         self,
@@ -134,6 +127,19 @@ class _Step:
         if cosine is None or sine is None:
             return (x, y, z), origin
         return (cosine * x + sine * y, cosine * y - sine * x, z), origin
+
+
+def _steps_of(placements: FloatArray, axes: FloatArray) -> tuple[_Step, ...]:
+    """Return the constants between joints whose axes are turned onto z."""
+    steps: list[_Step] = []
+    before = np.eye(3)
+    for joint in range(7):
+        after = _z_to(axes[joint]) if joint < 6 else np.eye(3)
+        turn = before.T @ placements[joint, :3, :3] @ after
+        shift = before.T @ placements[joint, :3, 3]
+        steps.append(_Step(_cleaned(turn), shift, after.T))
+        before = after
+    return tuple(steps)
 
 
 def blocks(count: int, size: int = CHUNK) -> Iterator[slice]:

@@ -19,11 +19,11 @@ from postproc.kinematics.model import Solver
 from postproc.kinematics.opw import wrapped
 from postproc.model.arrays import BoolArray, FloatArray, IntArray
 
-CHUNK = 128
+CHUNK = 512
 """Poses whose starts are chosen at once."""
 ATLAS_SIZE = 24_000
 """Configurations in the atlas."""
-ROUNDS = (1, 3, 8)
+ROUNDS = (1, 4, 16)
 """Starts tried per slot in each round; later rounds only where nothing was found yet."""
 FOUND = 1e-9
 """Largest error [m or rad] of a solution."""
@@ -98,11 +98,16 @@ class NumericSolver:
     _atlas: list[tuple[FloatArray, FloatArray]] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Fill the atlas: for each slot configurations (k, 6) and their flange features (k, 12)."""
+        """Fill the atlas: for each slot configurations (k, 6) and features (13, k) of the flange.
+
+        The last feature is minus half the square of the others, so that the product with the
+        features of a pose, 1 at the end, is largest where the distance is smallest.
+        """
         q = np.random.default_rng(1).uniform(-np.pi, np.pi, (ATLAS_SIZE, 6))
         slot = self.branches.slot(q)
         features = self._features(self.chain.fk(q))
-        atlas = [(q[slot == s], features[slot == s]) for s in range(8)]
+        features[:, 12] = -0.5 * (features[:, :12] ** 2).sum(axis=1)
+        atlas = [(q[slot == s], np.ascontiguousarray(features[slot == s].T)) for s in range(8)]
         object.__setattr__(self, "_atlas", atlas)
 
     def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -114,9 +119,10 @@ class NumericSolver:
         return q, np.isfinite(q[:, :, 0])
 
     def _features(self, T: FloatArray) -> FloatArray:
-        """Return position and rotation (n, 12), scaled to count alike."""
+        """Return position, rotation and 1 (n, 13), the first two scaled to count alike."""
         p = 2.0 * T[:, :3, 3] / self.branches.size
-        return np.concatenate([p, 0.5 * T[:, :3, :3].reshape(-1, 9)], axis=1)
+        R = 0.5 * T[:, :3, :3].reshape(-1, 9)
+        return np.concatenate([p, R, np.ones((len(T), 1))], axis=1)
 
     def _solve_block(self, T: FloatArray, q: FloatArray) -> None:
         wanted = self._features(T)
@@ -128,8 +134,7 @@ class NumericSolver:
                 which = np.flatnonzero(missing[:, slot])
                 if not len(which) or not len(known):
                     continue
-                near = wanted[which] @ features.T - 0.5 * (features * features).sum(axis=1)
-                order = _best(near, starts)[:, done:]
+                order = _best(wanted[which] @ features, starts)[:, done:]
                 rows.append(np.repeat(which, order.shape[1]))
                 begin.append(known[order.ravel()])
             if not rows:
