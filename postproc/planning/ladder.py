@@ -60,6 +60,7 @@ class Ladder:
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
+    _square: FloatArray = field(init=False)
     _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
     _cut: set[int] = field(init=False, default_factory=set)
     _solved: bool = field(init=False, default=False)
@@ -71,6 +72,9 @@ class Ladder:
         self.value = np.full(states, np.inf)
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
+        self._square = np.einsum(
+            "ij,ij->i", self.position, self.position, dtype=np.float64, casting="same_kind"
+        )
         if len(self) and int(np.diff(self.offsets).max()) > np.iinfo(np.uint16).max:
             raise ValueError("Ladder: more than 65535 states on one rung")
 
@@ -151,10 +155,10 @@ class Ladder:
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         value = self._step(i, low, high)
         lowest = value.min() if high > low else np.inf
-        if np.isfinite(lowest):
+        if lowest < np.inf:
             value -= lowest
         old = self.value[low:high]
-        changed = not _equal(old, value)
+        changed = not (self._solved and _equal(old, value))
         old[:] = value
         return changed
 
@@ -166,37 +170,41 @@ class Ladder:
             return cost.copy()
         steps = self._steps(i, slice(before, after), slice(low, high))
         back = steps.argmin(axis=1)
-        best = np.take_along_axis(steps, back[:, None], axis=1)[:, 0]
         self.back[low:high] = back
-        value: FloatArray = best + cost
-        self.broken[i] = not np.isfinite(value.min())
+        value: FloatArray = steps[np.arange(high - low), back] + cost
+        self.broken[i] = not value.min() < np.inf
         return cost.copy() if self.broken[i] else value
 
     def _steps(self, i: int, before: slice, now: slice) -> FloatArray:
         """Return value + step cost (m now, m before)."""
         w = float(self.weight[i])
         a, b = self.position[before], self.position[now]
-        left = np.empty((len(b), a.shape[1] + 2))
-        right = np.empty((len(a), a.shape[1] + 2))
-        np.multiply(b, -2.0 * w, out=left[:, :-2])
-        left[:, -2] = 1.0
-        np.einsum("ij,ij->i", b, b, out=left[:, -1])
-        right[:, :-2] = a
-        right[:, -2] = w * np.einsum("ij,ij->i", a, a) + self.value[before]
-        right[:, -1] = w
+        d = a.shape[1]
+        left = np.empty((len(b), d + 2))
+        right = np.empty((len(a), d + 2))
+        np.multiply(b, -2.0 * w, out=left[:, :d])
+        left[:, d] = 1.0
+        left[:, d + 1] = self._square[now]
+        right[:, :d] = a
+        np.multiply(self._square[before], w, out=right[:, d])
+        right[:, d] += self.value[before]
+        right[:, d + 1] = w
         steps: FloatArray = left @ right.T
         if self.rule[i] == Rule.CHAIN:
-            steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
-            reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
-            for j in np.nonzero(reach > _HALF_TURN)[0]:
-                steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf
+            self._keep_chain(steps, before, now)
         for state, to in self._forbidden.get(i, ()):
             steps[to - now.start, state - before.start] = np.inf
         return steps
 
+    def _keep_chain(self, steps: FloatArray, before: slice, now: slice) -> None:
+        """Take out the steps that a chain may not do."""
+        a, b = self.position[before], self.position[now]
+        steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+        reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
+        for j in np.nonzero(reach > _HALF_TURN)[0]:
+            steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf
+
 
 def _equal(old: FloatArray, new: FloatArray) -> bool:
-    dead = np.isinf(new)
-    if not np.array_equal(dead, np.isinf(old)):
-        return False
-    return bool(np.all(np.abs(np.where(dead, 0.0, old) - np.where(dead, 0.0, new)) < _SAME))
+    with np.errstate(invalid="ignore"):
+        return bool(((old == new) | (np.abs(old - new) < _SAME)).all())

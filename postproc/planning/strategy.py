@@ -29,6 +29,8 @@ _TIE_SPIN = 1e-5
 _REVERTS = 6
 _WIDEST = 8
 """How many spins and tags around a failing pose are looked at, at most."""
+_RIM = 2
+"""How far beyond a colliding neighbour the check spreads."""
 
 
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
@@ -173,24 +175,26 @@ class Hunt:
     def beside(self, failing: IndexArray) -> IndexArray:
         """Return states that fail along with others: their turn copies, and colliding neighbours.
 
-        Poses near a failing one (in spin and tag, same branch) are checked too, without their
-        strokes, the farther around the more often their tag failed.
+        From every failing pose the check spreads over the poses around it (spin and tag, same
+        branch), without their strokes, until it has found the whole colliding region and its rim:
+        the next best way would mostly run into the next pose of the same region.
         """
-        rungs = self.states.tag_of(failing)
-        np.add.at(self.failures, rungs, 1)
-        reach = np.minimum(1 + self.failures[rungs], _WIDEST)
-        poses = self._around(failing, int(reach.max()))
-        poses = poses[~self.seen[self.states.config[poses]]]
-        self.seen[self.states.config[poses]] = True
-        rows = self.states.tag_of(poses)
-        verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
-        bad = poses[~verdict.good]
-        self.reason[bad], self.pair[bad] = (
-            verdict.reason[~verdict.good],
-            verdict.pair[~verdict.good],
-        )
-        hit = failing[self.reason[failing] == Reason.COLLISION]
-        return self._copies(np.concatenate([hit, bad]))
+        rows = self.states.tag_of(failing)
+        self.failures[rows] += 1
+        found = [failing[self.reason[failing] == Reason.COLLISION]]
+        reach = min(_WIDEST, int(self.failures[rows].max(initial=1)))
+        front = failing
+        while len(front):
+            poses = self._around(front, reach)
+            poses = poses[~self.seen[self.states.config[poses]]]
+            self.seen[self.states.config[poses]] = True
+            rows = self.states.tag_of(poses)
+            verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
+            fails = ~verdict.good
+            front, reach = poses[fails], _RIM
+            self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
+            found.append(front)
+        return self._copies(np.concatenate(found))
 
     def _copies(self, states: IndexArray) -> IndexArray:
         """Return the turn copies of colliding states, with the reason noted for each."""
