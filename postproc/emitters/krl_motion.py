@@ -167,7 +167,7 @@ class PartWriter:
             self._percent(self.table.percent[index])
         else:
             self._speed(self.table.speed_m_s[index])
-        blend = self._blend(index, self.table.kind[index])
+        blend = self._blend(index)
         self._move(index, blend)
 
     def _move(
@@ -235,7 +235,7 @@ class PartWriter:
         self._before(first)
         speed = self.table.speed_m_s[first]
         self._speed(speed)
-        blend = self._blend(end - 1, MoveKind.LIN)
+        blend = self._blend(end - 1)
         self.out.append(SplineBegin())
         for index in range(first, end):
             if index > first:
@@ -270,19 +270,17 @@ class PartWriter:
             self.modal.speed_m_s = speed_m_s
             self.out.append(Assign("$VEL.CP", speed_m_s))
 
-    def _blend(self, index: int, kind: int) -> tuple[str, ...]:
-        """Return the approximation words of a move, after setting its distance."""
+    def _blend(self, index: int) -> tuple[str, ...]:
+        """Return the approximation words of a move, after setting its distance.
+
+        A PTP is approximated by distance as well (KSS 8.2 and newer): C_PTP counts in percent of
+        the motion, so how far it leaves the planned path nobody knows.
+        """
         blend = self.table.blend_mm[index]
         if blend <= 0.0:
             return ()
-        following = index + 1
-        is_ptp_next = following < len(self.table) and self.table.kind[following] == MoveKind.PTP
-        if kind == MoveKind.PTP and is_ptp_next:
-            return ("C_SPL",) if self.style.is_spline else ("C_PTP",)
         self._distance(index, blend)
-        if self.style.is_spline:
-            return ("C_SPL",)
-        return ("C_PTP", "C_DIS") if kind == MoveKind.PTP else ("C_DIS",)
+        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
 
     def _distance(self, index: int, blend: float) -> None:
         """Set $APO.CDIS; a value already set is kept where short segments ask for less."""

@@ -115,7 +115,7 @@ def test_approximation_of_ptp_is_in_percent_and_of_paths_in_mm(krl):
     """Millimetres in $APO.CPTP, or degrees per second in $VEL.ORI1, are another post's bug."""
     for name in texts.sources(files := write(job(), **krl)):
         text = "\n".join(texts.code(files, name))
-        assert set(re.findall(r"\$APO\.CPTP=(\S+)", text)) <= {"50"}
+        assert set(re.findall(r"\$APO\.CPTP=(\S+)", text)) <= {"100"}
         assert set(re.findall(r"\$VEL\.ORI[12]=(\S+)", text)) <= {"200.0000"}
         assert not re.search(r"\$VEL_AXIS\[|\$VEL_EXTAX\[|\$VEL=", text)
 
@@ -260,6 +260,17 @@ def test_no_approximation_takes_more_than_its_share_of_a_short_segment():
     assert (blends > 0.0).mean() > 0.95
     settings = sum(line.startswith("$APO.CDIS") for line in text)
     assert settings < 0.7 * len(x)  # not one line per point
+
+
+@pytest.mark.parametrize(("motion", "word"), [("dense", "C_DIS"), ("spline", "C_SPL")])
+def test_ptp_is_approximated_by_distance(motion, word):
+    """C_PTP with 50 % begins to leave a long PTP half a metre before its end."""
+    moves = [{"kind": MoveKind.PTP, "role": MoveRole.RAPID, "blend_mm": 5.0}] * 2
+    moves += [{"role": MoveRole.RAPID, "speed": 0.5}]
+    text = texts.code(write(plans.plan(moves), motion=motion), "TEST.src")
+    assert text.index("$APO.CDIS=3.0000") > 0
+    assert all(line.endswith(f"}} {word}") for line in text if line.startswith(("PTP", "SPTP")))
+    assert "C_PTP" not in " ".join(text)
 
 
 def test_orientation_only_moves_end_exactly():

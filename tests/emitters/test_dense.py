@@ -66,7 +66,7 @@ def test_a_whole_program():
         "$CIRC_TYPE=#BASE",
         "$VEL.ORI1=200.0000",
         "$VEL.ORI2=200.0000",
-        "$APO.CPTP=50",
+        "$APO.CPTP=100",
         "$APO.CORI=5.0000",
         ";ENDFOLD (MOTION STATE)",
         "PP_SPINDLE_ON(3000) ; CAM line 5: SPINDL/3000,CLW",
