@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from postproc.emitters.krl_style import KrlStyle
 from postproc.emitters.krl_template import TemplateSet
+from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import numbers
 from postproc.krl.program import Comment, FoldBegin, FoldEnd, Statement, Trigger
 from postproc.model.toolpath import Event, EventKind
@@ -25,10 +27,11 @@ _MODES = (
 
 @dataclass(frozen=True, slots=True)
 class EventWriter:
-    """Statements of events: direct, or on the way by a trigger."""
+    """Statements of events: direct, or on the way by a trigger. ``path``: the CAM file's."""
 
     templates: TemplateSet
     style: KrlStyle
+    path: str
 
     def statements(self, event: Event, *, flying: bool) -> list[Statement]:
         """Return what an event becomes.
@@ -36,21 +39,38 @@ class EventWriter:
         Args:
             event: the event.
             flying: True in the middle of a blended cut: the advance run must not stop there.
+
+        Raises:
+            EmitError: EMT315 if its number cannot be written.
         """
         if event.kind is EventKind.DWELL:
-            numbers.nonzero(event.value, numbers.SECOND_DIGITS, "a dwell of")
+            self._check_dwell(event.value, event.line)
+        elif not math.isfinite(event.value):
+            source = SourceRef(self.path, event.line)
+            raise EmitError("EMT315", f"{event.kind} with the number {event.value}", source)
         made = self.templates.statements(
             str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": _words(event)}
         )
         return [self._trigger(statement) for statement in made] if flying else made
 
     def dwell(self, seconds: float, line: int) -> list[Statement]:
-        """Return a wait after a motion."""
-        numbers.nonzero(seconds, numbers.SECOND_DIGITS, "a dwell of")
+        """Return a wait after a motion.
+
+        Raises:
+            EmitError: EMT315 if it cannot be written.
+        """
+        self._check_dwell(seconds, line)
         text = f"CAM line {line}" if line else ""
         return self.templates.statements(
             "dwell", {"hooks": self.style.hooks, "seconds": seconds}, {"event": text}
         )
+
+    def _check_dwell(self, seconds: float, line: int) -> None:
+        try:
+            numbers.nonzero(seconds, numbers.SECOND_DIGITS, "a dwell [s] of")
+        except KrlError as problem:
+            source = SourceRef(self.path, max(line, 1))
+            raise EmitError("EMT315", problem.message, source) from None
 
     def _trigger(self, statement: Statement) -> Statement:
         """Return what is run where the next motion begins, without an advance-run stop."""

@@ -48,9 +48,9 @@ def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple
         names: allocator of a batch; None for a single program.
 
     Raises:
-        EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT314 for
-            a move that cannot be written; EMT320 for a wrong ``[krl]`` value; EMT330 to EMT334 for
-            templates; EMT301 if no name is left.
+        EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT315 for
+            a move or an event that cannot be written; EMT320 for a wrong ``[krl]`` value; EMT330
+            to EMT334 for templates; EMT301 if no name is left.
         KrlError: KRL901 to KRL905 for a number that cannot be written.
     """
     if len(plan) == 0:
@@ -136,7 +136,7 @@ class _Program:
 
     @cached_property
     def events(self) -> EventWriter:
-        return EventWriter(self.templates, self.style)
+        return EventWriter(self.templates, self.style, self.plan.toolpath.path)
 
     @cached_property
     def by_index(self) -> Mapping[int, Sequence[Event]]:

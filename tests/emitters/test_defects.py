@@ -313,8 +313,17 @@ def test_unknown_statements_and_messages_stay_visible(kind):
 
 
 def test_a_dwell_too_short_to_print_is_refused():
-    with pytest.raises(Exception, match="dwell of 1e-05 would be written as"):
-        write(job(events=[plans.event(3, EventKind.DWELL, 1e-5)]))
+    with pytest.raises(EmitError) as caught:
+        write(job(events=[plans.event(3, EventKind.DWELL, 1e-5, line=12)]))
+    assert str(caught.value).startswith("part.cls:12: error EMT315: a dwell [s] of 1e-05 would be")
+    with pytest.raises(EmitError, match="EMT315"):
+        write(plans.plan([{"kind": MoveKind.PTP}, {"dwell": 2e-5}]))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_spindle_speed_that_is_none_is_refused(value):
+    with pytest.raises(EmitError, match="EMT315"):
+        write(job(events=[plans.event(3, EventKind.SPINDLE_ON, value)]))
 
 
 # -------------------------------------------------------- stops of the advance run in the material
