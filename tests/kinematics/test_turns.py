@@ -26,7 +26,7 @@ TURN = 2.0 * np.pi
 
 
 def test_turns_are_all_combinations_inside_the_limits():
-    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (200, 6))
+    q = np.random.default_rng(1).uniform(-np.pi, np.pi, (60, 6))
     variants, rows = KR500.turns(q)
     found = {
         (int(row), tuple(np.rint((v - q[row]) / TURN).astype(int)))
@@ -34,7 +34,7 @@ def test_turns_are_all_combinations_inside_the_limits():
     }
     wanted = set()
     for row, angles in enumerate(q):
-        for steps in itertools.product((-2, -1, 0, 1, 2), repeat=6):
+        for steps in itertools.product((-1, 0, 1), repeat=6):
             moved = angles + TURN * np.array(steps)
             if (moved >= KR500.q_min).all() and (moved <= KR500.q_max).all():
                 wanted.add((row, steps))
