@@ -1,0 +1,318 @@
+"""What can be said of the joint paths alone: limits, singularities, speeds, blending, time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.kinematics.model import Kinematics
+from postproc.kinematics.singular import elbow_distance, shoulder_distance, wrist_distance
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.cell import Cell
+from postproc.units import DEG, MM, PERCENT
+from postproc.verification.motion import Paths
+from postproc.verification.report import Worst
+from postproc.verification.trace import Blend, EventWord, Finding, Rows
+
+SLACK = 0.01 * DEG
+"""Digits of the text may cost this much of a margin [rad]."""
+STRETCHED = 3.0 * DEG
+"""Nearer to the stretched arm than this is worth a warning."""
+OVERHEAD = 0.05
+"""Wrist centre nearer to axis 1 than this [m] is worth a warning."""
+SPEED_SLACK = 1e-3
+MACHINING_SPEED = 0.25
+"""Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
+_RAMP = 0.1
+_TINY = 1e-12
+
+
+@dataclass(slots=True)
+class Result:
+    """Findings and worst values, collected."""
+
+    paths: Paths
+    findings: list[Finding] = field(default_factory=list)
+    worst: dict[str, Worst] = field(default_factory=dict)
+
+    def finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
+        """Add a finding at a motion."""
+        file, line = self.paths.trace.place(motion)
+        self.findings.append(Finding(kind, detail, file, line, is_error))
+
+    def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
+        """Set the worst value of a measure."""
+        self.worst[name] = Worst(value, unit, *self.paths.trace.place(motion), detail)
+
+
+def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
+    """Check limits and distances to singularities at all ends and samples."""
+    paths = result.paths
+    m = len(paths.q)
+    q = np.concatenate([paths.q, paths.q_sample])
+    motion = np.concatenate([np.arange(m), paths.row])
+    known = np.isfinite(q).all(axis=1)
+    if not known.any():
+        return
+    _limits(result, q[known], motion[known], cell, kinematics)
+    on_path = np.concatenate([_touches_path(paths), np.ones(len(paths.row), dtype=np.bool_)])
+    rows = known & on_path
+    if rows.any():
+        _singularities(result, q[rows], motion[rows], cell, kinematics)
+
+
+def _touches_path(paths: Paths) -> BoolArray:
+    """Return which motions end a path or stand where one begins."""
+    is_cp = paths.trace.is_cp
+    return np.asarray(is_cp | np.r_[is_cp[1:], False])
+
+
+def _limits(
+    result: Result, q: FloatArray, motion: Rows, cell: Cell, kinematics: Kinematics
+) -> None:
+    room = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
+    wanted = cell.limits.joint_margin
+    tightest = int(room.min(axis=1).argmin())
+    axis = int(room[tightest].argmin())
+    result.measure(
+        "joint_margin",
+        float(room[tightest, axis] / DEG),
+        "deg",
+        int(motion[tightest]),
+        f"A{axis + 1}",
+    )
+    for axis in range(6):
+        bad = room[:, axis] < wanted - SLACK
+        if not bad.any():
+            continue
+        row = int(np.argmin(room[:, axis]))
+        count = len(np.unique(motion[bad]))
+        what = (
+            "beyond its limit" if room[row, axis] < 0.0 else "nearer to its limit than the margin"
+        )
+        result.finding(
+            "joint_limit",
+            int(motion[row]),
+            f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
+            f"[{kinematics.q_min[axis] / DEG:g}, {kinematics.q_max[axis] / DEG:g}] with "
+            f"{wanted / DEG:g} deg, {count} motions",
+        )
+
+
+def _singularities(
+    result: Result, q: FloatArray, motion: Rows, cell: Cell, kinematics: Kinematics
+) -> None:
+    wrist = wrist_distance(kinematics, q)
+    row = int(wrist.argmin())
+    result.measure("wrist_singularity", float(wrist[row] / DEG), "deg", int(motion[row]), "A5")
+    bad = wrist < cell.limits.singularity - SLACK
+    if bad.any():
+        result.finding(
+            "singularity",
+            int(motion[row]),
+            f"A5 comes within {wrist[row] / DEG:.3f} deg of the straight wrist, expected at least "
+            f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions",
+        )
+    elbow = elbow_distance(kinematics, q)
+    row = int(elbow.argmin())
+    result.measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
+    if elbow[row] < STRETCHED:
+        detail = f"the arm is within {elbow[row] / DEG:.2f} deg of being stretched"
+        result.finding("stretched", int(motion[row]), detail, is_error=False)
+    if kinematics.arm is not None:
+        _overhead(result, shoulder_distance(kinematics, q), motion)
+
+
+def _overhead(result: Result, distance: FloatArray, motion: Rows) -> None:
+    row = int(distance.argmin())
+    result.measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
+    if distance[row] < OVERHEAD:
+        detail = f"the wrist centre passes within {distance[row] / MM:.0f} mm of axis 1"
+        result.finding("overhead", int(motion[row]), detail, is_error=False)
+
+
+# -------------------------------------------------------------------------------------- speeds
+
+
+def motion_times(paths: Paths) -> FloatArray:
+    """Return the time (m,) [s] of path motions at their programmed speed, NaN for PTP.
+
+    The orientation may be what decides. A chain that is too short to reach the speed from rest
+    with $ACC.CP is taken at the speed that it can reach.
+    """
+    trace, curves = paths.trace, paths.curves
+    speed = np.minimum(trace.column("speed"), _reachable(paths))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = np.where(curves.length > _TINY, curves.length / speed, 0.0)
+        turn = np.where(curves.turn > _TINY, curves.turn / trace.column("orientation_speed"), 0.0)
+    return np.where(trace.is_cp, np.maximum(way, turn), np.nan)
+
+
+def _reachable(paths: Paths) -> FloatArray:
+    """Return the largest speed (m,) [m/s] within the chain of blended motions of each motion."""
+    trace = paths.trace
+    chain = chains(paths)
+    length = np.bincount(chain, weights=paths.curves.length) if len(chain) else np.zeros(0)
+    return np.asarray(np.sqrt(trace.column("acceleration") * np.maximum(length[chain], _TINY)))
+
+
+def chains(paths: Paths) -> Rows:
+    """Return the number (m,) of the chain, from stop to stop, that each motion belongs to."""
+    trace = paths.trace
+    if len(trace) == 0:
+        return np.zeros(0, dtype=np.int64)
+    stops = (trace.blend == Blend.EXACT) | ~trace.is_cp
+    begins = np.r_[True, stops[:-1] | ~trace.is_cp[1:]]
+    for event in trace.events:
+        if event.word is not EventWord.OUTPUT and event.motion < len(trace):
+            begins[event.motion] = True
+    return np.cumsum(begins) - 1
+
+
+def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
+    """Check the axis speeds that the programmed path speed needs.
+
+    Args:
+        result: collects.
+        cell: speed limits of the axes.
+        is_cut: (m,) motions that cut; None: those of machining speed.
+    """
+    paths, trace = result.paths, result.paths.trace
+    if not len(paths.row):
+        return
+    times = motion_times(paths)
+    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
+    at_start = paths.q[np.maximum(paths.row - 1, 0)]
+    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
+    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
+    dt = times[paths.row] * share
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
+    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
+    ratio = np.where(np.isfinite(needed), needed, 0.0)
+    worst = ratio.max(axis=1)
+    row = int(worst.argmax())
+    axis = int(ratio[row].argmax())
+    result.measure(
+        "axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), f"A{axis + 1}"
+    )
+    counts = is_cut if is_cut is not None else trace.column("speed") <= MACHINING_SPEED
+    for wanted in (True, False):
+        _too_fast(result, worst, ratio, counts[paths.row] == wanted, is_error=wanted)
+
+
+def _too_fast(
+    result: Result, worst: FloatArray, ratio: FloatArray, rows: BoolArray, *, is_error: bool
+) -> None:
+    bad = rows & (worst > 1.0 + SPEED_SLACK)
+    if not bad.any():
+        return
+    row = int(np.argmax(np.where(bad, worst, 0.0)))
+    axis = int(ratio[row].argmax())
+    motions = len(np.unique(result.paths.row[bad]))
+    speed = result.paths.trace.column("speed")[result.paths.row[row]]
+    result.finding(
+        "axis_speed",
+        int(result.paths.row[row]),
+        f"A{axis + 1} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
+        f"{motions} motions",
+        is_error,
+    )
+
+
+# ------------------------------------------------------------------------------------- blending
+
+
+def check_blending(result: Result) -> None:
+    """Warn of blends that the controller cuts short or loses; measure the rounding of corners."""
+    trace = result.paths.trace
+    m = len(trace)
+    if m == 0:
+        return
+    blended = np.flatnonzero(trace.blend == Blend.DISTANCE)
+    if len(blended) and trace.is_cp[blended].any():
+        rows = blended[(blended < m - 1) & trace.is_cp[blended]]
+        _corner_rounding(result, rows)
+    if trace.blend[-1] not in (Blend.EXACT, Blend.THROUGH):
+        result.finding("blend_end", m - 1, "the last motion of the program is blended")
+    stopping = (EventWord.DWELL, EventWord.HALT, EventWord.WAIT_FOR)
+    for event in trace.events:
+        before = event.motion - 1
+        if (
+            event.word in stopping
+            and before >= 0
+            and trace.blend[before]
+            not in (
+                Blend.EXACT,
+                Blend.THROUGH,
+            )
+        ):
+            result.finding(
+                "blend_lost", before, f"blending is lost: {event.name} stands behind it", False
+            )
+
+
+def _corner_rounding(result: Result, rows: Rows) -> None:
+    paths, trace = result.paths, result.paths.trace
+    rows = rows[trace.is_cp[rows + 1] & np.isfinite(paths.curves.T_start[rows, 0, 3])]
+    if not len(rows):
+        return
+    corner = paths.end_point[rows]
+    before, after = paths.end_point[rows - 1] - corner, paths.end_point[rows + 1] - corner
+    short = 0.5 * np.minimum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1))
+    asked = trace.column("cdis")[rows]
+    used = np.minimum(asked, short)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = before / np.linalg.norm(before, axis=1, keepdims=True)
+        v = after / np.linalg.norm(after, axis=1, keepdims=True)
+    # A parabola that leaves and joins at ``used`` from the corner passes it at a quarter of |u+v|.
+    miss = np.nan_to_num(0.25 * used * np.linalg.norm(u + v, axis=1))
+    row = int(miss.argmax())
+    result.measure("corner_rounding", float(miss[row] / MM), "mm", int(rows[row]))
+    cut = asked > short * (1.0 + 1e-6) + 1e-9
+    if cut.any():
+        result.finding(
+            "blend_cut",
+            int(rows[int(np.flatnonzero(cut)[0])]),
+            f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points",
+            is_error=False,
+        )
+
+
+# ----------------------------------------------------------------------------------------- time
+
+
+def cycle_time(paths: Paths, cell: Cell) -> float:
+    """Return an estimate of the run time [s]: motions with ramps, and waits; hooks take none."""
+    trace = paths.trace
+    total = sum(e.value for e in trace.events if e.word is EventWord.DWELL and np.isfinite(e.value))
+    if len(trace) == 0:
+        return float(total)
+    times = motion_times(paths)
+    chain = chains(paths)
+    cp = trace.is_cp
+    if cp.any():
+        speed = np.minimum(trace.column("speed"), _reachable(paths))
+        ramps = speed / trace.column("acceleration") + _RAMP
+        firsts = np.r_[True, chain[1:] != chain[:-1]] & cp
+        total += float(np.nansum(times[cp]) + ramps[firsts].sum())
+    return float(total + _ptp_times(paths, cell).sum())
+
+
+def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:
+    trace = paths.trace
+    rows = np.flatnonzero(~trace.is_cp)
+    rows = rows[rows > 0]
+    if not len(rows):
+        return np.zeros(0)
+    way = np.nan_to_num(np.abs(paths.q[rows] - paths.q[rows - 1]))
+    share = np.array([s.ptp for s in trace.settings])[trace.setting[rows]]
+    top = np.maximum(cell.robot.qd_max * share, _TINY)
+    push = np.where(np.isfinite(cell.robot.qdd_max), cell.robot.qdd_max, np.inf)
+    full = way >= top**2 / push
+    ramp = np.where(np.isinf(push), 0.0, top / push)
+    short = np.where(np.isinf(push), way / top, 2.0 * np.sqrt(way / push))
+    each = np.where(full, way / top + ramp, short)
+    slowest = each.max(axis=1)
+    return np.where(slowest > _TINY, slowest + _RAMP, 0.0)

@@ -1,0 +1,309 @@
+"""The executed path against the CAM file.
+
+Every point of the file (the bottom of a hole, else the tag itself) must be an end point of a
+motion, in the file's order, within the tolerance; the tool's axis there must be the file's. How
+the program gets from one point to the next is judged by what the file asks for:
+
+- a rapid: any way will do (collisions are another check);
+- a line or an arc: its whole length must be run by path motions within the path tolerance; the
+  tool may leave and come back by joint motions or along its axis (see ``elements.follow``);
+- a hole: it must come down the hole's axis from the clearance height, stop exactly at the bottom,
+  wait there as asked, and leave along the axis to the retract height. Steps in between (pecks) are
+  free, but only what has been drilled may be entered faster than the feed.
+
+A point that the program does not go to is *missed*; if it goes there at another time, it is out of
+*order*. Both count with the distance to where the program does go between the neighbours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.frames import angle_between
+from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.cell import Cell
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.units import DEG, MM, MM_PER_MIN
+from postproc.verification.checks import Result
+from postproc.verification.elements import Arc, Followed, Line, follow
+from postproc.verification.holes import check_holes
+from postproc.verification.matching import Wanted, match, wanted_of
+from postproc.verification.motion import Paths
+from postproc.verification.trace import Finding, Rows, Way
+
+FEED_TOLERANCE = 1e-3
+"""Share by which a feed may differ from the file's."""
+AT_MOST = 20
+"""So many findings of one kind are listed one by one."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far the program may be from the CAM file.
+
+    ``position`` [m] of points, ``axis`` [rad] of the tool axis there, ``path`` [m] along arcs and
+    lines beside the points; None: the chord tolerance of the cell.
+    """
+
+    position: float = 0.01 * MM
+    axis: float = 0.005 * DEG
+    path: float | None = None
+
+
+@dataclass(slots=True)
+class Comparison:
+    """What the comparison found.
+
+    ``served`` (n,): motion that goes to each tag, -1 for none; ``is_cut`` (m,): motions that cut;
+    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad].
+    """
+
+    wanted: Wanted
+    served: Rows
+    is_cut: BoolArray
+    position_error: FloatArray
+    axis_error: FloatArray
+
+
+def compare(result: Result, cell: Cell, toolpath: ToolPath, tolerances: Tolerances) -> Comparison:
+    """Compare a program with the CAM file it was made from.
+
+    Args:
+        result: joint paths of the program; collects the findings.
+        cell: the chord tolerance and the feed where the file gives none.
+        toolpath: what was asked for.
+        tolerances: how far the program may be off.
+    """
+    paths = result.paths
+    wanted = wanted_of(toolpath)
+    served = match(wanted.point, _visited(paths), tolerances.position)
+    n = len(toolpath)
+    comparison = Comparison(
+        wanted,
+        served,
+        np.zeros(len(paths), dtype=np.bool_),
+        np.zeros(n),
+        np.zeros(n),
+    )
+    _points(result, comparison, toolpath, tolerances)
+    path_tolerance = tolerances.path if tolerances.path is not None else _chord(cell)
+    feeds = _Feeds(result, toolpath, cell)
+    _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
+    check_holes(result, wanted, served, comparison.is_cut, tolerances.position, feeds)
+    feeds.report()
+    return comparison
+
+
+def _visited(paths: Paths) -> FloatArray:
+    """Return the end points (m, 3), far away where a motion has none."""
+    return np.where(np.isfinite(paths.end_point), paths.end_point, 1e9)
+
+
+def _chord(cell: Cell) -> float:
+    chord = cell.motion.options.get("chord_mm", 0.01)
+    return (float(chord) if isinstance(chord, int | float) else 0.01) * MM
+
+
+# --------------------------------------------------------------------------------------- points
+
+
+def _points(
+    result: Result, comparison: Comparison, toolpath: ToolPath, tolerances: Tolerances
+) -> None:
+    paths, wanted, served = result.paths, comparison.wanted, comparison.served
+    found = np.flatnonzero(served >= 0)
+    if len(found):
+        motion = served[found]
+        comparison.position_error[found] = np.linalg.norm(
+            paths.end_point[motion] - wanted.point[found], axis=1
+        )
+        comparison.axis_error[found] = angle_between(paths.end_axis[motion], wanted.axis[found])
+        _measure_points(result, comparison, found)
+        _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
+    _missed(result, comparison, toolpath, tolerances.position)
+
+
+def _measure_points(result: Result, comparison: Comparison, found: Rows) -> None:
+    for name, values, unit, size in (
+        ("position", comparison.position_error, "mm", MM),
+        ("axis", comparison.axis_error, "deg", DEG),
+    ):
+        row = int(found[int(values[found].argmax())])
+        result.measure(name, float(values[row] / size), unit, int(comparison.served[row]))
+
+
+def _wrong_axes(
+    result: Result, comparison: Comparison, toolpath: ToolPath, found: Rows, limit: float
+) -> None:
+    bad = found[comparison.axis_error[found] > limit]
+    for row in bad[np.argsort(-comparison.axis_error[bad], kind="stable")][:AT_MOST].tolist():
+        result.finding(
+            "axis",
+            int(comparison.served[row]),
+            f"the tool axis is {comparison.axis_error[row] / DEG:.4f} deg off at tag "
+            f"{_tag(toolpath, row)}" + _more(len(bad)),
+        )
+
+
+def _missed(result: Result, comparison: Comparison, toolpath: ToolPath, tolerance: float) -> None:
+    """Report tags that no motion goes to, with how far off the program is there."""
+    served, wanted, paths = comparison.served, comparison.wanted, result.paths
+    lost = np.flatnonzero(served < 0)
+    if not len(lost):
+        return
+    visited = _visited(paths)
+    before = np.maximum.accumulate(served)
+    behind = np.minimum.accumulate(np.where(served < 0, len(paths), served)[::-1])[::-1]
+    for number, row in enumerate(lost.tolist()):
+        low, high = max(int(before[row]), 0), min(int(behind[row]) + 1, len(paths))
+        gap = np.linalg.norm(visited[low:high] - wanted.point[row], axis=1)
+        if not len(gap):
+            comparison.position_error[row] = np.inf
+            result.findings += _nowhere(result, toolpath, row)
+            continue
+        nearest = low + int(gap.argmin())
+        comparison.position_error[row] = float(gap.min())
+        comparison.axis_error[row] = float(angle_between(paths.end_axis[nearest], wanted.axis[row]))
+        if number < AT_MOST:
+            kind, text = _how(wanted, row, visited, nearest, tolerance)
+            result.finding(kind, nearest, f"tag {_tag(toolpath, row)}: {text}" + _more(len(lost)))
+    worst = int(lost[int(comparison.position_error[lost].argmax())])
+    if np.isfinite(comparison.position_error[worst]):
+        value = float(comparison.position_error[worst] / MM)
+        result.measure("position", value, "mm", min(int(max(before[worst], 0)), len(paths) - 1))
+
+
+def _nowhere(result: Result, toolpath: ToolPath, row: int) -> list[Finding]:
+    names = result.paths.trace.files
+    text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
+    return [] if row else [Finding("missed", text, names[0] if names else "", 1)]
+
+
+def _how(
+    wanted: Wanted, row: int, visited: FloatArray, nearest: int, tolerance: float
+) -> tuple[str, str]:
+    """Return kind and words for a tag that was not served."""
+    off = visited[nearest] - wanted.point[row]
+    distance = float(np.linalg.norm(off))
+    anywhere = float(np.linalg.norm(visited - wanted.point[row], axis=1).min())
+    if anywhere <= tolerance:
+        return "order", "the program goes there, but not in the order of the CAM file"
+    if wanted.depth[row] > 0.0:
+        along = float(off @ wanted.axis[row])
+        side = float(np.linalg.norm(off - along * wanted.axis[row]))
+        if side <= 10.0 * tolerance:
+            where = "deeper" if along > 0.0 else "higher"
+            return "depth", f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
+    return "position", f"the program goes no nearer than {distance / MM:.4f} mm"
+
+
+def _tag(toolpath: ToolPath, row: int) -> str:
+    return f"{toolpath.tag_name(row)} (line {int(toolpath.line[row])})"
+
+
+def _more(count: int) -> str:
+    return f", {count} such tags" if count > AT_MOST else ""
+
+
+# ------------------------------------------------------------------------------------- elements
+
+
+def _elements(
+    result: Result,
+    comparison: Comparison,
+    toolpath: ToolPath,
+    tolerance: float,
+    feeds: _Feeds,
+) -> None:
+    """Check lines and arcs between served tags."""
+    served, kind = comparison.served, comparison.wanted.kind
+    rows = np.flatnonzero(np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)))
+    rows = rows[rows > 0]
+    rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
+    rows = rows[kind[rows - 1] != MotionKind.HOLE]
+    step = served[rows] - served[rows - 1]
+    direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
+    direct &= result.paths.trace.way[served[rows]] == Way.LIN
+    comparison.is_cut[served[rows[direct]]] = True
+    feeds.expect_rows(rows[direct], served[rows[direct]])
+    worst: Followed | None = None
+    faults = 0
+    for row in rows[~direct & (step > 0)].tolist():
+        done = follow(
+            _element(toolpath, row),
+            result.paths,
+            int(served[row - 1]) + 1,
+            int(served[row]),
+            tolerance,
+        )
+        comparison.is_cut[list(done.covered)] = True
+        feeds.expect(row, done.covered)
+        if worst is None or done.deviation > worst.deviation:
+            worst = done
+        if done.fault or done.deviation > tolerance:
+            faults += 1
+            if faults <= AT_MOST:
+                text = done.fault or f"{done.deviation / MM:.4f} mm beside the path"
+                result.finding("path", done.motion, f"to tag {_tag(toolpath, row)}: {text}")
+    if worst is not None:
+        result.measure("path", worst.deviation / MM, "mm", worst.motion)
+
+
+def _element(toolpath: ToolPath, row: int) -> Line | Arc:
+    start, end = np.asarray(toolpath.points[row - 1]), np.asarray(toolpath.points[row])
+    number = int(toolpath.arc[row])
+    if toolpath.kind[row] != MotionKind.ARC or number < 0:
+        return Line(start, end)
+    arcs = toolpath.arcs
+    return Arc(start, end, arcs.centre[number], arcs.normal[number], float(arcs.sweep[number]))
+
+
+class _Feeds:
+    """Collects which feed each motion should have, and compares."""
+
+    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell) -> None:
+        self._result = result
+        feed = np.asarray(toolpath.feed)
+        self._feed = np.where(np.isfinite(feed), feed, cell.motion.feed)
+        own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
+        cycle = own[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros(0)
+        is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
+        self._feed = np.where(is_hole & np.isfinite(cycle), cycle, self._feed)
+        self._speed = result.paths.trace.column("speed")
+        self._motions: list[Rows] = []
+        self._wanted: list[FloatArray] = []
+
+    def expect_rows(self, rows: Rows, motions: Rows) -> None:
+        """Expect the feed of each tag (r,) at one motion (r,)."""
+        self._motions.append(np.asarray(motions, dtype=np.int32))
+        self._wanted.append(self._feed[rows])
+
+    def expect(self, row: int, motions: tuple[int, ...]) -> None:
+        """Expect the feed of a tag at all these motions."""
+        if motions:
+            self.expect_rows(np.full(len(motions), row), np.array(motions, dtype=np.int32))
+
+    def report(self) -> None:
+        """Compare and report the worst."""
+        if not self._motions:
+            return
+        motions, wanted = np.concatenate(self._motions), np.concatenate(self._wanted)
+        known = np.isfinite(wanted) & (wanted > 0.0)
+        motions, wanted = motions[known], wanted[known]
+        if not len(motions):
+            return
+        have = self._speed[motions]
+        error = np.abs(have / wanted - 1.0)
+        row = int(error.argmax())
+        self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
+        bad = np.flatnonzero(error > FEED_TOLERANCE)
+        for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
+            more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
+            self._result.finding(
+                "feed",
+                int(motions[place]),
+                f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
+                f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}",
+            )

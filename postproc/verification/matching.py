@@ -1,0 +1,163 @@
+"""Finds, for every point the CAM file asks for, the motion of the program that goes there.
+
+The program may have any layout: more motions (approaches, pecks, re-entries, sub-programs) between
+those of the CAM file, or fewer where the file repeats a point. What must hold is the order. First
+the earliest embedding is tried, which is exact: if the points can be found in order at all within
+the tolerance, it finds them. Only if it fails, all pairs within the tolerance are searched for the
+longest chain that is in order on both sides; what is left over is missing or out of order.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.model.arrays import FloatArray, IntArray
+from postproc.model.toolpath import MotionKind, ToolPath
+
+SAME = 1e-9
+"""Two points of the file nearer than this [m] are one."""
+MAX_PAIRS = 5_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What the CAM file asks for: one row a tag (r = n).
+
+    ``point`` (r, 3) [m] where the tip must go: the bottom of a hole, else the tag; ``axis`` (r, 3)
+    unit, where the tool's axis must point (into the part); ``top`` (r, 3) the tag itself.
+    ``clear``, ``retract``, ``depth`` (r,) [m] of holes, 0 else.
+    """
+
+    point: FloatArray
+    axis: FloatArray
+    top: FloatArray
+    clear: FloatArray
+    retract: FloatArray
+    depth: FloatArray
+    dwell: FloatArray
+    kind: IntArray
+
+    @property
+    def is_hole(self) -> np.ndarray:
+        """(r,) holes with a cycle."""
+        return np.asarray((self.kind == MotionKind.HOLE) & (self.depth + self.clear > 0.0))
+
+
+def wanted_of(toolpath: ToolPath) -> Wanted:
+    """Return what a toolpath asks for."""
+    kind = np.asarray(toolpath.kind)
+    table = np.array(
+        [[c.depth, c.clearance, c.retract, c.dwell] for c in toolpath.cycles] + [[0.0] * 4]
+    )
+    rows = table[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros((0, 4))
+    rows = np.where((kind == MotionKind.HOLE)[:, None], rows, 0.0)
+    outward = np.asarray(toolpath.axes)
+    point = np.asarray(toolpath.points) - outward * rows[:, :1]
+    return Wanted(
+        point=point,
+        axis=-outward,
+        top=np.asarray(toolpath.points),
+        clear=rows[:, 1],
+        retract=rows[:, 2],
+        depth=rows[:, 0],
+        dwell=rows[:, 3],
+        kind=np.asarray(kind, dtype=np.int32),
+    )
+
+
+def match(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray:
+    """Return for each wanted point the index of the visited point that serves it, or -1.
+
+    Args:
+        wanted: (r, 3) [m] in order; repeated points may share a visit.
+        visited: (v, 3) [m] in order.
+        tolerance: [m].
+
+    Returns:
+        (r,) not falling where >= 0.
+    """
+    if not len(wanted) or not len(visited):
+        return np.full(len(wanted), -1, dtype=np.int32)
+    new = np.r_[True, np.linalg.norm(np.diff(wanted, axis=0), axis=1) > SAME]
+    distinct = wanted[new]
+    found = _earliest(distinct, visited, tolerance)
+    if found is None:
+        found = _longest_chain(distinct, visited, tolerance)
+    return np.asarray(found[np.cumsum(new) - 1], dtype=np.int32)
+
+
+def _earliest(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray | None:
+    """Return the earliest visits in order, None if a point has none behind the one before."""
+    limit = tolerance * tolerance
+    found = np.empty(len(wanted), dtype=np.int32)
+    at, count = 0, len(visited)
+    x, y, z = (column.tolist() for column in visited.T)
+    for row, (a, b, c) in enumerate(wanted.tolist()):
+        while at < count:
+            d, e, f = x[at] - a, y[at] - b, z[at] - c
+            if d * d + e * e + f * f <= limit:
+                break
+            at += 1
+        else:
+            return None
+        found[row] = at
+        at += 1
+    return found
+
+
+def _longest_chain(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray:
+    """Return the visits of the longest common subsequence of points within the tolerance."""
+    rows, visits = _pairs(wanted, visited, tolerance)
+    tails: list[int] = []
+    tail_pairs: list[int] = []
+    before = np.full(len(rows), -1, dtype=np.int64)
+    # Within a row visits fall, so that no two pairs of a row can stand in one chain.
+    for pair, visit in enumerate(visits.tolist()):
+        place = bisect_left(tails, visit)
+        if place == len(tails):
+            tails.append(visit)
+            tail_pairs.append(pair)
+        else:
+            tails[place], tail_pairs[place] = visit, pair
+        before[pair] = tail_pairs[place - 1] if place else -1
+    found = np.full(len(wanted), -1, dtype=np.int32)
+    pair = tail_pairs[-1] if tail_pairs else -1
+    while pair >= 0:
+        found[rows[pair]] = visits[pair]
+        pair = int(before[pair])
+    return found
+
+
+def _pairs(
+    wanted: FloatArray, visited: FloatArray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and visits of all pairs within the tolerance, by row, visits falling."""
+    from scipy.spatial import cKDTree
+
+    tree, other = cKDTree(wanted), cKDTree(visited)
+    if tree.count_neighbors(other, tolerance) > MAX_PAIRS:
+        # The path comes back to the same places over and over: keep the nearest in sequence.
+        return _few_pairs(wanted, visited, tolerance)
+    near = tree.query_ball_tree(other, tolerance)
+    counts = np.array([len(item) for item in near])
+    rows = np.repeat(np.arange(len(wanted)), counts)
+    visits = np.array([v for item in near for v in sorted(item, reverse=True)], dtype=np.int64)
+    return rows, visits
+
+
+def _few_pairs(
+    wanted: FloatArray, visited: FloatArray, tolerance: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs near the diagonal of equal progress only."""
+    rows, visits = [], []
+    share = len(visited) / len(wanted)
+    for row, point in enumerate(wanted):
+        low = max(0, int(row * share) - 100)
+        window = visited[low : low + 201]
+        close = np.flatnonzero(np.linalg.norm(window - point, axis=1) <= tolerance)
+        visits += (low + close[::-1]).tolist()
+        rows += [row] * len(close)
+    return np.array(rows, dtype=np.int64), np.array(visits, dtype=np.int64)

@@ -1,0 +1,112 @@
+"""The answer of a verification."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from postproc.units import DEG, MM
+from postproc.verification.trace import Finding
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """Something that the program must not do, and where it does it."""
+
+    line: int
+    kind: str
+    detail: str
+    file: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of the JSON document."""
+        return {"line": self.line, "kind": self.kind, "detail": self.detail, "file": self.file}
+
+    def __str__(self) -> str:
+        """Return ``FILE:LINE: kind: detail``."""
+        return f"{self.file}:{self.line}: {self.kind}: {self.detail}"
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The worst value of one measure and the line it belongs to; ``unit`` as in files."""
+
+    value: float
+    unit: str
+    file: str
+    line: int
+    detail: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of the JSON document."""
+        return {
+            "value": round(self.value, 6),
+            "unit": self.unit,
+            "file": self.file,
+            "line": self.line,
+            "detail": self.detail,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class VerifyReport:
+    """What a program does on the robot model, and how far it is what the CAM file asks for.
+
+    Args:
+        program: name; points: executed motions.
+        violations: what makes the program bad; warnings: what does not.
+        cycle_time: estimate [s].
+        worst: the worst value of each measure.
+        position_error: largest distance of a CAM point from where the program goes [m]; axis_error:
+            largest angle of the tool axis there [rad]; both None without a CAM file.
+        tags: CAM points; matched: those that were passed, in order.
+    """
+
+    program: str
+    points: int
+    violations: tuple[Violation, ...]
+    warnings: tuple[Violation, ...] = ()
+    cycle_time: float = 0.0
+    worst: Mapping[str, Worst] = field(default_factory=dict)
+    position_error: float | None = None
+    axis_error: float | None = None
+    tags: int | None = None
+    matched: int | None = None
+    collisions_checked: bool = False
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing stands against the program."""
+        return not self.violations
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the ``postproc.verify/1`` document."""
+        position, axis = self.position_error, self.axis_error
+        return {
+            "schema": "postproc.verify/1",
+            "program": self.program,
+            "ok": self.ok,
+            "points": self.points,
+            "tags": self.tags,
+            "matched": self.matched,
+            "max_position_error_mm": None if position is None else round(position / MM, 6),
+            "max_axis_error_deg": None if axis is None else round(axis / DEG, 6),
+            "violations": [item.to_dict() for item in self.violations],
+            "warnings": [item.to_dict() for item in self.warnings],
+            "worst": {name: item.to_dict() for name, item in sorted(self.worst.items())},
+            "collisions_checked": self.collisions_checked,
+            "cycle_time_s": round(self.cycle_time, 3),
+        }
+
+
+def split_findings(
+    findings: list[Finding],
+) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
+    """Return violations and warnings, each once, by file and line."""
+    parts: tuple[list[Violation], list[Violation]] = ([], [])
+    for item in dict.fromkeys(findings):
+        violation = Violation(item.line, item.kind, item.detail, item.file)
+        parts[0 if item.is_error else 1].append(violation)
+    first, second = (tuple(sorted(p, key=lambda v: (v.file, v.line, v.kind))) for p in parts)
+    return first, second

@@ -1,0 +1,269 @@
+"""Verify a program from its text: run it on the robot model, compare it with the CAM file.
+
+Nothing of the planner or the emitter is used: text in, answer out. Kinds of violations:
+
+- ``structure``, ``endless``: the program does not run; ``frame``: tool or base unknown or not the
+  cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``: a motion that cannot be run;
+- ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
+- against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
+  ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from postproc.errors import KrlError, SourceRef
+from postproc.frames import rotation_angle
+from postproc.kinematics.model import Kinematics, build
+from postproc.krl.expression import Reference, parse_expression
+from postproc.krl.parse import parse_module, require_sound
+from postproc.krl.program import (
+    Assign,
+    Axes,
+    Call,
+    Interrupt,
+    KrlModule,
+    Pose,
+    Statement,
+    Trigger,
+)
+from postproc.model.cell import Cell
+from postproc.model.toolpath import ToolPath
+from postproc.units import DEG, MM
+from postproc.verification.checks import (
+    Result,
+    check_blending,
+    check_joints,
+    check_speeds,
+    cycle_time,
+)
+from postproc.verification.collisions import check_collisions
+from postproc.verification.compare import Comparison, Tolerances, compare
+from postproc.verification.interpreter import World, run
+from postproc.verification.motion import joint_paths, joints_at_end
+from postproc.verification.process import check_events
+from postproc.verification.report import VerifyReport, split_findings
+from postproc.verification.runtime import pose_of
+from postproc.verification.trace import Trace, Way
+
+Progress = Callable[[int, int, str], None]
+_SAME_FRAME = 0.005 * MM
+_SAME_TURN = 0.002 * DEG
+
+
+def verify(
+    src_path: str | Path,
+    cell: Cell,
+    toolpath: ToolPath | None = None,
+    tolerances: Tolerances | None = None,
+    collisions: bool = True,
+    progress: Progress | None = None,
+) -> VerifyReport:
+    """Verify a program on disk with the modules beside it that it calls.
+
+    Args:
+        src_path: the .src file to start.
+        cell: robot, tool, workpiece, solids, margins.
+        toolpath: the CAM file it was made from; None: only what the program says by itself.
+        tolerances: of the comparison.
+        collisions: search for collisions along the motions, if the cell has solids.
+        progress: called with (done, total, what).
+
+    Raises:
+        KrlError: if a file is no KRL that could run.
+        ReadError: if the file is missing.
+    """
+    modules = load_program(src_path)
+    return verify_modules(
+        modules, modules[0].name, cell, toolpath, tolerances, collisions, progress
+    )
+
+
+def load_program(src_path: str | Path) -> tuple[KrlModule, ...]:
+    """Return a module and those in the same folder that it calls or that set its frames.
+
+    Raises:
+        KrlError: if a file is no KRL; KRL008 if the file has no routine.
+    """
+    path = Path(src_path)
+    main = parse_module(path)
+    if not main.routines:
+        raise KrlError("KRL008", "no routine to run, expected a .src file", SourceRef(str(path)))
+    folder = {
+        other.stem.upper(): other
+        for other in sorted(path.parent.glob("*"))
+        if other.suffix.lower() == ".src" and other.is_file()
+    }
+    found = {main.name.upper(): main}
+    waiting = [main]
+    while waiting:
+        for name in sorted(called_names(waiting.pop())):
+            if name in folder and name not in found:
+                found[name] = parse_module(folder[name])
+                waiting.append(found[name])
+    for name, other in folder.items():
+        if name not in found and name.endswith("_SETUP") and _sets_frames(other):
+            found[name] = parse_module(other)
+    return tuple(found.values())
+
+
+def called_names(module: KrlModule) -> set[str]:
+    """Return the names, in upper case, of all routines that a module calls."""
+    names: set[str] = set()
+    for routine in module.routines:
+        names |= set(_calls(routine.statements))
+    return names
+
+
+def _calls(statements: Iterable[Statement]) -> Iterable[str]:
+    for statement in statements:
+        if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+            yield from _calls((statement.action,))
+        elif isinstance(statement, Call):
+            yield statement.name.upper()
+
+
+def _sets_frames(path: Path) -> bool:
+    content = path.read_bytes()
+    return b"TOOL_DATA[" in content or b"BASE_DATA[" in content
+
+
+def verify_modules(
+    modules: Sequence[KrlModule],
+    name: str,
+    cell: Cell,
+    toolpath: ToolPath | None = None,
+    tolerances: Tolerances | None = None,
+    collisions: bool = True,
+    progress: Progress | None = None,
+) -> VerifyReport:
+    """Verify modules that have been read; arguments as ``verify``, ``name``: the one to start.
+
+    Raises:
+        KrlError: if a module could not be loaded by a controller.
+    """
+    require_sound(modules)
+    report = progress or (lambda done, total, what: None)
+    kinematics = build(cell.robot)
+    report(0, 4, "run")
+    trace = run(modules, name, kinematics, world_of(modules, cell, kinematics))
+    report(1, 4, "kinematics")
+    paths = joint_paths(trace, cell, kinematics)
+    result = Result(paths, [*trace.findings, *paths.findings])
+    _check_frames(result, trace, cell)
+    _check_circles(result)
+    check_joints(result, cell, kinematics)
+    check_blending(result)
+    report(2, 4, "comparison")
+    comparison = None
+    if toolpath is not None:
+        comparison = compare(result, cell, toolpath, tolerances or Tolerances())
+        check_events(result, cell, toolpath, comparison.served)
+    is_cut = comparison.is_cut if comparison is not None else None
+    check_speeds(result, cell, is_cut)
+    report(3, 4, "collisions")
+    checked = collisions and check_collisions(result, cell, kinematics, is_cut)
+    return _report(name, result, cell, comparison, checked)
+
+
+def _report(
+    name: str, result: Result, cell: Cell, comparison: Comparison | None, checked: bool
+) -> VerifyReport:
+    violations, warnings = split_findings(result.findings)
+    paths = result.paths
+    position = axis = tags = matched = None
+    if comparison is not None:
+        position = float(np.max(comparison.position_error, initial=0.0))
+        axis = float(np.max(comparison.axis_error, initial=0.0))
+        tags, matched = len(comparison.served), int((comparison.served >= 0).sum())
+    return VerifyReport(
+        program=name,
+        points=len(paths),
+        violations=violations,
+        warnings=warnings,
+        cycle_time=cycle_time(paths, cell),
+        worst=result.worst,
+        position_error=position,
+        axis_error=axis,
+        tags=tags,
+        matched=matched,
+        collisions_checked=checked,
+    )
+
+
+# --------------------------------------------------------------------------------------- the cell
+
+
+def world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) -> World:
+    """Return what the program finds on the controller of a cell.
+
+    Frames that a set-up module among the modules enters count; else those of the cell.
+    """
+    tools = {cell.tool.number: pose_of(cell.tool.T_flange_tcp)}
+    T_world_base = cell.robot.T_world_robroot @ cell.workpiece.T_robroot_base
+    bases = {cell.workpiece.number: pose_of(T_world_base)}
+    for module in modules:
+        for routine in module.routines:
+            for statement in routine.statements:
+                if isinstance(statement, Assign) and isinstance(statement.value, Pose):
+                    _set_up(statement, tools, bases)
+    points: dict[str, Pose | Axes] = {}
+    if cell.motion.home is not None:
+        a1, a2, a3, a4, a5, a6 = (float(v) / DEG for v in cell.motion.home)
+        points = dict.fromkeys(("XHOME", "HOME"), Axes(a1, a2, a3, a4, a5, a6))
+    return World(
+        tools,
+        bases,
+        points,
+        np.asarray(cell.robot.T_world_robroot),
+        lambda trace: joints_at_end(trace, cell, kinematics),
+    )
+
+
+def _set_up(statement: Assign, tools: dict[int, Pose], bases: dict[int, Pose]) -> None:
+    name = statement.target.upper()
+    if not name.startswith(("TOOL_DATA[", "BASE_DATA[")):
+        return
+    node = parse_expression(statement.target)
+    index = node.selectors[0] if isinstance(node, Reference) and node.selectors else ()
+    if len(index) == 1 and isinstance(index[0], int) and isinstance(statement.value, Pose):
+        (tools if name.startswith("TOOL") else bases)[index[0]] = statement.value
+
+
+def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
+    """Compare tool and base of every path motion with those of the cell."""
+    expected = (
+        ("tool", "tool", trace.tools, cell.tool.T_flange_tcp, cell.tool.number),
+        ("base", "base", trace.bases, cell.T_robroot_base, cell.workpiece.number),
+    )
+    cartesian = ~trace.is_axes
+    for what, field_name, frames, T, number in expected:
+        rows = trace.column(field_name).astype(np.int64)
+        for row in np.unique(rows[cartesian]).tolist():
+            off = float(np.linalg.norm(frames[row][:3, 3] - T[:3, 3]))
+            turned = float(rotation_angle(frames[row][:3, :3], T[:3, :3]))
+            first = int(np.flatnonzero(cartesian & (rows == row))[0])
+            if off > _SAME_FRAME or turned > _SAME_TURN:
+                used = int(trace.column(f"{what}_number")[first])
+                result.finding(
+                    "frame",
+                    first,
+                    f"{what} {used if used >= 0 else 'frame'} is {off / MM:.3f} mm and "
+                    f"{turned / DEG:.3f} deg off {what} {number} of the cell",
+                )
+
+
+def _check_circles(result: Result) -> None:
+    curves = result.paths.curves
+    for row in curves.bad_circles[:20].tolist():
+        result.finding("circle", int(row), "start, auxiliary point and end are on no circle")
+    missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
+    for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
+        result.finding("circle", int(row), "a circular motion without an auxiliary point")
+
+
+__all__ = ["Tolerances", "load_program", "verify", "verify_modules"]
