@@ -12,7 +12,7 @@ INSTRUCTION = re.compile(
     r"(?:PTP|LIN|CIRC|SPTP|SLIN|SCIRC|SPL)\b .+"
     r"|SPLINE(?: WITH .+)?|ENDSPLINE(?: C_SPL)?"
     r"|[$A-Z_][$\w.\[\]]*=.+"
-    r"|[A-Z]\w*\(.*\)"
+    r"|[A-Za-z_]\w*\(.*\)"
     r"|WAIT SEC \d+\.\d+"
     r"|TRIGGER WHEN (?:DISTANCE|PATH)=0(?: ONSTART)? DELAY=0 DO \w+\(.*\) PRIO=-1"
     r"|GLOBAL INTERRUPT DECL 3 WHEN \$STOPMESS==TRUE DO IR_STOPM\(\)|INTERRUPT ON 3"
