@@ -96,14 +96,20 @@ class Kinematics:
         """Return all branches of each pose.
 
         Args:
-            T_robroot_flange: (n, 4, 4) or (4, 4) [m]; rotations must be orthonormal.
+            T_robroot_flange: (n, 4, 4) or (4, 4) [m]; rotations must be orthonormal. A pose
+                that holds nan or inf is not reachable.
 
         Returns:
             q (n, 8, 6) [rad]: principal values in [-pi, pi], NaN where not reachable; valid (n, 8):
             reachable, limits not asked. Slot = overhead + 2 elbow + 4 wrist.
         """
-        T = np.asarray(T_robroot_flange, dtype=np.float64)
-        return self.solver.solve(T.reshape(-1, 4, 4))
+        T = np.asarray(T_robroot_flange, dtype=np.float64).reshape(-1, 4, 4)
+        is_number = np.isfinite(T).all(axis=(1, 2))
+        if is_number.all():
+            return self.solver.solve(T)
+        q, valid = np.full((len(T), 8, 6), np.nan), np.zeros((len(T), 8), dtype=np.bool_)
+        q[is_number], valid[is_number] = self.solver.solve(T[is_number])
+        return q, valid
 
     def slot(self, q: ArrayLike) -> IntArray:
         """Return the branch slot (...,) 0..7 of joint angles (..., 6)."""

@@ -193,3 +193,14 @@ def test_results_do_not_depend_on_how_poses_are_grouped():
         np.testing.assert_array_equal(alone[0], whole[i])
         np.testing.assert_array_equal(valid_alone[0], valid[i])
     assert KR500.ik(np.zeros((0, 4, 4)))[0].shape == (0, 8, 6)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_a_pose_that_is_no_number_has_no_branch_and_spoils_no_other(wrong):
+    T = KR500.fk(np.random.default_rng(8).uniform(-2.0, 2.0, (4, 6)))
+    good, _ = KR500.ik(T)
+    T[1, 0, 3] = T[2, 1, 1] = wrong
+    branches, valid = KR500.ik(T)
+    assert not valid[1:3].any()
+    assert np.isnan(branches[1:3]).all()
+    np.testing.assert_array_equal(branches[[0, 3]], good[[0, 3]])
