@@ -264,3 +264,17 @@ def test_programs_of_a_batch_have_different_names():
     all_names = [module.name.upper() for modules in written for module in modules]
     assert len(set(all_names)) == len(all_names)
     assert names.mapping == (("A b", "A_b"), ("A b", "A_b_2"), ("A b", "A_b_3"))
+
+
+def test_moves_that_serve_no_tag_name_no_line():
+    moves = [{"kind": MoveKind.PTP, "tag": -1}, {"tag": 0}, {"kind": MoveKind.PTP, "tag": -1}]
+    path = plans.toolpath(1, operations=("only",))
+    lines = texts.lines(write(plans.plan(moves, path=path)), "TEST.src")
+    found = [line for line in lines if texts.MOTION.match(line) or "OPERATION" in line]
+    assert [line.partition(";")[2][:10] for line in found] == [
+        "",
+        "FOLD OPERA",
+        " CAM line ",
+        "ENDFOLD (O",
+        "",
+    ]
