@@ -7,7 +7,7 @@ A point ``P1`` owns ``XP1`` (its position) and, in a form, ``FP1`` (tool and bas
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from postproc.krl.names import NameAllocator
 from postproc.krl.program import (
@@ -35,12 +35,13 @@ class PointStore:
 
     Args:
         status_turn: S and T of the posture in which a move ends.
-        point_name: the CAM system's name of the point a move goes to, empty without one.
+        point_name: the CAM system's name of the point a move goes to, empty without one; None
+            where the CAM file names no points.
         tool: number of the tool, base: of the base, for FDAT.
     """
 
     status_turn: StatusTurn
-    point_name: Callable[[int], str]
+    point_name: Callable[[int], str] | None
     tool: int
     base: int
     declarations: list[Statement] = field(default_factory=list)
@@ -96,14 +97,14 @@ class PointStore:
     def _point(self, index: int, target: Pose | Axes) -> str:
         self._count += 1
         name = f"P{self._count}"
-        wanted = self.point_name(index)
-        if wanted or not self._names.is_free(name):
-            name = self._names.allocate(wanted or name, prefix="X", fallback="P")
-        else:
-            self._names.reserve((name,))
+        if self.point_name is not None:
+            wanted = self.point_name(index) or name
+            name = self._names.allocate(wanted, prefix="X", fallback="P")
         if isinstance(target, Pose):
             status, turn = self.status_turn(index)
-            self._declare("E6POS", f"X{name}", replace(target, status=status, turn=turn))
+            t = target  # not dataclasses.replace: there may be a hundred thousand of them
+            full = Pose(t.x_mm, t.y_mm, t.z_mm, t.a_deg, t.b_deg, t.c_deg, status, turn, t.external)
+            self._declare("E6POS", f"X{name}", full)
         else:
             self._declare("E6AXIS", f"X{name}", target)
         return name

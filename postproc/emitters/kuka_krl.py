@@ -147,8 +147,12 @@ class _Program:
 
     def _writer(self, part: Part) -> PartWriter:
         cell, style = self.cell, self.style
+        is_named = self.plan.toolpath.names is not None
         points = PointStore(
-            self._status_turn, self._point_name, cell.tool.number, cell.workpiece.number
+            self._status_turn,
+            self._point_name if is_named else None,
+            cell.tool.number,
+            cell.workpiece.number,
         )
         forms = FormWriter(points, style.kss) if style.motion == "forms" else None
         return PartWriter(
