@@ -16,17 +16,20 @@ from postproc.model.plan import Plan
 from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import evaluate
 from postproc.planning.feasible import Checker
+from postproc.planning.ladder import Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.place import place
 from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
 from postproc.planning.settings import PlanOptions, settle
-from postproc.planning.strategy import choose
+from postproc.planning.strategy import choose, step_rules
 from postproc.planning.stroke import strokes_of, with_touched_points
 
 __all__ = ["PlanOptions", "plan"]
 
 Progress = Callable[[int, int, str], None]
+_ON_AXIS = 1e-6
+_DROPS = 20
 
 
 def plan(
@@ -69,11 +72,41 @@ def plan(
     clock.lap("place")
     chosen, issues, record = choose(checker, clock.step)
     clock.lap("search")
-    routed = route(checker, chosen)
+    routed, dropped = _routed(checker, chosen, partial=options.partial)
     clock.lap("route")
-    issues = [*_notes(problem), *issues, *routed.issues]
+    issues = [*_notes(checker), *issues, *dropped, *routed.issues]
     result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
-    return replace(result, toolpath=toolpath)
+    return replace(result, toolpath=toolpath, clearance=_clearance(checker, chosen, options))
+
+
+def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Issue]]:
+    """Return the route; with ``partial`` the stretches that cannot be got to are left out."""
+    dropped: list[Issue] = []
+    for _ in range(_DROPS):
+        routed = route(checker, chosen)
+        stuck = [issue for issue in routed.issues if issue.severity is Severity.ERROR]
+        if not partial or not stuck:
+            break
+        dropped += stuck
+        rule = step_rules(checker.problem)
+        for issue in stuck:
+            tag = issue.tag_index or 0
+            chosen.good[tag] = False
+            while tag + 1 < len(rule) and rule[tag + 1] == Rule.CHAIN:
+                tag += 1
+                chosen.good[tag] = False
+            chosen.entry[tag + 1 : tag + 2] = True
+    return routed, dropped
+
+
+def _clearance(checker: Checker, chosen: Chosen, options: PlanOptions) -> FloatArray:
+    """Return the smallest distance (n,) [m] at every tag, NaN where not asked for."""
+    result = np.full(len(chosen.good), np.nan)
+    tags = np.nonzero(chosen.good)[0]
+    if options.clearance and checker.scene is not None and len(tags):
+        contact = checker.problem.is_contact[tags]
+        result[tags] = checker.scene.clearance(chosen.q[tags], contact)
+    return result
 
 
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
@@ -82,8 +115,31 @@ def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
     return Scene.build(problem.cell, problem.kinematics)
 
 
-def _notes(problem: Problem) -> list[Issue]:
-    return [Issue(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
+def _notes(checker: Checker) -> list[Issue]:
+    """Return what the user should know about the cell."""
+    problem = checker.problem
+    notes = [Issue(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
+    if _is_coaxial(problem):
+        notes.append(
+            Issue(
+                Severity.WARNING,
+                "PLN303",
+                "the tool axis lies on the axis of A6: turning the tool about it moves A6 only and "
+                "gains no stiffness",
+                hint="an angle head or a tool across the flange makes the turn worth something",
+            )
+        )
+    return notes + list(checker.scene.issues if checker.scene is not None else ())
+
+
+def _is_coaxial(problem: Problem) -> bool:
+    """Return whether a turn about the tool axis is a turn of the last joint alone."""
+    T_flange_tcp = np.asarray(problem.cell.tool.T_flange_tcp)
+    q = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
+    last = problem.kinematics.jacobian(q, T_flange_tcp[:3, 3])[:, 5]
+    T = problem.kinematics.fk(q) @ T_flange_tcp
+    along = np.cross(last[3:], T[:3, :3] @ problem.placement.tool_axis)
+    return bool(np.linalg.norm(last[:3]) < _ON_AXIS and np.linalg.norm(along) < _ON_AXIS)
 
 
 def _assembled(

@@ -7,12 +7,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.errors import Issue
+from postproc.frames import inverse
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind, MotionKind
-from postproc.planning.connect import Detour, Ends, detours
+from postproc.planning.connect import Detour, Ends, detours, rrt_connect
 from postproc.planning.cuts import cut_moves
-from postproc.planning.drill import ARRIVE, hole_moves
+from postproc.planning.drill import ARRIVE, LEAVE, hole_moves
 from postproc.planning.explain import failure
 from postproc.planning.feasible import Checker, Lines, Reason, Verdict
 from postproc.planning.ladder import IndexArray
@@ -22,6 +23,7 @@ from postproc.planning.speeds import Timed, timed
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
+_HOME = -1000
 
 
 @dataclass(slots=True)
@@ -44,6 +46,7 @@ def route(checker: Checker, chosen: Chosen) -> Route:
     arrives, leaves = _ends(problem, checker, chosen)
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
+    parts += _home(checker, chosen, arrives, issues)
     table = in_order(parts)
     ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, issues)
@@ -80,6 +83,45 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
     return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
 
 
+def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) -> list[Moves]:
+    """Return the moves from home to the first tag's approach and from the last back home."""
+    problem = checker.problem
+    tags = np.nonzero(chosen.good)[0]
+    if problem.cell.motion.home is None or not len(tags):
+        return []
+    home = np.asarray(problem.cell.motion.home)
+    parts = []
+    for tag, way, order in (
+        (int(tags[0]), (home, q[tags[0]]), _HOME),
+        (int(tags[-1]), (q[tags[-1]], home), LEAVE + 1),
+    ):
+        between = _free_way(checker, *way)
+        if between is None:
+            detail = "no free way was found between home and here"
+            issues.append(failure(problem, tag, Reason.COLLISION, detail))
+            between = np.zeros((0, 6))
+        points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
+        role = np.full(len(points), MoveRole.RAPID)
+        role[:1] = MoveRole.ENTRY if order == _HOME else MoveRole.RAPID
+        k = len(points)
+        where, numbers = np.full(k, tag), order + np.arange(k)
+        T_base_tcp = _poses(problem, points)
+        parts.append(moves(where, numbers, MoveKind.PTP, role, T_base_tcp, points))
+    return parts
+
+
+def _free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
+    if checker.joint_moves(start[None], goal[None]).good[0]:
+        return np.zeros((0, 6))
+    return rrt_connect(checker, start, goal)
+
+
+def _poses(problem: Problem, q: FloatArray) -> FloatArray:
+    """Return T_base_tcp (k, 4, 4) of joints (k, 6)."""
+    T_robroot_tcp = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
+    return np.asarray(inverse(problem.placement.T_robroot_base) @ T_robroot_tcp)
+
+
 def _connections(
     problem: Problem,
     checker: Checker,
@@ -89,10 +131,10 @@ def _connections(
     leaves: FloatArray,
 ) -> tuple[Ends, IndexArray]:
     """Return the ends of all joint moves but the first, and their rows in the table."""
-    arriving = np.nonzero(table.kind == MoveKind.PTP)[0]
-    arriving = arriving[arriving > 0]
-    to = table.tag[arriving]
     good = np.nonzero(chosen.good)[0]
+    arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
+    arriving = arriving[table.tag[arriving] > good.min(initial=len(chosen.good))]
+    to = table.tag[arriving]
     before = good[np.searchsorted(good, to) - 1]
     top = checker.strokes.top
     return Ends(before, to, top[before], top[to], leaves[before], arrives[to]), arriving
@@ -161,13 +203,7 @@ def _detour_moves(
         table.kind[arriving[row]] = MoveKind.LIN
         table.speed[arriving[row]] = problem.settings.rapid_speed
         table.role[arriving[row]] = MoveRole.APPROACH
-    place = problem.placement
-    T_robroot_flange = problem.kinematics.fk(way.q)
-    T_base_tcp = (
-        np.linalg.inv(place.T_robroot_base)
-        @ T_robroot_flange
-        @ np.asarray(problem.cell.tool.T_flange_tcp)
-    )
+    T_base_tcp = _poses(problem, way.q)
     k = len(way.q)
     return moves(
         np.full(k, tag),

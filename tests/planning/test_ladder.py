@@ -11,7 +11,7 @@ import pytest
 from postproc.planning.ladder import NONE, Ladder, Rule
 
 
-def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1):
+def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1, width=2.5):
     sizes = rng.integers(least, most + 1, rungs)
     offsets = np.concatenate([[0], np.cumsum(sizes)])
     states = int(offsets[-1])
@@ -19,7 +19,7 @@ def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1):
     cost[rng.uniform(size=states) < dead] = np.inf
     return Ladder(
         offsets=offsets,
-        position=rng.uniform(-2.5, 2.5, (states, 6)),
+        position=rng.uniform(-width, width, (states, 6)),
         cost=cost,
         group=rng.integers(0, 2, states),
         rule=np.where(rng.uniform(size=rungs) < chain, Rule.CHAIN, Rule.FREE),
@@ -68,8 +68,7 @@ def test_equals_enumeration(seed):
 
 def test_equals_networkx():
     rng = np.random.default_rng(5)
-    ladder = random_ladder(rng, rungs=30, most=25, dead=0.2, chain=0.2, least=12)
-    ladder.position *= 0.6
+    ladder = random_ladder(rng, rungs=30, most=25, dead=0.2, chain=0.2, least=12, width=1.5)
     graph = nx.DiGraph()
     for i in range(len(ladder)):
         now = range(ladder.offsets[i], ladder.offsets[i + 1])
