@@ -56,12 +56,14 @@ class Tolerances:
 class Comparison:
     """What the comparison found.
 
-    ``served`` (n,): motion that goes to each tag, -1 for none; ``is_cut`` (m,): motions that cut;
+    ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
+    may be meant; ``is_cut`` (m,): motions that cut;
     ``position_error`` (n,) [m], ``axis_error`` (n,) [rad].
     """
 
     wanted: Wanted
     served: Rows
+    latest: Rows
     is_cut: BoolArray
     position_error: FloatArray
     axis_error: FloatArray
@@ -78,11 +80,14 @@ def compare(result: Result, cell: Cell, toolpath: ToolPath, tolerances: Toleranc
     """
     paths = result.paths
     wanted = wanted_of(toolpath)
-    served = match(wanted.point, _visited(paths), tolerances.position)
+    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    visits = match(wanted.point, _visited(paths), tolerances.position, own)
+    served = visits.first
     n = len(toolpath)
     comparison = Comparison(
         wanted,
         served,
+        visits.last,
         np.zeros(len(paths), dtype=np.bool_),
         np.zeros(n),
         np.zeros(n),

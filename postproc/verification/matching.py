@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.model.arrays import FloatArray, IntArray
+from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.toolpath import MotionKind, ToolPath
 
 SAME = 1e-9
@@ -68,25 +68,45 @@ def wanted_of(toolpath: ToolPath) -> Wanted:
     )
 
 
-def match(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray:
-    """Return for each wanted point the index of the visited point that serves it, or -1.
+@dataclass(frozen=True, slots=True)
+class Visits:
+    """Which motion goes to each wanted point: ``first`` and ``last`` (r,) possible, -1 for none.
+
+    A place that the program passes more than once may serve a point early or late; both are in
+    order with all others.
+    """
+
+    first: IntArray
+    last: IntArray
+
+
+def match(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, is_own: BoolArray | None = None
+) -> Visits:
+    """Return for each wanted point which visited point serves it.
 
     Args:
-        wanted: (r, 3) [m] in order; repeated points may share a visit.
+        wanted: (r, 3) [m] in order.
         visited: (v, 3) [m] in order.
         tolerance: [m].
-
-    Returns:
-        (r,) not falling where >= 0.
+        is_own: (r,) points that need a visit of their own (the end of a full circle); any other
+            point that repeats the one before shares its visit. None: no such points.
     """
     if not len(wanted) or not len(visited):
-        return np.full(len(wanted), -1, dtype=np.int32)
+        nothing = np.full(len(wanted), -1, dtype=np.int32)
+        return Visits(nothing, nothing)
     new = np.r_[True, np.linalg.norm(np.diff(wanted, axis=0), axis=1) > SAME]
+    if is_own is not None:
+        new |= is_own
     distinct = wanted[new]
+    group = np.cumsum(new) - 1
     found = _earliest(distinct, visited, tolerance)
     if found is None:
         found = _longest_chain(distinct, visited, tolerance)
-    return np.asarray(found[np.cumsum(new) - 1], dtype=np.int32)
+        return Visits(found[group], found[group])
+    latest = _earliest(distinct[::-1], visited[::-1], tolerance)
+    last = found if latest is None else np.asarray(len(visited) - 1 - latest[::-1], dtype=np.int32)
+    return Visits(found[group], last[group])
 
 
 def _earliest(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray | None:

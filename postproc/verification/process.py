@@ -56,7 +56,9 @@ def hook_names(cell: Cell) -> dict[str, str]:
     return {kind: str(name).upper() for kind, name in names.items()}
 
 
-def check_events(result: Result, cell: Cell, toolpath: ToolPath, served: Rows) -> None:
+def check_events(
+    result: Result, cell: Cell, toolpath: ToolPath, served: Rows, latest: Rows
+) -> None:
     """Compare the events of a program with those of its CAM file.
 
     Args:
@@ -64,8 +66,9 @@ def check_events(result: Result, cell: Cell, toolpath: ToolPath, served: Rows) -
         cell: names of the routines.
         toolpath: what was asked for.
         served: (n,) motion that goes to each tag, -1 for none.
+        latest: (n,) the last one that may be meant.
     """
-    spans = _Spans(served, len(result.paths))
+    spans = _Spans(served, latest, len(result.paths))
     names = hook_names(cell)
     for kind in _COUNTED:
         asked = [event for event in toolpath.events if event.kind is kind]
@@ -88,10 +91,10 @@ def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
 class _Spans:
     """Where in the program an event of the file belongs."""
 
-    def __init__(self, served: Rows, count: int) -> None:
+    def __init__(self, served: Rows, latest: Rows, count: int) -> None:
         known = np.where(served >= 0, served, -1)
         self._before = np.r_[0, np.maximum.accumulate(known) + 1] if len(known) else np.zeros(1)
-        later = np.where(served >= 0, served, count)
+        later = np.where(latest >= 0, latest, count)
         behind = np.minimum.accumulate(later[::-1])[::-1] if len(later) else later
         self._behind = np.r_[behind, count]
 

@@ -3,7 +3,8 @@
 Nothing of the planner or the emitter is used: text in, answer out. Kinds of violations:
 
 - ``structure``, ``endless``: the program does not run; ``frame``: tool or base unknown or not the
-  cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``: a motion that cannot be run;
+  cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``, ``half_turn``: a motion
+  that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``.
@@ -53,6 +54,8 @@ from postproc.verification.trace import Trace, Way
 Progress = Callable[[int, int, str], None]
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
+HALF_TURN = 179.5 * DEG
+"""From here on digits decide which way round the orientation turns."""
 
 
 def verify(
@@ -162,7 +165,7 @@ def verify_modules(
     comparison = None
     if toolpath is not None:
         comparison = compare(result, cell, toolpath, tolerances or Tolerances())
-        check_events(result, cell, toolpath, comparison.served)
+        check_events(result, cell, toolpath, comparison.served, comparison.latest)
     is_cut = comparison.is_cut if comparison is not None else None
     check_speeds(result, cell, is_cut)
     report(3, 4, "collisions")
@@ -258,7 +261,13 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
 
 
 def _check_circles(result: Result) -> None:
+    """Report motions whose curve the text does not fix: bad circles, half turns of the tool."""
     curves = result.paths.curves
+    half = np.flatnonzero(result.paths.trace.is_cp & (curves.turn > HALF_TURN))
+    for row in half[:20].tolist():
+        result.finding(
+            "half_turn", row, "the tool turns by 180 deg: the controller may turn it either way"
+        )
     for row in curves.bad_circles[:20].tolist():
         result.finding("circle", int(row), "start, auxiliary point and end are on no circle")
     missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
