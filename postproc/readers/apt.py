@@ -8,6 +8,7 @@ A file is read in blocks. In each block the points, arcs and rapids are taken in
 from __future__ import annotations
 
 import re
+from collections import Counter
 
 import numpy as np
 
@@ -101,15 +102,15 @@ def _last_motion(motions: Motions, block: TextBlock) -> int:
 
 
 def _count_words(state: AptState, scanned: Scan) -> None:
-    counts = {
+    counts = Counter(statement.word for _, statement in scanned.others)
+    del counts[COMMENT]
+    counts |= {
         "GOTO": int((scanned.code == GOTO).sum()),
         "CIRCLE": int((scanned.code == CIRCLE).sum()),
         "RAPID": int((scanned.code == RAPID).sum()),
         "PAINT": scanned.displayed,
     }
-    for word, count in counts.items():
-        if count:
-            state.words[word] = state.words.get(word, 0) + count
+    state.words.update(+counts)
 
 
 def _units_of(data: bytes, dialect: Dialect, options: ReadOptions, faults: Faults) -> str:

@@ -17,6 +17,8 @@ RADIUS_GAP = 0.02 * MM
 """How far [m] the radii at start, at end and as written may differ, plus 1e-4 of the radius."""
 _RELATIVE_GAP = 1e-4
 TURN = 2.0 * np.pi
+_TANGENT_COSINE = 0.999
+"""Cosine of 2.6 degrees: closer than this two directions count as tangent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,8 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
     sine = np.einsum("ni,ni->n", np.cross(to_start, to_end), normal)
     sweep = np.arctan2(sine, np.einsum("ni,ni->n", to_start, to_end)) % TURN
     closed = np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP
-    sweep = np.where(closed, TURN, sweep) + TURN * records.turns
+    whole = TURN * np.maximum(records.turns, 1)
+    sweep = np.where(closed, whole, sweep + TURN * records.turns)
     return Arcs(records.centre, normal, radius, sweep)
 
 
@@ -122,3 +125,33 @@ def _checked_radius(
             int(records.line[i]),
         )
     return radius
+
+
+def tangency(
+    arcs: Arcs, starts: FloatArray, ends: FloatArray, before: FloatArray, after: FloatArray
+) -> IntArray:
+    """Return how each arc goes with the straight cuts at its start and end.
+
+    CAM systems lead in and out of arcs tangentially, so a straight cut next to an arc shows which
+    way the arc turns.
+
+    Args:
+        arcs: m arcs, counterclockwise about their normals.
+        starts: (m, 3) start points.
+        ends: (m, 3) end points.
+        before: (m, 3) direction of the straight cut that ends where the arc starts, NaN if none.
+        after: (m, 3) direction of the straight cut that begins where the arc ends, NaN if none.
+
+    Returns:
+        (m, 2) at start and end: 1 the arc goes on in the cut's direction, -1 it goes back, 0 no
+        straight cut there or not tangent to it.
+    """
+    result = np.zeros((len(arcs), 2), dtype=np.int32)
+    for column, (at, cut) in enumerate(((starts, before), (ends, after))):
+        tangent = np.cross(arcs.normal, at - arcs.centre)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            cosine = np.einsum("ni,ni->n", tangent, cut) / (
+                np.linalg.norm(tangent, axis=1) * np.linalg.norm(cut, axis=1)
+            )
+        result[:, column] = np.where(np.abs(cosine) > _TANGENT_COSINE, np.sign(cosine), 0.0)
+    return result

@@ -12,7 +12,7 @@ from math import isnan
 
 from postproc.model.toolpath import Cycle
 from postproc.readers.apt_dialect import CycleGrammar, DepthRule
-from postproc.readers.apt_feed import FEED_UNITS, feed_value
+from postproc.readers.apt_feed import FEED_UNITS, PER_TURN, feed_value
 from postproc.readers.apt_state import AptState
 from postproc.readers.apt_statement import Statement, bounded
 from postproc.units import MM
@@ -45,6 +45,9 @@ def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle CYCLE/...: begin, change or end a drill cycle."""
     words = statement.upper
     first = words[0] if words else ""
+    if first in _SIEMENS:
+        siemens_statement(state, Statement(first, statement.args[1:], statement.text), line)
+        return
     if first in {"OFF", "NOMORE"}:
         state.cycle.set(state.at, -1)
         return
@@ -52,15 +55,21 @@ def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
         state.cycle.set(state.at, -1)
         state.cycle_words = {}
         return
+    known = state.cycle_memo.get(statement.text)
+    if known is not None:
+        index, state.cycle_words = known
+        state.cycle.set(state.at, index)
+        return
     changed = first == "ON"
     if changed and not state.cycle_words:
         raise state.faults.error(
             "APT040", "CYCLE/ON with parameters but no cycle before it", line, statement.text
         )
     kind = _kind(state, words, line, statement)
-    if state.dialect.cycle_grammar is CycleGrammar.CAMWORKS:
+    grammar = state.dialect.cycle_grammar
+    if grammar is CycleGrammar.CAMWORKS:
         found = _camworks(state, words, line, statement)
-    elif len(words) > 1 and bounded(words[1]) is not None:
+    elif _is_positional(words) and grammar is CycleGrammar.WORDS_OR_NUMBERS:
         found = _positional(state, words, line, statement)
     else:
         found = _by_words(state, words, line, statement)
@@ -69,11 +78,14 @@ def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
         kind = state.cycles[int(state.cycle.value)].kind if state.cycle.value >= 0 else "drill"
     state.cycle_words = found
     _begin(state, _cycle(state, kind, found, line, statement), line)
+    if not changed and not PER_TURN & set(words):
+        state.cycle_memo[statement.text] = int(state.cycle.value), found
 
 
 def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
-    """Handle CYCLE81, CYCLE82 and CYCLE83 with Siemens' positional numbers.
+    """Handle CYCLE81/..., CYCLE82/... and CYCLE83/... with Siemens' positional numbers.
 
+    Also written ``CYCLE/CYCLE81,...`` and ``MCALL CYCLE81(...)``; modal until CYCLE/OFF or MCALL.
     RTP retract plane, RFP reference plane, SDIS safety distance, DP absolute final depth, DPR depth
     below RFP; heights count from RFP, which is taken to be the height of the GOTO point.
     """
@@ -118,6 +130,10 @@ def _kind(state: AptState, words: tuple[str, ...], line: int, statement: Stateme
     if "BRKCHP" in words[1:]:
         return "break_chip"
     return _KINDS.get(first, "drill")
+
+
+def _is_positional(words: tuple[str, ...]) -> bool:
+    return len(words) > 1 and bounded(words[1]) is not None
 
 
 def _by_words(
@@ -279,10 +295,8 @@ def _begin(state: AptState, cycle: Cycle, line: int) -> None:
     """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
     if cycle.peck > 0.0 and cycle.kind == "drill":
         cycle = replace(cycle, kind="peck")
-    key = repr(cycle)
-    known = state.cycle_index.get(key)
-    if known is None:
-        known = state.cycle_index[key] = len(state.cycles)
+    known = state.cycle_index.setdefault(cycle, len(state.cycles))
+    if known == len(state.cycles):
         state.cycles.append(cycle)
     state.cycle.set(state.at, known)
     if cycle.depth == 0.0:

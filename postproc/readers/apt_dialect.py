@@ -45,8 +45,8 @@ class CycleGrammar(Enum):
 
     WORDS = auto()
     """Minor words, each before its number."""
-    POSITIONAL = auto()
-    """Numbers whose meaning a table of the postprocessor gives."""
+    WORDS_OR_NUMBERS = auto()
+    """As WORDS, or numbers alone, whose meaning a table of the postprocessor gives."""
     CAMWORKS = auto()
     """G98 or G99, then numbers in a fixed order."""
 
@@ -123,7 +123,7 @@ DIALECTS = {
                 (rb"^[ \t]*TLON[ \t]*,", 2.0),
                 (rb"^[ \t]*(MULTAX|TPRINT|LOADTL)", 0.5),
             ),
-            cycle_grammar=CycleGrammar.POSITIONAL,
+            cycle_grammar=CycleGrammar.WORDS_OR_NUMBERS,
             implied_units="mm",
         ),
         Dialect(
@@ -140,7 +140,7 @@ DIALECTS = {
             setup_plane=True,
             blank_separates=True,
         ),
-        Dialect("apt", ()),
+        Dialect("apt", (), cycle_grammar=CycleGrammar.WORDS_OR_NUMBERS),
     )
 }
 """All dialects by name; ``apt`` is the plain language, used where no mark of a system is found."""

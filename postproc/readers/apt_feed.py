@@ -15,7 +15,9 @@ FEED_UNITS = frozenset(
 _FACTORS = {"MMPM": MM_PER_MIN, "MMPMIN": MM_PER_MIN, "IPM": INCH_PER_MIN}
 _FOOT = 12.0 * INCH
 _PER_MINUTE = {"MPM": 1.0, "FPM": _FOOT}
-_PER_TURN = {"MMPR": MM, "IPR": INCH}
+_TURN_LENGTHS = {"MMPR": MM, "IPR": INCH}
+PER_TURN = frozenset({"MMPR", "IPR", "PERREV", "UPR"})
+"""Feed units per turn of the spindle."""
 _SURFACE_SPEEDS = {"SFM": _FOOT, "SMM": 1.0}
 _MINUTE = 1.0 / RPM
 """Seconds."""
@@ -23,6 +25,11 @@ _MINUTE = 1.0 / RPM
 
 def feed_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle FEDRAT/: a number and perhaps a unit, in either order."""
+    known = state.feed_memo.get(statement.text)
+    if known is not None:
+        state.feed.set(state.at, known)
+        state.revolution_feed = None
+        return
     value: float | None = None
     unit = "PERMIN"
     for word in statement.upper:
@@ -45,12 +52,16 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
             "APT052", "FEDRAT must be above zero", line, statement.text, _last_feed(state)
         )
     state.set_feed(feed_value(state, value, unit, line))
-    state.revolution_feed = value * _turn_length(state, unit) if _is_per_turn(unit) else None
+    state.revolution_feed = None
+    if unit in PER_TURN:
+        state.revolution_feed = value * _turn_length(state, unit)
+    else:
+        state.feed_memo[statement.text] = state.feed.value
 
 
 def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
     """Return a feed [m/s]; NaN if it is per turn and no spindle speed is known."""
-    if _is_per_turn(unit):
+    if unit in PER_TURN:
         if isnan(state.spindle):
             state.faults.warn("APT150", "a feed per turn without a spindle speed", line)
         return value * _turn_length(state, unit) * state.spindle
@@ -95,12 +106,8 @@ def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, lin
     return value * _SURFACE_SPEEDS[unit] / _MINUTE / (pi * diameter)
 
 
-def _is_per_turn(unit: str) -> bool:
-    return unit in _PER_TURN or unit in {"PERREV", "UPR"}
-
-
 def _turn_length(state: AptState, unit: str) -> float:
-    return _PER_TURN.get(unit, state.scale)
+    return _TURN_LENGTHS.get(unit, state.scale)
 
 
 def _last_feed(state: AptState) -> str:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from postproc.model.arrays import FloatArray, IntArray
 from postproc.model.toolpath import Arcs, Cycle, Event, MotionKind, ToolPath
-from postproc.readers.apt_arcs import ArcRecords, arcs_between
+from postproc.readers.apt_arcs import ArcRecords, arcs_between, tangency
+from postproc.readers.apt_dialect import ArcSense
 from postproc.readers.apt_nurbs import discretised
 from postproc.readers.apt_state import AptState, Columns
 
@@ -165,7 +166,38 @@ def _arcs(state: AptState, table: Table, records: ArcRecords) -> Arcs:
         starts[rows] = [_end_point(table, state.cycles, int(i)) for i in before[holes]]
     if state.start is not None:
         starts[~later] = state.start
-    return arcs_between(records, starts, table.points[records.tag], state.faults)
+    ends = table.points[records.tag]
+    arcs = arcs_between(records, starts, ends, state.faults)
+    if state.dialect.arc_sense is ArcSense.WORD:
+        cut_before, cut_after = straight_neighbours(table.points, table.kind, records.tag)
+        against = tangency(arcs, starts, ends, cut_before, cut_after).sum(axis=1) == -2
+        for row in np.flatnonzero(against).tolist():
+            state.faults.warn(
+                "APT132",
+                "the sense written for an arc is against the straight cuts at both of its ends",
+                int(records.line[row]),
+            )
+    return arcs
+
+
+def straight_neighbours(
+    points: FloatArray, kind: IntArray, tags: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the directions of the straight cuts before and after the motions to these tags.
+
+    Returns:
+        two arrays (m, 3) [m], NaN where the neighbour is no straight cut.
+    """
+    n = len(points)
+    before = np.full((len(tags), 3), np.nan)
+    after = np.full((len(tags), 3), np.nan)
+    rows = np.flatnonzero((tags >= 2) & (kind[tags - 1] == MotionKind.LINEAR))
+    rows = rows[kind[tags[rows] - 2] != MotionKind.HOLE]
+    before[rows] = points[tags[rows] - 1] - points[tags[rows] - 2]
+    rows = np.flatnonzero(tags + 1 < n)
+    rows = rows[kind[tags[rows] + 1] == MotionKind.LINEAR]
+    after[rows] = points[tags[rows] + 1] - points[tags[rows]]
+    return before, after
 
 
 def _settle_feeds(table: Table, cycles: list[Cycle]) -> None:

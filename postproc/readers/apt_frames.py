@@ -9,6 +9,7 @@ import numpy as np
 from postproc.frames import FloatArray, orthonormalised, rotation_x, rotation_y, rotation_z
 from postproc.readers.apt_dialect import AxisRule
 from postproc.readers.apt_statement import Statement, bounded
+from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.readers.apt_state import AptState
@@ -19,6 +20,9 @@ _FRAME_NUMBERS = 9
 _MATRIX_NUMBERS = 12
 _ROW = 4
 _TILT_GAP = 1e-4
+_ROUND_ANGLE = 1e-3 * DEG
+_RADIAN_DIGITS = 0.51e-6
+"""Rounding of an angle that is written with six decimals [rad]."""
 
 
 def msys_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -82,7 +86,13 @@ def table_statement(state: AptState, statement: Statement, line: int) -> None:
             "APT060", "ROTABL needs an angle and AAXIS, BAXIS or CAXIS", line, statement.text
         )
     sign = -1.0 if "CLW" in words[2:] else 1.0
-    state.table.rotate(state, turn(sign * angle), line)
+    state.table.rotate(state, turn(sign * _unrounded(angle)), line)
+
+
+def _unrounded(angle: float) -> float:
+    """Return an angle [rad] of six decimals as the round number of degrees it stands for."""
+    round_angle = round(angle / _ROUND_ANGLE) * _ROUND_ANGLE
+    return round_angle if abs(angle - round_angle) <= _RADIAN_DIGITS else angle
 
 
 class TiltedTable:
@@ -95,6 +105,11 @@ class TiltedTable:
         self.R: FloatArray = np.eye(3)
         self.tilt_axis: FloatArray | None = None
         self._line = 0
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether ROTABL came since the tilt was last checked."""
+        return self._line > 0
 
     def reset(self, state: AptState) -> None:
         """Begin a feature with the table untilted."""
@@ -116,7 +131,7 @@ class TiltedTable:
         Raises:
             ReadError: APT061 if they disagree.
         """
-        if self._line and self.tilt_axis is not None and not np.array_equal(self.R, np.eye(3)):
+        if self.tilt_axis is not None and not np.array_equal(self.R, np.eye(3)):
             gap = float(np.linalg.norm(self.R[:, 2] - self.tilt_axis))
             if gap > _TILT_GAP:
                 raise state.faults.error(

@@ -24,6 +24,7 @@ _TLON = re.compile(
 )
 _POINT, _POINT_AXIS, _ARC = 3, 6, 6
 _MOST_TURNS = 10_000
+_TAKEN = frozenset({"GOTO", "CIRCLE", "RAPID", "GODLTA", "INDIRV"})
 
 
 @dataclass(slots=True)
@@ -92,8 +93,12 @@ class MotionReader:
 
     def _take(self, index: int, statement: Statement) -> bool:
         """Handle a motion statement that the bulk did not take; False for any other word."""
-        line = self._scan.line(index)
         word = statement.word
+        if word == "FEDRAT":
+            self._feeds.append(index)
+        if word not in _TAKEN and not word.startswith("TLON"):
+            return False
+        line = self._scan.line(index)
         if word == "GOTO":
             self._points[index] = self._point(statement, line)
             self._scan.code[index] = GOTO
@@ -109,12 +114,8 @@ class MotionReader:
         elif word == "INDIRV":
             self._tangent = self._three(statement, line)
             self._scan.code[index] = SKIP
-        elif word.startswith("TLON"):
-            return self._tool_on(index, statement, line)
         else:
-            if word == "FEDRAT":
-                self._feeds.append(index)
-            return False
+            return self._tool_on(index, statement, line)
         return True
 
     def _values(self, statement: Statement, line: int) -> list[float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -100,7 +101,7 @@ class AptState:
         self.events: list[EventRecord] = []
         self.splines: list[SplineRecord] = []
         self.unknown: dict[str, int] = {}
-        self.words: dict[str, int] = {}
+        self.words: Counter[str] = Counter()
         self.feed = Modal(NAN)
         self.operation = Modal(-1)
         self.cycle = Modal(-1)
@@ -115,7 +116,11 @@ class AptState:
         self.revolution_feed: float | None = None
         """Feed per turn [m] in force, None if the feed is per time."""
         self.cycle_words: dict[str, float] = {}
-        self.cycle_index: dict[str, int] = {}
+        self.cycle_index: dict[Cycle, int] = {}
+        self.cycle_memo: dict[str, tuple[int, dict[str, float]]] = {}
+        """Index and parameters by text, of cycles that depend on nothing else."""
+        self.feed_memo: dict[str, float] = {}
+        """Feed by text, of feeds that depend on nothing else."""
         self.table = TiltedTable()
         self.matrix = MatrixComment()
         self.last_point: FloatArray | None = None

@@ -10,25 +10,31 @@ from postproc.readers.decimals import LARGEST, parse_number
 FREE_TEXT = ("PARTNO", "PPRINT", "TPRINT", "INSERT")
 """Words after which everything to the end of the line is text, commas and slashes included."""
 _FREE_TEXT = re.compile(r"(PARTNO|PPRINT|TPRINT|INSERT)(?=[\s/]|$)", re.IGNORECASE)
+_SIEMENS_CALL = re.compile(r"\s*(?:MCALL\s+)?(CYCLE8\d)\s*\((.*)\)\s*$", re.IGNORECASE)
 _BLANKS = re.compile(r"\s+")
 
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """A statement: ``word`` in upper case, ``args`` stripped, ``text`` as it stands in the file."""
+    """A statement: ``word`` in upper case, ``args`` stripped, ``text`` as it stands in the file.
+
+    ``upper``: the arguments in upper case.
+    """
 
     word: str
     args: tuple[str, ...]
     text: str
+    upper: tuple[str, ...] = ()
 
-    @property
-    def upper(self) -> tuple[str, ...]:
-        """The arguments in upper case."""
-        return tuple(arg.upper() for arg in self.args)
+    def __post_init__(self) -> None:
+        """Fill in ``upper``."""
+        object.__setattr__(self, "upper", tuple(arg.upper() for arg in self.args))
 
     @property
     def free_text(self) -> str:
         """What stands after the slash, else after the word."""
+        if self.word in FREE_TEXT:
+            return self.args[0] if self.args else ""
         _, slash, rest = self.text.partition("/")
         return (rest if slash else self.text[len(self.word) :]).strip()
 
@@ -57,7 +63,13 @@ def parse_statement(text: str) -> Statement:
         rest = text[match.end() :].strip().removeprefix("/").strip()
         return Statement(word, (rest,) if rest else (), text)
     body = text.partition("$$")[0]
+    call = _SIEMENS_CALL.match(body)
+    if call:
+        return Statement(call.group(1).upper(), _arguments(call.group(2)), text)
     head, slash, rest = body.partition("/")
     word = _BLANKS.sub(" ", head.strip()).upper()
-    args = tuple(part.strip() for part in rest.split(",")) if slash and rest.strip() else ()
-    return Statement(word, args, text)
+    return Statement(word, _arguments(rest) if slash else (), text)
+
+
+def _arguments(text: str) -> tuple[str, ...]:
+    return tuple(part.strip() for part in text.split(",")) if text.strip() else ()

@@ -51,14 +51,21 @@ class ToolTable:
         return np.repeat(np.array([-1, *indices], dtype=np.int32), counts)
 
     def _index(self, call: CamTool, current: int) -> int:
-        if call.number == NO_NUMBER and not call.name and current >= 0:
-            call = replace(call, number=self.tools[current].number)
+        if call.number == NO_NUMBER:
+            call = replace(call, number=self._number_of(call, current))
         for i, tool in enumerate(self.tools):
             if _is_same(tool, call):
                 self.tools[i] = _completed(tool, call)
                 return i
         self.tools.append(call)
         return len(self.tools) - 1
+
+    def _number_of(self, call: CamTool, current: int) -> int:
+        """Return the number of a tool that is only described: that of the same name, else kept."""
+        named = [tool for tool in reversed(self.tools) if call.name and tool.name == call.name]
+        if named:
+            return named[0].number
+        return self.tools[current].number if current >= 0 and not call.name else NO_NUMBER
 
 
 def _is_same(tool: CamTool, call: CamTool) -> bool:

@@ -43,12 +43,12 @@ _NEAR_LENGTH = 4
 def handle(state: AptState, statement: Statement, line: int) -> None:
     """Let one statement that is no motion take effect."""
     word = statement.word
-    state.words[word] = state.words.get(word, 0) + 1
-    if word not in ("KNOT", "CNTRL"):
+    if state.spline is not None and word not in ("KNOT", "CNTRL"):
         apt_nurbs.close_spline(state)
-    if word != "ROTABL":
+    if state.table.is_moving and word != "ROTABL":
         state.table.check(state)
-    state.matrix.check_closed(state)
+    if state.matrix.is_open:
+        state.matrix.check_closed(state)
     handler = _HANDLERS.get(word)
     if handler is not None:
         handler(state, statement, line)
@@ -136,8 +136,16 @@ def unit_name(word: str) -> str | None:
     }.get(word)  # fmt: skip
 
 
+def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
+    """MCALL alone ends a Siemens cycle that was called with MCALL."""
+    state.cycle.set(state.at, -1)
+
+
 def _load(state: AptState, statement: Statement, line: int) -> None:
     """LOAD/TOOL,n[,...], LOADTL/n[,...], TOOLNO/n[,...]: a tool change."""
+    if statement.word == "LOAD" and "TOOL" not in statement.upper:
+        _unknown(state, statement, line)
+        return
     words = [word for word in statement.upper if word != "TOOL"]
     number = bounded(words[0]) if words else None
     if number is None or number < 0 or number != int(number):
@@ -163,11 +171,12 @@ def _cutter(state: AptState, statement: Statement, line: int) -> None:
 
 
 def _tool_data(state: AptState, statement: Statement, line: int) -> None:
-    """TLDATA/MILL,d,r,length,taper,tip (NX)."""
+    """TLDATA/MILL,d,r,length,taper,tip (NX); of other kinds only the diameter is sure."""
     numbers = [value for value in statement.numbers() if value is not None]
     if not numbers or numbers[0] < 0.0:
         raise state.faults.error("APT071", "TLDATA without a diameter", line, statement.text)
-    _describe(state, line, numbers, height=2)
+    is_mill = statement.upper[0] == "MILL"
+    _describe(state, line, numbers if is_mill else numbers[:1], height=2)
 
 
 def _describe(state: AptState, line: int, numbers: list[float], height: int) -> None:
@@ -248,6 +257,8 @@ def _from(state: AptState, statement: Statement, line: int) -> None:
     R, t = state.frames[int(state.frame.value)]
     if state.tag == 0:
         state.start = R @ numbers[:3] * state.scale + t
+    if len(numbers) > 3:
+        state.set_axis(*numbers[3:])
     state.last_point = None
 
 
@@ -282,6 +293,7 @@ _HANDLERS: dict[str, Handler] = {
     "CYCLE81": apt_cycle.siemens_statement,
     "CYCLE82": apt_cycle.siemens_statement,
     "CYCLE83": apt_cycle.siemens_statement,
+    "MCALL": _cycle_call,
     "SPINDL": apt_feed.spindle_statement,
     "COOLNT": _coolant,
     "UNITS": _units,

@@ -20,6 +20,8 @@ from postproc.units import INCH, MM
 
 LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
 """Metres per unit of length, by the names that ``--units`` takes."""
+CYCLE_WORDS = ("depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "-")
+"""What a number of a positional drill cycle can mean."""
 HEAD_BYTES = 1 << 16
 
 
@@ -38,7 +40,7 @@ class ReadOptions:
             workpiece's mesh; stands in where a CSV file gives no orientation.
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
         cycle_words: meaning of the positional numbers of a CATIA drill cycle, in order, out of
-            ``depth``, ``clearance``, ``retract``, ``peck``, ``dwell``, ``feed``, ``-`` (ignored).
+            ``CYCLE_WORDS``; ``-`` leaves a number out.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
     """
 
@@ -56,11 +58,15 @@ class ReadOptions:
         """Check the names.
 
         Raises:
-            UsageError: IO020 for an unknown unit.
+            UsageError: IO020 for an unknown unit, IO021 for an unknown word of a cycle.
         """
         if self.units is not None and self.units not in LENGTH_UNITS:
             known = ", ".join(LENGTH_UNITS)
             raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
+        wrong = [word for word in self.cycle_words if word not in CYCLE_WORDS]
+        if wrong:
+            known = ", ".join(CYCLE_WORDS)
+            raise UsageError("IO021", f"no cycle word {wrong[0]!r}, known are {known}")
 
 
 class Reader(Protocol):

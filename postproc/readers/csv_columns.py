@@ -45,7 +45,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "diameter": ("diameter", "dia", "d", "durchmesser", "holediameter", "\u00f8"),
     "feed": ("feed", "feedrate", "f", "vorschub"),
     "operation": ("operation", "op", "process", "step", "bearbeitung"),
-    "tool": ("toolnumber", "toolno", "t"),
+    "tool": ("tool", "toolnumber", "toolno", "t", "werkzeug"),
     "clearance": ("clearance", "approach", "safety", "rapto"),
     "retract": ("retract", "retraction", "rtrcto"),
     "dwell": ("dwell", "dwelltime"),
@@ -53,6 +53,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "motion": ("motion", "move", "movetype", "motiontype"),
 }  # fmt: skip
 _ROLE = {name: role for role, names in _NAMES.items() for name in names}
+_POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
 _LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
 _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
 TEXT_ROLES = frozenset({"id", "operation", "motion"})
@@ -98,7 +99,7 @@ def _role(lowered: str) -> str:
         role = _ROLE.get(candidate.replace(" ", ""))
         if role is not None and (role != "id" or candidate.strip()):
             return role
-    return "id" if words in {"point", "hole", "tag", "points"} else ""
+    return "id" if words in _POINT_WORDS else ""
 
 
 def _factor(role: str, unit: str) -> float | None:

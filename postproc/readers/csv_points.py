@@ -13,6 +13,7 @@ Heights of a hole without columns of its own: the feed starts 2 mm above the poi
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -210,6 +211,8 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Column
         joined.numbers[role] = values
     for column in texts:
         joined.texts[columns[column].role] = [text for part in parts for text in part.texts[column]]
+    if "motion" in joined.texts:
+        joined.texts["motion"] = list(accumulate(joined.texts["motion"], lambda a, b: b or a))
     return joined
 
 

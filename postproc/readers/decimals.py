@@ -9,6 +9,7 @@ and left to the caller, who knows the line it stands in.
 from __future__ import annotations
 
 import re
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ BoolArray = NDArray[np.bool_]
 LARGEST = 1e9
 """No coordinate, feed or length of a real file comes near this [file units]."""
 
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d{1,4})?", re.ASCII)
+_FORTRAN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[dD][+-]?\d{1,4}", re.ASCII)
 _WIDTH = 16
 _EXACT = 1 << 53
 _CHUNK = 1 << 14
@@ -48,11 +49,15 @@ def parse_number(text: str) -> float | None:
 
     ``nan``, ``inf``, hexadecimal texts and numbers too large for float64 are none.
     """
-    stripped = text.strip()
-    if not _NUMBER.fullmatch(stripped):
+    try:
+        value = float(text)
+    except ValueError:
+        if not _FORTRAN.fullmatch(text.strip()):
+            return None
+        value = float(text.replace("d", "e").replace("D", "e"))
+    if "_" in text or not text.isascii() or not isfinite(value):
         return None
-    value = float(stripped.replace("d", "e").replace("D", "e"))
-    return value if np.isfinite(value) else None
+    return value
 
 
 def parse_tokens(buffer: Bytes, starts: Index, ends: Index) -> tuple[FloatArray, BoolArray]:

@@ -6,6 +6,7 @@ OLP file has one, and entities are the way to blow up a reader.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
@@ -21,7 +22,12 @@ from postproc.units import DEG, INCH, MM, PERCENT
 
 _LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
 _ANGLES = {"deg": DEG, "rad": 1.0}
+_JOINTS = {**_ANGLES, **_LENGTHS}
 _SPEEDS = {"m/s": 1.0, "mm/s": MM}
+_MOST_BYTES = 1 << 26
+"""No part of a file as long as this is without a finished activity or list."""
+_FIRST_ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _FARTHEST = 1e6
 """No position lies farther off [m]."""
 _ROOT = "OLPData"
@@ -112,11 +118,22 @@ class _Checked:
         self._faults = faults
         self._tail = b""
         self._line = 1
+        self.unclaimed = 0
+        """Bytes since the last element that was taken."""
 
     def read(self, size: int = -1) -> bytes:
         """Return the next bytes."""
         chunk = self._stream.read(size)
         check_text(self._faults.path, chunk, self._line)
+        if self._line == 1 and not self._tail:
+            self._check_root(chunk)
+        self.unclaimed += len(chunk)
+        if self.unclaimed > _MOST_BYTES:
+            raise self._faults.error(
+                "DEL006",
+                f"{_MOST_BYTES >> 20} MB without a whole activity, expected OLP XML",
+                self._line,
+            )
         seen = self._tail + chunk
         at = seen.find(b"<!DOCTYPE")
         if at >= 0:
@@ -129,6 +146,12 @@ class _Checked:
         self._tail = seen[-8:].replace(b"\n", b" ")
         return chunk
 
+    def _check_root(self, head: bytes) -> None:
+        match = _FIRST_ELEMENT.search(_COMMENT.sub(b"", head))
+        if match and match.group(1).rpartition(b":")[2] != _ROOT.encode():
+            tag = match.group(1)[:40].decode("latin-1")
+            raise self._faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
+
 
 def read_document(path: str, faults: Faults) -> Document:
     """Return everything in an OLP file that matters to a path.
@@ -140,8 +163,9 @@ def read_document(path: str, faults: Faults) -> Document:
     """
     document = Document()
     with open_input(path) as stream:
+        checked = _Checked(stream, faults)
         events = etree.iterparse(
-            _Checked(stream, faults),
+            checked,
             events=("end",),
             tag=_TAGS,
             resolve_entities=False,
@@ -152,7 +176,7 @@ def read_document(path: str, faults: Faults) -> Document:
             remove_pis=True,
         )
         try:
-            _walk(events, document, faults)
+            _walk(events, checked, document, faults)
         except etree.XMLSyntaxError as problem:
             message = str(problem.msg or problem).split("(<string>")[0]
             raise faults.error(
@@ -165,10 +189,11 @@ def read_document(path: str, faults: Faults) -> Document:
     return document
 
 
-def _walk(events: etree.iterparse, document: Document, faults: Faults) -> None:
+def _walk(events: etree.iterparse, checked: _Checked, document: Document, faults: Faults) -> None:
     reader = _ElementReader(document, faults)
     for _, element in events:
         reader.take(element)
+        checked.unclaimed = 0
         if element.tag != "Activity":
             element.clear()
             continue
@@ -187,6 +212,7 @@ class _ElementReader:
         self._robot = RobotData()
         self._items: list[Item] = []
         self._has_tasks = False
+        self._bases: dict[tuple[str, ...], tuple[float, ...]] = {}
 
     def take(self, element: etree._Element) -> None:
         """Take one element of ``_TAGS``."""
@@ -307,10 +333,16 @@ class _ElementReader:
         )
 
     def _base(self, element: etree._Element) -> tuple[float, ...]:
-        return (
-            *self._xyz(self._child(element, "Position")),
-            *self._rpy(self._child(element, "Orientation")),
+        """Return the robot's base in the world; it is the same for most targets."""
+        position, orientation = (
+            self._child(element, "Position"),
+            self._child(element, "Orientation"),
         )
+        key = (*position.attrib.values(), *orientation.attrib.values())
+        known = self._bases.get(key)
+        if known is None:
+            known = self._bases[key] = (*self._xyz(position), *self._rpy(orientation))
+        return known
 
     def _joints(
         self, element: etree._Element | None, activity: etree._Element, needed: bool
@@ -329,18 +361,21 @@ class _ElementReader:
                 self._faults.warn("DEL120", "positions of external axes are left out", _line(joint))
                 continue
             value = self._number(_text(self._child(joint, "JointValue")), joint)
-            found[int(number)] = value * self._unit(joint, {**_ANGLES, "m": 1.0})
+            found[int(number)] = value * self._unit(joint, _JOINTS)
         return tuple(found.get(i, NAN) for i in range(1, N_JOINTS + 1))
 
     def _xyz(self, element: etree._Element) -> tuple[float, float, float]:
-        unit = self._unit(element, _LENGTHS)
-        x, y, z = (self._number(element.get(name, ""), element) for name in ("X", "Y", "Z"))
+        unit, get = self._unit(element, _LENGTHS), element.get
+        x = self._number(get("X", ""), element)
+        y = self._number(get("Y", ""), element)
+        z = self._number(get("Z", ""), element)
         return x * unit, y * unit, z * unit
 
     def _rpy(self, element: etree._Element) -> tuple[float, float, float]:
-        unit = self._unit(element, _ANGLES)
-        names = ("Roll", "Pitch", "Yaw")
-        roll, pitch, yaw = (self._number(element.get(name, ""), element) for name in names)
+        unit, get = self._unit(element, _ANGLES), element.get
+        roll = self._number(get("Roll", ""), element)
+        pitch = self._number(get("Pitch", ""), element)
+        yaw = self._number(get("Yaw", ""), element)
         return roll * unit, pitch * unit, yaw * unit
 
     def _number(self, text: str, element: etree._Element) -> float:

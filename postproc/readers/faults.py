@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from postproc.errors import Issue, ReadError, Severity, SourceRef
 
 _SHOWN = 60
+
+
+@dataclass(slots=True)
+class _Kept:
+    """A finding and how often it came."""
+
+    issue: Issue
+    count: int = 1
 
 
 class Faults:
@@ -20,18 +28,18 @@ class Faults:
     def __init__(self, path: str, recover: bool) -> None:
         self.path = path
         self.recover = recover
-        self._warnings: dict[tuple[str, str], Issue] = {}
-        self._fixes: dict[tuple[str, str], Issue] = {}
+        self._warnings: dict[tuple[str, str], _Kept] = {}
+        self._fixes: dict[tuple[str, str], _Kept] = {}
 
     @property
     def warnings(self) -> tuple[Issue, ...]:
         """Warnings in the order of their first lines, repeated ones counted."""
-        return tuple(self._warnings.values())
+        return tuple(replace(kept.issue, count=kept.count) for kept in self._warnings.values())
 
     @property
     def fixes(self) -> tuple[Issue, ...]:
         """Fixes in the order of their first lines, repeated ones counted."""
-        return tuple(self._fixes.values())
+        return tuple(replace(kept.issue, count=kept.count) for kept in self._fixes.values())
 
     def error(
         self, code: str, message: str, line: int, text: str = "", hint: str = ""
@@ -63,7 +71,7 @@ class Faults:
 
     def _keep(
         self,
-        store: dict[tuple[str, str], Issue],
+        store: dict[tuple[str, str], _Kept],
         severity: Severity,
         code: str,
         message: str,
@@ -72,9 +80,9 @@ class Faults:
         known = store.get((code, message))
         if known is None:
             source = SourceRef(self.path, line)
-            store[code, message] = Issue(severity, code, message, source=source)
+            store[code, message] = _Kept(Issue(severity, code, message, source=source))
         else:
-            store[code, message] = replace(known, count=known.count + 1)
+            known.count += 1
 
 
 def shortened(text: str) -> str:

@@ -111,7 +111,7 @@ def text_lines(toolpath: ToolPath) -> list[str]:
         (
             "length",
             f"{facts['cutting_length_mm']:.1f} mm cutting, {facts['rapid_length_mm']:.1f} mm rapid",
-        ),  # fmt: skip
+        ),
         ("feeds", f"{feeds} mm/min" if facts["feeds_mm_min"] else feeds),
         ("unknown words", unknown),
     ]

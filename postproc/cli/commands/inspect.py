@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import click
 
 from postproc.cli.common import Session, answer, standard_options
@@ -19,6 +21,11 @@ from postproc.cli.common import Session, answer, standard_options
 @click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
 @click.option("--columns", help="Columns of a CSV file in order, such as id,x,y,z,a,b,c; - = none.")
 @click.option("--task", help="DELMIA task to read instead of all that no other one calls.")
+@click.option(
+    "--cycle-words",
+    metavar="WORDS",
+    help="Meaning of the numbers of a positional drill cycle, such as depth,clearance,feed.",
+)
 @click.option("--recover", is_flag=True, help="Fix what has one possible meaning and list it.")
 @standard_options
 def command(
@@ -29,6 +36,7 @@ def command(
     dialect: str | None,
     columns: str | None,
     task: str | None,
+    cycle_words: str | None,
     recover: bool,
 ) -> int:
     """Show what was read from INPUT: points, arcs, holes, tools, feeds, axes, box, lengths.
@@ -39,6 +47,8 @@ def command(
     from postproc.report.inspection import inspection, text_lines
 
     options = ReadOptions(units=units, dialect=dialect, columns=columns, task=task, recover=recover)
+    if cycle_words is not None:
+        options = replace(options, cycle_words=tuple(cycle_words.split(",")))
     toolpath = read(source, format_, options)
     if session.json:
         session.document(inspection(toolpath))
