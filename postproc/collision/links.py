@@ -45,7 +45,7 @@ class _Sections:
 
 
 _SMALL = _Sections(
-    reach=0.90, base=0.15, column=0.11, shoulder=0.085, arm_depth=0.065, arm_y=(0.02, 0.13),
+    reach=0.90, base=0.14, column=0.09, shoulder=0.085, arm_depth=0.055, arm_y=(0.02, 0.13),
     elbow=0.075, elbow_y=(-0.09, 0.02), back=0.12, forearm=0.065, wrist=0.055, hand=0.042,
     flange=0.035,
 )  # fmt: skip

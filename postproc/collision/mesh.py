@@ -252,6 +252,8 @@ def decimated(mesh: Mesh, max_faces: int) -> Mesh:
 
     Vertices are merged in a grid that is made coarser until the faces are few enough.
     """
+    if len(mesh.faces) <= max_faces:
+        return mesh
     faces, vertices = mesh.faces, mesh.vertices
     span = float(np.ptp(vertices, axis=0).max())
     cells = max(4.0, np.sqrt(max_faces) * 2.0)

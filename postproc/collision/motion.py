@@ -25,6 +25,10 @@ from postproc.model.arrays import BoolArray, FloatArray
 
 RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""
+_WORTH = 0.05
+"""Share of a span that a cheap bound must prove, else the exact distance is taken."""
+_FINEST = 1e-6
+"""Share of a curve below which samples are not taken nearer together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +139,11 @@ class MotionCheck:
         margin = engine.table.margin[:, None]
         found = engine.candidates(placed, approach + margin, spans.open, fine=True)
         near = found.near
-        distance = engine.distances(found, np.arange(len(found)))
-        gap = distance - margin[near.pair, 0]
-        hit = gap <= 0.0
         moves = approach[near.pair, near.row]
+        gap = near.bound - margin[near.pair, 0]
+        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.nested)
+        gap[unclear] = engine.distances(found, unclear) - margin[near.pair[unclear], 0]
+        hit = gap <= 0.0
         rest = np.flatnonzero(~hit & (gap <= moves + SLACK) & (spans.end > spans.start)[near.row])
         hits = _Found(spans.motion[near.row[hit]], near.pair[hit], middle[near.row[hit]])
         proven = np.maximum(gap[rest] - SLACK, 0.0) / np.maximum(moves[rest], SLACK)
@@ -196,7 +201,6 @@ def samples_of_curve(
     q_at: Callable[[FloatArray], FloatArray],
     count: int,
     resolution: float,
-    most: int = 100_000,
 ) -> tuple[FloatArray, FloatArray]:
     """Return shares (k,) and configurations (k, 6) that follow a curve within the resolution.
 
@@ -209,13 +213,14 @@ def samples_of_curve(
         q_at: shares (k,) in [0, 1] to configurations (k, 6) [rad] on the curve.
         count: samples to begin with, at least 2.
         resolution: [m].
-        most: samples at which refining ends, so that a curve with a leap comes to an end.
+
+    A leap of the curve, such as a wrist that flips, ends the refinement there when the samples are
+    ``_FINEST`` of the whole apart; it is then checked as a straight joint motion.
     """
     share = np.linspace(0.0, 1.0, max(2, count))
     q = q_at(share)
     todo = np.ones(len(share) - 1, dtype=bool)
-    while todo.any() and len(share) < most:
-        which = np.flatnonzero(todo)
+    while (which := np.flatnonzero(todo & (np.diff(share) > _FINEST))).size:
         middle = 0.5 * (share[which] + share[which + 1])
         q_middle = q_at(middle)
         straight = 0.5 * (q[which] + q[which + 1])

@@ -1,4 +1,4 @@
-"""Masses of the links of a URDF chain; whatever is fixed to a link is added to it."""
+"""What hangs on the links of a URDF chain: parts fixed to them, and their masses."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None
     The centres are in the link frames of the file.
     """
     mass, moment = np.zeros(6), np.zeros((6, 3))
-    for link, T_link_part, element in _parts(chain):
+    moving = [joint.child for joint in chain.moving]
+    for link, T_link_part, element in fixed_parts(chain, moving):
         for inertial in element.findall("inertial"):
-            own_mass = _values(inertial.find("mass"), "value", 1, 0.0, chain.path)[0]
-            centre = T_link_part @ _origin(inertial, chain.path)
+            own_mass = values_of(inertial.find("mass"), "value", 1, 0.0, chain.path)[0]
+            centre = T_link_part @ origin_of(inertial, chain.path)
             mass[link] += own_mass
             moment[link] += own_mass * centre[:3, 3]
     if not (mass > 0.0).all():
@@ -32,17 +33,20 @@ def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None
     return mass, moment / mass[:, None]
 
 
-def _parts(chain: UrdfChain) -> Iterator[tuple[int, FloatArray, ET.Element]]:
-    """Yield number 0..5 of the moving link, pose of the part in it, and the part's element."""
+def fixed_parts(chain: UrdfChain, links: list[str]) -> Iterator[tuple[int, FloatArray, ET.Element]]:
+    """Yield number in ``links``, pose of a part in that link, and the part's <link> element.
+
+    The parts of a link are itself and all that fixed joints hold to it.
+    """
     elements = {str(link.get("name")): link for link in chain.tree.findall("link")}
     below: dict[str, list[tuple[str, FloatArray]]] = {}
     for joint in chain.all_joints:
         if joint.kind == "fixed":
-            T_parent_child = _origin(joint.element, chain.path)
+            T_parent_child = origin_of(joint.element, chain.path)
             below.setdefault(joint.parent, []).append((joint.child, T_parent_child))
             below.setdefault(joint.child, []).append((joint.parent, inverse(T_parent_child)))
-    for number, joint in enumerate(chain.moving):
-        waiting, seen = [(joint.child, np.eye(4))], set()
+    for number, link in enumerate(links):
+        waiting, seen = [(link, np.eye(4))], set()
         while waiting:
             name, T_link_part = waiting.pop()
             if name in seen:
@@ -53,17 +57,22 @@ def _parts(chain: UrdfChain) -> Iterator[tuple[int, FloatArray, ET.Element]]:
                 waiting.append((child, T_link_part @ T_parent_child))
 
 
-def _origin(element: ET.Element, path: Path) -> FloatArray:
+def origin_of(element: ET.Element, path: Path) -> FloatArray:
     """Return the pose (4, 4) of an element's <origin>; roll, pitch, yaw turn about fixed axes."""
     origin = element.find("origin")
-    xyz = _values(origin, "xyz", 3, 0.0, path)
-    roll, pitch, yaw = _values(origin, "rpy", 3, 0.0, path)
+    xyz = values_of(origin, "xyz", 3, 0.0, path)
+    roll, pitch, yaw = values_of(origin, "rpy", 3, 0.0, path)
     return transform(rotation_from_abc(np.array([yaw, pitch, roll])), xyz)
 
 
-def _values(
+def values_of(
     element: ET.Element | None, key: str, count: int, default: float, path: Path
 ) -> FloatArray:
+    """Return the numbers (count,) of an attribute, ``default`` where it is not given.
+
+    Raises:
+        CellError: CEL011 if they are not that many finite numbers.
+    """
     text = element.get(key) if element is not None else None
     if text is None:
         return np.full(count, default)

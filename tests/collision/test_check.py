@@ -1,0 +1,156 @@
+"""Collisions against coal, pair by pair, on random configurations."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+from postproc.collision.bodies import WORLD
+from postproc.collision.check import Tally
+from postproc.collision.scene import Scene
+from postproc.frames import inverse
+from tests.collision.conftest import at, box_at, cell_of
+from tests.collision.oracle import CoalMesh, coal_collide, coal_distance, winding_number
+
+
+def poses(scene, cell, arm, q):
+    """Poses (b, 4, 4) of the bodies in robroot."""
+    T_robroot_world = inverse(cell.robot.T_world_robroot)
+    frames = arm.link_frames(q)
+    return [T_robroot_world if b.link == WORLD else frames[b.link] for b in scene.bodies]
+
+
+def oracle_hits(scene, cell, arm, q):
+    """Index of the first pair that collides by coal and solid angles, -1 for none."""
+    meshes = [CoalMesh(body.mesh) for body in scene.bodies]
+    index = {body.name: i for i, body in enumerate(scene.bodies)}
+    answers = []
+    for row in q:
+        T = poses(scene, cell, arm, row)
+        hit = -1
+        for number, (one, two) in enumerate(scene.pairs):
+            a, b = index[one], index[two]
+            if coal_collide(meshes[a], T[a], meshes[b], T[b]) or swallowed(scene, T, a, b):
+                hit = number
+                break
+        answers.append(hit)
+    return np.array(answers)
+
+
+def swallowed(scene, T, a, b):
+    for outer, inner in ((a, b), (b, a)):
+        mesh = scene.bodies[outer].mesh
+        point = (inverse(T[outer]) @ T[inner] @ [*scene.bodies[inner].vertices[0], 1.0])[:3]
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        if ((point > low) & (point < high)).all():
+            return abs(winding_number(mesh, point[None])[0]) > 0.5
+    return False
+
+
+def test_random_poses_agree_with_coal_to_the_pair(busy_cell, arm_of, random_q):
+    arm = arm_of(busy_cell)
+    scene = Scene.build(busy_cell, arm)
+    q = random_q(400)
+    hits = scene.check(q)
+    assert np.array_equal(hits.pair, oracle_hits(scene, busy_cell, arm, q))
+    assert np.array_equal(hits.hit, hits.pair >= 0)
+    assert 0.1 < hits.hit.mean() < 0.9
+    assert len(np.unique(hits.pair)) > 8
+
+
+def test_margin_agrees_with_distances_of_coal(busy_cell, arm_of, random_q):
+    margin = 0.1
+    cell = cell_of(
+        busy_cell.tool.meshes,
+        busy_cell.workpiece.meshes,
+        busy_cell.obstacles,
+        busy_cell.T_robroot_base,
+        clearance=margin,
+        T_world_robroot=busy_cell.robot.T_world_robroot,
+    )
+    arm = arm_of(cell)
+    bare, scene = Scene.build(busy_cell, arm), Scene.build(cell, arm)
+    q = random_q(300, seed=3)
+    q = q[~bare.check(q).hit]
+    meshes = [CoalMesh(body.mesh) for body in scene.bodies]
+    kinds = {body.name: (i, body.kind) for i, body in enumerate(scene.bodies)}
+    closest = []
+    for row in q:
+        T = poses(scene, cell, arm, row)
+        distances = [
+            coal_distance(meshes[a], T[a], meshes[b], T[b])
+            for (a, kind_a), (b, kind_b) in ((kinds[x], kinds[y]) for x, y in scene.pairs)
+            if (kind_a, kind_b) != ("link", "link")
+        ]
+        closest.append(min(distances))
+    closest = np.array(closest)
+    assert np.array_equal(scene.check(q).hit, closest <= margin)
+    assert 0.02 < (closest <= margin).mean() < 0.9
+    assert np.allclose(scene.clearance(q), closest, atol=1e-9)
+    assert np.allclose(scene.clearance(q, most=0.1), np.minimum(closest, 0.1), atol=1e-9)
+
+
+def test_clearance_is_zero_exactly_where_something_collides(busy_cell, arm_of, random_q):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    q = random_q(300, seed=5)
+    assert np.array_equal(scene.clearance(q) == 0.0, scene.check(q).hit)
+
+
+def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of, random_q):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    q = random_q(60, seed=7)
+    whole = scene.check(q).pair
+    single = np.concatenate([scene.check(row[None]).pair for row in q])
+    assert np.array_equal(whole, single)
+    assert np.array_equal(whole, scene.check(np.tile(q, (20, 1))).pair.reshape(20, -1)[13])
+    assert len(scene.check(np.zeros((0, 6))).hit) == 0
+    assert len(scene.clearance(np.zeros((0, 6)))) == 0
+
+
+def test_a_scene_travels_to_another_process(busy_cell, arm_of, random_q):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    q = random_q(50, seed=9)
+    before = scene.check(q).pair
+    copy = pickle.loads(pickle.dumps(scene))
+    assert np.array_equal(copy.check(q).pair, before)
+    assert copy.pairs == scene.pairs
+
+
+def test_threads_get_objects_of_their_own(busy_cell, arm_of, random_q):
+    from concurrent.futures import ThreadPoolExecutor
+
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    q = random_q(200, seed=11)
+    expected = scene.check(q).pair
+    with ThreadPoolExecutor(4) as pool:
+        answers = list(pool.map(lambda _: scene.check(q).pair, range(8)))
+    assert all(np.array_equal(answer, expected) for answer in answers)
+
+
+def test_most_pairs_never_reach_the_exact_test(busy_cell, arm_of, random_q):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    tally = Tally()
+    scene.check(random_q(500), tally=tally)
+    assert tally.configurations == 500
+    assert tally.pairs == 500 * len(scene.pairs)
+    assert 0 < tally.exact < 0.05 * tally.pairs
+
+
+ROOM = box_at("room", [6.0, 6.0, 6.0], at())
+CHIP = box_at("chip", [0.004, 0.004, 0.004], at(1.9, 0.0, 2.15))
+CANNON = np.deg2rad([[0.0, -90.0, 90.0, 0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "pair"),
+    [(ROOM, ("link 1", "obstacle room")), (CHIP, ("tool head", "obstacle chip"))],
+)
+def test_a_solid_wholly_inside_another_collides(obstacle, pair, arm_of):
+    head = box_at("head", [0.3, 0.2, 0.3], at(0.1, 0.0, 0.15))
+    cell = cell_of(tool=[head], obstacles=[obstacle])
+    scene = Scene.build(cell, arm_of(cell))
+    hits = scene.check(CANNON)
+    assert hits.pairs[hits.pair[0]] == pair
+    assert hits.name(0) == " and ".join(pair)
+    assert scene.clearance(CANNON)[0] == 0.0
+    assert scene.check_motion(np.vstack([CANNON, CANNON + 1e-4])).hit[0]

@@ -1,0 +1,233 @@
+"""Motions: the bound holds, nothing that dense sampling finds is missed."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from postproc.collision.scene import Scene
+from postproc.kinematics.model import build
+from tests.collision.conftest import at, box_at, cell_of
+
+CANNON = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def plain():
+    """A scene with one solid in the flange, one workpiece."""
+    cell = cell_of(
+        tool=[box_at("head", [0.3, 0.2, 0.3], at(0.1, 0.05, 0.15))],
+        workpiece=[box_at("block", [0.4, 0.4, 0.4], at(1.5, 0.2, 0.3))],
+    )
+    scene = Scene.build(cell, build(cell.robot))
+    return scene, build(cell.robot), cell
+
+
+angles = st.floats(-3.0, 3.0)
+turns = st.floats(0.0, 0.8)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(angles, min_size=6, max_size=6), st.lists(turns, min_size=6, max_size=6))
+def test_no_vertex_moves_farther_than_the_bound(plain, q, turn):
+    scene, arm, _ = plain
+    q, turn = np.array(q), np.array(turn)
+    engine = scene._engine
+    bound = engine.sweep.of_pairs(engine.place(q[None]), turn[None])[:, 0]
+    rng = np.random.default_rng(1)
+    away = q + turn * np.sign(rng.uniform(-1, 1, (24, 6))) * rng.choice([1.0, 0.3], (24, 6))
+    bodies = {body.name: body for body in scene.bodies}
+    start, frames = arm.link_frames(q), arm.link_frames(away)
+    for (one, two), limit in zip(scene.pairs, bound, strict=True):
+        a, b = bodies[one], bodies[two]
+        low, high = sorted((a, b), key=lambda body: max(body.link, 0))
+        base, link = max(low.link, 0), max(high.link, 0)
+        points = np.column_stack([high.vertices, np.ones(len(high.vertices))]).T
+        before = np.linalg.inv(start[base]) @ start[link] @ points
+        after = np.linalg.inv(frames[:, base]) @ frames[:, link] @ points
+        moved = np.linalg.norm((after - before)[:, :3], axis=1).max()
+        assert moved <= limit + 1e-12
+
+
+def test_the_bound_is_not_wasteful_for_one_joint(plain):
+    scene, arm, _ = plain
+    engine = scene._engine
+    pair = scene.pairs.index(("tool head", "workpiece block"))
+    head = next(body for body in scene.bodies if body.name == "tool head")
+    points = np.column_stack([head.vertices, np.ones(len(head.vertices))]).T
+    for joint in range(6):
+        turn = np.zeros(6)
+        turn[joint] = 0.01
+        bound = engine.sweep.of_pairs(engine.place(CANNON[None]), turn[None])[pair, 0]
+        moved = (arm.link_frames(CANNON + turn) - arm.link_frames(CANNON))[6] @ points
+        assert 0.75 * bound < np.linalg.norm(moved[:3], axis=0).max() <= bound
+
+
+def motions(count, seed):
+    robot_min, robot_max = (
+        np.deg2rad([-60, -110, 30, -90, -80, -90]),
+        np.deg2rad([60, -40, 130, 90, 80, 90]),
+    )
+    rng = np.random.default_rng(seed)
+    start = rng.uniform(robot_min, robot_max, (count, 6))
+    scale = rng.choice([0.02, 0.1, 0.4], (count, 1))
+    return start, start + scale * rng.normal(0.0, 1.0, (count, 6))
+
+
+def densely(scene, start, end, samples, contact=None):
+    share = np.linspace(0.0, 1.0, samples)[:, None, None]
+    q = start + share * (end - start)
+    return scene.check(q.reshape(-1, 6), contact).hit.reshape(samples, -1)
+
+
+def test_nothing_that_dense_sampling_finds_is_missed(busy_cell, arm_of):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end = motions(500, seed=2)
+    answer = scene.check_paths(start, end)
+    sampled = densely(scene, start, end, 200)
+    assert not (sampled.any(axis=0) & ~answer.hit).any()
+    where = start + np.nan_to_num(answer.share)[:, None] * (end - start)
+    assert scene.check(where[answer.hit]).hit.all()
+    assert np.isnan(answer.share[~answer.hit]).all()
+    assert (answer.pair[~answer.hit] == -1).all()
+    # among them motions whose ends are free
+    assert (answer.hit & ~sampled[0] & ~sampled[-1]).sum() > 5
+    assert 0.1 < answer.hit.mean() < 0.9
+
+
+def test_the_named_pair_collides_where_it_is_said_to(busy_cell, arm_of):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end = motions(120, seed=4)
+    answer = scene.check_paths(start, end)
+    for row in np.flatnonzero(answer.hit):
+        q = start[row] + answer.share[row] * (end[row] - start[row])
+        first = scene.check(q[None]).pair[0]
+        assert first <= answer.pair[row]
+        assert answer.name(row) == " and ".join(scene.pairs[answer.pair[row]])
+
+
+def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end = motions(40, seed=6)
+    whole = scene.check_paths(start, end)
+    single = [scene.check_paths(a[None], b[None]) for a, b in zip(start, end, strict=True)]
+    assert np.array_equal(whole.pair, np.concatenate([one.pair for one in single]))
+    assert np.array_equal(whole.share, np.concatenate([one.share for one in single]), True)
+    path = scene.check_motion(np.vstack([start[0], end[0], start[1]]))
+    assert len(path.hit) == 2
+    assert path.pair[0] == whole.pair[0]
+    assert not scene.check_motion(start[:1]).any
+    assert len(scene.check_paths(start[:0], end[:0]).hit) == 0
+
+
+def test_a_thin_plate_between_free_ends_is_found(arm_of):
+    plate = box_at("plate", [0.3, 0.002, 0.6], at(2.1, 0.0, 2.2))
+    cell = cell_of(tool=[box_at("rod", [0.02, 0.02, 0.5], at(0, 0, 0.25))], obstacles=[plate])
+    scene = Scene.build(cell, arm_of(cell))
+    start, end = CANNON.copy(), CANNON.copy()
+    start[0], end[0] = -0.5, 0.55
+    assert not scene.check(np.stack([start, end])).hit.any()
+    answer = scene.check_motion(np.stack([start, end]))
+    assert answer.hit[0]
+    assert answer.name(0) == "tool rod and obstacle plate"
+    beside = cell_of(
+        tool=cell.tool.meshes, obstacles=[box_at("plate", [0.6, 0.002, 0.6], at(2.65, 0.0, 2.2))]
+    )
+    assert not Scene.build(beside, arm_of(beside)).check_motion(np.stack([start, end])).hit[0]
+
+
+@pytest.mark.parametrize(("gap", "hit"), [(2e-5, False), (-2e-5, True)])
+def test_a_gap_finer_than_the_resolution_is_told_from_contact(gap, hit, arm_of):
+    # a rod turns about axis 1 under a ceiling that its upper edge all but touches
+    rod = box_at("rod", [0.4, 0.02, 0.02], at(0.0, 0.0, 0.25))
+    ceiling = box_at("ceiling", [0.5, 1.0, 0.1], at(2.2, 0.0, 2.29 + 0.2 + 0.05 + gap))
+    cell = cell_of(tool=[rod], obstacles=[ceiling])
+    scene = Scene.build(cell, arm_of(cell))
+    start, end = CANNON.copy(), CANNON.copy()
+    start[0], end[0] = -0.05, 0.05
+    answer = scene.check_motion(np.stack([start, end]))
+    assert answer.hit[0] == hit
+    assert answer.name(0) == ("tool rod and obstacle ceiling" if hit else "")
+
+
+def test_clearance_counts_on_the_way_too(busy_cell, arm_of):
+    wide = cell_of(
+        busy_cell.tool.meshes,
+        busy_cell.workpiece.meshes,
+        busy_cell.obstacles,
+        busy_cell.T_robroot_base,
+        clearance=0.05,
+        T_world_robroot=busy_cell.robot.T_world_robroot,
+    )
+    arm = arm_of(wide)
+    scene, bare = Scene.build(wide, arm), Scene.build(busy_cell, arm)
+    start, end = motions(80, seed=8)
+    answer, without = scene.check_paths(start, end), bare.check_paths(start, end)
+    assert not (without.hit & ~answer.hit).any()
+    assert (answer.hit & ~without.hit).any()
+    sampled = densely(scene, start, end, 120).any(axis=0)
+    assert not (sampled & ~answer.hit).any()
+    where = start + np.nan_to_num(answer.share)[:, None] * (end - start)
+    assert scene.check(where[answer.hit]).hit.all()
+
+
+BENT = np.deg2rad([0.0, -90.0, 110.0, 0.0, 40.0, 0.0])
+
+
+def line(arm, half_width):
+    """A LIN motion along y through the pose BENT, as a function of the share."""
+    T = arm.fk(BENT)
+    slot = int(arm.slot(BENT[None])[0])
+
+    def q_at(share):
+        poses = np.broadcast_to(T, (len(share), 4, 4)).copy()
+        poses[:, 1, 3] = (2.0 * share - 1.0) * half_width
+        q, valid = arm.ik(poses)
+        assert valid[:, slot].all()
+        return arm.nearest(q[:, slot], BENT)
+
+    return q_at
+
+
+def test_a_line_in_space_is_followed(arm_of):
+    """Past a post that the straight joint motion between the same ends hits."""
+    rod = box_at("rod", [0.02, 0.02, 0.3], at(0, 0, 0.15))
+    arm = arm_of(cell_of(tool=[rod]))
+    q_at = line(arm, 1.0)
+    tip = np.array([0.0, 0.0, 0.3, 1.0])
+    reach = float((arm.fk(BENT) @ tip)[0])
+    chord = q_at(np.array([0.0, 1.0]))
+    bulge = float((arm.fk(chord.mean(axis=0)) @ tip)[0]) - reach
+    assert bulge > 0.1
+
+    def with_post(x):
+        post = box_at("post", [0.02, 0.02, 4.0], at(x, 0.0, 2.0))
+        return Scene.build(cell_of(tool=[rod], obstacles=[post]), arm)
+
+    beyond = with_post(reach + 0.5 * bulge)
+    assert beyond.check_motion(chord).hit[0]
+    share, answer = beyond.check_curve(q_at)
+    assert not answer.any
+    assert len(share) == len(answer.hit) + 1 > 10
+    q = q_at(share)
+    off = (arm.fk(0.5 * (q[1:] + q[:-1])) - arm.fk(q_at(0.5 * (share[1:] + share[:-1])))) @ tip
+    assert np.linalg.norm(off[:, :3], axis=1).max() <= 1e-3
+    share, answer = with_post(reach + 0.005).check_curve(q_at)
+    assert answer.any
+    first = int(np.argmax(answer.hit))
+    assert share[first] < 0.51
+    assert share[first + 1] > 0.489
+
+
+def test_a_leap_of_the_wrist_ends_the_refinement(arm_of):
+    cell = cell_of(tool=[box_at("rod", [0.02, 0.02, 0.3], at(0, 0, 0.15))])
+    scene = Scene.build(cell, arm_of(cell))
+
+    def q_at(share):
+        q = np.tile(CANNON, (len(share), 1))
+        q[:, 3] += np.where(share > 1.0 / 3.0, np.pi, 0.0)
+        return q
+
+    share, answer = scene.check_curve(q_at)
+    assert len(share) < 100
+    assert not answer.any
