@@ -15,13 +15,15 @@ import numpy as np
 from postproc.errors import StiffnessError
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.stiffness.cases import LoadCases
-from postproc.stiffness.observability import FINEST, WEAK, Observability, observe
+from postproc.stiffness.observability import FINEST, WEAK, Observability, Visibility, observe
 from postproc.units import UM
 
 TYPICAL_C = 1.0 / np.array([1.5e7, 6e6, 5e6, 4e5, 2.5e5, 3e5])
 """Expected pattern of joint compliances [rad/(N*m)] where nothing is known; its size is fitted."""
 BOUNDS = (0.02, 50.0)
 """A compliance is looked for between these multiples of the expected one."""
+NEAR = 5.0
+"""A weakly seen joint of a finer model starts within this factor of the expected compliance."""
 HUBER = 3.4
 """Case residuals beyond this many sigma (3D norm; 1 % of clean cases) lose weight."""
 OUTLIER = 7.0
@@ -35,7 +37,8 @@ class ConstantFit:
     c_joint (6,) [rad/(N*m)], NaN where unseen; sd (6,) one sigma, NaN where unseen; low, high
     (6,): interval of c at ``confidence`` (low may be <= 0: no upper bound on stiffness);
     sigma: sd of a component of a case [m]; dof; weight (n,) of the cases; at_bound: joints whose
-    free estimate lay outside the bounds; observability: what the loads show.
+    free estimate lay outside the bounds; observability: what the loads show; c_ref (6,): what
+    visibility was judged against; c_expected (6,): the expected pattern at the size of the data.
     """
 
     c_joint: FloatArray
@@ -48,7 +51,19 @@ class ConstantFit:
     at_bound: tuple[int, ...]
     observability: Observability
     c_ref: FloatArray
+    c_expected: FloatArray
     confidence: float
+
+    @property
+    def centre(self) -> FloatArray:
+        """(6,) [rad/(N*m)] around which a finer model looks, NaN where unseen.
+
+        Where stiffness varies, one constant for all absorbs the variation in the joints that it
+        hardly sees; those are kept near what is expected.
+        """
+        near = np.clip(self.c_joint, self.c_expected / NEAR, self.c_expected * NEAR)
+        good = [grade is Visibility.GOOD for grade in self.observability.visibility]
+        return np.where(good, self.c_joint, near)
 
     def stiffness_interval(self, joint: int) -> tuple[float, float]:
         """Return the interval of a joint's stiffness [N*m/rad]; the upper end may be infinite."""
@@ -74,7 +89,7 @@ def fit_constant(
         StiffnessError: STF012 if the loads show no joint at all.
     """
     shape = TYPICAL_C if k_ref is None else 1.0 / np.asarray(k_ref, dtype=np.float64)
-    c_ref = shape * _common_size(cases, shape)
+    c_ref = c_expected = shape * _common_size(cases, shape)
     weight = np.ones(len(cases))
     c, sigma, dof = _solve(cases, c_ref, np.ones(6, dtype=bool), weight)
     for _ in range(20 if robust else 0):
@@ -120,6 +135,7 @@ def fit_constant(
         at_bound=at_bound,
         observability=seen,
         c_ref=c_ref,
+        c_expected=c_expected,
         confidence=confidence,
     )
 

@@ -80,7 +80,7 @@ def fit_continuous(
         nodes: largest number of kernel centres.
     """
     seen = constant.observability.seen
-    c0 = constant.c_joint[seen]
+    c0 = constant.centre[seen]
     centres = cases.q[_spread(cases.q, cases.posture, nodes)]
     subset = cases.rows(_subset(cases))
     current = hyper or _start(cases, constant)

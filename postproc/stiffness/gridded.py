@@ -16,6 +16,7 @@ from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.stiffness.cases import LoadCases
 from postproc.stiffness.constant import ConstantFit
 from postproc.stiffness.field import Grid, GridField
+from postproc.stiffness.observability import FINEST
 
 PRIOR_SD = 1.0
 """One sigma of a cell's compliance around the constant one, as a share of it."""
@@ -59,7 +60,7 @@ def fit_grid(cases: LoadCases, grid: Grid, constant: ConstantFit, blend: bool = 
         blend: run continuously between cell centres instead of jumping at faces.
     """
     use = constant.observability.seen
-    c_ref = np.where(use, constant.c_joint, 1.0)
+    c_ref = np.where(use, constant.centre, 1.0)
     number, row = members(grid, cases.point)
     X = (cases.A * c_ref)[:, :, use] * np.sqrt(constant.weight)[:, None, None]
     y = cases.d * np.sqrt(constant.weight)[:, None]
@@ -68,9 +69,14 @@ def fit_grid(cases: LoadCases, grid: Grid, constant: ConstantFit, blend: bool = 
     b = np.zeros((len(grid), size))
     np.add.at(N, number, np.einsum("nki,nkj->nij", X, X)[row])
     np.add.at(b, number, np.einsum("nki,nk->ni", X, y)[row])
-    variance = max(constant.sigma, 1e-9) ** 2
-    prior = np.eye(size) * variance / PRIOR_SD**2
-    ratio = _bounded_quadratic(N + prior, b + np.diag(prior))
+    variance = max(constant.sigma, FINEST) ** 2
+    for _ in range(3):
+        # the constant fit's scatter holds what the cells explain: take that of the cells instead
+        prior = np.eye(size) * variance / PRIOR_SD**2
+        ratio = _bounded_quadratic(N + prior, b + np.diag(prior))
+        left = (y[row] - np.einsum("nki,ni->nk", X[row], ratio[number])).ravel()
+        dof = max(len(left) - len(grid) * size, len(left) // 3, 1)
+        variance = min(variance, max(float(left @ left) / dof, FINEST**2))
     c = np.full((len(grid), 6), np.nan)
     c[:, use] = ratio * c_ref[use]
     sd = np.full((len(grid), 6), np.nan)
