@@ -13,6 +13,7 @@ from postproc.planning.feasible import Checker, Reason
 from postproc.planning.ladder import IndexArray, Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.problem import Problem
+from postproc.planning.remedy import remedy
 
 WORDS = {
     Reason.UNREACHABLE: "unreachable",
@@ -21,6 +22,8 @@ WORDS = {
     Reason.COLLISION: "collision",
     Reason.SPEED: "speed",
 }
+HELPED = 20
+"""For so many failing tags a remedy is looked for."""
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 
 
@@ -57,8 +60,8 @@ def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
     issues = []
     good, entry = evidence.chosen.good, evidence.chosen.entry
-    for row in np.nonzero(~good)[0].tolist():
-        issues.append(_no_pose(checker, evidence, row))
+    for count, row in enumerate(np.nonzero(~good)[0].tolist()):
+        issues.append(_no_pose(checker, evidence, row, help_=count < HELPED))
     cut_off = (evidence.rule == Rule.CHAIN) & entry & good
     cut_off[1:] &= good[:-1]
     cut_off[:1] = False
@@ -67,7 +70,7 @@ def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
     return issues
 
 
-def _no_pose(checker: Checker, evidence: Evidence, row: int) -> Issue:
+def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> Issue:
     low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
     reasons = evidence.reason[low:high]
     first = np.unique(evidence.states.config[low:high], return_index=True)[1]
@@ -83,7 +86,8 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int) -> Issue:
     pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
     if main is Reason.COLLISION and len(pairs):
         detail += f"; {_most_frequent(checker, pairs)}"
-    return failure(checker.problem, int(evidence.tags[row]), main, detail)
+    tag = int(evidence.tags[row])
+    return failure(checker.problem, tag, main, detail, remedy(checker, tag, main) if help_ else "")
 
 
 def _most_frequent(checker: Checker, pairs: IndexArray) -> str:

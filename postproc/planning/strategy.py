@@ -22,8 +22,8 @@ from postproc.planning.search import Found, search
 
 Step = Callable[[int, int, str], None]
 _TIE_TRAVEL = 1e-7
-_CHAIN_TRAVEL = 1e-3
-"""Weight of travel inside a cut where every tag is optimised for itself: 0.1 % of stiffness for a
+_CHAIN_TRAVEL = 3e-3
+"""Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
 _TIE_SPIN = 1e-5
 _REVERTS = 6

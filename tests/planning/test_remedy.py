@@ -1,0 +1,46 @@
+"""The remedy that is named does help, and a smaller one of its kind does not."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.model.cell import Workpiece
+from postproc.model.toolpath import Cycle, MotionKind
+from postproc.planning.planner import plan
+from postproc.units import DEG, MM
+
+FRONT = np.array([-1.0, 0.0, 0.0])
+
+
+def hole(make_path, x, axis=FRONT):
+    cycles = (Cycle("drill", 0.0, 0.0, 0.0, feed=0.002),)
+    return make_path([[x, 0.0, 1.0]], axis, MotionKind.HOLE, cycle=np.zeros(1, int), cycles=cycles)
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_shift_of_the_workpiece(make_cell, make_path):
+    cell, toolpath = make_cell(), hole(make_path, 3.6)
+    issue = plan(toolpath, cell).errors[0]
+    assert issue.code == "PLN101"
+    size, axis = re.search(r"workpiece ([+-]\d+) mm along ([xyz])", issue.hint).groups()
+    T = np.eye(4)
+    T["xyz".index(axis), 3] = float(size) * MM
+    assert not plan(toolpath, replace(cell, workpiece=Workpiece(1, T))).errors
+    T["xyz".index(axis), 3] *= 0.5
+    assert plan(toolpath, replace(cell, workpiece=Workpiece(1, T))).errors
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_more_spin(make_cell, make_path):
+    toolpath = hole(make_path, 2.4)
+    wide = plan(toolpath, make_cell())
+    assert not wide.errors
+    away = wide.spin[0] + np.pi
+    narrow = make_cell(optimize={"range": (away - 1.0 * DEG, away + 1.0 * DEG)})
+    issue = plan(toolpath, narrow).errors
+    if issue:
+        assert "widen range_deg" in issue[0].hint
