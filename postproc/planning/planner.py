@@ -21,7 +21,8 @@ from postproc.planning.moves import Chosen
 from postproc.planning.place import place
 from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
-from postproc.planning.settings import PlanOptions, settle
+from postproc.planning.sequence import ordered, reordered
+from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.strategy import choose, step_rules
 from postproc.planning.stroke import strokes_of, with_touched_points
 
@@ -48,7 +49,8 @@ def plan(
 
     Returns:
         The plan; tags that cannot be run are errors among its ``issues``. Without
-        ``options.partial`` such a plan has no moves worth running.
+        ``options.partial`` such a plan has no moves worth running. Where the cell leaves the order
+        of holes free, the plan's toolpath is the one read in the order found.
 
     Raises:
         PlanError: PLN201 if the path gives no reference for the spin.
@@ -57,18 +59,11 @@ def plan(
     clock = _Clock(progress)
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
-    placement = place(toolpath, cell)
-    served = with_touched_points(toolpath, settings.points)
-    problem = Problem(
-        served,
-        cell,
-        build(cell.robot),
-        placement,
-        settings,
-        path_normals(toolpath, placement),
-        stiffness_of(cell),
-    )
-    checker = Checker(problem, strokes_of(served, settings.approach), _scene(problem))
+    problem = problem_of(toolpath, cell, settings)
+    if settings.free_order:
+        toolpath = reordered(toolpath, ordered(problem))
+        problem = problem_of(toolpath, cell, settings)
+    checker = Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))
     clock.lap("place")
     chosen, issues, record = choose(checker, clock.step)
     clock.lap("search")
@@ -77,6 +72,21 @@ def plan(
     issues = [*_notes(checker), *issues, *dropped, *routed.issues]
     result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
     return replace(result, toolpath=toolpath, clearance=_clearance(checker, chosen, options))
+
+
+def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
+    """Return the planning problem of a toolpath in a cell."""
+    placement = place(toolpath, cell)
+    served = with_touched_points(toolpath, settings.points)
+    return Problem(
+        served,
+        cell,
+        build(cell.robot),
+        placement,
+        settings,
+        path_normals(toolpath, placement),
+        stiffness_of(cell),
+    )
 
 
 def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Issue]]:
