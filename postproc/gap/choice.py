@@ -8,12 +8,13 @@ is outside of the library and explains the rows better.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.gap.dataset import Samples
+from postproc.gap.dataset import Rows, Samples
 from postproc.gap.linear import Block, Gram, block_of
 from postproc.gap.select import Search, Subset, search
 from postproc.gap.waves import Context
@@ -27,6 +28,12 @@ SUSPECT_SHARE = 0.2
 """Unique part of a suspect against a neighbour's, from which it takes the name away."""
 CLEAR = 6.0
 """Nats by which a model must beat the best one without the effect (odds 400 to 1)."""
+COMPANIONS: Mapping[str, tuple[str, ...]] = {"gravity_sag": ("link_geometry",)}
+"""Effects that another absorbs almost wholly on the rows it is fitted to, but not on others: how
+little only they explain says nothing of their size. A free geometry imitates the sag of the arm
+where it was measured and is wrong elsewhere."""
+COMPANION_GAIN = 20.0
+"""Nats that such an effect must bring."""
 _PLACEBOS = 60
 NEIGHBOURS: Mapping[str, tuple[str, ...]] = {
     "friction_windup": ("backlash",),
@@ -104,6 +111,7 @@ def choose(bench: Bench) -> Choice:
         key, reason = weak
         refused[found.names[key]] = reason
         barred.add(key)
+    found, evidence = _readmitted(bench, found, folds, evidence, barred, refused)
     suspects = tuple(k for k in found.best if _block(bench, k).suspect)
     keys = tuple(k for k in found.best if k not in suspects)
     keys = _shadowed(bench, keys, suspects, evidence, refused)
@@ -113,7 +121,7 @@ def choose(bench: Bench) -> Choice:
             refused[found.names[key]] = "a placebo does as well"
     keys = tuple(k for k in keys if evidence[k].placebo <= 0.02)
     for key in (*keys, *suspects):
-        evidence[key].twins = _twins(bench, gram, found, key, barred)
+        evidence[key].twins = _twins(bench, found, key, barred)
     keys = tuple(sorted(keys, key=lambda k: -evidence[k].unique))
     return Choice(keys, suspects, evidence, found.inclusion(), refused)
 
@@ -132,7 +140,7 @@ def _fold_grams(bench: Bench) -> list[Gram]:
     return grams
 
 
-def _picked(block: Block, rows: IntArray) -> Block:
+def _picked(block: Block, rows: Rows) -> Block:
     return Block(block.effect, block.setting, block.parameters, block.X[rows], block.key)
 
 
@@ -167,13 +175,54 @@ def _weakest(
     failing = []
     for key in best:
         item = evidence[key]
+        if item.gain > COMPANION_GAIN and is_companion(bench, best, key):
+            continue
         if item.unique < bar:
             failing.append((item.unique / bar, key, "too small to tell from noise"))
         elif item.gain < CLEAR:
             failing.append((item.gain / CLEAR, key, "not clear enough"))
-        elif item.wins < 0.7:
+        elif item.wins < (0.85 if _block(bench, key).suspect else 0.7):
             failing.append((item.wins, key, "does not help on rows that were not fitted"))
     return min(failing)[1:] if failing else None
+
+
+def _readmitted(
+    bench: Bench,
+    found: Search,
+    folds: Sequence[Gram],
+    evidence: dict[str, Evidence],
+    barred: set[str],
+    refused: dict[str, str],
+) -> tuple[Search, dict[str, Evidence]]:
+    """Give blocks that were put aside beside worse company a second chance, one at a time."""
+    names = {b.key: b.name for b in bench.blocks}
+    for key in sorted(barred):
+        if refused.get(names[key], "").startswith("not physical"):
+            continue
+        again = search(
+            found.gram, bench.always, 0, set(names) - {*found.best, key} - set(bench.always)
+        )
+        subset = (*found.best, key)
+        if not again.legal(subset) or again.score(subset) < found.score(found.best) + CLEAR:
+            continue
+        again.scores |= {k: v for k, v in found.scores.items() if set(k) <= set(subset)}
+        if again.best != tuple(sorted(subset)):
+            continue
+        more = {k: _evidence(bench, again, folds, k) for k in subset}
+        if _weakest(bench, again.best, more) is None and not _unphysical(bench, again):
+            again.names |= found.names
+            again.price |= found.price
+            again.scores |= found.scores
+            found, evidence = again, more
+            barred.discard(key)
+            refused.pop(names[key], None)
+    return found, evidence
+
+
+def is_companion(bench: Bench, best: Subset, key: str) -> bool:
+    """Return whether an effect is nearly absorbed by another one that is in the subset."""
+    hosts = COMPANIONS.get(_block(bench, key).name, ())
+    return any(_block(bench, k).name in hosts for k in best)
 
 
 def _unphysical(bench: Bench, found: Search) -> tuple[str, str] | None:
@@ -227,7 +276,9 @@ def _placebo(bench: Bench, best: Subset, key: str) -> float:
     rest = {*bench.always, *(k for k in best if k != key)}
     use = np.flatnonzero(bench.weight > 0)
     weight = bench.weight[use]
-    context = Context([_picked(b, use) for b in bench.blocks if b.key in rest], bench.y[use], weight)
+    context = Context(
+        [_picked(b, use) for b in bench.blocks if b.key in rest], bench.y[use], weight
+    )
     left = context.clean(context.y[:, None])[:, 0]
     samples = bench.samples.rows(use)
     rng = np.random.default_rng(11)
@@ -250,18 +301,22 @@ def _brought(context: Context, left: FloatArray, X: FloatArray, weight: FloatArr
     return float(0.5 * b @ np.linalg.solve(A, b) - 0.5 * np.linalg.slogdet(A)[1])
 
 
-def _twins(
-    bench: Bench, gram: Gram, found: Search, key: str, barred: set[str]
-) -> tuple[str, ...]:
+def _twins(bench: Bench, found: Search, key: str, barred: set[str]) -> tuple[str, ...]:
     """Return the effects that would do as well in place of one: the set it belongs to."""
     name = found.names[key]
-    same = {k for k, n in found.names.items() if n == name}
-    other = search(gram, bench.always, exhaustive=2, barred=barred | same)
+    chosen = {found.names[k] for k in found.best}
+    rest = tuple(k for k in found.best if k != key)
+    others = [b.key for b in bench.blocks if b.key in found.names and b.name not in chosen - {name}]
+    others = [k for k in others if found.names[k] != name and k not in barred]
     here = found.score(found.best)
     twins: set[str] = set()
-    for subset, score in other.scores.items():
-        if here - score < CLEAR:
-            new = {other.names[k] for k in subset} - {found.names[k] for k in found.best}
-            if len(new) == 1:
-                twins |= new
+    for size in (1, 2):
+        for more in itertools.combinations(others, size):
+            subset = (*rest, *more)
+            if not found.legal(subset) or here - found.score(subset) >= CLEAR:
+                continue
+            if size == 1:
+                twins.add(found.names[more[0]])
+            elif not twins & {found.names[k] for k in more}:
+                twins |= {found.names[k] for k in more}
     return tuple(sorted(twins))

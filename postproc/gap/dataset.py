@@ -7,13 +7,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.errors import DataError
 from postproc.frames import apply, inverse
 from postproc.gap.reference import ArmReference
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.arrays import FloatArray
 from postproc.model.measurement import MeasurementSet
+
+Rows = NDArray[np.bool_] | NDArray[np.signedinteger[Any]]
+"""Rows of a campaign: a mask (n,) or numbers of rows."""
 
 COLUMN_NAMES = {
     "direction": tuple(f"dir{i}" for i in range(1, 7)),
@@ -108,7 +112,7 @@ class Samples:
         del flange
         return replace(self, q=q, frames=frames, axes=axes, point=point)
 
-    def rows(self, index: BoolArray | FloatArray) -> Samples:
+    def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
         picked: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[index]
@@ -117,7 +121,7 @@ class Samples:
         extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
         return replace(self, **picked, extra=extra)
 
-    def shuffled(self, names: tuple[str, ...], order: FloatArray) -> Samples:
+    def shuffled(self, names: tuple[str, ...], order: Rows) -> Samples:
         """Return the rows with some columns in another order."""
         mixed: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[order]

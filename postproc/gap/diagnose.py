@@ -16,14 +16,17 @@ from postproc.gap.robot_model import evaluate
 from postproc.gap.verdict import Settled, fitted, settle, verdict
 from postproc.gap.waves import Wave, find_waves
 from postproc.gap.workbench import WAVES, chosen, prepare, without_waves
-from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.arrays import BoolArray, FloatArray, IntArray
 
 Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """One effect in the order of adoption: 3D rms before and after on sealed rows [m]."""
+    """What one adopted effect does on sealed rows: 3D rms [m] without it and with it.
+
+    Both of the whole measured difference, everything else that was adopted in the model.
+    """
 
     name: str
     before: float
@@ -37,7 +40,8 @@ class Finding:
 
     noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
     baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
-    extra: for each effect not adopted the 3D rms [m] on sealed rows without and with it;
+    total: 3D rms [m] on sealed rows before and after all adopted effects, and the 90 % interval
+    of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and with it;
     ripple: waves in what is left where the verdict is "unexplained".
     """
 
@@ -55,7 +59,7 @@ class Finding:
     tests: tuple[Dependence, ...]
     structure: float
     steps: tuple[Step, ...]
-    total_interval: tuple[float, float]
+    total: tuple[float, float, float, float]
     extra: dict[str, tuple[float, float]]
     ripple: tuple[Wave, ...]
     bench: Bench
@@ -77,7 +81,6 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
     settled = settle(problem, prepared, bench, choice)
     choice = settled.choice
     say(3, 4, "sealed rows")
-    names = {b.key: b.name for b in bench.blocks}
     sigma = prepared.noise.sigma
     rows = problem.searchable & ~settled.outlier
     base = fitted(problem, bench, (), sigma, rows)
@@ -90,7 +93,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
         noise_freedom=prepared.noise.freedom,
         outlier=settled.outlier,
         choice=choice,
-        adopted=tuple(names[k] for k in choice.keys),
+        adopted=tuple(step.name for step in steps),
         suspects=tuple(choice.suspects),
         fit=settled.fit,
         baseline=base.point,
@@ -98,7 +101,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
         tests=settled.tests,
         structure=settled.structure,
         steps=steps,
-        total_interval=total,
+        total=total,
         extra=_extra(problem, bench, settled),
         ripple=_ripple(bench, choice) if answer == "unexplained" else (),
         bench=bench,
@@ -107,30 +110,27 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
 
 def _steps(
     problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit
-) -> tuple[tuple[Step, ...], tuple[float, float]]:
-    """Add the effects one by one, each time fitted on unsealed rows and judged on sealed ones."""
+) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
+    """Leave out one adopted effect at a time, refit on unsealed rows, compare on sealed ones."""
     rows = problem.searchable & ~settled.outlier
     test = problem.split.sealed & ~settled.outlier
     cluster = problem.split.cluster[test]
     names = {b.key: b.name for b in bench.blocks}
-    first = before = _left(problem.measured - base.point, test)
+    first = _left(problem.measured - base.point, test)
+    after = _left(settled.residual, test)
     keys = settled.choice.keys
     steps = []
-    for count in range(1, len(keys) + 1):
-        if count == len(keys):
-            after = _left(settled.residual, test)
-        else:
-            part = fitted(problem, bench, keys[:count], sigma, rows)
-            after = _left(problem.measured - part.point, test)
+    for key in keys:
+        rest = tuple(k for k in keys if k != key)
+        part = fitted(problem, bench, rest, sigma, rows) if rest else base
+        before = _left(problem.measured - part.point, test)
         interval = shrink_interval(before, after, cluster)
-        steps.append(Step(names[keys[count - 1]], _rms(before), _rms(after), interval))
-        before = after
-    return tuple(steps), shrink_interval(first, before, cluster)
+        steps.append(Step(names[key], _rms(before), _rms(after), interval))
+    steps.sort(key=lambda step: -step.before)
+    return tuple(steps), (_rms(first), _rms(after), *shrink_interval(first, after, cluster))
 
 
-def _extra(
-    problem: Problem, bench: Bench, settled: Settled
-) -> dict[str, tuple[float, float]]:
+def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[float, float]]:
     """Return what each further effect would do on sealed rows, to first order."""
     test = problem.split.sealed & ~settled.outlier
     index = np.flatnonzero(test)
@@ -173,7 +173,7 @@ def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
 
 
 def shrink_interval(
-    before: FloatArray, after: FloatArray, cluster: FloatArray, draws: int = 400
+    before: FloatArray, after: FloatArray, cluster: IntArray, draws: int = 400
 ) -> tuple[float, float]:
     """Return the 90 % interval of the shrinkage, by drawing pose clusters anew."""
     if len(before) == 0:

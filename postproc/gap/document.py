@@ -54,9 +54,7 @@ def document(finding: Finding) -> dict[str, Any]:
                 {"name": name, "title": effect_of(name).title, "action": effect_of(name).action}
                 for name in finding.suspects
             ],
-            "ripple": [
-                {"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple
-            ],
+            "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple],
         },
         "outliers": [ids[i] for i in np.flatnonzero(finding.outlier)],
         "not_testable": [
@@ -155,9 +153,7 @@ def _candidate(finding: Finding, name: str, before: float, after: float) -> dict
         "shrinkage_ci": None,
         "parameters": {},
         "confounded_with": sorted(
-            k.split(":")[0]
-            for k in finding.choice.keys
-            if name in finding.choice.evidence[k].twins
+            k.split(":")[0] for k in finding.choice.keys if name in finding.choice.evidence[k].twins
         ),
         "reason": finding.choice.refused.get(name, "the rows do not call for it"),
     }
@@ -171,14 +167,11 @@ def _probability(finding: Finding, name: str) -> float:
 
 
 def _total_shrinkage(finding: Finding) -> dict[str, Any]:
-    if not finding.steps:
-        return {"value": 0.0, "ci": [0.0, 0.0]}
-    first, last = finding.steps[0], finding.steps[-1]
-    low, high = finding.total_interval
+    before, after, low, high = finding.total
     return {
-        "rms_before_mm": _mm(first.before),
-        "rms_after_mm": _mm(last.after),
-        "value": round(1.0 - last.after / max(first.before, 1e-12), 4),
+        "rms_before_mm": _mm(before),
+        "rms_after_mm": _mm(after),
+        "value": round(1.0 - after / max(before, 1e-12), 4),
         "ci": [round(low, 4), round(high, 4)],
     }
 

@@ -113,7 +113,8 @@ class Effect(ABC):
         """Return why fitted numbers (p,) are not physical for this cause, empty if they are.
 
         Args:
-            theta: fitted numbers; deviation: their standard deviations.
+            theta: fitted numbers.
+            deviation: their standard deviations.
             arm: the arm they belong to.
         """
         del theta, deviation, arm

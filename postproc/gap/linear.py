@@ -125,7 +125,7 @@ class Gram:
         if len(i) == 0:
             return np.zeros(0), np.zeros((0, 0))
         covariance = np.linalg.inv(self.G[np.ix_(i, i)] + np.eye(len(i)))
-        return covariance @ self.b[i], covariance
+        return np.asarray(covariance @ self.b[i]), np.asarray(covariance)
 
     def misfit(self, keys: Sequence[str], theta: FloatArray) -> float:
         """Return the sum of squares that numbers leave on these rows, in noise units."""
@@ -145,7 +145,8 @@ class Gram:
         if len(i) == 0:
             return 0.0
         G = self.G[np.ix_(i, i)]
-        return float(np.trace(np.linalg.solve(G + np.eye(len(i)), G)))
+        share: FloatArray = np.asarray(np.linalg.solve(G + np.eye(len(i)), G))
+        return float(np.trace(share))
 
 
 def predicted(blocks: Sequence[Block], theta: FloatArray) -> FloatArray:

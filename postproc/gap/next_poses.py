@@ -94,7 +94,7 @@ def _far(block: Block, pool: Samples) -> FloatArray:
     ratio = block.typical / np.array(
         [p.typical for p in effect.parameters(pool.arm, block.setting)]
     )
-    return block_of(effect, pool, block.setting).X * ratio
+    return np.asarray(block_of(effect, pool, block.setting).X * ratio)
 
 
 def _candidates(finding: Finding) -> Samples:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.errors import DataError
-from postproc.frames import inverse, apply
+from postproc.frames import apply, inverse
 from postproc.gap.dataset import COLUMN_NAMES, Samples, samples_of
 from postproc.gap.effect import REGISTRY, Effect, Setting
 from postproc.gap.linear import Block, block_of
@@ -118,6 +118,8 @@ def pose_problem(
             hint="--register fits the measured frame and the reflector's place first",
         )
     effects, not_testable = _candidates(samples)
+    fixed = {name for name, state in given.items() if "field" in state.setting}
+    effects = tuple(e for e in effects if e.name not in fixed)
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }

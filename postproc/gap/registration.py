@@ -44,7 +44,9 @@ def register(samples: Samples, measured: FloatArray, given: States) -> Registrat
         rest = np.linalg.norm(r, axis=1)
         weight = 1.0 / np.maximum(rest / (2.0 * np.median(rest) + 1e-9), 1.0)
         shift, turn, moved = _step(actual, r, weight, start - point)
-        T = T @ transform(rotation_about(turn / (np.linalg.norm(turn) + 1e-30), np.linalg.norm(turn)), shift)
+        T = T @ transform(
+            rotation_about(turn / (np.linalg.norm(turn) + 1e-30), np.linalg.norm(turn)), shift
+        )
         point = point + moved
         if max(np.linalg.norm(shift), np.linalg.norm(moved), np.linalg.norm(turn)) < 1e-9:
             break
@@ -78,7 +80,9 @@ def _step(
     samples: Samples, r: FloatArray, weight: FloatArray, to_start: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the next shift, turn of the frame and move of the point."""
-    parts = [columns(samples, effect_of(n).basis(samples, {})) for n in ("base_frame", "tool_frame")]
+    parts = [
+        columns(samples, effect_of(n).basis(samples, {})) for n in ("base_frame", "tool_frame")
+    ]
     root = np.sqrt(weight)[:, None, None]
     A = (np.concatenate(parts, axis=2) * root).reshape(-1, 9)
     scale = float(np.median(np.abs(r))) + 1e-9
@@ -88,7 +92,7 @@ def _step(
     H[6:, 6:] += hold * np.eye(3)
     g[6:] += hold * to_start
     H += 1e-12 * np.trace(H) / 9.0 * np.eye(9)
-    step = np.linalg.solve(H, g)
+    step: FloatArray = np.asarray(np.linalg.solve(H, g))
     return step[:3], step[3:6], step[6:]
 
 

@@ -6,15 +6,15 @@ or as a turn of a joint, and compares with the same residual dealt out to the ro
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from postproc.gap.dataset import Samples
+from postproc.gap.dataset import Rows, Samples
 from postproc.gap.waves import Context
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 
 _DEALS = 199
 _SEED = 7
@@ -67,7 +67,9 @@ def conditions(samples: Samples) -> Mapping[str, FloatArray]:
     for i in range(6):
         q = samples.q[:, i]
         if np.ptp(q) > 1e-6:
-            found[f"q{i + 1}"] = np.column_stack([np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)])
+            found[f"q{i + 1}"] = np.column_stack(
+                [np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)]
+            )
     place = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
     found["position"] = np.column_stack([place, place**2, place[:, :1] * place[:, 1:]])
     if samples.direction is not None and np.any(samples.direction):
@@ -93,7 +95,7 @@ def _polynomials(values: FloatArray, degree: int = 3) -> FloatArray:
     ranks = np.argsort(np.argsort(values)) / max(len(values) - 1, 1)
     scaled = (values - np.min(values)) / np.ptp(values)
     x = 2.0 * (0.5 * scaled + 0.5 * ranks) - 1.0
-    return np.polynomial.legendre.legvander(x, degree)[:, 1:]
+    return np.asarray(np.polynomial.legendre.legvander(x, degree)[:, 1:], dtype=np.float64)
 
 
 def _extra(values: Any) -> FloatArray | None:  # noqa: ANN401 - numbers or labels
@@ -117,7 +119,7 @@ def _test(
     weight: FloatArray,
     context: Context,
     functions: FloatArray,
-    deals: list[FloatArray],
+    deals: Sequence[Rows],
 ) -> tuple[float, float] | None:
     use = weight > 0
     Z = _columns(samples, functions, functions.shape[1] == 6 and _is_per_joint(samples, functions))
@@ -167,7 +169,7 @@ def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatA
 
 
 def _neighbours(
-    samples: Samples, residual: FloatArray, use: FloatArray, deals: list[FloatArray]
+    samples: Samples, residual: FloatArray, use: BoolArray, deals: Sequence[Rows]
 ) -> Dependence:
     """Test whether neighbours in joint space have like residuals (as turns of joints)."""
     rows = np.flatnonzero(use)

@@ -14,6 +14,8 @@ PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
 PRIOR_SUSPECT = 6.0
 """Price of calling for a cause outside of the library."""
+LARGEST = 10
+"""Blocks in a subset; data that call for more are not explained by the library."""
 Subset = tuple[str, ...]
 
 
@@ -113,7 +115,7 @@ def _climb(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -
 def _neighbours(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
     inside = set(subset)
     outside = [key for key in keys if key not in inside]
-    for key in outside:
+    for key in outside if len(subset) < LARGEST else ():
         yield tuple(sorted(inside | {key}))
     for gone in subset:
         rest = inside - {gone}

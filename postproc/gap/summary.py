@@ -44,9 +44,10 @@ def _causes(content: dict[str, Any]) -> list[str]:
             continue
         low, high = item["shrinkage_ci"]
         line = (
-            f"Cause: {item['title']} ({item['name']}), {item['rms_before_mm']:.3f} to"
-            f" {item['rms_after_mm']:.3f} mm on rows not fitted"
-            f" ({100 * item['shrinkage']:.0f} %, 90 % interval {100 * low:.0f} to {100 * high:.0f})."
+            f"Cause: {item['title']} ({item['name']}): with it in the model"
+            f" {item['rms_before_mm']:.3f} mm become {item['rms_after_mm']:.3f} on rows not fitted"
+            f" ({100 * item['shrinkage']:.0f} %, 90 % interval {100 * low:.0f} to"
+            f" {100 * high:.0f})."
         )
         if item["confounded_with"]:
             line += f" These rows cannot tell it from {', '.join(item['confounded_with'])}."

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.choice import Bench, Choice
+from postproc.gap.choice import Bench, Choice, is_companion
 from postproc.gap.fit import Fit, Free, fit
 from postproc.gap.noise import Noise
 from postproc.gap.problem import FRAMES, Problem
@@ -17,7 +17,7 @@ from postproc.gap.waves import Context
 from postproc.gap.workbench import Prepared
 from postproc.model.arrays import BoolArray, FloatArray
 
-STRUCTURE = 0.5
+STRUCTURE = 0.8
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
 GEOMETRY = (*FRAMES, "joint_offset", "link_geometry", "gravity_sag")
 _SURE = 1e-4
@@ -55,8 +55,10 @@ def settle(problem: Problem, prepared: Prepared, bench: Bench, choice: Choice) -
     if structure > STRUCTURE * level.sigma:
         kept = tuple(k for k in kept if _stands_clear(bench, choice, k, structure))
     gone = [k for k in choice.keys if k not in kept]
-    nuisance = (*choice.suspects, *gone)
-    if not nuisance:
+    nuisance = choice.suspects
+    if gone:
+        full = fitted(problem, bench, (*kept, *nuisance), level.sigma, rows)
+    if not gone and not nuisance:
         return Settled(choice, full, residual, tests, structure, outlier, ())
     reasons = {_name(bench, k): "what is left may be imitating it" for k in gone}
     choice = replace(choice, keys=kept, refused=choice.refused | reasons)
@@ -92,7 +94,7 @@ def _point_without(
 ) -> FloatArray:
     names = {_name(bench, key) for key in nuisance}
     states = {
-        name: (problem.given[name] if name in problem.given else state)
+        name: problem.given.get(name, state)
         for name, state in full.states.items()
         if name not in names or name in problem.given
     }
@@ -103,9 +105,7 @@ def _name(bench: Bench, key: str) -> str:
     return next(b.name for b in bench.blocks if b.key == key)
 
 
-def _faults(
-    problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Prepared
-) -> BoolArray:
+def _faults(problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Prepared) -> BoolArray:
     """Return (n,) rows that are measuring faults under the chosen model."""
     rest, level = prepared.saturated, max(prepared.saturated.sigma, prepared.noise.sigma)
     rows = problem.searchable.copy()
@@ -113,8 +113,8 @@ def _faults(
     result = fitted(problem, bench, keys, level, rows)
     left = np.linalg.norm(problem.measured - result.point, axis=1)
     usual = max(level, float(np.median(left[rows])) / 1.538)
-    bad = left > 6.0 * usual
-    return bad if bad.mean() <= 0.06 else bad & (left > np.quantile(left, 0.94))
+    bad: BoolArray = np.asarray(left > 6.0 * usual)
+    return bad if bad.mean() <= 0.06 else np.asarray(bad & (left > np.quantile(left, 0.94)))
 
 
 def _tested(
@@ -135,6 +135,8 @@ def _tested(
 
 def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
     """Return whether an effect is far larger than the structure that nothing explains."""
+    if is_companion(bench, choice.keys, key):
+        return True
     ratio = 0.5 if _name(bench, key) in GEOMETRY else 2.0
     return choice.evidence[key].unique > ratio * structure
 
@@ -144,10 +146,10 @@ def _structure(residual: FloatArray, tests: tuple[Dependence, ...], level: Noise
     limit = _SURE / max(len(tests), 1)
     found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
     if level.freedom:
-        from scipy.stats import f
+        from scipy.special import fdtrc
 
         square = float(np.mean(residual**2))
         ratio = square / level.sigma**2
-        if ratio > _F_RATIO and f.sf(ratio, residual.size, level.freedom) < 1e-3:
+        if ratio > _F_RATIO and fdtrc(residual.size, level.freedom, ratio) < 1e-3:
             found = max(found, float(np.sqrt(3.0 * (square - level.sigma**2))))
     return found

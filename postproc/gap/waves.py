@@ -21,10 +21,24 @@ FRACTIONAL = 8
 """From this order on a gear ratio may give a number of periods that is not whole."""
 TYPICAL = 1e-4
 """Amplitude [rad]."""
+MOST = 14
+"""Two waves on every joint, and two more."""
+MOST_ON_A_JOINT = 3
 _PRICE = 5.0
 """Nats beyond the noise maximum that one more wave must bring."""
 
 Wave = tuple[int, float]
+
+
+def is_gear_error(waves: Sequence[Wave]) -> bool:
+    """Return whether waves are few enough to be a cause.
+
+    Anything can be built from waves: where there is no end of them, or many on one joint, they
+    are a way to write down something else, and do not hold on other poses.
+    """
+    joints = [joint for joint, _ in waves]
+    crowded = any(joints.count(joint) > MOST_ON_A_JOINT for joint in joints)
+    return 0 < len(waves) < MOST and not crowded
 
 
 class Context:
@@ -54,7 +68,7 @@ def find_waves(
     y: FloatArray,
     weight: FloatArray,
     blocks: Sequence[Block],
-    at_most: int = 8,
+    at_most: int = MOST,
     highest: int = HIGHEST,
 ) -> tuple[Wave, ...]:
     """Return the waves in what ``blocks`` leave of the gap, strongest first.
@@ -123,9 +137,7 @@ def _strongest(
     return list(dict.fromkeys(chosen))
 
 
-def _refined(
-    context: Context, samples: Samples, wave: Wave, rest: FloatArray, gain: float
-) -> Wave:
+def _refined(context: Context, samples: Samples, wave: Wave, rest: FloatArray, gain: float) -> Wave:
     """Return the order off the whole numbers if that is clearly better."""
     joint, n = wave
     if n < FRACTIONAL:

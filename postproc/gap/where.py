@@ -10,7 +10,7 @@ import numpy as np
 from postproc.gap.dataset import Samples
 from postproc.gap.diagnose import Finding
 from postproc.gap.robot_model import effect_of, evaluate
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 from postproc.units import MM
 
 _CELLS = 3
@@ -62,7 +62,7 @@ def baseline(finding: Finding) -> FloatArray:
 
 
 def _joints(
-    samples: Samples, own: tuple[Part, ...], subject: FloatArray, kept: FloatArray
+    samples: Samples, own: tuple[Part, ...], subject: FloatArray, kept: BoolArray
 ) -> list[dict[str, Any]]:
     """Return the share of each joint: by its own turns, else by projection on the Jacobian."""
     J = samples.jacobian[kept]
@@ -101,7 +101,7 @@ def _cells(points: FloatArray, size: FloatArray) -> list[dict[str, Any]]:
     return sorted(found, key=lambda c: (-c["rms_mm"], c["min_mm"]))
 
 
-def _direction(samples: Samples, subject: FloatArray, kept: FloatArray) -> dict[str, Any]:
+def _direction(samples: Samples, subject: FloatArray, kept: BoolArray) -> dict[str, Any]:
     """Return the axis along which most of the gap lies, and the share along the flange axis."""
     total = float(np.sum(subject**2))
     if total <= 0.0:
@@ -139,7 +139,7 @@ def _conditions(finding: Finding, own: tuple[Part, ...], gap: FloatArray) -> lis
     return [{"name": name, "share": round(min(value, 1.0), 4)} for name, value in ranked]
 
 
-def _weights(samples: Samples, part: Part, kept: FloatArray) -> dict[str, float]:
+def _weights(samples: Samples, part: Part, kept: BoolArray) -> dict[str, float]:
     """Return the conditions of an effect; joints by how much enters at each."""
     found: dict[str, float] = {}
     energy = np.sum((samples.jacobian[kept] * part.turn[kept][:, None, :]) ** 2, axis=(0, 1))

@@ -6,14 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap import noise
 from postproc.gap.choice import Bench, Choice, choose
 from postproc.gap.dataset import Samples
 from postproc.gap.effect import REGISTRY
 from postproc.gap.linear import Block, block_of
+from postproc.gap.noise import Noise, Saturated, repeats, saturated
 from postproc.gap.problem import FRAMES, Problem
 from postproc.gap.robot_model import evaluate
-from postproc.gap.waves import Wave, find_waves
+from postproc.gap.waves import Wave, find_waves, is_gear_error
 from postproc.model.arrays import FloatArray
 
 WAVES = "transmission_error"
@@ -28,8 +28,8 @@ class Prepared:
     """Rows of the search with all candidates, the noise, and the fit of everything at once."""
 
     bench: Bench
-    noise: noise.Noise
-    saturated: noise.Saturated
+    noise: Noise
+    saturated: Saturated
 
 
 def prepare(problem: Problem) -> Prepared:
@@ -38,17 +38,17 @@ def prepare(problem: Problem) -> Prepared:
     samples = evaluate(problem.samples.rows(index), problem.given)[1]
     y = problem.gap[index]
     blocks = problem.blocks(problem.searchable)
-    rest = noise.saturated(blocks, y, float(np.median(np.abs(y))) + 1e-6)
+    rest = saturated(blocks, y, float(np.median(np.abs(y))) + 1e-6)
     waves = find_waves(samples, y, _weights(rest, rest.sigma), blocks)
     variants = []
-    if waves:
+    if is_gear_error(waves):
         variants.append(wave_block(samples, waves, "all"))
-        rest = noise.saturated((*blocks, *variants), y, rest.sigma)
+        rest = saturated((*blocks, *variants), y, rest.sigma)
     level = _noise(problem, rest)
     weight = _weights(rest, max(rest.sigma, level.sigma))
     frames = [b for b in blocks if b.name in FRAMES]
     plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
-    if plain and plain != waves:
+    if is_gear_error(plain) and plain != waves:
         variants.append(wave_block(samples, plain, "frames"))
     bench = Bench(
         samples, y, weight, problem.split.fold[index], (*blocks, *variants), problem.always
@@ -62,7 +62,7 @@ def chosen(bench: Bench) -> tuple[Bench, Choice]:
     for turn in range(2):
         waves = find_waves(bench.samples, bench.y, bench.weight, without_waves(bench, choice))
         known = {b.setting["waves"] for b in bench.blocks if b.name == WAVES}
-        if not waves or waves in known:
+        if not is_gear_error(waves) or waves in known:
             break
         more = wave_block(bench.samples, waves, f"rest{turn}")
         bench = replace(bench, blocks=(*bench.blocks, more))
@@ -81,20 +81,20 @@ def wave_block(samples: Samples, waves: tuple[Wave, ...], key: str) -> Block:
     return block_of(dict(REGISTRY)[WAVES], samples, {"waves": waves}, f"{WAVES}:{key}")
 
 
-def _weights(rest: noise.Saturated, sigma: float) -> FloatArray:
+def _weights(rest: Saturated, sigma: float) -> FloatArray:
     return np.where(rest.outlier, 0.0, 1.0 / sigma)
 
 
-def _noise(problem: Problem, rest: noise.Saturated) -> noise.Noise:
+def _noise(problem: Problem, rest: Saturated) -> Noise:
     """Return the noise from repeats; from the saturated fit where they are impure or absent."""
     usable = np.ones(len(problem), dtype=bool)
     usable[np.flatnonzero(problem.searchable)[rest.outlier]] = False
-    repeated = noise.repeats(problem.samples, problem.gap, usable)
-    estimated = noise.Noise(rest.sigma, 0, repeated.repeats)
+    repeated = repeats(problem.samples, problem.gap, usable)
+    estimated = Noise(rest.sigma, 0, repeated.repeats)
     if not repeated.measured:
         return estimated
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
     ratio = (repeated.sigma / rest.sigma) ** 2
-    surely = float(f.sf(ratio, repeated.freedom, max(rest.freedom, 1.0))) < 1e-3
+    surely = float(fdtrc(repeated.freedom, max(rest.freedom, 1.0), ratio)) < 1e-3
     return estimated if ratio > _IMPURE and surely else repeated

@@ -15,11 +15,25 @@ G = 9.80665
 K0 = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 AXES = np.array([[0, 0, -1], [0, 1, 0], [0, 1, 0], [-1, 0, 0], [0, 1, 0], [-1, 0, 0]], float)
 PLACES = np.array(
-    [[0, 0, 0], [0.5, 0, 1.045], [1.8, 0, 1.045], [1.8, 0, 0.99], [2.825, 0, 0.99], [3.115, 0, 0.99]]
+    [
+        [0, 0, 0],
+        [0.5, 0, 1.045],
+        [1.8, 0, 1.045],
+        [1.8, 0, 0.99],
+        [2.825, 0, 0.99],
+        [3.115, 0, 0.99],
+    ]
 )
 MASSES = np.array([820.0, 480.0, 500.0, 120.0, 40.0, 25.0])
 COMS = np.array(
-    [[0.2, 0, 0.6], [1.05, 0.0, 1.05], [1.95, 0, 1.2], [2.4, 0, 1.0], [2.85, 0, 0.99], [3.05, 0, 0.99]]
+    [
+        [0.2, 0, 0.6],
+        [1.05, 0.0, 1.05],
+        [1.95, 0, 1.2],
+        [2.4, 0, 1.0],
+        [2.85, 0, 0.99],
+        [3.05, 0, 0.99],
+    ]
 )
 R_FLANGE = np.array([[0, 0, 1.0], [0, 1, 0], [-1.0, 0, 0]])
 P_TCP = np.array([0.107, 0.0, 0.362])
@@ -130,7 +144,9 @@ def campaign(rng: np.random.Generator, n: int, repeats: int = 30, span: float = 
         "qd": np.radians(rng.uniform(-15, 15, (n, 6))) * (rng.random((n, 1)) < 0.6),
         "time": np.cumsum(rng.uniform(10, 30, n)),
     }
-    data["temp"] = 21 + 9 * (1 - np.exp(-data["time"] / data["time"][-1] * 2)) + rng.normal(0, 1.0, n)
+    data["temp"] = (
+        21 + 9 * (1 - np.exp(-data["time"] / data["time"][-1] * 2)) + rng.normal(0, 1.0, n)
+    )
     source = rng.choice(n, max(1, repeats // 5), replace=False)
     for row in rng.choice(np.setdiff1d(np.arange(n), source), repeats, replace=False):
         of = source[row % len(source)]

@@ -36,8 +36,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     that cannot be told apart; says "unexplained" rather than blame the nearest effect it knows.
     """
     from postproc.files import write_files
-    from postproc.gap.document import document, model_file
     from postproc.gap.diagnose import diagnose
+    from postproc.gap.document import document, model_file
     from postproc.gap.problem import pose_problem
     from postproc.gap.summary import summary
     from postproc.kinematics.model import build

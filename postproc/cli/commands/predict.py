@@ -55,5 +55,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             "rms_mm": round(prediction.rms * 1e3, 6),
         }
     )
-    session.show(f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)")
+    session.show(
+        f"{len(rows)} points; the measured ones lie {prediction.rms * 1e3:.4f} mm off (rms)"
+    )
     return answer(True)

@@ -22,9 +22,7 @@ class LinkSag(Effect):
         """Return compliances relative to that of joint 2, about the link frame's axes."""
         del arm, setting
         return tuple(
-            Parameter(f"link_{link}_{axis}", 0.1, joint=link)
-            for link in LINKS
-            for axis in "xyz"
+            Parameter(f"link_{link}_{axis}", 0.1, joint=link) for link in LINKS for axis in "xyz"
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:

@@ -64,9 +64,7 @@ class TransmissionError(Effect):
     def read(self, model: ModelFile, arm: Arm) -> State:
         """Return the waves of a table."""
         del arm
-        model.require_known(
-            self.name, ["joint", "periods_per_turn", "cosine_deg", "sine_deg"]
-        )
+        model.require_known(self.name, ["joint", "periods_per_turn", "cosine_deg", "sine_deg"])
         joint = np.asarray(model.values(self.name, "joint", (None,)))
         shape = (len(joint),)
         periods = np.asarray(model.values(self.name, "periods_per_turn", shape))

@@ -8,6 +8,7 @@ import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
+from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import ModelFile
 from postproc.stiffness.fieldfile import constant_of, field_of, is_field_table
 from postproc.units import MM
@@ -37,9 +38,23 @@ class VariableStiffness(Effect):
     equilibrium = True
 
     def prepare(self, samples: Samples) -> Setting:
-        """Return centre and half width of the measured points [m]."""
+        """Return centre and width of the measured points [m] and the mean of every term.
+
+        The means are weighted by what each row says about the joint's give, so that a change of
+        the mean is left to ``joint_compliance``.
+        """
         centre = np.median(samples.point, axis=0)
-        return {"centre": centre, "width": float(np.std(samples.point - centre) + MM)}
+        width = float(np.std(samples.point - centre) + MM)
+        said = samples.load_torque()[:, None, :] * samples.jacobian
+        weight = np.sum(said**2, axis=1) + 1e-12
+        mean = np.stack(
+            [
+                np.average(_terms(samples, i, centre, width), axis=0, weights=weight[:, i])
+                for i in range(6)
+            ]
+        )
+        mean[:, -1] = 0.0
+        return {"centre": centre, "width": width, "mean": mean}
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return eight relative changes for each joint."""
@@ -55,15 +70,16 @@ class VariableStiffness(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by its torque times the change of its compliance."""
         if "field" in setting:
+            torque = samples.load_torque()
+            change = setting["field"].compliance(samples.q, samples.point) - setting["constant"]
+            return Basis(joint=(torque * change)[:, :, None])
+        if "field" in setting:
             excess = setting["field"].compliance(samples.q, samples.point) - setting["constant"]
             return Basis(joint=(samples.load_torque() * excess)[:, :, None])
-        place = (samples.point - setting["centre"]) / setting["width"]
         turn = samples.load_torque() * samples.arm.reference.c_joint
         joint = np.zeros((len(samples), 6, 6 * len(TERMS)))
         for i in range(6):
-            q = samples.q[:, i]
-            harmonic = (np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q))
-            terms = np.column_stack([*harmonic, place, np.ones(len(q))])
+            terms = _terms(samples, i, setting["centre"], setting["width"]) - setting["mean"][i]
             start = i * len(TERMS)
             joint[:, i, start : start + len(TERMS)] = turn[:, i, None] * terms
         return Basis(joint=joint)
@@ -74,26 +90,55 @@ class VariableStiffness(Effect):
             return dict(state.setting["table"])
         table = np.nan_to_num(state.theta).reshape(6, len(TERMS))
         return {
+            "kind": "terms",
             "terms": list(TERMS),
             "relative_compliance": table.tolist(),
             "reference_deg_per_Nm": np.degrees(arm.reference.c_joint).tolist(),
             "centre_mm": (np.asarray(state.setting["centre"]) / MM).tolist(),
             "width_mm": state.setting["width"] / MM,
+            "term_mean": np.asarray(state.setting["mean"]).tolist(),
         }
 
     def read(self, model: ModelFile, arm: Arm) -> State:
-        """Return the state; changes relative to another reference are scaled."""
+        """Return the state; changes relative to another reference are scaled.
+
+        A field (per cell or in joint space, as ``identify`` writes it) holds the whole stiffness;
+        here it counts as the change against the constant of ``joint_compliance``.
+        """
+        if is_field_table(model):
+            known = "joint_compliance" in model.effects
+            constant = np.nan_to_num(constant_of(model)) if known else np.zeros(6)
+            table = dict(model.effects[self.name])
+            setting: Setting = {"field": field_of(model), "constant": constant, "table": table}
+            return State(np.ones(1), setting)
         if is_field_table(model):
             return State(np.ones(1), _field_setting(model))
-        keys = ("relative_compliance", "reference_deg_per_Nm", "centre_mm", "width_mm")
-        model.require_known(self.name, [*keys, "terms"])
-        table = model.values(self.name, keys[0], (6, len(TERMS)))
+        keys = (
+            *("relative_compliance", "reference_deg_per_Nm", "centre_mm", "width_mm"),
+            "term_mean",
+        )
+        model.require_known(self.name, [*keys, "terms", "kind"])
+        change = model.values(self.name, keys[0], (6, len(TERMS)))
         reference = model.values(self.name, keys[1], (6,))
         centre = model.values(self.name, keys[2], (3,))
         width = model.values(self.name, keys[3])
+        mean = model.values(self.name, keys[4], (6, len(TERMS)), optional=True)
+        setting = {
+            "centre": centre,
+            "width": float(np.asarray(width)),
+            "mean": np.zeros((6, len(TERMS))) if mean is None else mean,
+        }
         scale = np.asarray(reference) / arm.reference.c_joint
-        theta = np.asarray(table) * scale[:, None]
-        return State(theta.ravel(), {"centre": centre, "width": float(np.asarray(width))})
+        theta = np.asarray(change) * scale[:, None]
+        return State(theta.ravel(), setting)
+
+
+def _terms(samples: Samples, joint: int, centre: FloatArray, width: float) -> FloatArray:
+    """Return (n, 8) the terms of one joint (0..5)."""
+    q = samples.q[:, joint]
+    place = (samples.point - centre) / width
+    harmonic = (np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q))
+    return np.column_stack([*harmonic, place, np.ones(len(q))])
 
 
 def _field_setting(model: ModelFile) -> Setting:
