@@ -23,6 +23,7 @@ from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
 from postproc.planning.sequence import ordered, reordered
 from postproc.planning.settings import PlanOptions, Settings, settle
+from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose, step_rules
 from postproc.planning.stroke import strokes_of, with_touched_points
 
@@ -56,9 +57,28 @@ def plan(
         PlanError: PLN201 if the path gives no reference for the spin.
         CellError: if the cell asks for what does not exist.
     """
-    clock = _Clock(progress)
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
+    if not cell.external_axes:
+        return _planned(toolpath, cell, settings, options, progress)
+    return plan_stations(
+        toolpath,
+        cell,
+        settings,
+        lambda part, here: problem_of(part, here, settings),
+        lambda part, here: _planned(part, here, settings, options, progress),
+    )
+
+
+def _planned(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    options: PlanOptions,
+    progress: Progress | None,
+) -> Plan:
+    """Return the plan in a cell without external axes."""
+    clock = _Clock(progress)
     problem = problem_of(toolpath, cell, settings)
     if settings.free_order:
         toolpath = reordered(toolpath, ordered(problem))

@@ -1,0 +1,394 @@
+"""External axes: where the rail stands and how the positioner is turned for every tag.
+
+The axes are indexed: they stand still while the tool works and move between stations with the
+arm in a pose that is free all along. Which station serves which tags is the best sequence over all
+of them: stiffness (or reach) of each tag at each station of a grid, and a price for every change;
+a cut keeps its station. Each run of tags at one station is then planned as a job of its own in the
+cell as it stands there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from postproc.errors import Issue, Severity
+from postproc.frames import inverse, rotation_about, transform
+from postproc.kinematics.model import build
+from postproc.model.arrays import FloatArray
+from postproc.model.cell import Cell
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.model.toolpath import Event, ToolPath
+from postproc.planning.candidates import sample
+from postproc.planning.feasible import Reason
+from postproc.planning.ladder import IndexArray, Rule
+from postproc.planning.problem import Problem
+from postproc.planning.settings import Settings
+from postproc.planning.strategy import step_rules
+from postproc.timing.profile import joint_move_time
+from postproc.units import DEG
+
+RAIL_STEP = 0.25
+"""Distance [m] between stations on a rail."""
+TURN_STEP = 30.0 * DEG
+"""Angle between stations of a positioner."""
+MOST_STATIONS = 400
+CHANGE = 3.0
+"""Price of a change of station, in the units of the objectives: 100 % of stiffness is about 1."""
+UNREACHED = 1e6
+SPEED_UP_TIME = 0.5
+"""Time [s] in which an external axis reaches its speed; assumed."""
+_ROUNDS = 12
+_PIECES = 8
+
+PlanHere = Callable[[ToolPath, Cell], Plan]
+MakeProblem = Callable[[ToolPath, Cell], Problem]
+
+
+def cell_at(cell: Cell, values: FloatArray) -> Cell:
+    """Return the cell with its external axes at values (k,) [m or rad], as one without them."""
+    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
+    T_world_base = T_world_robroot @ cell.T_robroot_base
+    for axis, value in zip(cell.external_axes, values.tolist(), strict=True):
+        if axis.kind == "rail":
+            T_world_robroot = transform(np.eye(3), value * axis.axis) @ T_world_robroot
+        else:
+            R = rotation_about(axis.axis, np.array(value))
+            origin = axis.T_world_axis[:3, 3]
+            T_world_base = transform(R, origin - R @ origin) @ T_world_base
+    robot = replace(cell.robot, T_world_robroot=T_world_robroot)
+    T_robroot_base = inverse(T_world_robroot) @ T_world_base
+    workpiece = replace(cell.workpiece, T_robroot_base=T_robroot_base)
+    return replace(cell, robot=robot, workpiece=workpiece, external_axes=())
+
+
+def stations_of(cell: Cell) -> FloatArray:
+    """Return the grid of stations (g, k): 0 among each axis' values where its range holds it."""
+    columns = []
+    share = MOST_STATIONS ** (1.0 / len(cell.external_axes))
+    for axis in cell.external_axes:
+        step = RAIL_STEP if axis.kind == "rail" else TURN_STEP
+        step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
+        low, high = np.ceil(axis.q_min / step - 1e-9), np.floor(axis.q_max / step + 1e-9)
+        inner = np.arange(low, high + 1) * step
+        columns.append(np.unique(np.concatenate([[axis.q_min], inner, [axis.q_max]])))
+    return np.array(list(itertools.product(*(column.tolist() for column in columns))))
+
+
+@dataclass(slots=True)
+class _Stations:
+    """The search for stations: costs of units (u, g), and what failed."""
+
+    toolpath: ToolPath
+    cell: Cell
+    values: FloatArray
+    units: list[tuple[int, int]]
+    cost: FloatArray
+    done: dict[tuple[int, int, int], Plan] = field(default_factory=dict)
+
+    def runs(self) -> list[tuple[int, int, int]]:
+        """Return runs of tags [low, high) with their station, at least total cost."""
+        chosen = _cheapest(self.cost, self._change())
+        runs: list[tuple[int, int, int]] = []
+        for (low, high), station in zip(self.units, chosen.tolist(), strict=True):
+            if runs and runs[-1][2] == station:
+                runs[-1] = (runs[-1][0], high, station)
+            else:
+                runs.append((low, high, station))
+        return runs
+
+    def _change(self) -> FloatArray:
+        reach = np.array([axis.q_max - axis.q_min for axis in self.cell.external_axes])
+        gap = np.abs(self.values[:, None] - self.values[None]) / reach
+        return np.where(gap.max(axis=2) > 0.0, CHANGE + gap.sum(axis=2), 0.0)
+
+    def blame(self, run: tuple[int, int, int], result: Plan) -> bool:
+        """Close stations to the units that failed there; return whether there is another."""
+        low, _, station = run
+        again = False
+        for issue in result.errors:
+            if issue.tag_index is None:
+                continue
+            tag = low + issue.tag_index
+            unit = next(i for i, (a, b) in enumerate(self.units) if a <= tag < b)
+            if self.cost[unit, station] < UNREACHED:
+                self.cost[unit, station] = UNREACHED
+                again |= bool((self.cost[unit] < UNREACHED).any())
+        return again
+
+
+def plan_stations(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    make_problem: MakeProblem,
+    plan_here: PlanHere,
+) -> Plan:
+    """Return the plan of a toolpath in a cell with external axes.
+
+    Args:
+        toolpath: what was read.
+        cell: with at least one external axis.
+        settings: of the plan.
+        make_problem: toolpath and cell without external axes to the planning problem.
+        plan_here: likewise, to a plan.
+    """
+    values = stations_of(cell)
+    units, cost = _costs(toolpath, cell, settings, values, make_problem)
+    search = _Stations(toolpath, cell, values, units, cost)
+    for _ in range(_ROUNDS):
+        runs, again = search.runs(), False
+        for run in runs:
+            if run not in search.done:
+                here = cell_at(cell, values[run[2]])
+                search.done[run] = plan_here(_part(toolpath, run[0], run[1]), here)
+            again |= search.blame(run, search.done[run])
+        if not again:
+            break
+    plans = [search.done[run] for run in runs]
+    return _joined(toolpath, cell, values, runs, plans)
+
+
+def _costs(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    values: FloatArray,
+    make_problem: MakeProblem,
+) -> tuple[list[tuple[int, int]], FloatArray]:
+    """Return units of tags that keep a station, and their cost (u, g) at every station."""
+    n, tags = len(toolpath), np.arange(len(toolpath))
+    quality = np.full((n, len(values)), -np.inf)
+    rule = np.zeros(n, dtype=np.int64)
+    for g in range(len(values)):
+        problem = make_problem(toolpath, cell_at(cell, values[g]))
+        rule = step_rules(problem)
+        states = sample(problem, tags, settings.spins)
+        rows = states.tag_of(np.arange(len(states.q)))
+        index = states.index if settings.weights.main else np.ones(len(rows), dtype=np.float32)
+        np.maximum.at(quality[:, g], rows, np.log(np.maximum(index.astype(np.float64), 1e-30)))
+    best = quality.max(axis=1, keepdims=True)
+    loss = np.where(np.isfinite(quality), np.where(np.isfinite(best), best, 0.0) - quality, np.nan)
+    loss = np.nan_to_num(loss, nan=UNREACHED)
+    starts = np.nonzero(rule != Rule.CHAIN)[0]
+    starts = np.unique(np.concatenate([[0], starts])) if n else starts
+    ends = np.append(starts[1:], n)
+    cost = np.add.reduceat(loss, starts, axis=0) if n else np.zeros((0, len(values)))
+    return list(zip(starts.tolist(), ends.tolist(), strict=True)), np.minimum(cost, UNREACHED)
+
+
+def _cheapest(cost: FloatArray, change: FloatArray) -> IndexArray:
+    """Return the station (u,) of every unit by dynamic programming."""
+    value, back = cost[0].copy(), []
+    for row in cost[1:]:
+        steps = value[:, None] + change
+        back.append(np.argmin(steps, axis=0))
+        value = steps.min(axis=0) + row
+    chosen = [int(np.argmin(value))]
+    for pointers in reversed(back):
+        chosen.append(int(pointers[chosen[-1]]))
+    return np.array(chosen[::-1], dtype=np.int64)
+
+
+def _part(toolpath: ToolPath, low: int, high: int) -> ToolPath:
+    """Return tags [low, high) with the events that stand before them."""
+    n = len(toolpath)
+    last = high == n
+    events = tuple(
+        Event(event.index - low, event.kind, event.value, event.text, event.line)
+        for event in toolpath.events
+        if low <= event.index < high or (last and event.index >= n)
+    )
+    columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")
+    changes: dict[str, object] = {name: getattr(toolpath, name)[low:high] for name in columns}
+    for name in ("rotations", "joints", "names"):
+        value = getattr(toolpath, name)
+        if value is not None:
+            changes[name] = value[low:high]
+    return replace(toolpath, events=events, extra={}, **changes)  # type: ignore[arg-type]
+
+
+def _joined(
+    toolpath: ToolPath,
+    cell: Cell,
+    values: FloatArray,
+    runs: list[tuple[int, int, int]],
+    plans: list[Plan],
+) -> Plan:
+    """Return one plan of all runs, with the moves of the external axes between them."""
+    issues: list[Issue] = []
+    pieces: list[Plan] = []
+    places: list[FloatArray] = []
+    events: list[tuple[int, Event]] = []
+    moves = 0
+    for i, (run, part) in enumerate(zip(runs, plans, strict=True)):
+        here = values[run[2]]
+        shifted = _shifted(part, run[0], toolpath)
+        issues += shifted.issues
+        if i and len(part) and pieces:
+            between, where = _between(cell, pieces[-1], shifted, places[-1][-1], here, issues)
+            pieces.append(between)
+            places.append(where)
+            moves += len(between)
+        events += [(row + moves, replace_index(event, run[0])) for row, event in part.events]
+        if len(part):
+            pieces.append(shifted)
+            places.append(np.tile(here, (len(part), 1)))
+            moves += len(part)
+    return _stacked(toolpath, pieces, places, tuple(events), issues, plans)
+
+
+def replace_index(event: Event, low: int) -> Event:
+    """Return an event of a part as one of the whole toolpath."""
+    return Event(event.index + low, event.kind, event.value, event.text, event.line)
+
+
+def _shifted(part: Plan, low: int, toolpath: ToolPath) -> Plan:
+    issues = tuple(
+        replace(issue, tag_index=None if issue.tag_index is None else issue.tag_index + low)
+        for issue in part.issues
+    )
+    n = len(toolpath)
+    unknown = np.full(n, np.nan)
+    return replace(
+        part,
+        toolpath=toolpath,
+        tag=part.tag + np.int32(low),
+        issues=issues,
+        stiffness=_placed(unknown, part.stiffness, low),
+        stiffness_initial=_placed(unknown, part.stiffness_initial, low),
+        clearance=_placed(unknown, part.clearance, low),
+    )
+
+
+def _placed(whole: FloatArray, values: FloatArray, low: int) -> FloatArray:
+    result = whole.copy()
+    result[low : low + len(values)] = values
+    return result
+
+
+def _between(
+    cell: Cell,
+    before: Plan,
+    after: Plan,
+    start: FloatArray,
+    end: FloatArray,
+    issues: list[Issue],
+) -> tuple[Plan, FloatArray]:
+    """Return the moves from one station to the next: to a travel pose, the axes, and on."""
+    q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
+    travel = _travel_pose(cell, q_from, q_to, start, end)
+    if travel is None:
+        issues.append(
+            Issue(
+                Severity.ERROR,
+                f"PLN{int(Reason.COLLISION)}",
+                "no pose was found in which the arm is free while the external axes move to here",
+                tag,
+                after.toolpath.source(tag),
+                hint="give [motion] home_deg, a pose that is free at every station",
+            )
+        )
+        travel = q_from
+    q, where = np.stack([travel, travel]), np.stack([start, end])
+    poses = [_pose(cell, travel, place) for place in (start, end)]
+    robot = cell.robot
+    share = float(after.ptp_fraction[0])
+    external = np.array([axis.qd_max for axis in cell.external_axes])
+    reach = joint_move_time(
+        q_from[None], travel[None], np.asarray(robot.qd_max) * share, robot.qdd_max
+    )
+    slide = joint_move_time(start[None], end[None], external * share, external / SPEED_UP_TIME)
+    return (
+        replace(
+            after,
+            kind=np.full(2, MoveKind.PTP),
+            role=np.full(2, MoveRole.RAPID),
+            tag=np.full(2, tag),
+            T_base_tcp=np.array(poses),
+            q=q,
+            blend=np.zeros(2),
+            dwell=np.zeros(2),
+            speed=np.full(2, np.nan),
+            ptp_fraction=np.full(2, share),
+            duration=np.array([reach[0], slide[0]]),
+            branch=np.asarray(build(robot).slot(q)),
+            spin=np.full(2, after.spin[0]),
+            aux=np.full((2, 3), np.nan),
+            external=np.zeros((2, 0)),
+            events=(),
+            compensation=None,
+        ),
+        where,
+    )
+
+
+def _pose(cell: Cell, q: FloatArray, values: FloatArray) -> FloatArray:
+    here = cell_at(cell, values)
+    T_robroot_tcp = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
+    return np.asarray(inverse(here.T_robroot_base) @ T_robroot_tcp)
+
+
+def _travel_pose(
+    cell: Cell, q_from: FloatArray, q_to: FloatArray, start: FloatArray, end: FloatArray
+) -> FloatArray | None:
+    """Return joints that are free all the way, and reached and left by free joint moves."""
+    from postproc.collision.scene import Scene
+
+    kinematics = build(cell.robot)
+    folded = np.array([q_from[0], -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0])
+    folded = np.clip(folded, cell.robot.q_min, cell.robot.q_max)
+    home = [] if cell.motion.home is None else [np.asarray(cell.motion.home)]
+    shares = np.linspace(0.0, 1.0, _PIECES + 1)
+    cells = [cell_at(cell, start + share * (end - start)) for share in shares.tolist()]
+    scenes = [Scene.build(here, kinematics) for here in cells]
+    for travel in (*home, q_from, folded, q_to):
+        if any(scene.check(travel[None]).hit[0] for scene in scenes):
+            continue
+        leave = scenes[0].check_paths(q_from[None], travel[None]).hit[0]
+        arrive = scenes[-1].check_paths(travel[None], q_to[None]).hit[0]
+        if not (leave or arrive):
+            return np.asarray(travel)
+    return None
+
+
+def _stacked(
+    toolpath: ToolPath,
+    pieces: list[Plan],
+    places: list[FloatArray],
+    events: tuple[tuple[int, Event], ...],
+    issues: list[Issue],
+    plans: list[Plan],
+) -> Plan:
+    model = plans[0]
+    columns = (
+        *("kind", "role", "tag", "T_base_tcp", "aux", "q", "spin", "branch", "speed"),
+        *("ptp_fraction", "blend", "dwell", "duration"),
+    )
+    changes: dict[str, object] = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces])
+        if pieces
+        else getattr(model, name)
+        for name in columns
+    }
+    per_tag: dict[str, object] = {}
+    for name in ("stiffness", "stiffness_initial", "clearance"):
+        values = np.full(len(toolpath), np.nan)
+        for piece in pieces:
+            own = getattr(piece, name)
+            values = np.where(np.isfinite(own), own, values)
+        per_tag[name] = values
+    k = places[0].shape[1] if places else 0
+    return replace(
+        model,
+        toolpath=toolpath,
+        external=np.concatenate(places) if places else np.zeros((0, k)),
+        events=events,
+        issues=tuple(dict.fromkeys(issues)),
+        settings={**model.settings, "stations": len(plans)},
+        **changes,  # type: ignore[arg-type]
+        **per_tag,  # type: ignore[arg-type]
+    )

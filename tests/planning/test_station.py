@@ -1,0 +1,114 @@
+"""Rails and positioners: what the arm alone cannot reach, done from stations."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.kinematics.model import build
+from postproc.model.cell import ExternalAxis, MeshPlacement
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
+from postproc.planning.planner import plan
+from postproc.planning.station import cell_at, stations_of
+from postproc.units import DEG
+
+RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
+
+
+def panel(make_path, n=25, width=6.0):
+    points = np.stack([np.full(n, 1.9), np.linspace(-width / 2, width / 2, n), np.full(n, 1.0)], 1)
+    cycles = (Cycle("drill", 0.006, 0.002, 0.01, feed=0.002),)
+    return make_path(
+        points,
+        [-1.0, 0, 0],
+        MotionKind.HOLE,
+        cycle=np.zeros(n, int),
+        cycles=cycles,
+        events=(Event(0, EventKind.SPINDLE_ON, 50.0), Event(n, EventKind.SPINDLE_OFF)),
+    )
+
+
+def test_a_panel_of_six_metres(make_cell, make_path):
+    cell, toolpath = make_cell(), panel(make_path)
+    assert plan(toolpath, cell).errors
+    moving = replace(cell, external_axes=(RAIL,))
+    result = plan(toolpath, moving)
+    assert not result.errors
+    assert result.external.shape == (len(result), 1)
+    kinematics = build(cell.robot)
+    T_flange = kinematics.fk(result.q) @ cell.tool.T_flange_tcp
+    for row in range(len(result)):
+        here = cell_at(moving, result.external[row])
+        assert np.allclose(here.T_robroot_base @ result.T_base_tcp[row], T_flange[row], atol=1e-9)
+    plunge = result.role == MoveRole.PLUNGE
+    assert sorted(result.tag[plunge].tolist()) == list(range(25))
+    tip = result.T_base_tcp[plunge, :3, 3] - toolpath.points[result.tag[plunge]]
+    assert np.allclose(tip, [0.006, 0.0, 0.0], atol=1e-9)
+    slides = np.nonzero(np.diff(result.external[:, 0]))[0] + 1
+    assert 1 <= len(slides) < 12
+    assert (result.kind[slides] == MoveKind.PTP).all()
+    assert np.allclose(result.q[slides], result.q[slides - 1])
+    assert (result.duration[slides] >= np.abs(np.diff(result.external[:, 0]))[slides - 1]).all()
+    at = {event.kind: row for row, event in result.events}
+    assert at == {EventKind.SPINDLE_ON: 0, EventKind.SPINDLE_OFF: len(result)}
+
+
+def test_cuts_keep_their_station(make_cell, make_path):
+    n = 21
+    points = np.stack([np.full(n, 1.9), np.linspace(-0.4, 0.4, n), np.full(n, 1.0)], axis=1)
+    away = np.array([0.0, 2.0, 0.0])
+    points = np.concatenate([points - away, points + away])
+    kind = np.full(2 * n, MotionKind.LINEAR)
+    kind[[0, n]] = MotionKind.RAPID
+    toolpath = make_path(points, [-1.0, 0, 0], kind, feed=np.full(2 * n, 0.02))
+    cell = replace(make_cell(), external_axes=(RAIL,))
+    result = plan(toolpath, cell)
+    assert not result.errors
+    cut = result.role == MoveRole.CUT
+    for half in (result.tag < n, result.tag >= n):
+        assert len(set(result.external[cut & half, 0].tolist())) == 1
+
+
+def test_positioner_turns_the_part(make_cell, make_path):
+    """Holes on the far side of a drum are brought round to the arm."""
+    angle = np.arange(0.0, 360.0, 30.0) * DEG
+    axes = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    T = np.eye(4)
+    T[:3, 3] = [2.3, 0.0, 1.0]
+    turn = ExternalAxis("E1", "positioner", np.array([0.0, 0, 1.0]), T, -np.pi, np.pi, 1.0)
+    toolpath = make_path(
+        T[:3, 3] + 0.4 * axes,
+        axes,
+        MotionKind.HOLE,
+        cycle=np.zeros(len(angle), int),
+        cycles=(Cycle("drill", 0.006, 0.002, 0.01, feed=0.002),),
+    )
+    drum = np.eye(4)
+    drum[:3, 3] = T[:3, 3]
+    solid = MeshPlacement("drum", drum, radius=0.38, length=0.5)
+    cell = make_cell()
+    cell = replace(cell, workpiece=replace(cell.workpiece, meshes=(solid,)))
+    result = plan(toolpath, replace(cell, external_axes=(turn,)))
+    assert not result.errors
+    assert len(np.unique(result.external)) > 1
+
+
+@pytest.mark.parametrize("step", [0.0, 0.5, -1.0])
+def test_rail_is_a_shift_of_the_base(make_cell, step):
+    cell = replace(make_cell(), external_axes=(RAIL,))
+    here = cell_at(cell, np.array([step]))
+    assert np.allclose(here.T_robroot_base[:3, 3], cell.T_robroot_base[:3, 3] - [0, step, 0])
+    assert np.allclose(here.robot.T_world_robroot[:3, 3], [0, step, 0])
+
+
+def test_grid_of_stations():
+    from types import SimpleNamespace
+
+    values = stations_of(SimpleNamespace(external_axes=(RAIL,)))
+    assert values[0, 0] == -3.5
+    assert values[-1, 0] == 3.5
+    assert 0.0 in values
+    assert np.diff(values[:, 0]).max() <= 0.25 + 1e-9
