@@ -1,6 +1,6 @@
 """Run the experiments of Jiao et al. 2022 on a synthetic KR 500 and print them beside the paper's.
 
-python tools/reproduce_seed.py [--truths 10] [--periods slow|medium] [--repeatability]
+python tools/reproduce_seed.py [--truths 10] [--periods long|slow|medium] [--repeatability]
 
 The twin is ``hidden_twin.Twin``: the product sees readings only. The box is the paper's 1200 x 600
 x 600 mm; tool, place of the box and centre of gravity are not in the paper and are chosen so that
@@ -48,7 +48,7 @@ PAPER = {
 }
 TRACKER = 12 * UM
 REPEATABILITY = 22 * UM
-LONG_WAY = {"slow": (80.0, 180.0), "medium": (40.0, 90.0)}
+LONG_WAY = {"long": (110.0, 220.0), "slow": (80.0, 180.0), "medium": (40.0, 90.0)}
 CELL = """schema = "postproc.cell/1"
 name = "twin_p"
 [robot]
@@ -191,7 +191,7 @@ def halton(count: int, dimensions: int) -> np.ndarray:
 
 def calibrated(seed: int, periods: tuple[float, float], folder: Path) -> Twin:
     """Return a truth whose no-grid fit leaves the paper's 0.1201 mm, noise included."""
-    low, high = 0.0, 2.5
+    low, high = 0.0, 4.0
     for _ in range(14):
         twin = Twin(seed, 0.5 * (low + high), tuple(np.radians(periods)))
         run = Experiment(twin, folder, repeatability=False)
@@ -414,7 +414,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--truths", type=int, default=10)
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--configurations", type=int, default=64)
-    parser.add_argument("--periods", choices=list(LONG_WAY), default="slow")
+    parser.add_argument("--periods", choices=list(LONG_WAY), default="long")
     parser.add_argument("--repeatability", action="store_true", help="add 22 um per arrival")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as name:

@@ -268,13 +268,15 @@ def _vector(text: TomlText, key: str) -> FloatArray:
 
 def _registration_table(registration: Registration) -> dict[str, Any]:
     xyz_mm, abc_deg = kuka_from_transform(registration.T_measured_robroot)
-    table = {
-        "robroot_xyz_mm": xyz_mm.tolist(),
-        "robroot_abc_deg": abc_deg.tolist(),
-        "point_in_flange_mm": entry("point_in_flange_mm", registration.p_flange_point),
+    point_mm = registration.p_flange_point / MM
+    # far below any reading, so that reading and saving again gives the same bytes
+    table: dict[str, Any] = {
+        "robroot_xyz_mm": (np.round(xyz_mm, 9) + 0.0).tolist(),
+        "robroot_abc_deg": (np.round(abc_deg, 11) + 0.0).tolist(),
+        "point_in_flange_mm": (np.round(point_mm, 9) + 0.0).tolist(),
     }
     if math.isfinite(registration.rms):
-        table["rms_mm"] = registration.rms / MM
+        table["rms_mm"] = round(registration.rms / MM, 9)
     return table
 
 

@@ -7,9 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from postproc.emitters.krl_style import KrlStyle
+from postproc.emitters.kuka_krl import emit, render_files
 from postproc.errors import StiffnessError
 from postproc.frames import inverse
 from postproc.kinematics.model import Kinematics, build
+from postproc.krl.program import Call, Halt, KrlModule, Statement
 from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.cell import Cell
 from postproc.model.plan import MoveKind, MoveRole, Plan
@@ -118,6 +121,30 @@ def _with_free_ways(plan: SamplingPlan, checks: _Checks) -> tuple[SamplingPlan, 
         blocked += [plan.name(int(i)) for i in bad]
         plan = _subset(plan, np.delete(np.arange(len(plan)), bad))
     return plan, tuple(blocked)
+
+
+def program_files(sampling: Sampling) -> dict[str, bytes]:
+    """Return the files of the program that drives the plan.
+
+    A stop is a plain HALT: the program must run on a controller without the routines that a
+    machining cell defines.
+    """
+    modules = emit(motion_plan(sampling), sampling.cell)
+    stop = KrlStyle.of(sampling.cell).hooks["stop"]
+    return render_files([_with_halts(module, stop) for module in modules])
+
+
+def _with_halts(module: KrlModule, stop: str) -> KrlModule:
+    def halted(statement: Statement) -> Statement:
+        if isinstance(statement, Call) and statement.name == stop:
+            return Halt(comment=statement.comment)
+        return statement
+
+    routines = tuple(
+        replace(routine, statements=tuple(halted(line) for line in routine.statements))
+        for routine in module.routines
+    )
+    return replace(module, routines=routines)
 
 
 def motion_plan(sampling: Sampling) -> Plan:

@@ -114,17 +114,16 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     through all postures without and with each load, and NAME.html that shows cells and tags.
     Postures that the arm cannot take or that collide are left out and named.
     """
-    from postproc.emitters.kuka_krl import emit, render_files
     from postproc.files import write_files
     from postproc.model.cellfile import load_cell
-    from postproc.pipeline.sample import motion_plan, sample
+    from postproc.pipeline.sample import program_files, sample
     from postproc.report.sample_page import sample_page
     from postproc.stiffness.measuring import csv_text, document
 
     cell = load_cell(options["cell"])
     with session.progress() as progress:
         sampling = sample(cell, _request(options), progress)
-    files = dict(render_files(emit(motion_plan(sampling), cell)))
+    files = program_files(sampling)
     files[f"{options['name']}.csv"] = csv_text(sampling)
     files[f"{options['name']}.html"] = sample_page(sampling)
     folder = Path(options["output"])
