@@ -24,10 +24,12 @@ _BATCH = 400_000
 class Placed:
     """Bodies placed for n configurations, in robroot.
 
-    ``link`` (7, 3, 4, n) frames of the links; ``centre`` (b, 3, n), ``axes`` (b, 3, 3, n) and
-    ``extent`` (b, 3, n) of the bodies' boxes: centre, axes, half size along the axes of robroot.
+    ``q`` (n, 6 + k) the configurations; ``link`` (l, 3, 4, n) frames of the links; ``centre``
+    (b, 3, n), ``axes`` (b, 3, 3, n) and ``extent`` (b, 3, n) of the bodies' boxes: centre, axes as
+    columns, half size along the axes of robroot [m].
     """
 
+    q: FloatArray
     link: FloatArray
     centre: FloatArray
     axes: FloatArray
@@ -64,7 +66,7 @@ class Culler:
 
     Args:
         shapes: shapes (b) in the frames of their links; bodies of the world in robroot.
-        links: (b,) link 0..6 that carries each; 0 for the world.
+        links: (b,) link that carries each; 0 for what stands still in robroot.
         first, second: (p,) bodies of each pair, ``first`` in growing order.
     """
 
@@ -79,13 +81,13 @@ class Culler:
         self._probes = np.vstack([shape.probes for shape in shapes])
         self._probe_count = np.array([len(shape.probes) for shape in shapes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
-        self._by_link = [np.flatnonzero(links == link) for link in range(7)]
+        self._by_link = [np.flatnonzero(links == link) for link in range(int(links.max()) + 1)]
         starts = np.flatnonzero(np.diff(first, prepend=-1))
         ends = np.append(starts[1:], len(first))
         self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
 
-    def place(self, link_frames: FloatArray) -> Placed:
-        """Return the bodies for link frames (n, 7, 4, 4) in robroot."""
+    def place(self, q: FloatArray, link_frames: FloatArray) -> Placed:
+        """Return the bodies at configurations (n, 6 + k), link frames (n, l, 4, 4) in robroot."""
         frames = np.ascontiguousarray(np.moveaxis(link_frames[:, :, :3, :], 0, -1))
         n = frames.shape[-1]
         bodies = len(self.shapes)
@@ -104,7 +106,7 @@ class Culler:
         extent = np.abs(axes[:, :, 0]) * self._half[:, 0, None, None]
         extent += np.abs(axes[:, :, 1]) * self._half[:, 1, None, None]
         extent += np.abs(axes[:, :, 2]) * self._half[:, 2, None, None]
-        return Placed(frames, centre, axes, extent)
+        return Placed(q, frames, centre, axes, extent)
 
     def bodies_near(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None = None

@@ -10,6 +10,8 @@ from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
 from postproc.collision.cull import Culler, Near, Placed
 from postproc.collision.exact import ExactTests
+from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
+from postproc.collision.mesh import Mesh
 from postproc.collision.pairs import (
     PairTable,
     candidate_pairs,
@@ -51,7 +53,7 @@ class Engine:
         arm: the kinematics.
         bodies: the bodies, those pulled back by the contact depth last.
         pulled_back: how many of them are pulled back.
-        T_world_robroot: (4, 4).
+        external: the external axes, and where the robot stands.
         clearance: smallest allowed distance [m].
         limits: q_min (6,) and q_max (6,) [rad], to find links that touch by construction.
     """
@@ -61,15 +63,15 @@ class Engine:
         arm: Arm,
         bodies: tuple[Body, ...],
         pulled_back: int,
-        T_world_robroot: FloatArray,
+        external: ExternalAxes,
         clearance: float,
         limits: tuple[FloatArray, FloatArray],
     ) -> None:
         self.arm = arm
-        T_robroot_world = inverse(T_world_robroot)
-        meshes = [b.mesh.moved(T_robroot_world) if b.link == WORLD else b.mesh for b in bodies]
+        self.external = external
+        meshes = [self._mesh(body) for body in bodies]
         self._shapes = [Shape.of(mesh) for mesh in meshes]
-        self._links = np.array([max(body.link, 0) for body in bodies])
+        self._links = np.array([self._link(body) for body in bodies])
         self.exact = ExactTests(meshes)
         self._use(candidate_pairs(bodies, pulled_back, clearance))
         by_construction = self._touching(*limits)
@@ -89,12 +91,27 @@ class Engine:
         parts = (self._shapes, self._links, table.first, table.second)
         self._culler = Culler(*parts)
         self._pieces = PieceBounds(self._shapes, table.first, table.second)
-        self.sweep = SweepBound(self.arm, *parts)
+        self.sweep = SweepBound(self.arm, *parts, self.external)
+
+    def _link(self, body: Body) -> int:
+        """Return the link that carries a body: what stands still in robroot is of link 0."""
+        if body.link != WORLD:
+            return body.link
+        if not len(self.external):
+            return 0
+        return PART_LINK if body.kind == "workpiece" else WORLD_LINK
+
+    def _mesh(self, body: Body) -> Mesh:
+        """Return the mesh of a body in the frame of its link."""
+        if body.link == WORLD and not len(self.external):
+            return body.mesh.moved(inverse(self.external.T_world_robroot))
+        return body.mesh
 
     def _touching(self, q_min: FloatArray, q_max: FloatArray) -> np.ndarray:
         """Return pairs of links that touch at a neutral pose or at all of the spread poses."""
         neutral, spread = neutral_poses(q_min, q_max), spread_poses(q_min, q_max)
-        placed = self.place(np.vstack([neutral, spread]))
+        poses = np.vstack([neutral, spread])
+        placed = self.place(np.pad(poses, ((0, 0), (0, len(self.external)))))
         found = self.candidates(placed, np.zeros((len(self.table), 1)), self.table.is_self[:, None])
         first, second = self.bodies(found.near)
         every = np.arange(len(found))
@@ -111,8 +128,11 @@ class Engine:
         return [shape.is_closed for shape in self._shapes]
 
     def place(self, q: FloatArray) -> Placed:
-        """Return the bodies at configurations (n, 6) [rad]."""
-        return self._culler.place(self.arm.link_frames(q))
+        """Return the bodies at configurations (n, 6 + k): joints [rad], external axes."""
+        frames = self.arm.link_frames(q[:, :JOINTS])
+        if len(self.external):
+            frames = np.concatenate([frames, self.external.frames(q[:, JOINTS:])], axis=1)
+        return self._culler.place(q, frames)
 
     def bodies(self, near: Near) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and second body (k,) of entries."""

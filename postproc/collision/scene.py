@@ -13,6 +13,7 @@ from postproc.collision.arm import Arm
 from postproc.collision.bodies import Body, bodies_of, pulled_back
 from postproc.collision.check import Hits, Tally, check
 from postproc.collision.engine import Engine
+from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
@@ -33,6 +34,9 @@ class Scene:
 
     ``limits.clearance`` > 0: solids that near count as colliding; not two links of the robot, and
     not cutting solids in contact with the workpiece.
+
+    Configurations q are (n, 6) joint angles [rad]. In a cell with external axes their positions
+    E1..Ek [m or rad] may follow as columns 7 and up; without, they stand at 0.
 
     Attributes:
         bodies: the solids in fixed order: links, tool, workpiece, obstacles.
@@ -103,7 +107,7 @@ class Scene:
             contact: (n,) or bool, where cutting solids may touch the workpiece; None: nowhere.
             tally: counts the work done.
         """
-        joints = _rows(q)
+        joints = self._rows(q)
         return check(self._engine, joints, _contact(contact, len(joints)), tally)
 
     def clearance(
@@ -118,7 +122,7 @@ class Scene:
             contact: (n,) or bool, where cutting solids against the workpiece do not count.
             most: larger distances [m] are given as this; the smaller, the faster.
         """
-        joints = _rows(q)
+        joints = self._rows(q)
         return clearance.clearance(self._engine, joints, _contact(contact, len(joints)), most)
 
     def check_paths(
@@ -136,7 +140,7 @@ class Scene:
             contact: (m,) or bool, motions on which cutting solids may touch the workpiece.
             resolution: [m]; contact that is grazed on a shorter way than this may pass.
         """
-        start, end = _rows(q_from), _rows(q_to)
+        start, end = self._rows(q_from), self._rows(q_to)
         touch = _contact(contact, len(start))
         if touch is None:
             touch = np.zeros(len(start), dtype=np.bool_)
@@ -158,7 +162,7 @@ class Scene:
             contact: (k - 1,) or bool, motions on which cutting solids may touch the workpiece.
             resolution: [m], as in ``check_paths``.
         """
-        joints = _rows(q_path)
+        joints = self._rows(q_path)
         return self.check_paths(joints[:-1], joints[1:], contact, resolution)
 
     def check_curve(
@@ -180,7 +184,9 @@ class Scene:
         Returns:
             Shares (k,) of the samples taken, and the answer for the k - 1 motions between them.
         """
-        share, q = motion.samples_of_curve(self._engine, q_at, count, resolution)
+        share, q = motion.samples_of_curve(
+            self._engine, lambda at: self._rows(q_at(at)), count, resolution
+        )
         return share, self.check_motion(q, contact, resolution)
 
     def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
@@ -209,6 +215,16 @@ class Scene:
         """Return the bodies with at most ``max_faces`` triangles each, for display."""
         return [body.coarse(max_faces) for body in self.bodies]
 
+    def _rows(self, q: ArrayLike) -> FloatArray:
+        """Return configurations (n, 6 + k), external axes at 0 where they are not given."""
+        joints = np.atleast_2d(np.asarray(q, dtype=np.float64))
+        missing = JOINTS + len(self._cell.external_axes) - joints.shape[-1]
+        if joints.ndim != 2 or missing not in (0, len(self._cell.external_axes)):
+            raise ValueError(f"configurations of shape {joints.shape}, expected (n, 6 + external)")
+        if not np.isfinite(joints).all():
+            raise ValueError("configurations must be finite: what is not a number hits nothing")
+        return np.ascontiguousarray(np.pad(joints, ((0, 0), (0, missing))))
+
     @property
     def _engine(self) -> Engine:
         if self._engine_ is None:
@@ -224,7 +240,7 @@ class Scene:
             arm,
             (*self.bodies, *behind),
             len(behind),
-            np.asarray(cell.robot.T_world_robroot),
+            ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot)),
             cell.limits.clearance,
             (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)),
         )
@@ -238,10 +254,6 @@ class Scene:
             T_world_base = self._cell.robot.T_world_robroot @ self._cell.T_robroot_base
             self._surface_ = Surface(joined(meshes).moved(inverse(T_world_base)))
         return self._surface_
-
-
-def _rows(q: ArrayLike) -> FloatArray:
-    return np.ascontiguousarray(np.asarray(q, dtype=np.float64).reshape(-1, 6))
 
 
 def _contact(contact: ArrayLike | None, count: int) -> BoolArray | None:

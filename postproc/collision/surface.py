@@ -14,6 +14,7 @@ from postproc.units import DEG
 SMOOTH = 30.0 * DEG
 """Faces that meet at less than this angle are pieces of one curved surface."""
 _LEAF = 16
+_BRANCH = 32
 _BATCH = 1000
 
 
@@ -47,9 +48,7 @@ class Surface:
         order = _grouped(corners.mean(axis=1))
         self._corners = corners[order]
         self._normals = _corner_normals(corners, faces, normal, len(mesh.vertices))[order]
-        starts = np.arange(0, len(order), _LEAF)
-        self._low = np.minimum.reduceat(self._corners.min(axis=1), starts)
-        self._high = np.maximum.reduceat(self._corners.max(axis=1), starts)
+        self._levels = _boxes(self._corners)
 
     def nearest(self, points: FloatArray) -> SurfacePoints:
         """Return the nearest places for points (n, 3) [m] in the mesh's frame."""
@@ -64,26 +63,32 @@ class Surface:
         )
 
     def _nearest(self, points: FloatArray) -> SurfacePoints:
-        gap = np.maximum(np.maximum(self._low - points[:, None], points[:, None] - self._high), 0.0)
-        bound = np.einsum("nki,nki->nk", gap, gap)
-        n = len(points)
-        best = _Best(n)
-        first = bound.argmin(axis=1)
-        self._visit(points, np.arange(n), first, best)
-        bound[np.arange(n), first] = np.inf
-        while True:
-            # leaf after leaf in order of their bounds, until no bound is below the best distance
-            row = np.flatnonzero(bound.min(axis=1) <= best.square)
-            if not len(row):
-                break
-            leaf = bound[row].argmin(axis=1)
-            self._visit(points, row, leaf, best)
-            bound[row, leaf] = np.inf
+        best = _Best(len(points))
+        every = np.arange(len(points))
+        self._descend(points, every, np.zeros_like(every), len(self._levels) - 1, best)
         weight = best.weight[..., None]
         normal = (self._normals[best.face] * weight).sum(axis=1)
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         place = (self._corners[best.face] * weight).sum(axis=1)
         return SurfacePoints(place, normal, np.sqrt(best.square))
+
+    def _descend(
+        self, points: FloatArray, row: np.ndarray, node: np.ndarray, level: int, best: _Best
+    ) -> None:
+        """Look into the boxes below one node for each row, nearest first, while they can win."""
+        if level < 0:
+            self._visit(points, row, node, best)
+            return
+        low, high = self._levels[level]
+        child = node[:, None] * _BRANCH + np.arange(_BRANCH)
+        known = np.minimum(child, len(low) - 1)
+        at = points[row][:, None]
+        gap = np.maximum(np.maximum(low[known] - at, at - high[known]), 0.0)
+        bound = np.where(child < len(low), np.einsum("nki,nki->nk", gap, gap), np.inf)
+        while len(here := np.flatnonzero(bound.min(axis=1) <= best.square[row])):
+            which = bound[here].argmin(axis=1)
+            bound[here, which] = np.inf
+            self._descend(points, row[here], child[here, which], level - 1, best)
 
     def _visit(self, points: FloatArray, row: np.ndarray, leaf: np.ndarray, best: _Best) -> None:
         face = leaf[:, None] * _LEAF + np.arange(_LEAF)
@@ -193,6 +198,17 @@ def _corner_normals(
     total = np.stack(columns, axis=1).astype(np.float64)
     total /= np.linalg.norm(total, axis=1, keepdims=True)
     return total.reshape(-1, 3, 3)
+
+
+def _boxes(corners: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Return bounding boxes of leaves (low, high), of each ``_BRANCH`` leaves, and so on up."""
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    levels: list[tuple[FloatArray, FloatArray]] = []
+    while not levels or len(low) > _BRANCH:
+        starts = np.arange(0, len(low), _BRANCH if levels else _LEAF)
+        low, high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
+        levels.append((low, high))
+    return levels
 
 
 def _grouped(middle: FloatArray) -> np.ndarray:

@@ -15,7 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.collision.arm import Arm, joint_axes
+from postproc.collision.bodies import LAST_LINK
 from postproc.collision.cull import Placed
+from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.shape import Shape
 from postproc.model.arrays import FloatArray
 
@@ -26,8 +28,9 @@ class SweepBound:
     Args:
         arm: the kinematics.
         shapes: shapes (b) in the frames of their links.
-        links: (b,) link 0..6 of each.
+        links: (b,) link of each.
         first, second: (p,) bodies of each pair.
+        external: the external axes.
     """
 
     def __init__(
@@ -37,8 +40,15 @@ class SweepBound:
         links: np.ndarray,
         first: np.ndarray,
         second: np.ndarray,
+        external: ExternalAxes,
     ) -> None:
         self._direction, self._point = joint_axes(arm)
+        self._external = external
+        self._first, self._second = first, second
+        self._in_world = np.flatnonzero(links == WORLD_LINK)
+        self._parts = np.flatnonzero(links == PART_LINK)
+        # for the joints, world and part stand still
+        links = np.where(links > LAST_LINK, 0, links)
         self._links = links
         self._reach = np.array([shape.reach for shape in shapes])
         self._own_radius = np.array(
@@ -83,11 +93,22 @@ class SweepBound:
 
         Args:
             placed: the bodies in the configuration that the turns are counted from.
-            turn: (n, 6) largest turn of each joint away from it [rad], not negative.
+            turn: (n, 6 + k) largest way of each axis from there [rad or m], not negative.
         """
-        steps = self.radii(placed) * turn.T
+        steps = self.radii(placed) * turn[:, :JOINTS].T
         # from base link a count joints a+1 .. 6; joints behind the body's own link add nothing
         total = np.cumsum(steps[:, ::-1], axis=1)[:, ::-1]
         total = np.concatenate([total, np.zeros_like(total[:, :1])], axis=1)
         moved: FloatArray = total[self._body, self._base]
+        if len(self._external):
+            outside = self._outside(placed, turn[:, JOINTS:])
+            moved += outside[self._first] + outside[self._second]
         return moved
+
+    def _outside(self, placed: Placed, turn: FloatArray) -> FloatArray:
+        """Return (b, n) [m]: how far bodies can move against robroot by external axes."""
+        outside = np.zeros((len(self._links), len(placed)))
+        outside[self._in_world], outside[self._parts] = self._external.moves(
+            placed.q[:, JOINTS:], turn, placed.centre[self._parts], self._reach[self._parts]
+        )
+        return outside

@@ -1,0 +1,100 @@
+"""Rails and positioners: the same answers as a cell that stands where they have moved it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.collision.scene import Scene
+from postproc.frames import inverse, rotation_about, transform, transform_from_kuka
+from postproc.kinematics.model import build
+from postproc.model.cell import ExternalAxis
+from tests.collision.conftest import at, box_at, cell_of
+
+RAIL = ExternalAxis("E1", "rail", np.array([0.6, 0.8, 0.0]), np.eye(4), -2.0, 2.0, 1.0)
+TILT = ExternalAxis(
+    "E2", "positioner", np.array([0.0, 1.0, 0.0]), at(2.0, 0.1, 0.8), -2.0, 2.0, 1.0
+)
+TABLE = ExternalAxis(
+    "E3", "positioner", np.array([0.0, 0.0, 1.0]), at(2.1, 0.0, 0.0), -3.0, 3.0, 1.0
+)
+STAND = transform_from_kuka([100, -200, 150], [20, 0, 0])
+
+
+def cell_with(axes):
+    cell = cell_of(
+        tool=[box_at("head", [0.2, 0.2, 0.4], at(0.0, 0.0, 0.2))],
+        workpiece=[box_at("block", [0.9, 0.3, 0.5], at(0.05, 0.1, 0.0))],
+        obstacles=[box_at("post", [0.2, 0.2, 2.4], at(1.4, 1.1, 1.2))],
+        T_robroot_base=transform_from_kuka([1900, 100, 1000], [0, 0, 30]),
+        T_world_robroot=STAND,
+    )
+    return replace(cell, external_axes=tuple(axes))
+
+
+def frozen(cell, values):
+    """The cell without axes, standing where they stand at these values."""
+    world, turned = STAND.copy(), np.eye(4)
+    for axis, value in zip(cell.external_axes, values, strict=True):
+        if axis.kind == "rail":
+            world[:3, 3] += value * axis.axis
+        else:
+            origin = axis.T_world_axis[:3, 3]
+            R = rotation_about(axis.axis, value)
+            turned = turned @ transform(R, origin - R @ origin)
+    T_robroot_base = inverse(world) @ turned @ STAND @ cell.T_robroot_base
+    return replace(
+        cell,
+        external_axes=(),
+        robot=replace(cell.robot, T_world_robroot=world),
+        workpiece=replace(cell.workpiece, T_robroot_base=T_robroot_base),
+    )
+
+
+@pytest.mark.parametrize("axes", [[RAIL], [TILT, TABLE], [RAIL, TILT, TABLE]])
+def test_equals_a_cell_that_stands_there(axes, random_q):
+    cell = cell_with(axes)
+    arm = build(cell.robot)
+    scene = Scene.build(cell, arm)
+    rng = np.random.default_rng(0)
+    seen = 0
+    for seed in range(4):
+        values = rng.uniform(-0.6, 0.6, len(axes))
+        q = random_q(150, seed)
+        x = np.hstack([q, np.tile(values, (len(q), 1))])
+        there = Scene.build(frozen(cell, values), arm)
+        assert scene.pairs == there.pairs
+        assert np.array_equal(scene.check(x).pair, there.check(q).pair)
+        assert np.allclose(scene.clearance(x), there.clearance(q), atol=1e-9)
+        seen += there.check(q).hit.sum()
+    assert seen > 15
+    still = Scene.build(frozen(cell, np.zeros(len(axes))), arm)
+    assert np.array_equal(scene.check(q).pair, still.check(q).pair)
+
+
+def test_motions_of_all_axes_miss_nothing():
+    cell = cell_with([RAIL, TILT, TABLE])
+    scene = Scene.build(cell, build(cell.robot))
+    rng = np.random.default_rng(1)
+    low = np.deg2rad([-50, -100, 40, -90, -80, -90])
+    start = np.hstack([rng.uniform(low, [0.8, -0.7, 2.2, 1.5, 1.4, 1.5], (200, 6)),
+                       rng.uniform(-0.5, 0.5, (200, 3))])  # fmt: skip
+    step = np.where(rng.random((200, 9)) < 0.5, 0.0, rng.normal(0.0, 0.3, (200, 9)))
+    step[:60, :6] = 0.0
+    answer = scene.check_paths(start, start + step)
+    share = np.linspace(0.0, 1.0, 150)[:, None, None]
+    sampled = scene.check((start + share * step).reshape(-1, 9)).hit.reshape(150, -1)
+    assert not (sampled.any(axis=0) & ~answer.hit).any()
+    where = start + np.nan_to_num(answer.share)[:, None] * step
+    assert scene.check(where[answer.hit]).hit.all()
+    assert (answer.hit & ~sampled[0] & ~sampled[-1])[:60].sum() + answer.hit[60:].sum() > 10
+
+
+def test_wrong_shapes_and_numbers_are_refused():
+    cell = cell_with([RAIL])
+    scene = Scene.build(cell, build(cell.robot))
+    with pytest.raises(ValueError, match="expected"):
+        scene.check(np.zeros((2, 8)))
+    with pytest.raises(ValueError, match="finite"):
+        scene.check(np.full((1, 6), np.nan))
+    assert len(scene.check(np.zeros(6)).hit) == 1

@@ -1,0 +1,201 @@
+"""Collision checks per second on the shared workload scene, beside fcl and coal in one run.
+
+Run: python tools/bench_collision.py [--holes 1000] [--count 20000] [--hard] [--panel 200000]
+
+Configurations are IK candidates within limits (36 spins, all branches) of the holes, and uniformly
+random ones. All three judge the same pairs of the same meshes; their answers are compared. Times
+are CPU times of one process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import coal
+import fcl
+import numpy as np
+import pinocchio as pin
+from workload_scene import candidates, holes, workload_cell
+
+from postproc.collision.bodies import WORLD
+from postproc.collision.check import Tally
+from postproc.collision.mesh import Mesh, load_mesh
+from postproc.collision.scene import Scene
+from postproc.kinematics.model import Kinematics, build
+from postproc.model.cell import Cell
+
+
+def main() -> None:
+    """Print a table for candidates and for random configurations, then motions and distances."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--holes", type=int, default=1000, choices=(200, 1000, 10000))
+    parser.add_argument("--count", type=int, default=20000, help="configurations for postproc")
+    parser.add_argument("--hard", action="store_true", help="with four beams in the way")
+    parser.add_argument("--panel", type=int, default=0, help="triangles of the panel, at least")
+    args = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        cell = workload_cell(args.hard, _panel(args.panel, Path(folder)))
+        arm = build(cell.robot)
+        scene = Scene.build(cell, arm)
+        triangles = sum(len(body.faces) for body in scene.bodies)
+        print(f"{len(scene.bodies)} bodies, {triangles} triangles, {len(scene.pairs)} pairs")
+        rng = np.random.default_rng(0)
+        every = candidates(arm, cell, *holes(args.holes))
+        print(f"{len(every)} candidates of {args.holes} holes: ", end="")
+        print(f"{scene.check(every).hit.mean():.2%} collide")
+        chosen = every[np.sort(rng.permutation(len(every))[: args.count])]
+        spread = rng.uniform(cell.robot.q_min, cell.robot.q_max, (args.count, 6))
+        for name, q in (("candidates", chosen), ("random", spread)):
+            compare(name, scene, arm, q)
+        motions(scene, chosen)
+
+
+def compare(name: str, scene: Scene, arm: Kinematics, q: np.ndarray) -> None:
+    """Time the three on the same configurations and compare their answers."""
+    tally = Tally()
+    ours, speed = timed(lambda rows: scene.check(rows).hit, q)
+    scene.check(q, tally=tally)
+    share = 1.0 - tally.exact / tally.pairs
+    print(f"{name}: {ours.mean():.2%} of {len(q)} collide; culled without fcl {share:.3%}")
+    print(f"  {'postproc':<34}{speed:>10,.0f} /s")
+    for label, check, most in (
+        ("python-fcl, loop over pairs", FclLoop(scene, arm).check, 1000),
+        ("pinocchio + coal, computeCollisions", CoalModel(scene, arm).check, 4000),
+    ):
+        answer, other = timed(check, q[:most])
+        wrong = int((answer != ours[:most]).sum())
+        print(f"  {label:<34}{other:>10,.0f} /s   {speed / other:5.1f}x   {wrong} disagree")
+
+
+def motions(scene: Scene, q: np.ndarray) -> None:
+    """Time swept checks and distances from configurations that are free."""
+    free = q[~scene.check(q).hit][:1000]
+    rng = np.random.default_rng(1)
+    for text, step in (("0.1 deg", 0.002), ("1 deg", 0.02), ("6 deg", 0.1)):
+        end = free + step * rng.uniform(-1.0, 1.0, free.shape)
+        start = time.process_time()
+        hit = scene.check_paths(free, end).hit.mean()
+        speed = len(free) / (time.process_time() - start)
+        print(f"  motions of about {text:<18}{speed:>10,.0f} /s   {hit:.1%} hit")
+    for text, most in (("smallest distance", np.inf), ("smallest distance up to 50 mm", 0.05)):
+        start = time.process_time()
+        scene.clearance(free, most=most)
+        speed = len(free) / (time.process_time() - start)
+        print(f"  {text:<34}{speed:>10,.0f} /s")
+
+
+def timed(check: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> tuple[np.ndarray, float]:
+    """Return the answer and configurations per second of CPU time, after a short warm-up."""
+    check(q[:50])
+    start = time.process_time()
+    answer = check(q)
+    return answer, len(q) / (time.process_time() - start)
+
+
+class FclLoop:
+    """What one would write with python-fcl alone: every pair of every configuration."""
+
+    def __init__(self, scene: Scene, arm: Kinematics) -> None:
+        self._arm = arm
+        self._links = [body.link for body in scene.bodies]
+        self._objects = []
+        for body in scene.bodies:
+            model = fcl.BVHModel()
+            model.beginModel(len(body.vertices), len(body.faces))
+            model.addSubModel(np.array(body.vertices), np.array(body.faces))
+            model.endModel()
+            self._objects.append(fcl.CollisionObject(model))
+        self._pairs = index_pairs(scene)
+
+    def check(self, q: np.ndarray) -> np.ndarray:
+        """Return (n,) whether anything collides."""
+        request, result = fcl.CollisionRequest(), fcl.CollisionResult()
+        hits = np.zeros(len(q), dtype=bool)
+        for row, frames in enumerate(self._arm.link_frames(q)):
+            for link, thing in zip(self._links, self._objects, strict=True):
+                if link != WORLD:
+                    thing.setTransform(fcl.Transform(frames[link, :3, :3], frames[link, :3, 3]))
+            hits[row] = any(
+                fcl.collide(self._objects[a], self._objects[b], request, result)
+                for a, b in self._pairs
+            )
+        return hits
+
+
+class CoalModel:
+    """pinocchio's model of the arm with coal's meshes, the loop over pairs in C++."""
+
+    def __init__(self, scene: Scene, arm: Kinematics) -> None:
+        self._model = pin.Model()
+        joint = 0
+        for place, axis in zip(arm.chain.placements[:6], arm.chain.axes, strict=True):
+            kind = pin.JointModelRevoluteUnaligned(axis)
+            joint = self._model.addJoint(joint, kind, pin.SE3(place), f"a{joint + 1}")
+        self._geometry = pin.GeometryModel()
+        for body in scene.bodies:
+            thing = pin.GeometryObject(
+                body.name, max(body.link, 0), pin.SE3.Identity(), coal_mesh(body.mesh)
+            )
+            self._geometry.addGeometryObject(thing)
+        for a, b in index_pairs(scene):
+            self._geometry.addCollisionPair(pin.CollisionPair(a, b))
+        self._data = self._model.createData()
+        self._found = self._geometry.createData()
+
+    def check(self, q: np.ndarray) -> np.ndarray:
+        """Return (n,) whether anything collides."""
+        args = (self._model, self._data, self._geometry, self._found)
+        return np.array([pin.computeCollisions(*args, row, True) for row in q])
+
+
+def index_pairs(scene: Scene) -> list[tuple[int, int]]:
+    """Return the pairs of a scene as indices of bodies."""
+    index = {body.name: i for i, body in enumerate(scene.bodies)}
+    return [(index[a], index[b]) for a, b in scene.pairs]
+
+
+def coal_mesh(mesh: Mesh) -> coal.BVHModelOBBRSS:
+    """Return a mesh for coal."""
+    vertices, triangles = coal.StdVec_Vec3s(), coal.StdVec_Triangle()
+    for vertex in mesh.vertices:
+        vertices.append(np.array(vertex))
+    for face in mesh.faces:
+        triangles.append(coal.Triangle(*(int(i) for i in face)))
+    model = coal.BVHModelOBBRSS()
+    model.beginModel(len(mesh.faces), len(mesh.vertices))
+    model.addSubModel(vertices, triangles)
+    model.endModel()
+    return model
+
+
+def _panel(triangles: int, folder: Path) -> Path | None:
+    """Write the panel with each triangle cut into four until there are enough."""
+    if triangles <= 0:
+        return None
+    corners = load_mesh(_panel_file(workload_cell()), 1.0).corners
+    while len(corners) < triangles:
+        a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+        ab, bc, ca = 0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)
+        parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+        corners = np.concatenate([np.stack(part, axis=1) for part in parts])
+    record = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+    table = np.zeros(len(corners), dtype=record)
+    table["corners"] = corners
+    path = folder / "panel.stl"
+    path.write_bytes(bytes(80) + len(corners).to_bytes(4, "little") + table.tobytes())
+    return path
+
+
+def _panel_file(cell: Cell) -> Path:
+    file = cell.workpiece.meshes[0].file
+    if file is None:
+        raise SystemExit("the workload scene has no panel file")
+    return file
+
+
+if __name__ == "__main__":
+    main()
