@@ -17,7 +17,8 @@ from postproc.readers.apt_lines import is_continued
 from postproc.readers.apt_statement import Statement, is_free_text, parse_statement
 from postproc.readers.decimals import LARGEST, parse_tokens
 from postproc.readers.faults import Faults
-from postproc.readers.text_blocks import TextBlock
+from postproc.readers.spans import trim_end, trim_start
+from postproc.readers.text_blocks import TextBlock, check_line_length
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -64,7 +65,11 @@ def scan(block: TextBlock, faults: Faults) -> Scan:
     buffer = np.frombuffer(block.data, dtype=np.uint8)
     line_ends = np.flatnonzero(buffer == ord("\n"))
     starts = np.concatenate([[0], line_ends[:-1] + 1])
-    ends = _without_trailing_blanks(buffer, starts, line_ends)
+    longest = int((line_ends - starts).argmax())
+    check_line_length(
+        faults.path, int(line_ends[longest] - starts[longest]), block.first_line + longest
+    )
+    ends = trim_end(buffer, starts, line_ends)
     code = _codes(buffer, starts, ends)
     result = Scan(block, code, np.zeros((0, 6)), np.zeros((0, CIRCLE_FIELDS)))
     result.displayed = int((code == SKIP).sum())
@@ -76,14 +81,6 @@ def scan(block: TextBlock, faults: Faults) -> Scan:
     result.others = _statements(block, starts, ends, rest, joined)
     result.goto, result.circle = goto, circle
     return result
-
-
-def _without_trailing_blanks(
-    buffer: NDArray[np.uint8], starts: IntArray, ends: IntArray
-) -> IntArray:
-    while (more := (ends > starts) & (buffer[ends - 1] <= ord(" "))).any():
-        ends = ends - more
-    return ends
 
 
 def _codes(buffer: NDArray[np.uint8], starts: IntArray, ends: IntArray) -> NDArray[np.int8]:
@@ -193,10 +190,8 @@ def _bulk_numbers(
 
 def _slashes(buffer: NDArray[np.uint8], after: IntArray, ends: IntArray) -> IntArray:
     """Return the position of the slash that follows the word, after blanks only; -1 if none."""
-    at = np.array(after)
+    at = trim_start(buffer, after, ends)
     last = len(buffer) - 1
-    while (more := (at < ends) & (buffer[np.minimum(at, last)] == ord(" "))).any():
-        at = at + more
     found = (at < ends) & (buffer[np.minimum(at, last)] == ord("/"))
     return np.where(found, at, -1)
 

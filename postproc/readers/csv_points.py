@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from postproc.frames import FloatArray
 from postproc.model.arrays import IntArray
 from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.readers.base import LENGTH_UNITS, READERS, ReadOptions
+from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv_columns import (
     NORMAL,
     ORIENTATIONS,
@@ -50,6 +50,9 @@ from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 Index = NDArray[np.int64]
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
+SEPARATORS = (";", "\t", ",", " ")
+SURE = 0.45
+"""Below what a reader says that knows its own words."""
 _HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
 
 
@@ -66,15 +69,15 @@ class CsvReader:
     """Reader of point and hole lists."""
 
     def sniff(self, head: bytes) -> float:
-        """Return how much of the first rows is numbers."""
-        lines = [
-            line for line in decoded(head).splitlines()[:-1] or [decoded(head)] if line.strip()
-        ]
-        rows = [line for line in lines if not line.lstrip().startswith("#")][:20]
-        if not rows or rows[0].lstrip().startswith("<"):
+        """Return how much of the first rows is numbers; a header of a point list counts too."""
+        lines = decoded(head).splitlines()
+        whole = lines[:-1] if len(head) == HEAD_BYTES and len(lines) > 1 else lines
+        rows = [line.strip() for line in whole if line.strip() and not line.startswith("#")][:20]
+        if not rows or rows[0].startswith("<"):
             return 0.0
-        fitting = sum(1 for row in rows[-10:] if _looks_like_a_row(row))
-        return 0.5 * fitting / len(rows[-10:])
+        if len(rows) == 1 and _names_a_point(rows[0]):
+            return SURE
+        return SURE * sum(_looks_like_a_row(row) for row in rows[-10:]) / len(rows[-10:])
 
     def read(self, path: str, options: ReadOptions) -> ToolPath:
         """Return the points of a list.
@@ -97,10 +100,17 @@ class CsvReader:
         return _toolpath(path, options, layout, columns, _joined(columns, parts, faults), faults)
 
 
+def _names_a_point(text: str) -> bool:
+    return any(
+        set(POSITION) <= {column_of(name).role for name in split_row(text, separator)}
+        for separator in SEPARATORS
+    )
+
+
 def _looks_like_a_row(text: str) -> bool:
     return any(
         sum(is_number(part, decimal_comma=True) for part in split_row(text, separator)) >= 3
-        for separator in (";", "\t", ",", " ")
+        for separator in SEPARATORS
     )
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from postproc.model.arrays import FloatArray
 from postproc.readers.decimals import LARGEST, parse_number, parse_tokens
 from postproc.readers.faults import Faults
-from postproc.readers.text_blocks import TextBlock
+from postproc.readers.text_blocks import TextBlock, check_line_length
 
 Index = NDArray[np.int64]
 _SAMPLE_ROWS = 200
@@ -171,6 +171,7 @@ def parse_rows(
     """
     data = block.data.replace(b",", b".") if layout.decimal_comma else block.data
     buffer = np.frombuffer(data, dtype=np.uint8)
+    check_line_length(faults.path, _longest_line(buffer), block.first_line)
     begins, ends, lines, odd = _fields(buffer, data, block, layout)
     columns = np.array(numeric, dtype=np.int64)
     values, valid = parse_tokens(buffer, begins[:, columns].ravel(), ends[:, columns].ravel())
@@ -190,6 +191,10 @@ def parse_rows(
     kept = {column: _texts(block.data, begins[:, column], ends[:, column]) for column in texts}
     result = Rows(lines, numbers, empty, kept)
     return _with_odd_rows(result, odd, layout, numeric, texts, faults) if odd else result
+
+
+def _longest_line(buffer: NDArray[np.uint8]) -> int:
+    return int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())
 
 
 def _number(text: str, line: int, column: int, layout: Layout, faults: Faults) -> float:

@@ -14,8 +14,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
-Index = NDArray[np.int64]
+from postproc.readers.spans import Bytes, Index, trim_end, trim_start
+
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
@@ -26,7 +26,7 @@ _FORTRAN = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)[dD][+-]?\d{1,4}", re.ASCII)
 _WIDTH = 16
 _EXACT = 1 << 53
 _CHUNK = 1 << 14
-_MINUS, _PLUS, _BLANK = 45, 43, 32
+_MINUS, _PLUS = 45, 43
 _POWERS = 10.0 ** np.arange(_WIDTH)
 
 
@@ -71,7 +71,8 @@ def parse_tokens(buffer: Bytes, starts: Index, ends: Index) -> tuple[FloatArray,
     Returns:
         values (n,), NaN where the text is no finite decimal number; valid (n,).
     """
-    starts, ends = _trimmed(buffer, starts, ends)
+    starts = trim_start(buffer, starts, ends)
+    ends = trim_end(buffer, starts, ends)
     values = np.full(len(starts), np.nan)
     valid = np.zeros(len(starts), dtype=np.bool_)
     padded = np.concatenate([np.zeros(_WIDTH, dtype=np.uint8), buffer, np.zeros(1, dtype=np.uint8)])
@@ -84,18 +85,6 @@ def parse_tokens(buffer: Bytes, starts: Index, ends: Index) -> tuple[FloatArray,
         values[rest] = np.nan
         _parse_rest(buffer, starts, ends, rest, values, valid)
     return values, valid
-
-
-def _trimmed(buffer: Bytes, starts: Index, ends: Index) -> tuple[Index, Index]:
-    """Return the tokens without the blanks around them."""
-    if len(starts) == 0:
-        return starts, ends
-    last = len(buffer) - 1
-    while (more := (buffer[np.minimum(starts, last)] <= _BLANK) & (starts < ends)).any():
-        starts = starts + more
-    while (more := (buffer[np.maximum(ends - 1, 0)] <= _BLANK) & (starts < ends)).any():
-        ends = ends - more
-    return starts, ends
 
 
 def _parse_plain(

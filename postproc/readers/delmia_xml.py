@@ -24,8 +24,9 @@ _LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
 _ANGLES = {"deg": DEG, "rad": 1.0}
 _JOINTS = {**_ANGLES, **_LENGTHS}
 _SPEEDS = {"m/s": 1.0, "mm/s": MM}
-_MOST_BYTES = 1 << 26
+_MOST_BYTES = 1 << 23
 """No part of a file as long as this is without a finished activity or list."""
+_LONG_FILE = 65535
 _FIRST_ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _FARTHEST = 1e6
@@ -419,5 +420,11 @@ def _text(element: etree._Element | None) -> str:
 
 
 def _line(element: etree._Element) -> int:
+    """Return the line of the start tag.
+
+    Beyond line 65534 libxml2 keeps a text's line only, the one where it ends.
+    """
     line = element.sourceline
-    return line if isinstance(line, int) else 1
+    if not isinstance(line, int):
+        return 1
+    return line - (element.text or "").count("\n") if line >= _LONG_FILE else line

@@ -56,6 +56,7 @@ def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Itera
                 line += data.count(b"\n", 0, end)
             rest = data[end:]
     if rest.strip():
+        _check_length(path, rest, line)
         yield TextBlock(rest if rest.endswith(b"\n") else rest + b"\n", line)
 
 
@@ -66,7 +67,12 @@ def _line_feeds(chunk: bytes) -> bytes:
 
 def _check_length(path: str, data: bytes, line: int) -> None:
     end = data.find(b"\n")
-    if (end if end >= 0 else len(data)) > LONGEST_LINE:
+    check_line_length(path, end if end >= 0 else len(data), line)
+
+
+def check_line_length(path: str, length: int, line: int) -> None:
+    """Raise ReadError IO015 for a line of more characters than any real one has."""
+    if length > LONGEST_LINE:
         raise ReadError(
             "IO015",
             f"a line of more than {LONGEST_LINE} characters, expected one statement or row a line",

@@ -1,0 +1,110 @@
+"""Real files of five systems, where they are at hand: counts, arc senses, true reasons."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from postproc.cli.app import run
+from postproc.errors import ReadError
+from postproc.model.toolpath import MotionKind
+from postproc.readers import ReadOptions, read
+from postproc.readers.apt_arcs import tangency
+from postproc.readers.apt_finish import straight_neighbours
+
+pytestmark = pytest.mark.corpus
+DIALECTS = {"az": "solidworks", "azhist": "solidworks", "creo": "creo", "nx": "nx"}
+REASONS = {
+    "gtmi__cubes.csv": "CSV020",
+    "gtmi__rob1_self_transform_092024.csv": "CSV020",
+    "gtmi__robot_to_robot_091124.csv": "CSV020",
+    "gtmitest__robot_cloud.csv": "CSV020",
+    "pycatia__Sample_Point_CSV_File1_small.csv": "CSV020",
+    "pycatia__Sample_Point_CSV_File3_medium.csv": "CSV020",
+    "rabkkk__RobPoseatRef.csv": "CSV023",
+    "rabkkk__TransToolPosit.csv": "CSV020",
+    "robodk__Example-Import-CSV-XYZWPR.csv": "CSV013",
+}
+"""Why a file cannot be read as it is: no orientation, or columns that only a person can name."""
+
+
+def expectations(corpus):
+    with (corpus / "EXPECTED_apt.tsv").open() as stream:
+        return list(csv.DictReader(stream, delimiter="\t"))
+
+
+def test_inspect_agrees_with_the_counts_of_every_file(corpus, capsys):
+    rows = expectations(corpus)
+    assert len(rows) >= 32
+    for row in rows:
+        assert run(["inspect", str(corpus / "apt" / row["file"]), "--json"]) == 0
+        facts = json.loads(capsys.readouterr().out)
+        words = facts["words"]
+        assert facts["dialect"] == DIALECTS[row["file"].split("__")[0]]
+        assert facts["points"] == int(row["goto3"]) + int(row["goto6"]), row["file"]
+        assert facts["arcs"] == int(row["CIRCLE"])
+        assert facts["rapid_points"] == int(row["RAPID"])
+        for word in ("CYCLE", "FEDRAT"):
+            assert words.get(word, 0) == int(row[word])
+        changes = words.get("LOAD", 0) + words.get("LOADTL", 0) + words.get("TOOLNO", 0)
+        assert changes == int(row["TOOLchange"])
+        assert facts["tools"] <= max(changes, 1)
+        assert facts["unknown_words"] == {}
+        assert facts["units"] == "mm"
+
+
+def test_no_arc_goes_against_the_cuts_beside_it(corpus):
+    """Leads are tangent in practice: every arc with a straight neighbour tells its true sense."""
+    agree = against = 0
+    for path in sorted((corpus / "apt").iterdir()):
+        toolpath = read(path)
+        tags = np.flatnonzero(toolpath.kind == MotionKind.ARC).astype(np.int32)
+        if len(tags) == 0:
+            continue
+        before, after = straight_neighbours(toolpath.points, toolpath.kind, tags)
+        ends = tangency(
+            toolpath.arcs, toolpath.points[tags - 1], toolpath.points[tags], before, after
+        ).sum(axis=1)
+        agree += int((ends > 0).sum())
+        against += int((ends < 0).sum())
+    assert agree >= 900
+    assert against == 0
+
+
+def test_point_lists_read_or_say_why_not(corpus):
+    for path in sorted((corpus / "csv").iterdir()):
+        with pytest.raises(ReadError) as caught:
+            read(path)
+        assert caught.value.code == REASONS[path.name], path.name
+        assert "\n" not in str(caught.value)
+
+
+def test_point_lists_read_with_a_surface(corpus):
+    def up(points):
+        return np.tile([0.0, 0.0, 1.0], (len(points), 1))
+
+    counts = {"gtmi__rob1_self_transform_092024.csv": 40, "gtmi__cubes.csv": 96,
+              "pycatia__Sample_Point_CSV_File3_medium.csv": 1500}  # fmt: skip
+    for name, count in counts.items():
+        assert len(read(corpus / "csv" / name, options=ReadOptions(surface_normals=up))) == count
+
+
+def test_poses_read_with_their_columns_named(corpus):
+    poses = corpus / "csv" / "robodk__Example-Import-CSV-XYZWPR.csv"
+    toolpath = read(poses, options=ReadOptions(columns="x,y,z,w,p,r,id"))
+    assert len(toolpath) == 201
+    np.testing.assert_allclose(toolpath.points[0] * 1e3, [-529.4597244, 399.4472885, 646.0984039])
+    reference = corpus / "csv" / "rabkkk__RobPoseatRef.csv"
+    assert len(read(reference, options=ReadOptions(columns="x,y,z,a,b,c"))) == 1
+
+
+def test_delmia_sample(corpus):
+    path = corpus / "delmia" / "dev_cut_simResult.xml"
+    with pytest.raises(ReadError) as caught:
+        read(path)
+    assert caught.value.code == "DEL010"
+    assert "'Seg3'" in str(caught.value)
+    toolpath = read(path, options=ReadOptions(task="Seg2"))
+    np.testing.assert_allclose(toolpath.points[0], [1.93086049, -0.4823883637, 2.002981023])
+    np.testing.assert_allclose(np.degrees(toolpath.joints[0, 0]), -16.76016827)
