@@ -49,7 +49,7 @@ class EventWriter:
             source = SourceRef(self.path, event.line)
             raise EmitError("EMT315", f"{event.kind} with the number {event.value}", source)
         made = self.templates.statements(
-            str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": _words(event)}
+            str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": self._words(event)}
         )
         return [self._trigger(statement) for statement in made] if flying else made
 
@@ -60,10 +60,21 @@ class EventWriter:
             EmitError: EMT315 if it cannot be written.
         """
         self._check_dwell(seconds, line)
-        text = f"CAM line {line}" if line else ""
+        text = f"CAM line {line}" if line and self.style.cam_lines else ""
         return self.templates.statements(
             "dwell", {"hooks": self.style.hooks, "seconds": seconds}, {"event": text}
         )
+
+    def _words(self, event: Event) -> str:
+        text = event.text.strip()
+        if event.kind is EventKind.UNKNOWN:
+            text = f"not converted: {text}"
+        elif event.kind is EventKind.MESSAGE:
+            text = f"message: {text}"
+        if not self.style.cam_lines:
+            return text
+        # the line comes first: a long text is cut at its end
+        return f"CAM line {event.line}: {text}" if text else f"CAM line {event.line}"
 
     def _check_dwell(self, seconds: float, line: int) -> None:
         try:
@@ -98,13 +109,3 @@ def _values(event: Event) -> dict[str, object]:
     if event.kind is EventKind.TOOL_CHANGE:
         return {"number": int(event.value)}
     return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}
-
-
-def _words(event: Event) -> str:
-    text = event.text.strip()
-    if event.kind is EventKind.UNKNOWN:
-        text = f"not converted: {text}"
-    elif event.kind is EventKind.MESSAGE:
-        text = f"message: {text}"
-    # the line comes first: a long text is cut at its end
-    return f"CAM line {event.line}: {text}" if text else f"CAM line {event.line}"

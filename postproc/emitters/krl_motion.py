@@ -139,7 +139,8 @@ class PartWriter:
         if operation >= 0:
             named = self.plan.toolpath.operations[operation]
             name = comment_text(named.name)
-            text = f"OPERATION {operation + 1}: {name} (CAM line {named.line})"
+            line = f" (CAM line {named.line})" if self.style.cam_lines else ""
+            text = f"OPERATION {operation + 1}: {name}{line}"
             self.out.append(FoldBegin(f"{text};%{{PE}}"))
 
     def _close_operation(self) -> None:

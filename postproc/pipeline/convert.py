@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -97,7 +97,8 @@ def convert(
     Args:
         request: input, cell and options.
         progress: called with (done, total, what).
-        toolpath: what the input holds, where it was read before; None reads it.
+        toolpath: a section of the input that was read before; None reads the input. A section's
+            program names no CAM lines: they move with every line that is added elsewhere.
 
     Returns:
         The conversion; ``files`` is empty when a tag fails (unless ``partial``) or a check fails.
@@ -107,7 +108,11 @@ def convert(
     """
     clock = _Clock()
     cell = load_cell(request.cell)
-    toolpath = read_toolpath(request, cell) if toolpath is None else toolpath
+    if toolpath is None:
+        toolpath = read_toolpath(request, cell)
+    else:
+        quiet = {**cell.krl.options, "cam_lines": False}
+        cell = replace(cell, krl=replace(cell.krl, options=quiet))
     clock.lap("read")
     plan = make_plan(toolpath, cell, request, progress)
     clock.lap("plan")
@@ -177,11 +182,17 @@ def _emit_checked(
 ) -> tuple[str, dict[str, bytes], tuple[Issue, ...]]:
     """Return program name, files and all findings; no files when a check fails."""
     from postproc.emitters.kuka_krl import emit, render_files
+    from postproc.krl.names import NameAllocator
 
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
     if len(plan) == 0 or (plan.errors and not request.partial):
         return plan.name, {}, fold(findings)
-    modules = emit(plan, cell)
+    names = NameAllocator()
+    modules = emit(plan, cell, names=names)
+    findings += [
+        Issue(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
+        for wanted, got in names.changes
+    ]
     files = render_files(modules)
     clock.lap("emit")
     name = modules[0].name
