@@ -49,7 +49,9 @@ class EventWriter:
             source = SourceRef(self.path, event.line)
             raise EmitError("EMT315", f"{event.kind} with the number {event.value}", source)
         made = self.templates.statements(
-            str(event.kind), {"hooks": self.style.hooks, **_values(event)}, {"event": self._words(event)}
+            str(event.kind),
+            {"hooks": self.style.hooks, **_values(event)},
+            {"event": self._words(event)},
         )
         return [self._trigger(statement) for statement in made] if flying else made
 
