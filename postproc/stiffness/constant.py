@@ -56,14 +56,23 @@ class ConstantFit:
 
     @property
     def centre(self) -> FloatArray:
-        """(6,) [rad/(N*m)] around which a finer model looks, NaN where unseen.
+        """(6,) [rad/(N*m)] around which a finer model looks.
 
         Where stiffness varies, one constant for all absorbs the variation in the joints that it
         hardly sees; those are kept near what is expected.
         """
-        near = np.clip(self.c_joint, self.c_expected / NEAR, self.c_expected * NEAR)
+        known = np.where(np.isfinite(self.c_joint), self.c_joint, self.c_expected)
+        near = np.clip(known, self.c_expected / NEAR, self.c_expected * NEAR)
         good = [grade is Visibility.GOOD for grade in self.observability.visibility]
         return np.where(good, self.c_joint, near)
+
+    def seen_with(self, cases: LoadCases, sigma: float) -> BoolArray:
+        """Return the joints (6,) that a finer model sees, whose scatter is ``sigma`` [m] only.
+
+        The scatter of the constant fit holds the variation of stiffness and may hide a joint.
+        """
+        A = cases.A * np.sqrt(self.weight)[:, None, None]
+        return self.observability.seen | observe(A, self.centre, sigma).seen
 
     def stiffness_interval(self, joint: int) -> tuple[float, float]:
         """Return the interval of a joint's stiffness [N*m/rad]; the upper end may be infinite."""

@@ -28,6 +28,8 @@ _JITTER = 1e-6
 _LOG_LENGTH = (-2.0, 2.5)
 _LOG_AMPLITUDE = (-4.0, 1.0)
 _ROUNDS = 3
+_ROUNDS_SEEN = 3
+"""The less a model leaves unexplained, the more joints it sees; so twice or three times."""
 _STEPS = 40
 
 
@@ -80,15 +82,33 @@ def fit_continuous(
         nodes: largest number of kernel centres.
     """
     seen = constant.observability.seen
+    current = hyper or _start(cases, constant)
+    for _ in range(_ROUNDS_SEEN):
+        fit = _fit_seen(cases, constant, seen, current, nodes, search=hyper is None)
+        current = fit.hyper
+        more = constant.seen_with(cases, current.sigma)
+        if bool(np.all(more == seen)):
+            break
+        seen = more
+    return fit
+
+
+def _fit_seen(
+    cases: LoadCases,
+    constant: ConstantFit,
+    seen: BoolArray,
+    current: Hyper,
+    nodes: int,
+    search: bool,
+) -> ContinuousFit:
     c0 = constant.centre[seen]
     centres = cases.q[_spread(cases.q, cases.posture, nodes)]
     subset = cases.rows(_subset(cases))
-    current = hyper or _start(cases, constant)
     log_ratio = np.zeros((len(subset), int(seen.sum())))
-    for _ in range(_ROUNDS if hyper is None else 0):
+    for _ in range(_ROUNDS if search else 0):
         current = _maximise(subset, c0, seen, log_ratio, current, cases)
-        fit = _Fit(subset, c0, seen, _nodes_of(subset), current)
-        log_ratio = fit.solve(np.ones(len(subset)))[0]
+        part = _Fit(subset, c0, seen, _nodes_of(subset), current)
+        log_ratio = part.solve(np.ones(len(subset)))[0]
     fit = _Fit(cases, c0, seen, centres, current)
     weight = np.ones(len(cases))
     v: FloatArray | None = None

@@ -33,13 +33,14 @@ class GridFit:
 
     sd (cells, 6) [rad/(N*m)], the prior included, NaN where unseen; count (cells,) of cases;
     reading_sd (cells, 6): one sigma from the cell's own readings alone, relative to the constant
-    compliance, infinite where they show nothing.
+    compliance, infinite where they show nothing; sigma [m]: scatter that the cells leave.
     """
 
     field: GridField
     sd: FloatArray
     reading_sd: FloatArray
     count: IntArray
+    sigma: float
 
 
 def grid_over(points: FloatArray, edge: float, origin: FloatArray | None = None) -> Grid:
@@ -59,7 +60,16 @@ def fit_grid(cases: LoadCases, grid: Grid, constant: ConstantFit, blend: bool = 
         constant: fit over all cells, the prior of each, with the weights of the cases.
         blend: run continuously between cell centres instead of jumping at faces.
     """
-    use = constant.observability.seen
+    first = _fit_cells(cases, grid, constant, blend, constant.observability.seen)
+    use = constant.seen_with(cases, first.sigma)
+    if bool(np.all(use == constant.observability.seen)):
+        return first
+    return _fit_cells(cases, grid, constant, blend, use)
+
+
+def _fit_cells(
+    cases: LoadCases, grid: Grid, constant: ConstantFit, blend: bool, use: BoolArray
+) -> GridFit:
     c_ref = np.where(use, constant.centre, 1.0)
     number, row = members(grid, cases.point)
     X = (cases.A * c_ref)[:, :, use] * np.sqrt(constant.weight)[:, None, None]
@@ -89,6 +99,7 @@ def fit_grid(cases: LoadCases, grid: Grid, constant: ConstantFit, blend: bool = 
         sd,
         reading_sd,
         np.bincount(number, minlength=len(grid)).astype(np.int32),
+        float(np.sqrt(variance)),
     )
 
 
