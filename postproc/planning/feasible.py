@@ -156,17 +156,7 @@ class Checker:
         branch: IndexArray,
     ) -> None:
         """Check free way from the top to the start of the feed, then the feed down to the depth."""
-        place, strokes = self.problem.placement, self.strokes
-        heights = (strokes.top[tags], strokes.clear[tags], -strokes.depth[tags])
-        T = [place.tcp(tags, spin, height) for height in heights]
-        joints = []
-        for pose in T:
-            solved, reached = self.problem.solve(pose, branch, q)
-            verdict.refuse(rows[~reached], Reason.UNREACHABLE)
-            solved = np.where(reached[:, None], solved, q)
-            verdict.refuse(rows[~self.problem.within(solved)], Reason.JOINT_LIMIT)
-            verdict.refuse(rows[~self.problem.regular(solved)], Reason.SINGULAR)
-            joints.append(solved)
+        heights, T, joints = self._stroke_ends(verdict, rows, tags, q, spin, branch)
         for start, end, touch in ((0, 1, False), (1, 2, True)):
             moving = (heights[start] - heights[end] > 1e-9) & verdict.good[rows]
             kept = np.nonzero(moving)[0]
@@ -182,6 +172,42 @@ class Checker:
             bad = ~part.good
             verdict.reason[rows[kept[bad]]] = part.reason[bad]
             verdict.pair[rows[kept[bad]]] = part.pair[bad]
+
+    def stroke_ends(
+        self, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
+    ) -> Verdict:
+        """Check reach, limits and singularity at the ends of strokes; arguments as ``states``."""
+        verdict = Verdict.clean(len(tags))
+        rows = np.nonzero(self.strokes.is_stroke[tags])[0]
+        self._stroke_ends(verdict, rows, tags[rows], q[rows], spin[rows], branch[rows])
+        return verdict
+
+    def _stroke_ends(
+        self,
+        verdict: Verdict,
+        rows: IndexArray,
+        tags: IndexArray,
+        q: FloatArray,
+        spin: FloatArray,
+        branch: IndexArray,
+    ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
+        """Return heights (m,), poses and joints at the top, where the feed starts, at the depth."""
+        strokes = self.strokes
+        heights = [strokes.top[tags], strokes.clear[tags], -strokes.depth[tags]]
+        poses: list[FloatArray] = []
+        joints: list[FloatArray] = []
+        for k, height in enumerate(heights):
+            poses.append(self.problem.placement.tcp(tags, spin, height))
+            if k and np.array_equal(height, heights[k - 1]):
+                joints.append(joints[-1])
+                continue
+            solved, reached = self.problem.solve(poses[-1], branch, q)
+            verdict.refuse(rows[~reached], Reason.UNREACHABLE)
+            solved = np.where(reached[:, None], solved, q)
+            verdict.refuse(rows[~self.problem.within(solved)], Reason.JOINT_LIMIT)
+            verdict.refuse(rows[~self.problem.regular(solved)], Reason.SINGULAR)
+            joints.append(solved)
+        return heights, poses, joints
 
     def lines(self, lines: Lines) -> tuple[Verdict, Track]:
         """Check CP motions between their ends, which are taken as checked but for collision."""

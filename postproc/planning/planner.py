@@ -16,6 +16,7 @@ from postproc.model.plan import Plan
 from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import evaluate
 from postproc.planning.feasible import Checker
+from postproc.planning.hunt import step_rules
 from postproc.planning.ladder import Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.place import place
@@ -24,7 +25,7 @@ from postproc.planning.route import Route, route
 from postproc.planning.sequence import ordered, reordered
 from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
-from postproc.planning.strategy import choose, step_rules
+from postproc.planning.strategy import choose
 from postproc.planning.stroke import strokes_of, with_touched_points
 
 __all__ = ["PlanOptions", "plan"]

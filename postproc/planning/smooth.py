@@ -20,7 +20,9 @@ import numpy as np
 from postproc.errors import Issue, Severity
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.candidates import evaluate
+from postproc.planning.explain import explained
 from postproc.planning.feasible import Checker
+from postproc.planning.hunt import Hunt, check_chain, step_rules, travel
 from postproc.planning.keytags import arc_length, key_tags, stretches
 from postproc.planning.ladder import NONE, IndexArray, Rule
 from postproc.planning.moves import Chosen
@@ -35,9 +37,6 @@ def smooth(
     checker: Checker, step: Callable[[int, int, str], None]
 ) -> tuple[Chosen, list[Issue], dict[str, object]]:
     """Return poses, findings and record of the strategy ``smooth``."""
-    from postproc.planning.explain import explained
-    from postproc.planning.strategy import Hunt, travel
-
     problem = checker.problem
     n = len(problem)
     keys = key_tags(problem.toolpath, problem.settings)
@@ -157,8 +156,6 @@ def _filled(
 
 def _check_cuts(checker: Checker, chosen: Chosen, failing: BoolArray) -> None:
     """Mark the tags whose cut from the tag before cannot be run."""
-    from postproc.planning.strategy import check_chain, step_rules
-
     rule = step_rules(checker.problem)
     into = (rule == Rule.CHAIN) & chosen.good & ~chosen.entry
     into[1:] &= chosen.good[:-1]
@@ -178,8 +175,6 @@ def _check_cuts(checker: Checker, chosen: Chosen, failing: BoolArray) -> None:
 
 def _best_index(checker: Checker) -> FloatArray:
     """Return the best stiffness index (n,) [N/m] that each tag could have by itself."""
-    from postproc.planning.strategy import Hunt
-
     problem = checker.problem
     best = np.full(len(problem), np.nan)
     if problem.settings.weights.main is None:

@@ -24,10 +24,10 @@ from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, ToolPath
 from postproc.planning.candidates import sample
 from postproc.planning.feasible import Reason
+from postproc.planning.hunt import step_rules
 from postproc.planning.ladder import IndexArray, Rule
 from postproc.planning.problem import Problem
 from postproc.planning.settings import Settings
-from postproc.planning.strategy import step_rules
 from postproc.timing.profile import joint_move_time
 from postproc.units import DEG
 
