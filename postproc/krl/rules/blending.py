@@ -1,0 +1,203 @@
+"""Rows 18 and 20: where blending is forbidden or lost, and what stops the advance run."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from postproc.krl.program import (
+    Assign,
+    Call,
+    Continue,
+    Control,
+    Halt,
+    Move,
+    Statement,
+    Value,
+    WaitFor,
+    WaitSec,
+)
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, number
+
+FEED = 0.1
+"""Path speed [m/s] up to which a motion is taken for a cut; rapids are faster."""
+_REVERSAL = -0.9995
+"""Cosine between coming and going from which on a motion comes back the way it went."""
+_READS = re.compile(r"\$(IN|ANIN|POS_ACT|AXIS_ACT|POS_INT|AXIS_INT)\b", re.IGNORECASE)
+_WRITES = ("$OUT[", "$ANOUT[")
+
+
+def blending(subject: Subject) -> None:
+    """Row 18: kinds of blending, last motion, plunges, waits, borders."""
+    for part in subject.parts:
+        for step in part.steps:
+            if step.move.blend:
+                _kind(subject, part, step)
+        _plunges(subject, part)
+        for number, step in enumerate(part.steps):
+            if step.move.blend and step.index not in part.in_block:
+                _behind(subject, part, number)
+    _last_motions(subject)
+
+
+def _kind(subject: Subject, part: Part, step: Step) -> None:
+    move, line = step.move, step.move.line
+    words = set(move.blend)
+    if step.index in part.in_block:
+        message = f"{move.blend[0]} within a spline block"
+        subject.add(18, ERROR, part.path, line, message)
+    elif "C_PTP" in words and not move.word.is_axis_motion:
+        message = f"C_PTP on a {move.word.value}: only a PTP takes it"
+        subject.add(18, ERROR, part.path, line, message)
+    elif "C_SPL" in words and not move.word.is_spline:
+        message = f"C_SPL on a {move.word.value}: only SPTP, SLIN, SCIRC take it"
+        subject.add(18, ERROR, part.path, line, message)
+    elif move.word.is_spline and words - {"C_SPL", "C_DIS"}:
+        message = f"{move.blend[0]} on a {move.word.value}: C_SPL is meant"
+        subject.add(18, WARNING, part.path, line, message)
+
+
+def _behind(subject: Subject, part: Part, number: int) -> None:
+    """What stands between a blended motion and the next one."""
+    step = part.steps[number]
+    last = number + 1 == len(part.steps)
+    between = (
+        part.routine.statements[step.index + 1 :]
+        if last
+        else part.between(step, part.steps[number + 1])
+    )
+    for statement in between:
+        if isinstance(statement, WaitSec | WaitFor | Halt):
+            message = f"blended, and {_word(statement)} stands behind it: the blend is lost"
+            subject.add(18, WARNING, part.path, step.move.line, message)
+            return
+        if isinstance(statement, Call):
+            target = subject.called(statement.name, part.module)
+            if target is not None and id(target[1]) in subject.moving:
+                message = f"blended at the border to {target[1].name}: the blend may be lost"
+                subject.add(18, WARNING, part.path, step.move.line, message)
+                return
+        if isinstance(statement, Control):
+            return
+    if not last:
+        _next_kind(subject, part, step.move, part.steps[number + 1].move)
+
+
+def _word(statement: Statement) -> str:
+    return "HALT" if isinstance(statement, Halt) else "a WAIT"
+
+
+def _next_kind(subject: Subject, part: Part, move: Move, following: Move) -> None:
+    if move.word.is_spline != following.word.is_spline:
+        message = f"{move.word.value} does not blend into {following.word.value}"
+        subject.add(18, WARNING, part.path, move.line, message)
+
+
+def _plunges(subject: Subject, part: Part) -> None:
+    """A motion that comes back the way it went must stop where it turns; a plunge also before."""
+    if len(part.steps) < 3:
+        return
+    way = np.diff(part.positions, axis=0)
+    size = np.linalg.norm(way, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cosine = np.einsum("ij,ij->i", way[:-1], way[1:]) / (size[:-1] * size[1:])
+    turns = np.flatnonzero(cosine < _REVERSAL) + 1
+    speeds = _speeds(part) if len(turns) else []
+    for place in turns.tolist():
+        bottom, before = part.steps[place], part.steps[place - 1]
+        path = part.is_path[place] and part.is_path[place + 1]
+        if not path or bottom.index in part.in_block or not _is_plunge(part, place, speeds):
+            continue
+        if bottom.move.blend:
+            message = "blended where the tool turns back at feed: the depth is not reached"
+            subject.add(18, ERROR, part.path, bottom.move.line, message)
+        if before.move.blend and _sets_feed(part, place):
+            message = "blended before a plunge: the tool goes down beside the hole"
+            subject.add(18, ERROR, part.path, before.move.line, message)
+
+
+def _is_plunge(part: Part, place: int, speeds: list[float]) -> bool:
+    """Whether the way to a turning point is made at feed, or the program waits there."""
+    behind = part.between(part.steps[place], part.steps[place + 1])
+    return not speeds[place] > FEED or any(isinstance(s, WaitSec) for s in behind)
+
+
+def _sets_feed(part: Part, place: int) -> bool:
+    before = part.between(part.steps[place - 1], part.steps[place])
+    return any(isinstance(s, Assign) and s.target == "$VEL.CP" for s in before)
+
+
+def _speeds(part: Part) -> list[float]:
+    """Return $VEL.CP [m/s] in force at each motion, NaN where the text does not tell."""
+    current, found = float("nan"), []
+    for statement in part.routine.statements:
+        if isinstance(statement, Move):
+            own = [s.value for s in statement.settings if s.target == "$VEL.CP"]
+            found.append(_known(own[0]) if own else current)
+        elif isinstance(statement, Assign) and statement.target == "$VEL.CP":
+            current = _known(statement.value)
+        elif isinstance(statement, Call):
+            command, argument = bas(statement)
+            if command in ("CP_PARAMS", "VEL_CP", "INITMOV"):
+                current = float("nan") if command == "INITMOV" else _known(argument)
+    return found
+
+
+def _known(value: Value | None) -> float:
+    found = number(value)
+    return float("nan") if found is None else found
+
+
+def _last_motions(subject: Subject) -> None:
+    for module, routine in subject.entries():
+        last: tuple[str, Move] | None = None
+        for here, statement in subject.walk(module, routine):
+            if isinstance(statement, Move):
+                last = here.src_path, statement
+        if last is not None and last[1].blend:
+            message = "the last motion of the program is blended"
+            subject.add(18, ERROR, last[0], last[1].line, message)
+
+
+# ---------------------------------------------------------------------------------- advance run
+
+
+def advance_stops(subject: Subject) -> None:
+    """Row 20: inputs, outputs and positions stop the advance run: the tool marks the part."""
+    for part in subject.parts:
+        for number in range(1, len(part.steps)):
+            if part.is_path[number] and part.is_path[number - 1]:
+                between = part.between(part.steps[number - 1], part.steps[number])
+                if between:
+                    _stops(subject, part, between)
+
+
+def _stops(subject: Subject, part: Part, between: Sequence[Statement]) -> None:
+    saved = False
+    for statement in between:
+        what = _access(statement)
+        if what and not saved:
+            message = f"{what} between two path motions stops the advance run"
+            hint = "CONTINUE before it, or a TRIGGER"
+            subject.add(20, WARNING, part.path, statement.line, message, hint)
+        saved = isinstance(statement, Continue)
+
+
+def _access(statement: Statement) -> str:
+    if isinstance(statement, Assign):
+        target = statement.target.upper()
+        if target.startswith(_WRITES):
+            return target
+        text = getattr(statement.value, "text", "")
+    elif isinstance(statement, Call):
+        if statement.name.upper() == "PULSE":
+            return "PULSE"
+        text = ",".join(getattr(argument, "text", "") for argument in statement.arguments)
+    elif isinstance(statement, WaitFor):
+        text = statement.condition
+    else:
+        text = statement.text if isinstance(statement, Control) else ""
+    found = _READS.search(text)
+    return found.group().upper() if found else ""

@@ -1,0 +1,240 @@
+"""Row 5: every name that is used is declared; every point that is declared is used."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+from postproc.krl.expression import names_in, parse_expression
+from postproc.krl.lexer import KrlSyntaxError
+from postproc.krl.program import (
+    Aggregate,
+    Assign,
+    Call,
+    Control,
+    Declaration,
+    Expr,
+    External,
+    Interrupt,
+    KrlModule,
+    Move,
+    Raw,
+    Routine,
+    SplineBegin,
+    Statement,
+    Trigger,
+    Value,
+    WaitFor,
+    WaitSec,
+)
+from postproc.krl.rules.naming import global_names
+from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
+
+_SIMPLE = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
+_POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
+_DEFINES = re.compile(
+    r"(?:DECL\s+|GLOBAL\s+)*(SIGNAL|STRUC|ENUM|CHANNEL)\s*:?\s*([A-Za-z_]\w*)(.*)", re.IGNORECASE
+)
+_EXTERNAL = re.compile(r"\s*(?:[A-Za-z_]\w*\s+)?([A-Za-z_]\w*)\s*(?:\(|$)")
+_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
+_CONFIG = """
+HOME XHOME XHOME1 XHOME2 XHOME3 XHOME4 XHOME5 FHOME PDEFAULT LDEFAULT SDEFAULT FDAT_ACT PDAT_ACT
+LDAT_ACT TOOL_DATA BASE_DATA LOAD_DATA TOOL_NAME BASE_NAME TOOL_TYPE BASE_TYPE MACHINE_DEF
+DEF_ADVANCE DEF_VEL_CP DEF_ACC_CP DEF_VEL_PTP DEF_ACC_PTP DEF_VEL_ORI1 DEF_VEL_ORI2 DEF_ACC_ORI1
+DEF_ACC_ORI2 DEF_APO_CPTP DEF_APO_CDIS DEF_APO_CVEL DEF_APO_CORI DEF_CIRC_TYP DEF_ORI_TYP MAX_TOOL
+MAX_BASE LOAD_A3_DATA ERSYSROOT BASIS_SUGG_T LAST_BASIS
+"""
+CONFIG_NAMES = frozenset(_CONFIG.split())
+"""Data of a delivered $config.dat and of the basis package."""
+_ROUTINES = """
+BAS IR_STOPM USERSPOT USERSAW P00 P00_EXTERN CELL MASREF ERR_CLEAR H50 GLOBAL_POINTS SET_CD_PARAMS
+ABS SQRT SIN COS TAN ACOS ASIN ATAN ATAN2 INV_POS INV EK EB EO ERSYS FRAME VARSTATE PULSE
+CAST_TO CAST_FROM CWRITE CREAD COPEN CCLOSE SREAD SWRITE FORWARD INVERSE DELETE_BACKWARD_BUFFER
+GET_SIG_INF STRTOINT STRADD STRCLEAR STRCOMP STRCOPY STRDECLEN STRFIND STRLEN STRTOREAL STRTOBOOL
+STRTOFRAME STRTOPOS STRTOE6POS STRTOAXIS STRTOE6AXIS SVEL_JOINT SVEL_CP STOOL STOOL2 SBASE SLOAD
+SAPO SAPO_PTP SAPO_CP SACC_JOINT SACC_CP SIPO_MODE SORI_TYP SGEAR_JERK SJERK USE_CM_PRO_VALUES
+MSGNOTIFY MSGDIALOG MSGQUIT SET_USR_MSG CLEAR_USR_MSG EXISTS_MSG CLEAR_MSG GET_MSGBUFFER TIMER_LIMIT
+"""
+CONTROLLER_ROUTINES = frozenset(_ROUTINES.split())
+"""Routines and functions of a delivered controller."""
+HOOK_PREFIX = "PP_"
+"""The integrator's routines are called so unless the cell names them otherwise."""
+
+
+def declared(subject: Subject) -> None:
+    """Row 5: every name that is used is declared; every point that is declared is used."""
+    known_data = {name.upper() for name in subject.options.names} | CONFIG_NAMES
+    known_calls = {name.upper() for name in subject.options.routines} | CONTROLLER_ROUTINES
+    for module in subject.modules:
+        for name, _, _ in global_names(module):
+            known_data.add(name.upper())
+        if not module.routines:
+            known_data |= _data_names(module)
+    for module in subject.modules:
+        own = _data_names(module)
+        used: set[str] = set()
+        for routine in module.routines:
+            part_known = known_data | own | _local_names(routine)
+            used |= _check_uses(subject, module, routine, part_known, known_calls)
+        _unused_points(subject, module, used)
+
+
+def _data_names(module: KrlModule) -> set[str]:
+    names: set[str] = set()
+    for statement in module.data.statements if module.data is not None else ():
+        names |= _defined_by(statement)
+    return names
+
+
+def _local_names(routine: Routine) -> set[str]:
+    names = {parameter.name.upper() for parameter in routine.parameters}
+    for statement in routine.statements:
+        names |= _defined_by(statement)
+    return names
+
+
+def _defined_by(statement: Statement) -> set[str]:
+    if isinstance(statement, Declaration):
+        return {variable.name.upper() for variable in statement.variables}
+    if isinstance(statement, Raw):
+        found = _DEFINES.match(statement.text)
+        if found and found.group(1).upper() != "STRUC":
+            return {found.group(2).upper()}
+    return set()
+
+
+def _check_uses(
+    subject: Subject, module: KrlModule, routine: Routine, known: set[str], known_calls: set[str]
+) -> set[str]:
+    external = {
+        found.group(1).upper()
+        for item in routine.statements
+        if isinstance(item, External) and (found := _EXTERNAL.match(item.text))
+    }
+    for item in module.data.statements if module.data is not None else ():
+        if isinstance(item, External) and (found := _EXTERNAL.match(item.text)):
+            external.add(found.group(1).upper())
+    used: set[str] = set()
+    told: set[str] = set()
+    for name, is_call, line in _uses(routine.statements):
+        used.add(name)
+        if name in told or name.startswith("$"):
+            continue
+        if is_call:
+            ok = name in known_calls or name in external or name in known
+            ok = ok or subject.called(name, module) is not None
+        else:
+            ok = name in known
+        if not ok:
+            told.add(name)
+            _undeclared(subject, module, name, is_call, line)
+    return used
+
+
+def _undeclared(subject: Subject, module: KrlModule, name: str, is_call: bool, line: int) -> None:
+    if not is_call:
+        message = f"{name} is used and not declared"
+        subject.add(5, ERROR, module.src_path, line, message, hint="declare it in the .dat")
+        return
+    severity = NOTE if name.startswith(HOOK_PREFIX) else WARNING
+    message = f"routine {name} is not among these files: it must be on the controller"
+    subject.add(5, severity, module.src_path, line, message)
+
+
+def _unused_points(subject: Subject, module: KrlModule, used: set[str]) -> None:
+    if module.data is None or not module.routines:
+        return
+    unused = [
+        (variable.name, statement.line)
+        for statement in module.data.statements
+        if isinstance(statement, Declaration)
+        and statement.type_name.upper() in _POINT_TYPES
+        and not statement.is_global
+        for variable in statement.variables
+        if variable.name.upper() not in used
+    ]
+    if unused:
+        names = ", ".join(name for name, _ in unused[:5])
+        more = f" and {len(unused) - 5} more" if len(unused) > 5 else ""
+        message = f"points that nothing uses: {names}{more}"
+        subject.add(5, NOTE, module.dat_path, unused[0][1], message)
+
+
+def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
+    """Yield (name in upper case, whether it is called, line) of everything that is used."""
+    for statement in statements:
+        kind = type(statement)
+        if kind is Move:
+            values: Iterable[Value | None] = _move_values(statement)  # type: ignore[arg-type]
+        else:
+            values, texts = _values_of(statement)
+            if isinstance(statement, Call):
+                yield statement.name.upper(), True, statement.line
+            for text in texts:
+                yield from _names_of_text(text, statement.line)
+            if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+                for name, is_call, _ in _uses((statement.action,)):
+                    yield name, is_call, statement.line
+        for value in values:
+            yield from _names_of_value(value, statement.line)
+
+
+def _move_values(statement: Move) -> tuple[Value | None, ...]:
+    if not statement.settings and statement.auxiliary is None:
+        return (statement.target,)
+    settings = tuple(item.value for item in statement.settings)
+    return (statement.target, statement.auxiliary, statement.angle_deg, *settings)
+
+
+_Parts = tuple[tuple[Value | None, ...], tuple[str, ...]]
+
+
+def _values_of(statement: Statement) -> _Parts:
+    """Return values and expression texts of a statement."""
+    found = _PARTS.get(type(statement))
+    return found(statement) if found is not None else ((), ())
+
+
+_PARTS: dict[type, Callable[[Any], _Parts]] = {
+    Assign: lambda s: ((s.value,), (s.target,)),
+    Call: lambda s: (s.arguments, ()),
+    SplineBegin: lambda s: (tuple(item.value for item in s.settings), ()),
+    WaitSec: lambda s: ((s.seconds,), ()),
+    WaitFor: lambda s: ((), (s.condition,)),
+    Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
+    Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
+    Control: lambda s: ((), _control_texts(s)),
+}
+
+
+def _control_texts(statement: Control) -> tuple[str, ...]:
+    text = statement.text.strip()
+    if statement.word == "IF":
+        return (re.sub(r"\bTHEN\s*$", "", text, flags=re.IGNORECASE),)
+    if statement.word in ("WHILE", "UNTIL", "SWITCH", "RETURN") and text:
+        return (text,)
+    if statement.word == "FOR":
+        found = _FOR.match(text)
+        return tuple(part for part in found.groups() if part) if found else ()
+    return ()
+
+
+def _names_of_value(value: Value | None, line: int) -> Iterator[tuple[str, bool, int]]:
+    if isinstance(value, Expr):
+        yield from _names_of_text(value.text, line)
+    elif isinstance(value, Aggregate):
+        for _, item in value.fields:
+            yield from _names_of_value(item, line)
+
+
+def _names_of_text(text: str, line: int) -> Iterator[tuple[str, bool, int]]:
+    text = text.strip()
+    if _SIMPLE.match(text):
+        yield text.upper(), False, line
+        return
+    try:
+        for name, is_call in names_in(parse_expression(text)):
+            yield name, is_call, line
+    except KrlSyntaxError:
+        return  # row 1 has told

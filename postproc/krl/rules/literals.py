@@ -1,0 +1,220 @@
+"""Rows 7, 8, 26: literals, how the files are written, traces of the day and of -0."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator
+
+from postproc.krl.expression import components
+from postproc.krl.program import (
+    Aggregate,
+    Assign,
+    Axes,
+    Call,
+    Comment,
+    Declaration,
+    Expr,
+    FoldBegin,
+    KrlModule,
+    Move,
+    Pose,
+    Statement,
+    Value,
+)
+from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
+from postproc.krl.source import LONG_LINE, TextFacts
+
+_POSE = frozenset({"X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"})
+_AXES = frozenset({f"{letter}{i}" for letter in "AE" for i in range(1, 7)})
+_POSE_TYPES = frozenset({"FRAME", "POS", "E6POS"})
+_AXES_TYPES = frozenset({"AXIS", "E6AXIS"})
+_FIELDS = {
+    "FDAT": frozenset({"TOOL_NO", "BASE_NO", "IPO_FRAME", "POINT2", "TQ_STATE"}),
+    "PDAT": frozenset(
+        {"VEL", "ACC", "APO_DIST", "APO_MODE", "GEAR_JERK", "EXAX_IGN", "CB", "AXIS_VEL"}
+    ),
+    "LDAT": frozenset(
+        {
+            "VEL",
+            "ACC",
+            "APO_DIST",
+            "APO_FAC",
+            "AXIS_VEL",
+            "AXIS_ACC",
+            "ORI_TYP",
+            "CIRC_TYP",
+            "JERK_FAC",
+            "GEAR_JERK",
+            "EXAX_IGN",
+            "CB",
+        }
+    ),
+    "LOAD": frozenset({"M", "CM", "J"}),
+}
+_NOT_NUMBERS = frozenset({"NAN", "INF", "INFINITY", "NULL", "NONE"})
+_STAMP = re.compile(
+    r"\b(19|20)\d\d[-./](0?[1-9]|1[0-2])[-./](0?[1-9]|[12]\d|3[01])\b"
+    r"|\b(0?[1-9]|[12]\d|3[01])[./](0?[1-9]|1[0-2])[./](19|20)\d\d\b"
+    r"|\b([01]?\d|2[0-3]):[0-5]\d:[0-5]\d\b"
+)
+_LARGEST = 1e6
+
+
+def literals(subject: Subject) -> None:
+    """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
+    for module in subject.modules:
+        for path, statement in all_statements(module):
+            for value, type_name in _values(statement):
+                kind = type(value)
+                if kind is Aggregate:
+                    _aggregate(subject, path, statement.line, value, type_name)  # type: ignore[arg-type]
+                elif kind is Pose or kind is Axes:
+                    _sizes(subject, path, statement.line, value)  # type: ignore[arg-type]
+                elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
+                    subject.add(7, ERROR, path, statement.line, f"{value.text} is no number")  # type: ignore[union-attr]
+
+
+def _values(statement: Statement) -> Iterator[tuple[Value, str]]:
+    """Yield the values of a statement with the type they must have, empty where any will do."""
+    kind = type(statement)
+    if kind is Move:
+        yield from _move_values(statement)  # type: ignore[arg-type]
+    elif isinstance(statement, Declaration):
+        for variable in statement.variables:
+            if variable.value is not None:
+                yield variable.value, statement.type_name.upper()
+    elif isinstance(statement, Assign):
+        yield statement.value, _type_of_target(statement.target)
+    elif isinstance(statement, Call):
+        yield from ((value, "") for value in statement.arguments if value is not None)
+
+
+def _move_values(statement: Move) -> Iterator[tuple[Value, str]]:
+    yield statement.target, "?"
+    if statement.auxiliary is not None:
+        yield statement.auxiliary, "FRAME"
+    for setting in statement.settings:
+        yield setting.value, ""
+
+
+def _type_of_target(target: str) -> str:
+    upper = target.upper()
+    for name in ("FDAT", "PDAT", "LDAT", "LOAD"):
+        if upper.startswith((f"{name}_ACT", f"{name}_DATA[", f"${name}")) and "." not in upper:
+            return name
+    return "FRAME" if upper in ("$TOOL", "$BASE") else ""
+
+
+def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
+    names = [name.upper().partition("[")[0] for name, _ in value.fields]
+    repeated = {name for name in names if names.count(name) > 1}
+    if repeated:
+        subject.add(7, ERROR, path, line, f"component {sorted(repeated)[0]} stands there twice")
+    kind = value.type_name.upper() or type_name
+    allowed = _allowed(kind, names)
+    unknown = [name for name in names if allowed is not None and name not in allowed]
+    if unknown:
+        what = kind if kind and kind != "?" else "a position"
+        subject.add(7, ERROR, path, line, f"{what} has no component {unknown[0]}")
+    elif not repeated and ({"X", "Y", "Z"} & set(names)) and ({"A1", "A2", "A3"} & set(names)):
+        subject.add(7, ERROR, path, line, "joint angles and coordinates are mixed")
+    for name, item in value.fields:
+        if isinstance(item, Expr) and item.text.upper() in _NOT_NUMBERS:
+            subject.add(7, ERROR, path, line, f"{name} {item.text} is no number")
+        if isinstance(item, Aggregate):
+            _aggregate(subject, path, line, item, "")
+
+
+def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
+    if kind in _POSE_TYPES:
+        return _POSE
+    if kind in _AXES_TYPES:
+        return _AXES
+    if kind in _FIELDS:
+        return _FIELDS[kind]
+    if kind == "?" or ({"X", "Y", "Z", "A", "B", "C"} & set(names) and "M" not in names):
+        return _AXES if any(name in ("A1", "A2", "A3") for name in names) else _POSE
+    return None
+
+
+def _sizes(subject: Subject, path: str, line: int, value: Pose | Axes) -> None:
+    if isinstance(value, Pose) and value.is_complete and not value.external:
+        numbers: Iterable[float] = (value.x_mm, value.y_mm, value.z_mm)  # type: ignore[assignment]
+    else:
+        numbers = [number for _, number in components(value)]
+    for number in numbers:
+        if abs(number) > _LARGEST:
+            message = f"{number:g} is no coordinate of a robot"
+            subject.add(7, WARNING, path, line, message)
+            return
+
+
+# --------------------------------------------------------------------------------------- the file
+
+
+def text(subject: Subject) -> None:
+    """Row 8: ASCII, CR LF, no byte order mark, a final newline, lines and files not too long."""
+    for module in subject.modules:
+        for facts in (module.src_facts, module.dat_facts):
+            if facts is not None:
+                _facts(subject, facts)
+        motions = sum(
+            isinstance(statement, Move)
+            for routine in module.routines
+            for statement in routine.statements
+        )
+        if motions > subject.options.max_points:
+            message = f"{motions} motions in one file, more than {subject.options.max_points}"
+            subject.add(8, WARNING, module.src_path, 1, message, hint="split the program")
+
+
+def _facts(subject: Subject, facts: TextFacts) -> None:
+    path = facts.path
+    if facts.has_bom:
+        subject.add(8, ERROR, path, 1, "a byte order mark stands in front of the text")
+    for line, in_comment in facts.non_ascii:
+        severity = WARNING if in_comment else ERROR
+        subject.add(8, severity, path, line, "a character that is not ASCII")
+    if facts.lf and facts.crlf:
+        message = f"{facts.lf} lines end with LF, {facts.crlf} with CR LF"
+        subject.add(8, WARNING, path, 1, message)
+    elif facts.lf:
+        subject.add(8, WARNING, path, 1, "lines end with LF, controllers write CR LF")
+    if not facts.ends_with_newline:
+        subject.add(8, WARNING, path, facts.lines, "the last line is not closed")
+    for line, length in facts.long_lines:
+        message = f"a line of {length} characters, expected less than {LONG_LINE}"
+        subject.add(8, WARNING, path, line, message)
+    if facts.size > subject.options.max_bytes:
+        message = f"{facts.size} bytes: the pad gets slow, memory is a few MB for all programs"
+        subject.add(8, WARNING, path, 1, message)
+
+
+def traces(subject: Subject) -> None:
+    """Row 26: no date or time in the text and no -0: two runs must give the same bytes."""
+    for module in subject.modules:
+        for path, statement in all_statements(module):
+            if isinstance(statement, Comment | FoldBegin):
+                found = _STAMP.search(statement.text)
+            else:
+                found = _STAMP.search(statement.comment) if statement.comment else None
+            if found:
+                message = f"a date or time in the text: {found.group()}"
+                subject.add(26, WARNING, path, statement.line, message)
+            for value, _ in _values(statement):
+                if isinstance(value, Pose | Axes) and _has_minus_zero(value):
+                    subject.add(26, WARNING, path, statement.line, "a number reads -0")
+        _attribute_stamps(subject, module)
+
+
+def _attribute_stamps(subject: Subject, module: KrlModule) -> None:
+    for number, attribute in enumerate(module.attributes, 1):
+        found = _STAMP.search(attribute)
+        if found:
+            message = f"a date or time in the text: {found.group()}"
+            subject.add(26, WARNING, module.src_path, number, message)
+
+
+def _has_minus_zero(value: Pose | Axes) -> bool:
+    return any(n == 0.0 and math.copysign(1.0, n) < 0.0 for _, n in components(value))

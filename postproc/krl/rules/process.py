@@ -1,0 +1,136 @@
+"""Rows 21, 22: the spindle runs when it must, triggers and interrupts."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from postproc.krl.program import (
+    Assign,
+    Call,
+    Control,
+    FoldEnd,
+    Halt,
+    Interrupt,
+    KrlModule,
+    Move,
+    Routine,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+    Trigger,
+    WaitFor,
+    WaitSec,
+)
+from postproc.krl.rules.blending import FEED
+from postproc.krl.rules.subject import WARNING, Part, Subject, number
+
+_ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
+_OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")
+_BLOCKING = (Call, Control, Halt, WaitFor, WaitSec, SplineEnd)
+
+
+def spindle(subject: Subject) -> None:
+    """Row 21: on before the first cut, off behind the last."""
+    for module, routine in subject.entries():
+        _spindle(subject, module, routine)
+
+
+@dataclass(slots=True)
+class _Spindle:
+    """Where the spindle was switched on, and the first cut while it stood."""
+
+    on: tuple[str, int] | None = None
+    used: bool = False
+    speed: float | None = None
+    cut: tuple[str, int] | None = None
+
+
+def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
+    state = _Spindle()
+    for here, statement in subject.walk(module, routine):
+        place, name = (here.src_path, statement.line), _called(statement)
+        if _ON.search(name):
+            if state.cut is not None:
+                message = "a cut at feed speed while the spindle stands"
+                subject.add(21, WARNING, *state.cut, message)
+            state.on, state.used, state.cut = place, True, None
+        elif _OFF.search(name):
+            if not state.used:
+                message = "the spindle is switched off and was never on"
+                subject.add(21, WARNING, *place, message)
+            state.on, state.used, state.cut = None, True, None
+        else:
+            _follow(state, statement, place)
+    if state.on is not None:
+        message = "the spindle is switched on and never off"
+        subject.add(21, WARNING, *state.on, message, hint="call what stops it at the end")
+
+
+def _follow(state: _Spindle, statement: Statement, place: tuple[str, int]) -> None:
+    if isinstance(statement, Assign):
+        if statement.target == "$VEL.CP":
+            state.speed = number(statement.value)
+    elif isinstance(statement, Move) and not statement.word.is_axis_motion:
+        is_cut = state.speed is not None and state.speed <= FEED
+        if is_cut and state.on is None and state.cut is None:
+            state.cut = place
+
+
+def _called(statement: Statement) -> str:
+    if isinstance(statement, Trigger):
+        statement = statement.action
+    return statement.name.upper() if isinstance(statement, Call) else ""
+
+
+# --------------------------------------------------------------------------------------- triggers
+
+
+def triggers(subject: Subject) -> None:
+    """Row 22: a trigger belongs to the motion behind it; interrupt numbers are not shared."""
+    for part in subject.parts:
+        statements = part.routine.statements
+        for index, statement in enumerate(statements):
+            if isinstance(statement, Trigger):
+                _trigger(subject, part, statement, statements[index + 1 :])
+        _interrupts(subject, part)
+
+
+def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: tuple[Statement, ...]) -> None:
+    following: Move | None = None
+    for statement in behind:
+        if isinstance(statement, Move):
+            following = statement
+            break
+        if isinstance(statement, SplineBegin):
+            return
+        if isinstance(statement, _BLOCKING) and not isinstance(statement, FoldEnd):
+            break
+    line = trigger.line
+    if following is None:
+        subject.add(22, WARNING, part.path, line, "a TRIGGER without a motion behind it")
+    elif trigger.word == "PATH" and following.word.is_axis_motion and not following.word.is_spline:
+        message = f"TRIGGER WHEN PATH before a {following.word.value}: it needs a path motion"
+        subject.add(22, WARNING, part.path, line, message)
+    if isinstance(trigger.action, Call) and trigger.action.arguments and trigger.priority is None:
+        message = "a TRIGGER that calls a routine with parameters needs PRIO"
+        subject.add(22, WARNING, part.path, line, message)
+
+
+def _interrupts(subject: Subject, part: Part) -> None:
+    seen: dict[float, int] = {}
+    for statement in part.routine.statements:
+        if not isinstance(statement, Interrupt) or statement.word != "DECL":
+            continue
+        value = number(statement.number)
+        if value is None:
+            continue
+        action = statement.action
+        stop = isinstance(action, Call) and action.name.upper() == "IR_STOPM"
+        if value == 3 and not stop:
+            message = "interrupt 3 belongs to the stop message of the INI"
+            subject.add(22, WARNING, part.path, statement.line, message)
+        if value in seen:
+            message = f"interrupt {value:g} was declared in line {seen[value]}"
+            subject.add(22, WARNING, part.path, statement.line, message)
+        seen[value] = statement.line

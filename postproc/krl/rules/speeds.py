@@ -1,0 +1,203 @@
+"""Rows 15, 16, 17: path speeds, axis and orientation speeds, advance and approximation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import numpy as np
+
+from postproc.krl.program import (
+    Aggregate,
+    Assign,
+    Call,
+    Declaration,
+    Move,
+    SplineBegin,
+    Statement,
+    Value,
+)
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+
+_INDEXED = re.compile(r"\$(VEL|ACC)_(AXIS|EXTAX)\[(\d+)\]$")
+_PERCENT = ("$APO.CPTP", "$APO.CVEL")
+_ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")
+
+
+def speeds(subject: Subject) -> None:
+    """Rows 15 to 17: all settings that stand in the text."""
+    for part in subject.parts:
+        for statement in part.routine.statements:
+            for line, name, value in _settings(statement):
+                _setting(subject, part.path, line, name, value)
+            command, argument = bas(statement)
+            if command:
+                _bas(subject, part.path, statement, command, argument)
+        _blend_lengths(subject, part)
+        _without_advance(subject, part)
+    for module in subject.modules:
+        for statement in module.data.statements if module.data is not None else ():
+            if isinstance(statement, Declaration):
+                _motion_data(subject, module.dat_path, statement)
+
+
+def _settings(statement: Statement) -> Iterator[tuple[int, str, Value]]:
+    """Yield (line, variable, value) of everything a statement sets."""
+    kind = type(statement)
+    if kind is Assign:
+        assigned: tuple[Assign, ...] = (statement,)  # type: ignore[assignment]
+    elif isinstance(statement, Move | SplineBegin):
+        assigned = statement.settings
+    else:
+        return
+    for item in assigned:
+        name = item.target.upper()
+        if isinstance(item.value, Aggregate) and name in ("$VEL", "$ACC", "$APO"):
+            for component, value in item.value.fields:
+                yield statement.line, f"{name}.{component.upper()}", value
+        else:
+            yield statement.line, name, item.value
+
+
+def _setting(subject: Subject, path: str, line: int, name: str, value: Value) -> None:
+    indexed = _INDEXED.match(name)
+    if indexed:
+        _axis(subject, path, line, name, int(indexed.group(3)), number(value))
+        return
+    found = number(value)
+    if found is None:
+        return
+    if name == "$VEL.CP":
+        _path_speed(subject, path, line, found, by_bas=False)
+    elif name in _ORIENTATION:
+        most = subject.options.orientation_speed_max
+        if not 0.0 < found <= most:
+            message = f"{name} {found:g} deg/s, expected above 0 and at most {most:g}"
+            subject.add(16, ERROR, path, line, message)
+    else:
+        _approximation(subject, path, line, name, found)
+
+
+def _approximation(subject: Subject, path: str, line: int, name: str, value: float) -> None:
+    if name == "$ADVANCE":
+        if value != int(value) or not 0 <= value <= 5:
+            subject.add(17, ERROR, path, line, f"$ADVANCE {value:g}, expected 0 to 5")
+    elif name in _PERCENT:
+        if not 0.0 <= value <= 100.0:
+            subject.add(17, ERROR, path, line, f"{name} {value:g} %, expected 0 to 100")
+    elif name in ("$APO.CDIS", "$APO.CORI"):
+        if value < 0.0:
+            subject.add(17, ERROR, path, line, f"{name} {value:g} is negative")
+    elif name == "$ACC.CP" and value <= 0.0:
+        subject.add(15, ERROR, path, line, f"$ACC.CP {value:g} m/s^2, expected above 0")
+
+
+def _path_speed(subject: Subject, path: str, line: int, value: float, *, by_bas: bool) -> None:
+    options = subject.options
+    if value <= 0.0:
+        message = f"a path speed of {value:g} m/s: the robot would not move"
+        subject.add(15, ERROR, path, line, message)
+    elif value > options.path_speed_max:
+        message = f"a path speed of {value:g} m/s, the controller allows {options.path_speed_max:g}"
+        subject.add(15, ERROR, path, line, message)
+    elif value > options.path_speed_default and by_bas:
+        message = f"BAS cuts {value:g} m/s to {options.path_speed_default:g} without a message"
+        subject.add(15, WARNING, path, line, message)
+    elif value > options.path_speed_default:
+        message = f"{value:g} m/s is above the default of {options.path_speed_default:g}"
+        subject.add(15, WARNING, path, line, message)
+
+
+def _axis(
+    subject: Subject, path: str, line: int, name: str, index: int, value: float | None
+) -> None:
+    if not 1 <= index <= 6:
+        hint = "$VEL_EXTAX[i] for external axes" if "_AXIS" in name else ""
+        subject.add(16, ERROR, path, line, f"{name}: the index goes from 1 to 6", hint)
+    elif value is not None and not 0.0 < value <= 100.0:
+        message = f"{name} {value:g} %, expected above 0 and at most 100"
+        subject.add(16, ERROR, path, line, message)
+
+
+def _bas(
+    subject: Subject, path: str, statement: Statement, command: str, argument: Value | None
+) -> None:
+    value = number(argument)
+    if value is None:
+        return
+    if command in ("VEL_CP", "CP_PARAMS"):
+        _path_speed(subject, path, statement.line, value, by_bas=True)
+    elif command in ("VEL_PTP", "PTP_PARAMS", "ACC_PTP", "ACC_CP") and not 0.0 < value <= 100.0:
+        message = f"BAS(#{command},{value:g}): percent, expected above 0 and at most 100"
+        subject.add(16, ERROR, path, statement.line, message)
+
+
+def _motion_data(subject: Subject, path: str, statement: Declaration) -> None:
+    kind = statement.type_name.upper()
+    if kind not in ("PDAT", "LDAT"):
+        return
+    for variable in statement.variables:
+        if not isinstance(variable.value, Aggregate):
+            continue
+        velocity = number(variable.value.get("VEL"))
+        if kind == "LDAT" and velocity is not None:
+            _path_speed(subject, path, statement.line, velocity, by_bas=True)
+        for name in ("ACC", *(("VEL",) if kind == "PDAT" else ())):
+            share = number(variable.value.get(name))
+            if share is not None and not 0.0 < share <= 100.0:
+                message = f"{variable.name}: {name} {share:g} %, expected above 0 and at most 100"
+                subject.add(16, ERROR, path, statement.line, message)
+
+
+# ------------------------------------------------------------------------------------ blending
+
+
+def _blend_lengths(subject: Subject, part: Part) -> None:
+    """Row 17: $APO.CDIS beyond half of the shorter neighbouring segment is cut short."""
+    if len(part.steps) < 3:
+        return
+    length = np.linalg.norm(np.diff(part.positions, axis=0), axis=1)
+    short = 0.5 * np.fmin(length[:-1], length[1:])
+    distance = np.array(_distances(part))[1:-1]
+    blended = np.array([bool({"C_DIS", "C_SPL"} & set(s.move.blend)) for s in part.steps])[1:-1]
+    known = np.isfinite(length[:-1]) & np.isfinite(length[1:]) & part.is_path[1:-1]
+    cut = known & part.is_path[2:] & blended & (distance > short * (1.0 + 1e-6) + 1e-6)
+    rows = np.flatnonzero(cut)
+    if len(rows):
+        first = part.steps[int(rows[0]) + 1].move.line
+        message = (
+            f"$APO.CDIS is longer than half of a neighbouring segment at {len(rows)} points: "
+            "the controller cuts it"
+        )
+        subject.add(17, WARNING, part.path, first, message)
+
+
+def _distances(part: Part) -> list[float]:
+    """Return $APO.CDIS [mm] in force at each motion, NaN where it is not known."""
+    current, found = float("nan"), []
+    for statement in part.routine.statements:
+        kind = type(statement)
+        if kind is Move:
+            found.append(current)
+        elif kind is Assign:
+            for _, name, value in _settings(statement):
+                if name == "$APO.CDIS":
+                    known = number(value)
+                    current = float("nan") if known is None else known
+        elif kind is Call:
+            command, _ = bas(statement)
+            if command == "INITMOV" or command.endswith(("PARAMS", "_DAT")):
+                current = float("nan")
+    return found
+
+
+def _without_advance(subject: Subject, part: Part) -> None:
+    """Row 17: with $ADVANCE 0 nothing is blended."""
+    advance: float | None = None
+    for statement in part.routine.statements:
+        if isinstance(statement, Assign) and statement.target == "$ADVANCE":
+            advance = number(statement.value)
+        elif isinstance(statement, Move) and statement.blend and advance == 0:
+            message = f"{statement.blend[0]} with $ADVANCE 0: every point is an exact stop"
+            subject.add(17, WARNING, part.path, statement.line, message)
+            return

@@ -1,0 +1,145 @@
+"""Rows 1, 2, 6: lines that are no KRL, blocks without their other half, declarations."""
+
+from __future__ import annotations
+
+import re
+
+from postproc.krl.program import (
+    Assign,
+    Blank,
+    Comment,
+    Control,
+    DataList,
+    Declaration,
+    External,
+    FoldBegin,
+    FoldEnd,
+    KrlModule,
+    Raw,
+    Routine,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+)
+from postproc.krl.rules.subject import ERROR, Subject
+
+_FOREIGN = re.compile(r"^(INI\s*$|//|[NG]\d+\b|.*\bVel=|M\d+\s*$|%)", re.IGNORECASE)
+_PARTNERS = {
+    "ENDIF": "IF",
+    "ENDFOR": "FOR",
+    "ENDLOOP": "LOOP",
+    "ENDWHILE": "WHILE",
+    "UNTIL": "REPEAT",
+    "ENDSWITCH": "SWITCH",
+}
+_INSIDE = {"ELSE": "IF", "CASE": "SWITCH", "DEFAULT": "SWITCH"}
+_LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})
+_QUIET = (Comment, Blank, FoldBegin, FoldEnd)
+_DATA = (Declaration, External, Raw, Assign)
+
+
+def parses(subject: Subject) -> None:
+    """Row 1: every line is KRL. Row 2: nothing that the pad shows or another machine speaks."""
+    for module in subject.modules:
+        for problem in module.problems:
+            place = problem.source
+            text = place.text if place is not None else ""
+            row = 2 if _FOREIGN.match(text) else 1
+            path = place.path if place is not None else module.src_path
+            subject.add(row, ERROR, path, place.line if place else 1, problem.message)
+
+
+def blocks(subject: Subject) -> None:
+    """Row 2: DEF and END, and all blocks, are balanced."""
+    for module in subject.modules:
+        for routine in module.routines:
+            if not routine.is_closed:
+                message = f"{routine.name} has no END: the file is cut off or END is missing"
+                subject.add(2, ERROR, module.src_path, routine.end_line, message)
+            _balance(subject, module, routine)
+        if module.data is not None and not module.data.is_closed:
+            message = f"{module.data.name} has no ENDDAT"
+            subject.add(2, ERROR, module.dat_path, module.data.end_line, message)
+
+
+def _balance(subject: Subject, module: KrlModule, routine: Routine) -> None:
+    stack: list[tuple[str, int]] = []
+    for statement in routine.statements:
+        if isinstance(statement, SplineBegin):
+            stack.append(("SPLINE", statement.line))
+        elif isinstance(statement, SplineEnd):
+            _close(subject, module, stack, "SPLINE", "ENDSPLINE", statement.line)
+        elif isinstance(statement, Control):
+            _control(subject, module, stack, statement)
+    for word, line in stack:
+        subject.add(2, ERROR, module.src_path, line, f"{word} is never closed")
+
+
+def _control(
+    subject: Subject, module: KrlModule, stack: list[tuple[str, int]], statement: Control
+) -> None:
+    word = statement.word
+    if word in _PARTNERS.values():
+        stack.append((word, statement.line))
+    elif word in _PARTNERS:
+        _close(subject, module, stack, _PARTNERS[word], word, statement.line)
+    elif word in _INSIDE and (not stack or stack[-1][0] != _INSIDE[word]):
+        subject.add(2, ERROR, module.src_path, statement.line, f"{word} outside {_INSIDE[word]}")
+    elif word == "EXIT" and not any(opener in _LOOPS for opener, _ in stack):
+        subject.add(2, ERROR, module.src_path, statement.line, "EXIT outside a loop")
+
+
+def _close(
+    subject: Subject,
+    module: KrlModule,
+    stack: list[tuple[str, int]],
+    opener: str,
+    closer: str,
+    line: int,
+) -> None:
+    if stack and stack[-1][0] == opener:
+        stack.pop()
+        return
+    open_ = f"{stack[-1][0]} of line {stack[-1][1]} is open" if stack else "nothing is open"
+    subject.add(2, ERROR, module.src_path, line, f"{closer} without {opener}: {open_}")
+
+
+def declarations(subject: Subject) -> None:
+    """Row 6: in a .src declarations come first and have no value; in a .dat both in one line."""
+    for module in subject.modules:
+        for routine in module.routines:
+            _routine_declarations(subject, module, routine)
+        if module.data is not None:
+            _data_lines(subject, module, module.data)
+
+
+def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine) -> None:
+    first: Statement | None = None
+    for statement in routine.statements:
+        if isinstance(statement, Declaration):
+            if first is not None:
+                message = f"a declaration behind the first instruction (line {first.line})"
+                subject.add(6, ERROR, module.src_path, statement.line, message)
+            for variable in statement.variables:
+                if variable.value is not None:
+                    subject.add(
+                        6,
+                        ERROR,
+                        module.src_path,
+                        statement.line,
+                        f"{variable.name} is given a value in a .src declaration",
+                        hint="declare it in the .dat with its value, or assign it behind INI",
+                    )
+        elif first is None and not isinstance(statement, (*_QUIET, External, Raw)):
+            first = statement
+
+
+def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:
+    for statement in data.statements:
+        if isinstance(statement, Assign):
+            if "[" not in statement.target and "." not in statement.target:
+                message = f"{statement.target}: declaration and value belong on one line"
+                subject.add(6, ERROR, module.dat_path, statement.line, message)
+        elif not isinstance(statement, (*_QUIET, *_DATA)):
+            message = "an instruction in a data list"
+            subject.add(6, ERROR, module.dat_path, statement.line, message)

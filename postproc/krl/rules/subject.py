@@ -1,0 +1,343 @@
+"""What the checks look at: modules, their names, and the motions of each routine in order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
+
+import numpy as np
+
+from postproc.errors import Issue, Severity, SourceRef
+from postproc.krl.program import (
+    Axes,
+    Call,
+    Declaration,
+    Enum,
+    Expr,
+    Interrupt,
+    KrlModule,
+    Move,
+    Pose,
+    Routine,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+    Trigger,
+    Value,
+)
+from postproc.model.arrays import BoolArray, FloatArray
+
+ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
+_SHOWN = 100
+"""So many findings of one code are listed per file."""
+
+
+@dataclass(frozen=True, slots=True)
+class LintOptions:
+    """What the controller is, and what else is there.
+
+    Args:
+        max_tool: MAX_TOOL; max_base: MAX_BASE.
+        allow_zero: BAS(#TOOL,0) and BAS(#BASE,0) are meant.
+        externals: number of external axes; None: not known.
+        names: data that are defined elsewhere ($config.dat), in any case.
+        routines: routines that are defined elsewhere (the integrator's), in any case.
+        path_speed_max: $VEL_MA.CP [m/s]; path_speed_default: DEF_VEL_CP, where BAS clamps.
+        orientation_speed_max: $VEL_MA.ORI [deg/s].
+        max_bytes: larger files are worth a warning; max_points: more motions in a file as well.
+    """
+
+    max_tool: int = 16
+    max_base: int = 32
+    allow_zero: bool = False
+    externals: int | None = None
+    names: frozenset[str] = frozenset()
+    routines: frozenset[str] = frozenset()
+    path_speed_max: float = 3.0
+    path_speed_default: float = 2.0
+    orientation_speed_max: float = 400.0
+    max_bytes: int = 1_000_000
+    max_points: int = 5_000
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A motion of a routine: place in its statements, and the target if it is known."""
+
+    index: int
+    move: Move
+    target: Pose | Axes | None
+
+
+@dataclass(slots=True)
+class Part:
+    """One routine of one module."""
+
+    module: KrlModule
+    routine: Routine
+    subject: Subject
+
+    @property
+    def path(self) -> str:
+        """The .src file."""
+        return self.module.src_path
+
+    steps: tuple[Step, ...] = field(init=False)
+    """Motions in the order of the text."""
+    in_block: frozenset[int] = field(init=False)
+    """Statement indices of motions within a spline block."""
+    _positions: FloatArray | None = field(init=False, default=None)
+    _is_path: BoolArray | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        """Find the motions."""
+        steps, block, inside = [], set(), False
+        for index, statement in enumerate(self.routine.statements):
+            kind = type(statement)
+            if kind is Move:
+                target = self.subject.point(statement.target, self.module)  # type: ignore[attr-defined]
+                steps.append(Step(index, statement, target))  # type: ignore[arg-type]
+                if inside:
+                    block.add(index)
+            elif kind is SplineBegin:
+                inside = True
+            elif kind is SplineEnd:
+                inside = False
+        self.steps = tuple(steps)
+        self.in_block = frozenset(block)
+
+    @property
+    def positions(self) -> FloatArray:
+        """(k, 3) X, Y, Z [mm] of the targets, NaN where there are none."""
+        if self._positions is None:
+            nowhere = (math.nan, math.nan, math.nan)
+            rows = [
+                (step.target.x_mm, step.target.y_mm, step.target.z_mm)
+                if isinstance(step.target, Pose) and not step.move.word.is_relative
+                else nowhere
+                for step in self.steps
+            ]
+            self._positions = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        return self._positions
+
+    @property
+    def is_path(self) -> BoolArray:
+        """(k,) motions along a path of the TCP."""
+        if self._is_path is None:
+            self._is_path = np.array([not s.move.word.is_axis_motion for s in self.steps])
+        return self._is_path
+
+    def between(self, first: Step, second: Step) -> Sequence[Statement]:
+        """Return the statements between two motions."""
+        if second.index == first.index + 1:
+            return ()
+        return self.routine.statements[first.index + 1 : second.index]
+
+
+class Subject:
+    """Modules under lint, with what the checks ask for again and again.
+
+    Args:
+        modules: all modules; checks report on them all.
+        options: the controller.
+    """
+
+    def __init__(self, modules: Sequence[KrlModule], options: LintOptions) -> None:
+        self.modules = tuple(modules)
+        self.options = options
+        self.issues: list[Issue] = []
+        self._counts: dict[tuple[str, str], int] = {}
+
+    # ----------------------------------------------------------------------------------- findings
+
+    def add(
+        self,
+        row: int,
+        severity: Severity,
+        path: str,
+        line: int,
+        message: str,
+        hint: str = "",
+    ) -> None:
+        """Add a finding of a row of the table."""
+        code = f"KRL1{row:02d}"
+        key = (code, path)
+        self._counts[key] = self._counts.get(key, 0) + 1
+        if self._counts[key] <= _SHOWN:
+            place = SourceRef(path, max(line, 1))
+            self.issues.append(Issue(severity, code, message, source=place, hint=hint))
+
+    def left_out(self) -> Iterator[Issue]:
+        """Yield one note for every code and file with more findings than are listed."""
+        for (code, path), count in self._counts.items():
+            if count > _SHOWN:
+                yield Issue(
+                    NOTE, code, f"{count - _SHOWN} more findings of {code}", source=SourceRef(path)
+                )
+
+    # -------------------------------------------------------------------------------------- names
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """All routines."""
+        return tuple(
+            Part(module, routine, self) for module in self.modules for routine in module.routines
+        )
+
+    @cached_property
+    def data(self) -> dict[int, dict[str, Value]]:
+        """Values of the data lists by name in upper case, by identity of the module."""
+        return {
+            id(module): {
+                name.upper(): value
+                for name, value, _ in (module.data.values() if module.data is not None else ())
+            }
+            for module in self.modules
+        }
+
+    @cached_property
+    def global_data(self) -> dict[str, Value]:
+        """Values that all modules see: GLOBAL ones, and those of modules without routines."""
+        found: dict[str, Value] = {}
+        for module in self.modules:
+            for statement in module.data.statements if module.data is not None else ():
+                if isinstance(statement, Declaration) and (
+                    statement.is_global or not module.routines
+                ):
+                    for variable in statement.variables:
+                        if variable.value is not None:
+                            found[variable.name.upper()] = variable.value
+        return found
+
+    def value(self, value: Value | None, module: KrlModule) -> Value | None:
+        """Return a value, or what the name stands for in the data lists; None if not known."""
+        if not isinstance(value, Expr):
+            return value
+        name = value.text.upper()
+        own = self.data[id(module)].get(name)
+        return own if own is not None else self.global_data.get(name)
+
+    def point(self, value: Value | None, module: KrlModule) -> Pose | Axes | None:
+        """Return the pose or the joint angles that a target stands for; None if not known."""
+        found = value if type(value) is Pose else self.value(value, module)
+        return found if isinstance(found, Pose | Axes) else None
+
+    # -------------------------------------------------------------------------------------- calls
+
+    @cached_property
+    def routines(self) -> dict[str, tuple[KrlModule, Routine]]:
+        """Routines that any module can call: modules by name, GLOBAL routines."""
+        found: dict[str, tuple[KrlModule, Routine]] = {}
+        for module in self.modules:
+            for routine in module.routines:
+                if routine.is_global:
+                    found[routine.name.upper()] = (module, routine)
+            if module.routines:
+                found[module.main.name.upper()] = (module, module.main)
+        return found
+
+    def called(self, name: str, module: KrlModule) -> tuple[KrlModule, Routine] | None:
+        """Return the routine that a call reaches, None if it is not here."""
+        local = module.routine(name)
+        return (module, local) if local is not None else self.routines.get(name.upper())
+
+    @cached_property
+    def called_routines(self) -> frozenset[int]:
+        """Identities of all routines that something here calls."""
+        found = set()
+        for part in self.parts:
+            for call in calls_of(part.routine):
+                target = self.called(call.name, part.module)
+                if target is not None and target[1] is not part.routine:
+                    found.add(id(target[1]))
+        return frozenset(found)
+
+    @cached_property
+    def moving(self) -> frozenset[int]:
+        """Identities of routines that move the robot, by themselves or by what they call."""
+        moving = {id(part.routine) for part in self.parts if part.steps}
+        while True:
+            more = {
+                id(part.routine)
+                for part in self.parts
+                if id(part.routine) not in moving
+                and any(
+                    (target := self.called(call.name, part.module)) is not None
+                    and id(target[1]) in moving
+                    for call in calls_of(part.routine)
+                )
+            }
+            if not more:
+                return frozenset(moving)
+            moving |= more
+
+    def entries(self) -> Iterator[tuple[KrlModule, Routine]]:
+        """Yield what an operator selects: modules that move and that no other module calls."""
+        for module in self.modules:
+            if (
+                module.routines
+                and id(module.main) in self.moving
+                and id(module.main) not in self.called_routines
+            ):
+                yield module, module.main
+
+    def walk(self, module: KrlModule, routine: Routine) -> Iterator[tuple[KrlModule, Statement]]:
+        """Yield statements in the order of the text; what is called stands at its first call."""
+        seen = {id(routine)}
+        stack: list[tuple[KrlModule, Iterator[Statement]]] = [(module, iter(routine.statements))]
+        while stack:
+            here, statements = stack[-1]
+            statement = next(statements, None)
+            if statement is None:
+                stack.pop()
+                continue
+            yield here, statement
+            if isinstance(statement, Call):
+                target = self.called(statement.name, here)
+                if target is not None and id(target[1]) not in seen:
+                    seen.add(id(target[1]))
+                    stack.append((target[0], iter(target[1].statements)))
+
+
+Rule = Callable[[Subject], None]
+
+
+def calls_of(routine: Routine) -> Iterator[Call]:
+    """Yield all calls of a routine, those of triggers and interrupts included."""
+    for statement in routine.statements:
+        if isinstance(statement, Call):
+            yield statement
+        elif isinstance(statement, Trigger | Interrupt) and isinstance(statement.action, Call):
+            yield statement.action
+
+
+def bas(statement: Statement) -> tuple[str, Value | None]:
+    """Return command and argument of a BAS call, ("", None) for any other statement."""
+    if not isinstance(statement, Call) or statement.name.upper() != "BAS":
+        return "", None
+    arguments = statement.arguments
+    command = arguments[0] if arguments else None
+    name = command.name.upper() if isinstance(command, Enum) else ""
+    return name, arguments[1] if len(arguments) > 1 else None
+
+
+def number(value: Value | None) -> float | None:
+    """Return a literal number, None for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return float(value)
+
+
+def all_statements(module: KrlModule) -> Iterator[tuple[str, Statement]]:
+    """Yield file and statement of everything in a module."""
+    for routine in module.routines:
+        for statement in chain(routine.statements, routine.after):
+            yield module.src_path, statement
+    for statement in module.before:
+        yield module.src_path, statement
+    if module.data is not None:
+        for statement in chain(module.data.before, module.data.statements):
+            yield module.dat_path, statement
