@@ -1,0 +1,288 @@
+"""Measure planning: time, memory and cost against known optima; strategies side by side.
+
+    python tools/bench_planning.py search  --workloads DIR [--sizes 200 1000 10000] [--hard]
+    python tools/bench_planning.py scale   --workloads DIR
+    python tools/bench_planning.py compare [--nx FILE]
+
+``search`` runs the workloads with their scene (spin 36 x 10 degrees, all branches, collision) and
+compares the cost of the best sequence with the published optima; with the package
+``tesseract-robotics`` installed, its ladder planner runs on the same files beside. ``scale``
+repeats the largest workload. ``compare`` plans milling lines with each strategy.
+
+Every case runs in a process of its own, so that its peak memory is its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import json
+import resource
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from postproc.frames import transform
+from postproc.model.cell import (
+    Cell,
+    KrlOptions,
+    Limits,
+    MeshPlacement,
+    Motion,
+    Optimize,
+    OpwGeometry,
+    Process,
+    Robot,
+    Tool,
+    Workpiece,
+)
+from postproc.model.robotfile import load_robot
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.planning.planner import plan
+from postproc.units import DEG, MM, N_PER_MM
+
+OPTIMA = {
+    ("base", 200): 7.5865,
+    ("base", 1000): 9.2567,
+    ("base", 10000): 25.6536,
+    ("turns", 200): 4.3059,
+    ("turns", 1000): 5.2435,
+    ("turns", 10000): 11.7092,
+    ("hard", 200): 35.6826,
+    ("hard", 1000): 60.4997,
+    ("hard", 10000): 271.0207,
+}
+"""Sum of squared joint steps [rad^2] of the exact optimum, from the workloads' own page."""
+STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
+"""[N*m/rad], Jiao et al. 2022, no grid."""
+
+
+def scene_cell(folder: Path, kind: str, *, strokes: bool) -> Cell:
+    """Return the workload's cell; ``kind``: base, turns or hard."""
+    scene = folder / "scene"
+    data = json.loads((scene / "scene.json").read_text())
+    size = data["robot"]
+    limits = np.array(size["limits_deg"]) * DEG
+    geometry = OpwGeometry(
+        size["a1"], -size["a3"], 0.0, size["d1"], size["a2"], size["d4"], size["d6"],
+        np.array(size["axis_signs"]), np.array([0.0, -90.0, 0, 0, 0, 0]) * DEG,
+    )  # fmt: skip
+    forearm = transform(np.eye(3), [size["d4"], 0.0, 0.0])
+
+    def solids(names: list[str], T: np.ndarray) -> list[MeshPlacement]:
+        return [MeshPlacement(n[:-4], T, file=scene / n, scale=1.0) for n in names]
+
+    links = tuple(
+        (i, solid)
+        for i in range(7)
+        for solid in solids(data["files"][f"link{i}"], forearm if i == 4 else np.eye(4))
+    )
+    robot = Robot(
+        "workload", geometry, limits[:, 0], limits[:, 1],
+        np.array([69.0, 69, 69, 77, 76, 120]) * DEG, np.array([1.4, 1.2, 1.2, 3.0, 3.0, 4.0]),
+        np.eye(4), link_meshes=links,
+    )  # fmt: skip
+    T_flange_tcp = np.array(data["flange_to_tcp"])
+    T_flange_link6 = T_flange_tcp @ np.linalg.inv(np.array(data["link6_to_tcp"]))
+    tool = Tool(
+        1, "spindle", T_flange_tcp, np.array([0.0, 0, 1.0]),
+        meshes=tuple(solids(data["files"]["tool"], T_flange_link6)),
+    )  # fmt: skip
+    more = data["hard_extra_obstacles"] if kind == "hard" else []
+    wishes = {"turns": kind == "turns"}
+    return Cell(
+        name="workload",
+        path="workload",
+        robot=robot,
+        tool=tool,
+        workpiece=Workpiece(1, np.eye(4), tuple(solids(["panel.stl"], np.eye(4)))),
+        obstacles=tuple(solids([*data["files"]["obst"], *more], np.eye(4))),
+        limits=Limits(0.0, 0.0, 0.0, np.inf),
+        optimize=Optimize(
+            {"travel": 1.0}, "compliance", 10.0 * DEG, (-np.pi, np.pi), "global", wishes
+        ),
+        process=Process(np.zeros(6)),
+        motion=Motion(0.5, 0.01, 1.0 * MM, options={"approach_mm": 50.0 if strokes else 0.0}),
+        krl=KrlOptions("default", 1000),
+    )
+
+
+def holes(path: Path, repeat: int = 1) -> ToolPath:
+    """Return a workload's holes; repeated forth and back to make a longer one."""
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows = np.concatenate([rows if k % 2 == 0 else rows[::-1] for k in range(repeat)])
+    n = len(rows)
+    axes = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
+    none = np.full(n, -1)
+    return ToolPath(
+        path.name, path.stem, "csv", "csv", "mm", rows[:, :3] * MM, axes,
+        np.full(n, MotionKind.HOLE), np.full(n, 0.01), np.arange(n) + 2, none, none, none, none,
+    )  # fmt: skip
+
+
+def run_search(arguments: argparse.Namespace) -> None:
+    """Plan one workload and print one JSON line."""
+    cell = scene_cell(arguments.workloads, arguments.kind, strokes=arguments.strokes)
+    toolpath = holes(arguments.workloads / f"workload_{arguments.size}.csv", arguments.repeat)
+    cpu, wall = time.process_time(), time.perf_counter()
+    result = plan(toolpath, cell)
+    record = dict(result.settings)
+    print(
+        json.dumps(
+            {
+                "wall_s": time.perf_counter() - wall,
+                "cpu_s": time.process_time() - cpu,
+                "stages": record["timing"],
+                "mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+                "tags": len(toolpath),
+                "errors": len(result.errors),
+                "rounds": record["rounds"],
+                "checked": record["checked"],
+                "grid_rad2": record["travel_rad2_grid"],
+                "refined_rad2": record["travel_rad2"],
+            }
+        )
+    )
+
+
+def case(*arguments: str) -> dict[str, float]:
+    """Run one case in a process of its own and return what it printed."""
+    command = [sys.executable, __file__, "one", *arguments]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    result: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def table_search(arguments: argparse.Namespace) -> None:
+    """Print the table of workloads."""
+    print("poses at the holes only, as the published optima; then whole strokes of 50 mm, swept")
+    head = ("scene", "tags", "wall s", "cpu s", "search s", "MB", "checked", "rounds")
+    print(("{:>7}" * 8 + "{:>10}" * 3).format(*head, "grid", "optimum", "refined"))
+    kinds = ["base", "turns", *(["hard"] if arguments.hard else [])]
+    for strokes in (False, True):
+        for kind in kinds:
+            for size in arguments.sizes:
+                flags = ["--kind", kind, "--size", str(size)] + ["--strokes"] * strokes
+                r = case("--workloads", str(arguments.workloads), *flags)
+                best = OPTIMA.get((kind, size), float("nan"))
+                print(
+                    f"{kind:>7}{size:>7}{r['wall_s']:>7.2f}{r['cpu_s']:>7.2f}"
+                    f"{r['stages']['search']:>7.2f}{r['mb']:>7.0f}{r['checked']:>7.0f}"
+                    f"{r['rounds']:>7.0f}{r['grid_rad2']:>10.4f}{best:>10.4f}"
+                    f"{r['refined_rad2']:>10.4f}",
+                    flush=True,
+                )
+    if importlib.util.find_spec("tesseract_robotics") is None:
+        print("tesseract-robotics is not installed: no column of it")
+
+
+def table_scale(arguments: argparse.Namespace) -> None:
+    """Print time and memory over the number of tags."""
+    for size, repeat in ((1000, 1), (10000, 1), (10000, 3), (10000, 10)):
+        flags = ["--kind", "base", "--size", str(size), "--repeat", str(repeat)]
+        r = case("--workloads", str(arguments.workloads), *flags)
+        per = 1e3 * r["cpu_s"] / r["tags"]
+        print(f"{r['tags']:>7} tags {r['cpu_s']:>8.2f} s cpu {per:.3f} ms a tag {r['mb']:.0f} MB")
+
+
+def seed_line(x: float, y: float, z: float) -> ToolPath:
+    """Return a cut parallel to y at nine tags, the paper's kind of line; tool looks along +x."""
+    n = 9
+    points = np.stack([np.full(n, x), np.linspace(-y, y, n), np.full(n, z)], axis=1) * MM
+    none = np.full(n, -1)
+    kind = np.full(n, MotionKind.LINEAR)
+    return ToolPath(
+        "line", "line", "apt", "apt", "mm", points, np.tile([-1.0, 0, 0], (n, 1)), kind,
+        np.full(n, 0.02), np.arange(n) + 1, none, none, none, none,
+    )  # fmt: skip
+
+
+def line_cell(head: tuple[float, float], objective: str, index: str) -> Cell:
+    """Return the arm of the paper with its TCP below and ahead of the flange (mm)."""
+    below, ahead = head
+    robot = replace(load_robot("kuka_kr500_r2830"), joint_stiffness=STIFFNESS)
+    T = transform(np.eye(3), np.array([ahead, 0.0, below]) * MM)
+    return Cell(
+        "line", "line", robot, Tool(1, "spindle", T, np.array([1.0, 0, 0])),
+        Workpiece(1, np.eye(4)), (), Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
+        Optimize(objective, index, 10.0 * DEG, (-90.0 * DEG, 90.0 * DEG), "global", {}),
+        Process(np.zeros(6)), Motion(0.5, 0.02, 1.0 * MM), KrlOptions("default", 1000),
+    )  # fmt: skip
+
+
+def table_compare(arguments: argparse.Namespace) -> None:
+    """Print the strategies side by side."""
+    jobs = [
+        ("214,116 1680", seed_line(1680, 555, 508), line_cell((214, 116), "normal", "compliance")),
+        ("362,107 1889", seed_line(1889, 156, 133), line_cell((362, 107), "normal", "compliance")),
+        ("214,116 kv", seed_line(1680, 555, 508), line_cell((214, 116), "normal", "seed")),
+        ("362,107 kv", seed_line(1889, 156, 133), line_cell((362, 107), "normal", "seed")),
+    ]
+    if arguments.nx:
+        from postproc.readers.base import ReadOptions, read
+
+        toolpath = read(arguments.nx, options=ReadOptions(tool_axis=(1.0, 0.0, 0.0)))
+        cell = line_cell((362, 107), "axial", "compliance")
+        middle = 0.5 * (toolpath.points.min(axis=0) + toolpath.points.max(axis=0))
+        base = Workpiece(1, transform(np.eye(3), np.array([1.9, 0.0, 0.9]) - middle))
+        jobs.append((Path(arguments.nx).stem, toolpath, replace(cell, workpiece=base)))
+    print(f"{'job':>14}{'strategy':>14}{'mean k':>9}{'min k':>8}{'loss mean':>10}{'max %':>7}"
+          f"{'travel':>9}{'step deg':>9}{'cycle s':>9}{'plan s':>8}{'errors':>7}")  # fmt: skip
+    for name, toolpath, cell in jobs:
+        best = None
+        for label, strategy, options in (
+            ("each", "each", {}),
+            ("seed smooth", "smooth", {"refine": False, "loss_bound_percent": 100.0,
+                                       "key_every_mm": 1e5}),
+            ("smooth", "smooth", {}),
+            ("global", "global", {}),
+        ):  # fmt: skip
+            wishes = replace(cell.optimize, strategy=strategy, options=options)
+            began = time.perf_counter()
+            result = plan(toolpath, replace(cell, optimize=wishes))
+            took = time.perf_counter() - began
+            if best is None:
+                best = result.stiffness
+            loss = 100.0 * (1.0 - result.stiffness / best)
+            k = result.stiffness / N_PER_MM
+            path = result.kind > 0
+            step = np.abs(np.diff(result.q, axis=0))[path[1:]].max() / DEG
+            travel = float(np.square(np.diff(result.q, axis=0)).sum())
+            print(
+                f"{name:>14}{label:>14}{np.nanmean(k):>9.0f}{np.nanmin(k):>8.0f}"
+                f"{np.nanmean(loss):>10.2f}{np.nanmax(loss):>7.1f}{travel:>9.3f}{step:>9.2f}"
+                f"{result.duration.sum():>9.1f}{took:>8.2f}{len(result.errors):>7}",
+                flush=True,
+            )
+
+
+def main() -> None:
+    """Run the part that the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = parser.add_subparsers(dest="part", required=True)
+    for name in ("search", "scale", "one"):
+        part = parts.add_parser(name)
+        part.add_argument("--workloads", type=Path, required=True)
+    parts.choices["search"].add_argument("--sizes", type=int, nargs="+", default=[200, 1000, 10000])
+    parts.choices["search"].add_argument("--hard", action="store_true")
+    one = parts.choices["one"]
+    one.add_argument("--kind", default="base")
+    one.add_argument("--size", type=int, default=200)
+    one.add_argument("--repeat", type=int, default=1)
+    one.add_argument("--strokes", action="store_true")
+    parts.add_parser("compare").add_argument("--nx")
+    arguments = parser.parse_args()
+    {
+        "search": table_search,
+        "scale": table_scale,
+        "one": run_search,
+        "compare": table_compare,
+    }[arguments.part](arguments)
+
+
+if __name__ == "__main__":
+    main()
