@@ -15,6 +15,7 @@ from postproc.model.cell import Cell
 from postproc.model.plan import Plan
 from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import evaluate
+from postproc.planning.costs import TRAVEL
 from postproc.planning.feasible import Checker
 from postproc.planning.hunt import step_rules
 from postproc.planning.ladder import Rule
@@ -27,6 +28,7 @@ from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose
 from postproc.planning.stroke import strokes_of, with_touched_points
+from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
 
@@ -92,7 +94,27 @@ def _planned(
     clock.lap("route")
     issues = [*_notes(checker), *issues, *dropped, *routed.issues]
     result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
-    return replace(result, toolpath=toolpath, clearance=_clearance(checker, chosen, options))
+    return replace(
+        result,
+        toolpath=toolpath,
+        clearance=_clearance(checker, chosen, options),
+        settings={**_as_used(problem), **result.settings},
+    )
+
+
+def _as_used(problem: Problem) -> dict[str, object]:
+    """Return the options that shaped the plan, in file units, for the record."""
+    settings, wishes = problem.settings, problem.cell.optimize
+    return {
+        "objective": {name: weight for name, weight, _ in settings.weights.states}
+        | {TRAVEL: settings.weights.travel},
+        "index": wishes.index,
+        "step_deg": round(settings.step / DEG, 6),
+        "range_deg": [round(value / DEG, 6) for value in wishes.range],
+        "turns": settings.turns,
+        "refine": settings.refine,
+        "spin_reference": problem.placement.reference,
+    }
 
 
 def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
