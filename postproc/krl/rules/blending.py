@@ -36,9 +36,9 @@ def blending(subject: Subject) -> None:
             if step.move.blend:
                 _kind(subject, part, step)
         _plunges(subject, part)
-        for number, step in enumerate(part.steps):
+        for place, step in enumerate(part.steps):
             if step.move.blend and step.index not in part.in_block:
-                _behind(subject, part, number)
+                _behind(subject, part, place)
     _last_motions(subject)
 
 
@@ -59,14 +59,14 @@ def _kind(subject: Subject, part: Part, step: Step) -> None:
         subject.add(18, WARNING, part.path, line, message)
 
 
-def _behind(subject: Subject, part: Part, number: int) -> None:
+def _behind(subject: Subject, part: Part, place: int) -> None:
     """What stands between a blended motion and the next one."""
-    step = part.steps[number]
-    last = number + 1 == len(part.steps)
+    step = part.steps[place]
+    last = place + 1 == len(part.steps)
     between = (
         part.routine.statements[step.index + 1 :]
         if last
-        else part.between(step, part.steps[number + 1])
+        else part.between(step, part.steps[place + 1])
     )
     for statement in between:
         if isinstance(statement, WaitSec | WaitFor | Halt):
@@ -82,7 +82,7 @@ def _behind(subject: Subject, part: Part, number: int) -> None:
         if isinstance(statement, Control):
             return
     if not last:
-        _next_kind(subject, part, step.move, part.steps[number + 1].move)
+        _next_kind(subject, part, step.move, part.steps[place + 1].move)
 
 
 def _word(statement: Statement) -> str:
@@ -167,9 +167,9 @@ def _last_motions(subject: Subject) -> None:
 def advance_stops(subject: Subject) -> None:
     """Row 20: inputs, outputs and positions stop the advance run: the tool marks the part."""
     for part in subject.parts:
-        for number in range(1, len(part.steps)):
-            if part.is_path[number] and part.is_path[number - 1]:
-                between = part.between(part.steps[number - 1], part.steps[number])
+        for place in range(1, len(part.steps)):
+            if part.is_path[place] and part.is_path[place - 1]:
+                between = part.between(part.steps[place - 1], part.steps[place])
                 if between:
                     _stops(subject, part, between)
 

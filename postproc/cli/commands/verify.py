@@ -1,0 +1,111 @@
+"""``postproc verify``: run a program's text on the robot model, against the CAM path."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+if TYPE_CHECKING:
+    from postproc.verification.report import VerifyReport
+
+_POSITIVE = click.FloatRange(min=0.0, min_open=True)
+EPILOG = """\b
+Examples:
+  postproc verify out/panel.src --cell cell.toml
+  postproc verify out/panel.src --cell cell.toml --against panel.csv --json
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("program", metavar="PROGRAM.src", type=click.Path())
+@click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@click.option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["auto", "apt", "csv", "delmia"]),
+    default="auto",
+    show_default=True,
+    help="Format of the CAM file.",
+)
+@click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
+@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where the CAM file names none.")
+@click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth.")
+@click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning.")
+@click.option(
+    "--tol-mm",
+    default=0.01,
+    show_default=True,
+    type=_POSITIVE,
+    help="How far a point may be off the CAM file.",
+)
+@click.option(
+    "--tol-deg",
+    default=0.005,
+    show_default=True,
+    type=_POSITIVE,
+    help="How far the tool axis may be off the CAM file.",
+)
+@click.option("--no-collisions", is_flag=True, help="Do not search for collisions.")
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Verify a KRL program from its text, with the sub-programs beside it.
+
+    The program is run on the robot model of the cell: tool and base, branches and turns, limits,
+    singularities, axis speeds, blending, collisions between the points. With --against, every
+    point, axis, arc, feed, hole, dwell and event of the CAM file must be found in it. Exit code 1
+    if anything is violated.
+    """
+    from postproc.model.cellfile import load_cell
+    from postproc.units import DEG, MM
+    from postproc.verification.compare import Tolerances
+    from postproc.verification.verify import verify
+
+    cell = load_cell(options["cell"])
+    toolpath = None
+    if options["against"]:
+        from postproc.pipeline.convert import ConvertRequest, read_toolpath
+
+        request = ConvertRequest(
+            source=options["against"],
+            cell=options["cell"],
+            format=options["form"],
+            dialect=options["dialect"],
+            units=options["units"],
+            columns=options["columns"],
+            recover=options["recover"],
+        )
+        toolpath = read_toolpath(request, cell)
+    with session.progress() as progress:
+        report = verify(
+            options["program"],
+            cell,
+            toolpath,
+            Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG),
+            not options["no_collisions"],
+            progress,
+        )
+    session.document(report.to_dict())
+    _show(session, report)
+    return answer(report.ok)
+
+
+def _show(session: Session, report: VerifyReport) -> None:
+    for violation in report.violations:
+        session.show(
+            f"{violation.file}:{violation.line}: error {violation.kind}: {violation.detail}"
+        )
+    for warning in report.warnings:
+        session.show(f"{warning.file}:{warning.line}: warning {warning.kind}: {warning.detail}")
+    for name, worst in sorted(report.worst.items()):
+        detail = f" ({worst.detail})" if worst.detail else ""
+        value = f"{worst.value:12.4f} {worst.unit:4s}"
+        session.show(f"worst {name:18s} {value} {worst.file}:{worst.line}{detail}")
+    if report.tags is not None:
+        session.show(f"CAM points {report.tags}, of these {report.matched} passed in order")
+    session.show(f"motions    {report.points}, about {report.cycle_time:.1f} s")
+    checked = "" if report.collisions_checked else " (collisions not searched)"
+    session.show(("good" if report.ok else f"{len(report.violations)} violations") + checked)
