@@ -13,6 +13,7 @@ from postproc.kinematics.model import build
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell
 from postproc.model.plan import Plan
+from postproc.model.pointlist import as_served
 from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import evaluate
 from postproc.planning.costs import TRAVEL
@@ -27,7 +28,7 @@ from postproc.planning.sequence import ordered, reordered
 from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose
-from postproc.planning.stroke import strokes_of, with_touched_points
+from postproc.planning.stroke import strokes_of
 from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
@@ -120,7 +121,7 @@ def _as_used(problem: Problem) -> dict[str, object]:
 def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     """Return the planning problem of a toolpath in a cell."""
     placement = place(toolpath, cell)
-    served = with_touched_points(toolpath, settings.points)
+    served = as_served(toolpath, cell)
     return Problem(
         served,
         cell,

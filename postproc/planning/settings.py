@@ -52,7 +52,6 @@ class Settings:
     loss_bound: float
     free_order: bool
     approach: float
-    points: str
     chord: float
     arcs: str
     rapid_speed: float
@@ -95,7 +94,6 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
         loss_bound=extra.number("loss_bound_percent", 5.0) * PERCENT,
         free_order=extra.flag("free_order", default=False),
         approach=motion.number("approach_mm", 50.0) * MM,
-        points=str(motion.table.get("points", "auto")),
         chord=motion.number("chord_mm", 0.01) * MM,
         arcs=str(motion.table.get("arcs", "circ")),
         rapid_speed=motion.number("rapid_speed_m_s", 2.0) * cell.motion.rapid,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,22 +40,6 @@ def strokes_of(toolpath: ToolPath, approach: float) -> Strokes:
     rows = heights[np.asarray(toolpath.cycle)] if n else np.zeros((0, 3))
     rows = np.where(is_stroke[:, None], rows, 0.0)
     return Strokes(is_stroke, rows[:, 0], rows[:, 1], rows[:, 2])
-
-
-def with_touched_points(toolpath: ToolPath, points: str) -> ToolPath:
-    """Return the toolpath with the points of a list as holes without a cycle.
-
-    A list of points says nothing about the way between them. By ``points`` = ``touch`` each is
-    approached along the tool axis and left the same way; ``path`` takes them as a line to follow;
-    ``auto`` follows where a feed is given, which only a cut has.
-    """
-    kind = np.asarray(toolpath.kind)
-    touch = kind == MotionKind.LINEAR
-    if points == "auto":
-        touch = touch & ~np.isfinite(toolpath.feed)
-    if toolpath.format != "csv" or points == "path" or not touch.any():
-        return toolpath
-    return replace(toolpath, kind=np.where(touch, MotionKind.HOLE, kind).astype(np.int32))
 
 
 def pecks(cycle: Cycle, chip: float = 1e-3) -> list[tuple[float, float]]:

@@ -33,6 +33,7 @@ from postproc.krl.program import (
     Trigger,
 )
 from postproc.model.cell import Cell
+from postproc.model.pointlist import as_served
 from postproc.model.toolpath import ToolPath
 from postproc.units import DEG, MM
 from postproc.verification.checks import (
@@ -164,6 +165,7 @@ def verify_modules(
     report(2, 4, "comparison")
     comparison = None
     if toolpath is not None:
+        toolpath = as_served(toolpath, cell)
         comparison = compare(result, cell, toolpath, tolerances or Tolerances())
         check_events(result, cell, toolpath, comparison.served, comparison.latest)
     is_cut = comparison.is_cut if comparison is not None else None
