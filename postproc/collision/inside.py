@@ -17,7 +17,8 @@ from postproc.model.arrays import BoolArray, FloatArray, IntArray
 MOST_PROBES = 64
 """Parts of one body that are tested; of a body in more pieces, the largest ones."""
 _FACES_PER_CELL = 4
-_BATCH = 200_000
+_CROWD = 32
+_BATCH = 1_000_000
 # A fixed turn that no edge of a drawing is likely to be parallel to: rays along z of this frame.
 _TURN: FloatArray = np.linalg.qr(
     np.array([[0.83, 0.41, -0.37], [-0.29, 0.91, 0.23], [0.47, -0.17, 0.86]])
@@ -104,29 +105,37 @@ class InsideTest:
         self._low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
         self._high = high
         self._grid = max(1, int(np.sqrt(len(self._faces) / _FACES_PER_CELL)))
-        self._cell = np.maximum((high - self._low)[:2], 1e-12) / self._grid
-        self._start, self._members = self._fill(flat)
+        low, count = self._cells_of(flat)
+        while self._grid > 1 and count.prod(axis=1).sum() > _CROWD * len(flat):
+            # long triangles lie in many cells: fewer cells, so that the index stays small
+            self._grid //= 2
+            low, count = self._cells_of(flat)
+        self._start, self._members = self._fill(low, count)
 
     @property
     def has_inside(self) -> bool:
         """Whether any part is closed."""
         return len(self._faces) > 0
 
-    def _fill(self, flat: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return for each grid cell where its faces begin, and the faces (rows of the index)."""
-        low = np.floor((flat.min(axis=1) - self._low[:2]) / self._cell).astype(np.int64)
-        high = np.floor((flat.max(axis=1) - self._low[:2]) / self._cell).astype(np.int64)
+    def _cells_of(self, flat: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return the first cell and the number of cells along x and y (f, 2) of each face."""
+        self._cell = np.maximum((self._high - self._low)[:2], 1e-12) / self._grid
+        low = np.floor((flat.min(axis=1) - self._low[:2]) / self._cell).astype(np.int32)
+        high = np.floor((flat.max(axis=1) - self._low[:2]) / self._cell).astype(np.int32)
         low, high = np.clip(low, 0, self._grid - 1), np.clip(high, 0, self._grid - 1)
-        size = high - low + 1
-        count = size[:, 0] * size[:, 1]
-        face = np.repeat(np.arange(len(flat)), count)
+        return low, high - low + 1
+
+    def _fill(self, low: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:
+        """Return for each grid cell where its faces begin, and the faces (rows of the index)."""
+        count = size.prod(axis=1)
+        face = np.repeat(np.arange(len(size), dtype=np.int32), count)
         step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         x = low[face, 0] + step // size[face, 1]
         y = low[face, 1] + step % size[face, 1]
         cell = x * self._grid + y
         order = np.argsort(cell, kind="stable")
         start = np.searchsorted(cell[order], np.arange(self._grid**2 + 1))
-        return start.astype(np.int32), face[order].astype(np.int32)
+        return start.astype(np.int32), face[order]
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Return (n,) whether each point (n, 3) [m] in the mesh's frame lies inside a closed part.
@@ -138,8 +147,9 @@ class InsideTest:
             return inside
         turned = points @ _TURN
         near = np.flatnonzero(((turned >= self._low) & (turned <= self._high)).all(axis=1))
-        for begin in range(0, len(near), 2000):
-            rows = near[begin : begin + 2000]
+        most = max(1, _BATCH // int(np.diff(self._start).max()))
+        for begin in range(0, len(near), most):
+            rows = near[begin : begin + most]
             inside[rows] = self._count(turned[rows])
         return inside
 
@@ -151,16 +161,13 @@ class InsideTest:
         row = np.repeat(np.arange(len(points)), count)
         step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
         face = self._members[self._start[cell][row] + step]
-        winding = np.zeros(len(points))
-        crossings = np.zeros(len(points))
-        for begin in range(0, len(row), _BATCH):
-            part = slice(begin, begin + _BATCH)
-            above = self._is_above(points[row[part]], face[part])
-            r, f = row[part][above], face[part][above]
-            oriented = self._is_oriented[f]
-            winding += np.bincount(r[oriented], self._side[f[oriented]], minlength=len(points))
-            crossings += np.bincount(r[~oriented], minlength=len(points))
-        return np.asarray((winding != 0.0) | (crossings % 2.0 == 1.0))
+        above = self._is_above(points[row], face)
+        row, face = row[above], face[above]
+        oriented = self._is_oriented[face]
+        side = self._side[face[oriented]]
+        winding = np.bincount(row[oriented], side, minlength=len(points))
+        crossings = np.bincount(row[~oriented], minlength=len(points))
+        return np.asarray((winding != 0.0) | (crossings % 2 == 1))
 
     def _is_above(self, points: FloatArray, face: IntArray) -> BoolArray:
         """Return (m,) whether the ray from each point meets its face.

@@ -98,9 +98,14 @@ class MotionCheck:
     Args:
         engine: the scene.
         resolution: length [m] below which spans are not cut further.
+
+    Raises:
+        ValueError: if the resolution is not above zero.
     """
 
     def __init__(self, engine: Engine, resolution: float = RESOLUTION) -> None:
+        if not resolution > 0.0:
+            raise ValueError(f"resolution is {resolution} m, expected above zero")
         self._engine = engine
         self._resolution = resolution
 

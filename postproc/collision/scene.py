@@ -17,10 +17,11 @@ from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
-from postproc.errors import CellError, Issue, Severity
+from postproc.errors import CellError, DataError, Issue, Severity
 from postproc.frames import inverse
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
+from postproc.units import MM
 
 
 class Scene:
@@ -84,7 +85,7 @@ class Scene:
 
     @property
     def issues(self) -> tuple[Issue, ...]:
-        """What the user should know: no tool solids, stand-ins, meshes that are not closed."""
+        """What the user should know: no tool solids, stand-ins, open meshes, pairs left out."""
         open_ = [
             Issue(
                 Severity.WARNING,
@@ -95,7 +96,11 @@ class Scene:
             for body, is_closed in zip(self.bodies, self._engine.is_closed, strict=False)
             if not is_closed
         ]
-        return (*self._issues, *open_)
+        left_out = [
+            Issue(Severity.NOTE, "COL104", f"{one} and {two} touch by construction: not tested")
+            for one, two in self.excluded
+        ]
+        return (*self._issues, *open_, *left_out)
 
     def check(
         self, q: ArrayLike, contact: ArrayLike | None = None, tally: Tally | None = None
@@ -200,16 +205,29 @@ class Scene:
         """
         return self._surface.nearest(np.asarray(points, dtype=np.float64).reshape(-1, 3))
 
-    def surface_normals(self, points: ArrayLike) -> FloatArray:
+    def surface_normals(self, points: ArrayLike, farthest: float = np.inf) -> FloatArray:
         """Return outward unit normals (n, 3) of the workpiece where it is nearest to points.
 
         Args:
-            points: (n, 3) [m] in BASE. How far they are off tells ``nearest_surface``.
+            points: (n, 3) [m] in BASE.
+            farthest: how far [m] a point may lie off the surface.
 
         Raises:
             CellError: COL007 if the workpiece has no solid.
+            DataError: COL008 naming the first point that lies farther off.
         """
-        return self.nearest_surface(points).normal
+        found = self.nearest_surface(points)
+        far = np.flatnonzero(found.distance > farthest)
+        if len(far):
+            row = int(far[0])
+            raise DataError(
+                "COL008",
+                f"point {row + 1} lies {found.distance[row] / MM:.3g} mm off the workpiece, "
+                f"expected at most {farthest / MM:.3g} mm ({len(far)} of {len(found.distance)} "
+                "points do)",
+                hint="check the units of the points and where the workpiece stands",
+            )
+        return found.normal
 
     def display_bodies(self, max_faces: int = 20_000) -> list[Body]:
         """Return the bodies with at most ``max_faces`` triangles each, for display."""

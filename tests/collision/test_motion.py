@@ -120,6 +120,11 @@ def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of):
     assert len(scene.check_paths(start[:0], end[:0]).hit) == 0
 
 
+def test_resolution_must_be_above_zero(plain):
+    with pytest.raises(ValueError, match="above zero"):
+        plain[0].check_paths(CANNON[None], CANNON[None], resolution=0.0)
+
+
 def test_a_thin_plate_between_free_ends_is_found(arm_of):
     plate = box_at("plate", [0.3, 0.002, 0.6], at(2.1, 0.0, 2.2))
     cell = cell_of(tool=[box_at("rod", [0.02, 0.02, 0.5], at(0, 0, 0.25))], obstacles=[plate])

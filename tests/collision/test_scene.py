@@ -91,6 +91,7 @@ def test_links_that_touch_by_construction_are_left_out():
     assert ("link 1", "link 3") in scene.excluded
     assert not set(scene.excluded) & set(scene.pairs)
     assert ("link 0", "link 3") in scene.pairs
+    assert any("COL104: link 1 and link 3 touch" in str(issue) for issue in scene.issues)
 
 
 def test_own_link_meshes_replace_the_hulls(tmp_path):

@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 from postproc.collision.mesh import Mesh, box, joined, loft, ring
 from postproc.collision.scene import Scene
 from postproc.collision.surface import Surface, nearest_in_triangle
-from postproc.errors import CellError
+from postproc.errors import CellError, DataError
 from postproc.frames import apply, transform_from_kuka
 from postproc.model.cell import MeshPlacement
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
@@ -81,6 +81,9 @@ def test_points_are_asked_in_cam_coordinates(tmp_path, arm_of):
     assert np.allclose(found.normal @ placement[:3, :3], up.normal, atol=1e-5)
     assert np.array_equal(scene.surface_normals(apply(placement, local)), found.normal)
     assert scene.surface_normals(np.zeros((0, 3))).shape == (0, 3)
+    with pytest.raises(DataError, match="point 2 lies") as caught:
+        scene.surface_normals(found.point + [[0, 0, 0], [0, 0.3, 0.3]], farthest=0.01)
+    assert caught.value.code == "COL008"
 
 
 def test_no_workpiece_is_an_error(arm_of):
