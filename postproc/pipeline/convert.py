@@ -120,6 +120,14 @@ def convert(
     return Conversion(cell, toolpath, plan, files, name, issues, clock.total())
 
 
+def _cell_of(request: ConvertRequest) -> Cell:
+    """Return the cell with the strategy and the objective of the call in it."""
+    from postproc.planning.settings import PlanOptions, settle
+
+    options = PlanOptions(strategy=request.strategy, objective=request.objective)
+    return settle(load_cell(request.cell), options)[0]
+
+
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
     from postproc.readers.base import ReadOptions, read

@@ -7,6 +7,7 @@ little-endian float32 or int32.
 from __future__ import annotations
 
 import base64
+import gzip
 import html
 import json
 from collections.abc import Sequence
@@ -32,13 +33,19 @@ def packed(values: ArrayLike, dtype: str = "float32") -> dict[str, Any]:
     return {"type": dtype, "shape": list(array.shape), "data": data}
 
 
+def packed_text(text: str) -> dict[str, Any]:
+    """Return a text as ``{"type": "gzip", "data"}``, for long texts; the same bytes every time."""
+    content = gzip.compress(text.encode("utf-8"), compresslevel=9, mtime=0)
+    return {"type": "gzip", "data": base64.b64encode(content).decode("ascii")}
+
+
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    """Return an HTML table; every cell is escaped."""
+    """Return an HTML table; every cell is escaped. A click on a head cell sorts it."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
     )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
+    return f'<table class="data"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
 
 
 @dataclass(slots=True)
@@ -61,6 +68,8 @@ class Page:
 
     def render(self) -> bytes:
         """Return the page as UTF-8 bytes."""
+        if not self.scripts:
+            self.script("charts.js")
         style = (ASSETS / "page.css").read_text(encoding="utf-8")
         lead = "".join(
             f'<p class="{"lead" if i == 0 else ""}">{escape(line)}</p>'

@@ -3,42 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from postproc.errors import Severity
 from postproc.files import read_bytes
-from postproc.frames import apply
-from postproc.report.page import Page, escape, packed, table
-from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.report.failing_poses import failing_poses
+from postproc.report.page import Page, escape, packed, packed_text
+from postproc.report.scene_data import T_world_base, add_scene
+from postproc.report.spin_map import spin_map
+from postproc.report.tag_values import TagColumn, moves_of_tags, tag_columns
+from postproc.units import N_PER_MM
 
 if TYPE_CHECKING:
     from postproc.errors import Issue
-    from postproc.kinematics.model import Kinematics
-    from postproc.model.arrays import FloatArray
+    from postproc.model.arrays import IntArray
     from postproc.model.cell import Cell
     from postproc.model.plan import Plan
+    from postproc.model.toolpath import ToolPath
+    from postproc.report.program_text import ProgramText
 
-MAX_FACES = 20_000
-"""Faces of all solids together on a page; finer meshes are thinned."""
-
-
-@dataclass(frozen=True, slots=True)
-class TextLine:
-    """Where a move stands in the program text."""
-
-    file: str
-    line: int
-    text: str
+_CONTEXT = 2
+"""Lines of the CAM file shown around that of a tag."""
+_WIDEST = 200
+_MOST_FINDINGS = 200
 
 
 def program_page(
     plan: Plan,
     cell: Cell,
     issues: Sequence[Issue] = (),
-    krl_lines: Sequence[TextLine] = (),
+    text: ProgramText | None = None,
 ) -> bytes:
     """Return the page of a plan as one self-contained HTML file.
 
@@ -46,37 +43,61 @@ def program_page(
         plan: the plan; one that failed shows its failing tags and the solids that hit.
         cell: the cell it was planned for.
         issues: all findings of the conversion.
-        krl_lines: per move the line of the program text, empty when no text was written.
+        text: the program text, read back; None when no text was written.
     """
+    from postproc.collision.scene import Scene
     from postproc.kinematics.model import build
 
     kinematics = build(cell.robot)
-    failing = {i.tag_index: i.message for i in issues if i.severity is Severity.ERROR}
-    page = Page(f"{plan.name}: {cell.name}", _lead(plan, failing))
-    page.data = {
-        **_robot(cell, kinematics),
-        **_moves(plan, cell),
-        **_tags(plan, cell, failing, krl_lines),
-        "bodies": _bodies(cell, kinematics),
-        "colliding": _colliding(issues),
+    scene = Scene.build(cell, kinematics)
+    failing = {
+        int(i.tag_index): i.message
+        for i in issues
+        if i.severity is Severity.ERROR and i.tag_index is not None
     }
-    page.section("Robot and path", _scene_html(plan))
-    page.section("Tags", _TAGS_HTML, "wide")
-    page.section("Where this tag comes from", _SOURCE_HTML, "third")
-    page.section("Joint angles", _ANGLES_HTML, "half")
-    page.section("Joint speeds", '<div id="speeds"></div>', "half")
-    page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", _findings(issues), "half")
-    for asset in ("charts.js", "three.bundle.js", "program.js"):
-        page.script(asset)
+    page = Page(f"{plan.name}: {cell.name}", _lead(plan, issues, failing))
+    moves = moves_of_tags(plan)
+    columns = tag_columns(plan, cell, moves, scene, text)
+    spins = spin_map(plan, cell, moves, scene)
+    add_scene(page, cell, kinematics, scene)
+    page.script("program.js")
+    page.data |= {
+        **_moves(plan, cell),
+        **_tags(plan.toolpath, columns),
+        **_texts(plan, text),
+        "failing": {str(tag): message for tag, message in failing.items()},
+        "poses": {
+            str(tag): pose.to_page()
+            for tag, pose in failing_poses(plan.toolpath, cell, kinematics, scene, issues).items()
+        },
+        "move_of_tag": packed(moves, "int32"),
+        "objective": str(cell.optimize.objective),
+        "spin_map": None if spins is None else spins.to_page(),
+    }
+    _sections(page, columns, plan, issues)
     return page.render()
 
 
-def _lead(plan: Plan, failing: dict[int | None, str]) -> list[str]:
+def _sections(page: Page, columns: list[TagColumn], plan: Plan, issues: Sequence[Issue]) -> None:
+    page.section("Robot and path", _scene_html(columns), "seven")
+    page.section("Tags", _TAGS_HTML, "five")
+    page.section("CAM file and program", _SOURCE_HTML, "seven")
+    page.section("Stiffness over the turn about the tool axis", '<div id="spin"></div>', "five")
+    page.section("Joint angles", _ANGLES_HTML, "half")
+    page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
+    page.section("Time per operation", _operations(plan), "half")
+    page.section("Findings", _findings(issues), "half")
+
+
+def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[str]:
     tags, total = len(plan.toolpath), float(np.nansum(plan.duration))
     if failing:
-        return [f"No complete program: {len(failing)} of {tags} tags fail."]
-    lines = [f"{tags} tags, {len(plan)} controller points, about {total:.0f} s."]
+        first = failing[min(failing)]
+        return [f"No complete program: {len(failing)} of {tags} tags fail.", f"First: {first}"]
+    errors = [issue for issue in issues if issue.severity is Severity.ERROR]
+    if errors:
+        return [f"No program: {errors[0].message}."]
+    lines = [f"{tags} tags, {len(plan)} controller points, about {_span(total)}."]
     good = plan.stiffness[np.isfinite(plan.stiffness)]
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM
@@ -90,187 +111,154 @@ def _lead(plan: Plan, failing: dict[int | None, str]) -> list[str]:
     return lines
 
 
-def _robot(cell: Cell, kinematics: Kinematics) -> dict[str, Any]:
-    zero = np.zeros(6)
-    frames = kinematics.link_frames(zero)
-    axes = kinematics.jacobian(zero)[3:, :].T
-    robot = cell.robot
-    return {
-        "link_frames": [[float(v) for v in frame.ravel()] for frame in frames],
-        "joint_axes": [[float(v) for v in axis] for axis in axes],
-        "joint_points": [[float(v) for v in frame[:3, 3]] for frame in frames[1:]],
-        "T_world_robroot": [float(v) for v in robot.T_world_robroot.ravel()],
-        "limits": [
-            [float(low / DEG), float(high / DEG)]
-            for low, high in zip(robot.q_min, robot.q_max, strict=True)
-        ],
-        "speeds": [float(v / DEG) for v in robot.qd_max],
-    }
+def _span(seconds: float) -> str:
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
-    rapid = ~np.isfinite(plan.speed) | np.isin(plan.role, (0, 1))
+    """Return the moves in columns; points are given in the workpiece frame."""
+    rapid = ~np.isfinite(plan.speed) | np.isin(plan.role, (MoveRole.ENTRY, MoveRole.RAPID))
+    circles = np.flatnonzero(plan.kind == MoveKind.CIRC)
     return {
         "q": packed(plan.q),
         "time": packed(np.cumsum(np.nan_to_num(plan.duration))),
-        "positions": packed(apply(_T_world_base(cell), plan.T_base_tcp[:, :3, 3])),
+        "positions": packed(plan.T_base_tcp[:, :3, 3]),
         "tag": packed(plan.tag, "int32"),
         "rapid": packed(rapid, "uint8"),
+        "circles": packed(circles, "int32"),
+        "aux": packed(plan.aux[circles]),
+        **_stations(plan, cell),
     }
 
 
-def _T_world_base(cell: Cell) -> FloatArray:
-    T: FloatArray = cell.robot.T_world_robroot @ cell.workpiece.T_robroot_base
-    return T
+def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
+    """Return where robot and workpiece stand, move by move, when external axes move them."""
+    from postproc.planning.station import cell_at
+
+    if not cell.external_axes or not plan.external.shape[1]:
+        return {"stations": [], "station": packed(np.zeros(0), "uint16")}
+    values, row = np.unique(plan.external, axis=0, return_inverse=True)
+    here = [cell_at(cell, value) for value in values]
+    frames = [
+        [[float(v) for v in T.ravel()] for T in (at.robot.T_world_robroot, T_world_base(at))]
+        for at in here
+    ]
+    return {"stations": frames, "station": packed(row.ravel(), "uint16")}
 
 
-def _tags(
-    plan: Plan, cell: Cell, failing: dict[int | None, str], krl_lines: Sequence[TextLine]
-) -> dict[str, Any]:
-    path = plan.toolpath
-    T_world_base = _T_world_base(cell)
-    points = apply(T_world_base, path.points)
-    cam = read_bytes(path.path).decode("latin-1").splitlines()
-    first, lines = _first_moves(plan), _lines_by_tag(plan, krl_lines)
-    tags = []
-    for i in range(len(path)):
-        values = _tag_values(plan, i, first[i])
-        reason = failing.get(i)
-        row = [path.tag_name(i), int(path.line[i]), *(_rounded(v) for v in values.values())]
-        tags.append(
-            {
-                "name": path.tag_name(i),
-                "row": [*row, reason or ""],
-                "values": {k: v for k, v in values.items() if k != "feed"},
-                "failed": reason,
-                "spin": values["spin"],
-                "cam": _cam_text(cam, int(path.line[i])),
-                "krl": lines.get(i, []),
-            }
-        )
+def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
+    points = path.points
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {
-        "tags": tags,
-        "columns": ["tag", "line", *_tag_values(plan, 0, -1), "finding"],
+        "names": [path.tag_name(i) for i in range(len(path))],
+        "lines": packed(path.line, "int32"),
+        "columns": [column.to_page() for column in columns],
         "tag_positions": packed(points),
-        "tag_axes": packed(path.axes @ T_world_base[:3, :3].T),
+        "tag_axes": packed(path.axes),
         "centre": [float(v) for v in (low + high) / 2],
         "extent": float(np.linalg.norm(high - low)),
-        "spin_map": None,
     }
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else float(f"{value:.4g}")
-
-
-def _first_moves(plan: Plan) -> FloatArray:
-    first = np.full(len(plan.toolpath), -1)
-    order = np.arange(len(plan))[::-1]
-    served = plan.tag[order] >= 0
-    first[plan.tag[order][served]] = order[served]
-    return first
-
-
-def _tag_values(plan: Plan, tag: int, move: int) -> dict[str, float | None]:
-    def finite(value: float, unit: float) -> float | None:
-        return float(value / unit) if np.isfinite(value) else None
-
-    n = len(plan.stiffness)
-    feed = float(plan.toolpath.feed[tag]) if n else float("nan")
+def _texts(plan: Plan, text: ProgramText | None) -> dict[str, Any]:
+    """Return the lines of the CAM file near tags, and the program with the line of each move."""
+    cam = read_bytes(plan.toolpath.path).decode("latin-1").splitlines()
+    wanted = np.unique(plan.toolpath.line[:, None] + np.arange(-_CONTEXT, _CONTEXT + 1))
+    shown = [int(i) for i in wanted if 0 < i <= len(cam)]
+    lines = "\n".join(f"{i}\t{cam[i - 1].rstrip()[:_WIDEST]}" for i in shown)
+    known = text is not None and len(text) == len(plan)
     return {
-        "spin": finite(float(plan.spin[move]), DEG) if move >= 0 else None,
-        "stiffness": finite(float(plan.stiffness[tag]), N_PER_MM) if n else None,
-        "clearance": finite(float(plan.clearance[tag]), MM) if n else None,
-        "feed": finite(feed, MM_PER_MIN),
+        "cam": packed_text(lines),
+        "krl_files": [] if text is None else list(text.files),
+        "krl": [] if text is None else [packed_text(_unix(t)) for t in text.texts],
+        "krl_file": packed(text.file if known and text else np.zeros(0), "int32"),
+        "krl_line": packed(text.line if known and text else np.zeros(0), "int32"),
     }
 
 
-def _lines_by_tag(plan: Plan, krl_lines: Sequence[TextLine]) -> dict[int, list[str]]:
-    found: dict[int, list[str]] = {}
-    for tag, line in zip(plan.tag, krl_lines, strict=False):
-        found.setdefault(int(tag), []).append(f"{line.file}:{line.line}  {line.text.strip()}")
-    return found
-
-
-def _cam_text(lines: list[str], line: int) -> str:
-    return f"{line}  {lines[line - 1].strip()[:200]}" if 0 < line <= len(lines) else str(line)
-
-
-def _bodies(cell: Cell, kinematics: Kinematics) -> list[dict[str, Any]]:
-    from postproc.collision.scene import Scene
-
-    return [
-        {
-            "name": body.name,
-            "kind": body.kind,
-            "link": body.link,
-            "vertices": packed(body.vertices),
-            "faces": packed(body.faces, "int32"),
-        }
-        for body in Scene.build(cell, kinematics).display_bodies(MAX_FACES)
-    ]
-
-
-def _colliding(issues: Sequence[Issue]) -> list[str]:
-    names: list[str] = []
-    for issue in issues:
-        if issue.code == "PLN104":
-            names += issue.message.split("'")[1::2]
-    return sorted(set(names))
+def _unix(text: str) -> str:
+    return "\n".join(text.splitlines())
 
 
 def _operations(plan: Plan) -> str:
+    """Return a table with a bar for each operation: working, other motions, waits."""
     path = plan.toolpath
-    seconds: dict[str, float] = {}
-    for tag, duration in zip(plan.tag, np.nan_to_num(plan.duration), strict=True):
-        index = int(path.operation[tag]) if tag >= 0 else -1
-        name = path.operations[index].name if index >= 0 else "(no name)"
-        seconds[name] = seconds.get(name, 0.0) + float(duration)
-    rows = [[name, f"{value:.1f}"] for name, value in seconds.items()]
-    return table(["operation", "seconds (estimate)"], rows) if rows else "<p>nothing to run</p>"
+    if len(plan) == 0:
+        return "<p>nothing to run</p>"
+    index: IntArray = np.where(plan.tag >= 0, path.operation[plan.tag], -1)
+    working = np.isin(plan.role, (MoveRole.CUT, MoveRole.PLUNGE))
+    seconds = np.nan_to_num(plan.duration)
+    names = {-1: "(no name)", **{i: op.name for i, op in enumerate(path.operations)}}
+    rows = []
+    for k in dict.fromkeys(index.tolist()):
+        mine = index == k
+        rows.append((names[k], float(seconds[mine & working].sum()), float(seconds[mine].sum())))
+    longest = max((total for _, _, total in rows), default=0.0) or 1.0
+    body = "".join(
+        f"<tr><td>{escape(name)}</td><td>{work:.1f}</td><td>{total - work:.1f}</td>"
+        f'<td>{total:.1f}</td><td class="text">'
+        f'<i class="bar-a" style="width:{work / longest * 140:.1f}px"></i>'
+        f'<i class="bar-b" style="width:{(total - work) / longest * 140:.1f}px"></i></td></tr>'
+        for name, work, total in rows
+    )
+    total = sum(row[2] for row in rows)
+    return (
+        '<table class="data" id="operations"><thead><tr><th>operation</th><th>working [s]</th>'
+        "<th>moving [s]</th><th>total [s]</th><th></th></tr></thead>"
+        f"<tbody>{body}</tbody></table><p>{total:.1f} s in all, estimated</p>"
+    )
 
 
 def _findings(issues: Sequence[Issue]) -> str:
     if not issues:
         return '<p class="good">none</p>'
     rows = "".join(
-        f'<tr class="{"failing" if i.severity is Severity.ERROR else ""}">'
-        f'<td class="text">{escape(i)}</td></tr>'
-        for i in issues[:200]
+        f'<tr class="{"failing" if i.severity is Severity.ERROR else ""}"'
+        + (f' data-goto="{i.tag_index}"' if i.tag_index is not None else "")
+        + f'><td class="text wrap">{escape(i)}'
+        + (f"<br>{escape(i.hint)}" if i.hint else "")
+        + "</td></tr>"
+        for i in issues[:_MOST_FINDINGS]
     )
-    more = f"<p>and {len(issues) - 200} more</p>" if len(issues) > 200 else ""
-    return f'<div class="scroll"><table>{rows}</table></div>{more}'
+    left = len(issues) - _MOST_FINDINGS
+    more = f"<p>and {left} more</p>" if left > 0 else ""
+    return f'<div class="scroll"><table id="findings">{rows}</table></div>{more}'
 
 
-def _scene_html(plan: Plan) -> str:
-    choices = [("clearance", "clearance [mm]"), ("spin", "turn about the tool axis [deg]")]
-    if np.isfinite(plan.stiffness).any():
-        choices.insert(0, ("stiffness", "stiffness [N/mm]"))
-    options = "".join(f'<option value="{k}">{escape(v)}</option>' for k, v in choices)
+def _scene_html(columns: list[TagColumn]) -> str:
+    order = sorted(columns, key=lambda column: column.key != "stiffness")
+    options = "".join(
+        f'<option value="{column.key}">{escape(column.label)} [{column.unit}]</option>'
+        for column in order
+    )
     return (
         '<div id="scene"></div><div class="bar"><button id="play">play</button>'
-        '<input type="range" id="slider" min="0" max="1000" step="0.1" value="0">'
-        '<span id="clock"></span><label>speed <select id="speed"><option>1</option>'
+        '<input type="range" id="slider" min="0" max="1000" step="any" value="0" '
+        'aria-label="time"><span id="clock"></span></div>'
+        '<div class="bar"><label>speed <select id="speed"><option>1</option>'
         "<option selected>5</option><option>20</option><option>100</option></select></label>"
-        f'<label>tags by <select id="colour">{options}</select></label>'
-        '<span id="low"></span><span class="legend" style="background:linear-gradient(90deg,'
-        'rgb(44,76,164),rgb(38,150,140),rgb(235,200,60),rgb(200,40,40))"></span>'
-        '<span id="high"></span></div>'
+        '<label>view <select id="view"><option>cell</option><option>part</option>'
+        "<option>tag</option></select></label>"
+        f'<label>colour <select id="colour">{options}</select></label>'
+        '<span id="low"></span><span class="legend" id="legend"></span><span id="high"></span>'
+        "</div>"
     )
 
 
 _TAGS_HTML = (
     '<div class="bar"><label><input type="checkbox" id="failing"> failing only</label>'
-    '<span id="more"></span></div><div class="scroll"><table id="tags"><thead><tr></tr></thead>'
-    "<tbody></tbody></table></div>"
+    '<span id="more"></span></div><div class="scroll" id="list"><table id="tags"><thead><tr></tr>'
+    "</thead><tbody></tbody></table></div>"
 )
 _SOURCE_HTML = (
-    '<p id="which"></p><p>CAM file</p><pre id="cam"></pre><p>program</p><pre id="krl"></pre>'
-    '<div id="spin"></div>'
+    '<p id="which"></p><div class="two"><div><h3>CAM file</h3><pre id="cam"></pre></div>'
+    '<div><h3 id="krl_file">program</h3><pre id="krl"></pre></div></div>'
 )
 _ANGLES_HTML = (
     '<div class="bar"><label>axis <select id="axis"><option value="all">all</option>'
     + "".join(f'<option value="{j}">A{j + 1}</option>' for j in range(6))
-    + '</select></label></div><div id="angles"></div>'
+    + '</select></label><span>dashed: limits of the axis</span></div><div id="angles"></div>'
 )

@@ -72,14 +72,21 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     folder = Path(options["output"])
     contents = output_paths(conversion, folder)
     if options["report"]:
-        from postproc.report.program_page import program_page
-
-        contents[Path(options["report"])] = program_page(conversion.plan, conversion.cell)
+        contents[Path(options["report"])] = _page(conversion)
     write_files(contents)
     session.issues(conversion.issues)
     session.document(document(conversion))
     _summary(session, conversion, folder, options["report"])
     return answer(conversion.good)
+
+
+def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
+    from postproc.report.program_page import program_page
+    from postproc.report.program_text import program_text
+
+    cell, files = conversion.cell, conversion.files
+    text = program_text(files, conversion.name, cell) if files else None
+    return program_page(conversion.plan, cell, conversion.issues, text)
 
 
 def _summary(session: Session, conversion: Any, folder: Path, report: str | None) -> None:  # noqa: ANN401

@@ -2,183 +2,234 @@
 "use strict";
 (() => {
   const D = PP.data, U = PP.unpack, $ = id => document.getElementById(id);
-  const q = U(D.q), time = U(D.time), pos = U(D.positions), tagOf = U(D.tag), rapid = U(D.rapid);
-  const moves = time.length, nTags = D.tags.length;
-  let current = 0, clock = 0, playing = false, last = 0;
+  const q = U(D.q), time = U(D.time), pos = U(D.positions), tagOf = U(D.tag), rapid = U(D.rapid), lines = U(D.lines);
+  const points = U(D.tag_positions), moveOf = U(D.move_of_tag), krlLine = U(D.krl_line), krlFile = U(D.krl_file), station = U(D.station);
+  const moves = time.length, nTags = D.names.length, columns = D.columns.map(c => ({ ...c, values: U(c.values) }));
+  const byKey = new Map(columns.map(c => [c.key, c])), failed = i => D.failing[i] || "";
+  let current = -1, clock = 0, playing = false, last = 0, shown = -1, colliding = [];
 
   // ---- scene ----------------------------------------------------------------------------------
-  const host = $("scene");
-  let draw = () => {}, place = () => {}, colour = () => {}, pickTag = null;
-  function build() {
-    const renderer = new THREE.WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
-    renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
-    host.appendChild(renderer.domElement);
-    const scene = new THREE.Scene(); scene.background = new THREE.Color(0xeef2f5);
-    const camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100); camera.up.set(0, 0, 1);
-    const controls = new THREE.OrbitControls(camera, renderer.domElement);
-    scene.add(new THREE.HemisphereLight(0xffffff, 0x8a949e, 2.2));
-    const sun = new THREE.DirectionalLight(0xffffff, 1.6); sun.position.set(-3, -4, 6); scene.add(sun);
-    const grid = new THREE.GridHelper(8, 16, 0xb8c2cc, 0xd5dce2); grid.rotation.x = Math.PI / 2; scene.add(grid);
-    const looks = { link: 0xe8792b, tool: 0x6c7a89, cutting: 0x37474f, workpiece: 0x9fb8cf, obstacle: 0xb0a18f };
-    const carried = [];
-    for (const b of D.bodies) {
-      const g = new THREE.BufferGeometry();
-      g.setAttribute("position", new THREE.BufferAttribute(U(b.vertices), 3));
-      g.setIndex(new THREE.BufferAttribute(new Uint32Array(U(b.faces)), 1));
-      const flat = g.toNonIndexed(); flat.computeVertexNormals();
-      const hit = D.colliding.includes(b.name);
-      const mesh = new THREE.Mesh(flat, new THREE.MeshLambertMaterial({ color: hit ? 0xd32f2f : looks[b.kind] || 0x999999, side: THREE.DoubleSide, transparent: b.kind === "workpiece", opacity: b.kind === "workpiece" ? 0.85 : 1 }));
-      mesh.matrixAutoUpdate = false; mesh.name = b.name; scene.add(mesh);
-      if (b.link >= 0) carried.push([mesh, b.link]);
+  const nothing = { place() {}, stand() {}, inWorld: p => p, point() {}, highlight() {}, look() {}, pick() {}, tip: () => [0, 0, 0] };
+  let scene = nothing, paint = () => {};
+  function path() {  // segments of all moves, arcs in small pieces; owner: the move of each segment
+    const ends = [], owner = [], aux = U(D.aux), arcOf = new Map(), circles = U(D.circles);
+    circles.forEach((m, k) => arcOf.set(m, aux.subarray(3 * k, 3 * k + 3)));
+    const at = m => new THREE.Vector3(pos[3 * m], pos[3 * m + 1], pos[3 * m + 2]);
+    for (let m = 1; m < moves; m++) {
+      const a = at(m - 1), b = at(m), via = arcOf.get(m), pieces = via ? arc(a, new THREE.Vector3(...via), b) : [a, b];
+      for (let i = 1; i < pieces.length; i++) { ends.push(...pieces[i - 1].toArray(), ...pieces[i].toArray()); owner.push(m); }
     }
-    const tagPos = U(D.tag_positions), tagAxis = U(D.tag_axes);
-    const size = Math.max(0.002, Math.min(0.01, D.extent / 150));
-    const dots = new THREE.InstancedMesh(new THREE.ConeGeometry(size, 3 * size, 8), new THREE.MeshLambertMaterial({ color: 0xffffff }), Math.max(1, nTags));
-    const up = new THREE.Vector3(0, 1, 0), axis = new THREE.Vector3(), turn = new THREE.Matrix4(), M = new THREE.Matrix4();
-    for (let i = 0; i < nTags; i++) {
-      axis.set(-tagAxis[3 * i], -tagAxis[3 * i + 1], -tagAxis[3 * i + 2]).normalize();
-      const side = new THREE.Vector3().crossVectors(up, axis);
-      if (side.length() < 1e-6) side.set(1, 0, 0); else side.normalize();
-      const third = new THREE.Vector3().crossVectors(side, axis);
-      turn.makeBasis(side, axis, third);
-      M.copy(turn).setPosition(tagPos[3 * i] - axis.x * 1.5 * size, tagPos[3 * i + 1] - axis.y * 1.5 * size, tagPos[3 * i + 2] - axis.z * 1.5 * size);
-      dots.setMatrixAt(i, M); dots.setColorAt(i, new THREE.Color(0x888888));
-    }
-    if (nTags) scene.add(dots);
-    const ends = [];
-    for (let i = 1; i < moves; i++) ends.push(pos[3 * i - 3], pos[3 * i - 2], pos[3 * i - 1], pos[3 * i], pos[3 * i + 1], pos[3 * i + 2]);
-    const lines = new THREE.BufferGeometry(); lines.setAttribute("position", new THREE.Float32BufferAttribute(ends, 3));
-    const tint = []; for (let i = 1; i < moves; i++) { const c = rapid[i] ? [0.75, 0.55, 0.2] : [0.1, 0.35, 0.6]; tint.push(...c, ...c); }
-    lines.setAttribute("color", new THREE.Float32BufferAttribute(tint, 3));
-    scene.add(new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ vertexColors: true })));
-    const c = D.centre, e = Math.max(D.extent, 0.6);
-    controls.target.set(c[0] * 0.75, c[1], c[2]); camera.position.set(c[0] - 1.2 * e - 1.2, c[1] - 1.6 * e - 2.2, c[2] + e + 0.9);
-    controls.update();
-    draw = () => renderer.render(scene, camera);
-    controls.addEventListener("change", draw);
-    const resize = () => { const w = host.clientWidth, h = host.clientHeight; renderer.setSize(w, h, false); renderer.domElement.style.height = h + "px"; camera.aspect = w / h; camera.updateProjectionMatrix(); draw(); };
-    window.addEventListener("resize", resize);
-    // forward kinematics as a product of turns about the joint axes of the zero pose
-    const zero = D.link_frames.map(f => new THREE.Matrix4().set(...f)), R = new THREE.Matrix4(), chain = new THREE.Matrix4(), T = new THREE.Matrix4();
-    const world = new THREE.Matrix4().set(...D.T_world_robroot); const frames = zero.map(() => new THREE.Matrix4());
-    place = angles => {
-      chain.copy(world); frames[0].copy(chain).multiply(zero[0]);
-      for (let j = 0; j < 6; j++) {
-        const p = D.joint_points[j], a = new THREE.Vector3(...D.joint_axes[j]);
-        R.makeRotationAxis(a, angles[j]);
-        T.makeTranslation(p[0], p[1], p[2]).multiply(R).multiply(new THREE.Matrix4().makeTranslation(-p[0], -p[1], -p[2]));
-        chain.multiply(T); frames[j + 1].copy(chain).multiply(zero[j + 1]);
-      }
-      for (const [mesh, link] of carried) mesh.matrix.copy(frames[link]);
-      draw();
-    };
-    for (const m of scene.children) if (m.isMesh && m.name && !carried.some(([k]) => k === m)) m.matrix.copy(new THREE.Matrix4());
-    colour = values => {
-      const good = values.filter(Number.isFinite), k = new THREE.Color();
-      const [low, high] = good.reduce((e, v) => [Math.min(e[0], v), Math.max(e[1], v)], [Infinity, -Infinity]);
-      for (let i = 0; i < nTags; i++) {
-        if (D.tags[i].failed) k.set(0xff0000); else if (!Number.isFinite(values[i])) k.set(0x888888); else k.setRGB(...PP.ramp((values[i] - low) / (high - low || 1)), "srgb");
-        dots.setColorAt(i, k);
-      }
-      if (dots.instanceColor) dots.instanceColor.needsUpdate = true;
-      $("low").textContent = good.length ? low.toPrecision(4) : ""; $("high").textContent = good.length ? high.toPrecision(4) : ""; draw();
-    };
-    const ray = new THREE.Raycaster(), mouse = new THREE.Vector2(); let down = null;
-    renderer.domElement.addEventListener("pointerdown", v => { down = [v.clientX, v.clientY]; });
-    renderer.domElement.addEventListener("click", v => {
-      if (down && Math.hypot(v.clientX - down[0], v.clientY - down[1]) > 4) return;
-      const box = renderer.domElement.getBoundingClientRect();
-      mouse.set((v.clientX - box.left) / box.width * 2 - 1, 1 - (v.clientY - box.top) / box.height * 2);
-      ray.setFromCamera(mouse, camera); const hit = ray.intersectObject(dots)[0];
-      if (hit && pickTag) pickTag(hit.instanceId);
-    });
-    resize();
+    return [ends, owner];
   }
-  try { build(); } catch (problem) { host.textContent = "This browser shows no 3D (WebGL is off): " + problem.message; }
+  function arc(a, via, b) {
+    const u = via.clone().sub(a), v = b.clone().sub(a), n = new THREE.Vector3().crossVectors(u, v), nn = n.lengthSq();
+    if (nn < 1e-16) return [a, via, b];
+    const c = new THREE.Vector3().crossVectors(n, u).multiplyScalar(v.lengthSq()).add(new THREE.Vector3().crossVectors(v, n).multiplyScalar(u.lengthSq())).divideScalar(2 * nn).add(a);
+    n.normalize();
+    const x = a.clone().sub(c), y = new THREE.Vector3().crossVectors(n, x), w = b.clone().sub(c);
+    let sweep = Math.atan2(w.dot(y), w.dot(x)); if (sweep <= 0) sweep += 2 * Math.PI;
+    const count = Math.max(2, Math.ceil(sweep / 0.2)), out = [];
+    for (let i = 0; i <= count; i++) { const t = sweep * i / count; out.push(c.clone().addScaledVector(x, Math.cos(t)).addScaledVector(y, Math.sin(t))); }
+    return out;
+  }
+  const small = Math.max(0.0015, Math.min(0.01, D.extent / 150)), room = Math.max(D.extent / 2, 0.3);
+  const root = [D.robot.T_world_robroot[3], D.robot.T_world_robroot[7], D.robot.T_world_robroot[11]];
+  function view(which) {
+    const c0 = scene.inWorld(D.centre);
+    if (which === "part") scene.look(c0, room * 1.15);
+    else if (which === "tag" && shown >= 0) scene.look(scene.inWorld(points.subarray(3 * shown, 3 * shown + 3)), Math.max(0.25, 0.15 * room));
+    else {  // robot and part, from the side that faces neither
+      const mid = [0, 1, 2].map(k => (root[k] + c0[k]) / 2), reach = Math.hypot(...[0, 1, 2].map(k => root[k] - c0[k]));
+      const out = [c0[0] - root[0], c0[1] - root[1]], l = Math.hypot(...out) || 1;
+      scene.look([mid[0], mid[1], mid[2] + 0.28 * reach], reach * 0.66 + room * 0.6, [out[1] / l - 0.45 * out[0] / l, -out[0] / l - 0.45 * out[1] / l, 0.45]);
+    }
+  }
+  try {
+    const s = PPScene($("scene"), D), [ends, owner] = path();
+    const dots = s.marks(points, U(D.tag_axes), small), trail = s.segments(ends);
+    s.floor(8, [0, 0, 0], 0);
+    paint = column => {
+      const [low, high] = PP.extent([column.values]), flip = column.worse === "low", span = high - low || 1;
+      const tint = i => !Number.isFinite(column.values[i]) ? null : PP.ramp((flip ? high - column.values[i] : column.values[i] - low) / span);
+      dots.paint(i => failed(i) ? [1, 0, 0] : tint(i) || [0.55, 0.55, 0.55]);
+      trail.paint(k => { const m = owner[k]; return rapid[m] ? [0.80, 0.72, 0.55] : (tagOf[m] >= 0 && tint(tagOf[m])) || [0.3, 0.4, 0.5]; });
+      const stops = [0, 1 / 3, 2 / 3, 1].map(t => PP.css(PP.ramp(flip ? 1 - t : t)));
+      $("legend").style.background = `linear-gradient(90deg,${stops.join(",")})`;
+      $("low").textContent = low <= high ? low.toPrecision(4) : ""; $("high").textContent = low <= high ? high.toPrecision(4) : "";
+    };
+    s.pick(dots.mesh, i => select(i));
+    scene = s; view("cell");
+  } catch (problem) { $("scene").textContent = "This browser shows no 3D (WebGL is off): " + problem.message; }
 
   // ---- time -----------------------------------------------------------------------------------
-  const total = moves ? time[moves - 1] : 0, slider = $("slider");
-  const angles = new Float64Array(6);
-  function seek(t) {
+  const total = moves ? time[moves - 1] : 0, slider = $("slider"), angles = new Float64Array(6);
+  function seek(t, follow = true) {
     clock = Math.max(0, Math.min(total, t));
     let low = 0, high = moves - 1;
     while (low < high) { const mid = (low + high) >> 1; if (time[mid] < clock) low = mid + 1; else high = mid; }
-    current = low;
+    current = moves ? low : -1;
     const before = Math.max(0, low - 1), span = time[low] - time[before], f = low === before || span <= 0 ? 1 : (clock - time[before]) / span;
-    for (let j = 0; j < 6; j++) angles[j] = q[6 * before + j] + f * (q[6 * low + j] - q[6 * before + j]);
-    if (moves) place(angles);
+    for (let j = 0; j < 6 && moves; j++) angles[j] = q[6 * before + j] + f * (q[6 * low + j] - q[6 * before + j]);
+    if (moves) { hit([]); if (station.length) scene.stand(...D.stations[station[low]]); scene.place(angles); }
     slider.value = total ? 1000 * clock / total : 0; $("clock").textContent = `${clock.toFixed(1)} s of ${total.toFixed(1)} s`;
     if (cursorQ) cursorQ.move(clock); if (cursorV) cursorV.move(clock);
-    if (moves) showTag(tagOf[current]);
+    if (moves && follow) showTag(tagOf[current]);
+    markLine();
   }
+  function hit(names) { if (names.join() !== colliding.join()) { colliding = names; scene.highlight(names); } }
   slider.addEventListener("input", () => seek(total * slider.value / 1000));
   $("play").addEventListener("click", () => { playing = !playing; $("play").textContent = playing ? "pause" : "play"; last = performance.now(); if (clock >= total) clock = 0; if (playing) requestAnimationFrame(step); });
-  function step(now) { if (!playing) return; seek(clock + (now - last) / 1000 * +$("speed").value); last = now; if (clock >= total) { playing = false; $("play").textContent = "play"; } else requestAnimationFrame(step); }
+  function step(now) { if (!playing) return; seek(clock + Math.max(0, now - last) / 1000 * +$("speed").value); last = now; if (clock >= total) { playing = false; $("play").textContent = "play"; } else requestAnimationFrame(step); }
 
-  // ---- tags -----------------------------------------------------------------------------------
-  const columns = D.columns, body = $("tags").tBodies[0], lastMove = new Int32Array(nTags).fill(-1);
-  for (let i = 0; i < moves; i++) if (tagOf[i] >= 0) lastMove[tagOf[i]] = i;
-  const firstCut = new Int32Array(nTags).fill(-1);
-  for (let i = moves - 1; i >= 0; i--) if (tagOf[i] >= 0 && !rapid[i]) firstCut[tagOf[i]] = i;
-  let order = D.tags.map((_, i) => i), sortBy = -1, ascending = true, shown = -1, limit = 500;
-  const rows = new Map();
-  function fill() {
-    body.textContent = ""; rows.clear();
-    const only = $("failing").checked, list = order.filter(i => !only || D.tags[i].failed);
-    for (const i of list.slice(0, limit)) {
-      const tr = document.createElement("tr"); tr.dataset.tag = i; if (D.tags[i].failed) tr.className = "failing";
-      for (const v of D.tags[i].row) { const td = document.createElement("td"); td.textContent = v === null ? "" : v; tr.appendChild(td); }
-      tr.addEventListener("click", () => select(i)); body.appendChild(tr); rows.set(i, tr);
-    }
-    $("more").textContent = list.length > limit ? `${limit} of ${list.length} shown` : `${list.length} tags`;
-    if (shown >= 0 && rows.has(shown)) rows.get(shown).classList.add("selected");
+  // ---- tags: only the rows in sight are in the document ------------------------------------------
+  const body = $("tags").tBodies[0], list = $("list"), rowHeight = 24;
+  const value = c => i => { const v = columns[c].values[i]; return Number.isFinite(v) ? v : null; };
+  const fields = [["tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map((c, k) => [`${c.label} [${c.unit}]`, value(k)])];
+  if (Object.keys(D.failing).length) fields.push(["finding", i => failed(i) || null]);
+  const spell = v => v === null ? "" : typeof v === "number" ? (Number.isInteger(v) ? String(v) : String(+v.toPrecision(4))) : v;
+  let order = Array.from({ length: nTags }, (_, i) => i), visible = order, sortBy = -1, ascending = true, everything = false;
+  function row(i) {
+    const tr = document.createElement("tr"); tr.dataset.tag = i;
+    tr.className = (failed(i) ? "failing " : "") + (i === shown ? "selected" : "");
+    for (const f of fields) { const td = document.createElement("td"); td.textContent = spell(f[1](i)); if (f[0] === "finding") td.className = "text"; tr.appendChild(td); }
+    tr.addEventListener("click", () => select(i));
+    return tr;
   }
-  columns.forEach((name, k) => {
-    const th = document.createElement("th"); th.textContent = name; th.className = "sortable";
-    th.addEventListener("click", () => {
+  function spacer(n) { const tr = document.createElement("tr"), td = document.createElement("td"); td.colSpan = fields.length; td.style.height = n * rowHeight + "px"; td.className = "spacer"; tr.appendChild(td); return tr; }
+  function fill() {
+    const first = everything ? 0 : Math.max(0, Math.floor(list.scrollTop / rowHeight) - 10);
+    const count = everything ? 300 : Math.ceil((list.clientHeight || 420) / rowHeight) + 20, end = Math.min(visible.length, first + count);
+    const parts = [];
+    if (first) parts.push(spacer(first));
+    for (let k = first; k < end; k++) parts.push(row(visible[k]));
+    if (end < visible.length && !everything) parts.push(spacer(visible.length - end));
+    body.replaceChildren(...parts);
+  }
+  function filter() {
+    visible = $("failing").checked ? order.filter(i => failed(i)) : order;
+    $("more").textContent = `${visible.length} of ${nTags} tags`; fill();
+  }
+  list.addEventListener("scroll", fill);
+  window.addEventListener("beforeprint", () => { everything = true; fill(); });
+  window.addEventListener("afterprint", () => { everything = false; fill(); });
+  fields.forEach(([name, key], k) => {
+    const th = document.createElement("th"), [word, unit] = name.split(" ["); th.textContent = word; th.className = "sortable"; th.tabIndex = 0;
+    if (unit) { const small = document.createElement("small"); small.textContent = "[" + unit; th.append(document.createElement("br"), small); }
+    const sort = () => {
       ascending = sortBy === k ? !ascending : true; sortBy = k;
-      const key = i => D.tags[i].row[k], sign = ascending ? 1 : -1;
+      const sign = ascending ? 1 : -1;
       order.sort((a, b) => { const x = key(a), y = key(b); return x === y ? a - b : (x === null ? 1 : y === null ? -1 : (x < y ? -1 : 1) * sign); });
-      fill();
-    });
+      list.scrollTop = 0; filter();
+    };
+    th.addEventListener("click", sort); th.addEventListener("keydown", e => { if (e.key === "Enter") sort(); });
     $("tags").tHead.rows[0].appendChild(th);
   });
-  $("failing").addEventListener("change", fill);
+  $("failing").addEventListener("change", () => { list.scrollTop = 0; filter(); });
+
+  // ---- one tag: its lines, its stiffness over the turn -------------------------------------------
+  const cam = new Map(), krl = []; let ready = false, firstMove = new Int32Array(nTags).fill(-1), lastMove = new Int32Array(nTags).fill(-1);
+  for (let m = 0; m < moves; m++) { const t = tagOf[m]; if (t >= 0) { if (firstMove[t] < 0) firstMove[t] = m; lastMove[t] = m; } }
+  function source(host, texts) {  // texts: [[number, text, class, move]]
+    host.replaceChildren(...texts.map(([n, s, name, m]) => {
+      const div = document.createElement("div"); div.textContent = `${n}  ${s}`; div.className = name; if (m !== undefined) div.dataset.move = m; return div;
+    }));
+  }
+  function showLines(i) {
+    if (!ready) return;
+    const at = lines[i], near = [];
+    for (let n = at - 2; n <= at + 2; n++) if (cam.has(n)) near.push([n, cam.get(n), n === at ? "here" : ""]);
+    source($("cam"), near);
+    const rows = [];
+    if (krlLine.length && firstMove[i] >= 0) {
+      const from = firstMove[i], file = krlFile[from], mine = new Map();
+      for (let m = from; m <= lastMove[i]; m++) if (krlFile[m] === file && tagOf[m] === i) mine.set(krlLine[m], m);
+      const low = Math.min(...mine.keys()), high = Math.max(...mine.keys());
+      for (let n = low; n <= high && rows.length < 60; n++) rows.push([n, krl[file][n - 1], mine.has(n) ? "here" : "", mine.get(n)]);
+      $("krl_file").textContent = D.krl_files[file];
+    } else $("krl_file").textContent = krlLine.length ? "no motion for this tag" : "no program text";
+    source($("krl"), rows); markLine();
+  }
+  function markLine() { for (const div of $("krl").children) div.classList.toggle("now", +div.dataset.move === current); }
   function showTag(i) {
     if (i === shown || i < 0) return;
-    if (rows.has(shown)) rows.get(shown).classList.remove("selected");
-    shown = i; if (rows.has(i)) rows.get(i).classList.add("selected");
-    const t = D.tags[i];
-    $("cam").textContent = t.cam; $("krl").textContent = t.krl.join("\n"); $("which").textContent = `tag ${t.name}` + (t.failed ? `: ${t.failed}` : "");
-    if (D.spin_map) {
-      const map = spinMap, n = D.spin_map.spins.length, y = map.subarray(i * n, (i + 1) * n);
-      PP.lineChart($("spin"), { series: [{ name: D.spin_map.label, x: D.spin_map.spins, y }], xLabel: "turn about the tool axis [deg]", yLabel: "N/mm", marks: t.spin === null ? [] : [{ x: t.spin }], height: 200 });
+    shown = i;
+    for (const tr of body.rows) tr.classList.toggle("selected", +tr.dataset.tag === i);
+    const pose = D.poses[i];
+    $("which").textContent = `tag ${D.names[i]}, line ${lines[i]}` + (failed(i) ? `: ${failed(i)}` : "") + (pose && pose.note ? `. Shown: ${pose.note}.` : "");
+    $("which").className = failed(i) ? "bad" : "";
+    scene.point(points.subarray(3 * i, 3 * i + 3), 1.6 * small);
+    showLines(i); showSpin(i);
+  }
+  const map = D.spin_map ? U(D.spin_map.level) : null, hits = D.spin_map && D.spin_map.hit ? U(D.spin_map.hit) : null;
+  function spinCurve(i) { const s = D.spin_map, n = s.spins.length; return Array.from(map.subarray(i * n, (i + 1) * n), v => v ? s.low + (v - 1) * s.step : NaN); }
+  function showSpin(i) {
+    if (!map) { $("spin").textContent = "no joint stiffness, or too many tags"; return; }
+    const turn = byKey.get("spin") ? byKey.get("spin").values[i] : NaN, k = byKey.get("stiffness").values[i];
+    const marks = Number.isFinite(turn) ? [{ x: turn, y: k, text: `chosen ${turn.toFixed(0)} deg`, colour: "#c62828" }] : [];
+    const y = spinCurve(i), n = y.length, x = D.spin_map.spins, series = [{ name: D.objective, x, y }];
+    if (hits) {
+      series[0] = { name: "collides", x, y, colour: "#98a4ae", dash: "3 3" };
+      series.push({ name: `free, ${D.objective}`, x, y: y.map((v, k) => hits[i * n + k] ? NaN : v), colour: PP.colours[0], dots: true });
     }
+    PP.lineChart($("spin"), { series, xLabel: "turn about the tool axis [deg]", yLabel: "N/mm", marks, height: 230 });
   }
-  function select(i) { const m = firstCut[i] >= 0 ? firstCut[i] : lastMove[i]; if (m >= 0) seek(time[m]); showTag(i); if (rows.has(i)) reveal(rows.get(i)); }
-  function reveal(row) {  // within the list only: the page itself must not jump
-    const list = row.closest(".scroll"), top = row.offsetTop - list.clientHeight / 2;
-    if (row.offsetTop < list.scrollTop || row.offsetTop > list.scrollTop + list.clientHeight - 30) list.scrollTop = top;
+  function select(i) {
+    const m = moveOf[i] >= 0 ? moveOf[i] : lastMove[i], pose = D.poses[i];
+    if (pose) { seek(m >= 0 ? time[m] : clock, false); for (let j = 0; j < 6; j++) angles[j] = pose.q[j]; scene.place(angles); showTag(i); hit(pose.pair); }
+    else if (m >= 0) { seek(time[m], false); showTag(i); }
+    else { seek(time[nearest(i)] || 0, false); showTag(i); }
+    reveal(i); if ($("view").value === "tag") view("tag");
   }
-  pickTag = select;
-  const spinMap = D.spin_map ? U(D.spin_map.values) : null;
+  function nearest(i) {  // the move of the nearest tag that can be run
+    let best = -1, least = Infinity;
+    for (let k = 0; k < nTags; k++) if (moveOf[k] >= 0) {
+      const d = Math.hypot(points[3 * k] - points[3 * i], points[3 * k + 1] - points[3 * i + 1], points[3 * k + 2] - points[3 * i + 2]);
+      if (d < least) { least = d; best = moveOf[k]; }
+    }
+    return best;
+  }
+  function reveal(i) {  // within the list only: the page itself must not jump
+    const at = visible.indexOf(i) * rowHeight;
+    if (at >= 0 && (at < list.scrollTop || at > list.scrollTop + list.clientHeight - 3 * rowHeight)) list.scrollTop = Math.max(0, at - list.clientHeight / 2);
+    fill();
+  }
+  document.querySelectorAll("#findings tr[data-goto]").forEach(tr => tr.addEventListener("click", () => select(+tr.dataset.goto)));
 
   // ---- charts ---------------------------------------------------------------------------------
-  const names = ["A1", "A2", "A3", "A4", "A5", "A6"], t = Array.from(time), deg = 180 / Math.PI;
-  const joint = j => { const y = new Float64Array(moves); for (let i = 0; i < moves; i++) y[i] = q[6 * i + j] * deg; return y; };
+  const names = ["A1", "A2", "A3", "A4", "A5", "A6"], deg = 180 / Math.PI, curves = [0, 1, 2, 3, 4, 5].map(j => {
+    const angle = new Float64Array(moves), speed = new Float64Array(moves);
+    for (let i = 0; i < moves; i++) {
+      const dt = i ? time[i] - time[i - 1] : 0;
+      angle[i] = q[6 * i + j] * deg; speed[i] = dt > 1e-4 ? Math.abs(q[6 * i + j] - q[6 * i - 6 + j]) * deg / dt / D.robot.speeds[j] * 100 : 0;
+    }
+    return { angle, speed };
+  });
   let cursorQ = null, cursorV = null;
   function charts() {
     const pick = $("axis").value, chosen = pick === "all" ? [0, 1, 2, 3, 4, 5] : [+pick];
-    const levels = chosen.length === 1 ? D.limits[chosen[0]].map(y => ({ y })) : [];
-    cursorQ = PP.lineChart($("angles"), { series: chosen.map(j => ({ name: names[j], x: t, y: joint(j), colour: PP.colours[j] })), xLabel: "time [s]", yLabel: "deg", levels, onPick: seek });
-    const speed = chosen.map(j => { const y = new Float64Array(moves); for (let i = 1; i < moves; i++) { const dt = time[i] - time[i - 1]; y[i] = dt > 1e-6 ? Math.abs(q[6 * i + j] - q[6 * i - 6 + j]) * deg / dt / D.speeds[j] * 100 : NaN; } return { name: names[j], x: t, y, colour: PP.colours[j] }; });
-    cursorV = PP.lineChart($("speeds"), { series: speed, xLabel: "time [s]", yLabel: "% of axis limit", onPick: seek });
+    const levels = chosen.length === 1 ? D.robot.limits[chosen[0]].map(y => ({ y })) : [];
+    const series = what => chosen.map(j => ({ name: names[j], x: time, y: curves[j][what], colour: PP.colours[j] }));
+    cursorQ = PP.lineChart($("angles"), { series: series("angle"), xLabel: "time [s]", yLabel: "deg", levels, onPick: seek });
+    cursorV = PP.lineChart($("speeds"), { series: series("speed"), xLabel: "time [s]", yLabel: "% of axis limit", onPick: seek });
   }
-  $("axis").addEventListener("change", () => { charts(); seek(clock); });
-  $("colour").addEventListener("change", () => colour(D.tags.map(g => { const v = g.values[$("colour").value]; return v === null ? NaN : v; })));
-  window.ppPage = { seek, select, state: () => ({ clock, current, shown, angles: Array.from(angles), moves, rows: body.rows.length, first: body.rows.length ? +body.rows[0].dataset.tag : -1 }) };
-  fill(); if (moves) charts();
+  $("axis").addEventListener("change", () => { charts(); seek(clock, false); });
+  $("colour").addEventListener("change", () => { const c = byKey.get($("colour").value); if (c) paint(c); });
+  $("view").addEventListener("change", () => view($("view").value));
+
+  window.ppPage = { seek, select, spinCurve, state: () => ({
+    ready, clock, current, shown, moves, tags: nTags, angles: Array.from(angles), colliding, playing,
+    rows: visible.length, first: visible.length ? visible[0] : -1, colour: $("colour").value, tip: scene.tip(),
+    line: current >= 0 && krlLine.length ? krlLine[current] : null,
+  }) };
+  filter(); if (moves) charts();
   if ($("colour").options.length) $("colour").dispatchEvent(new Event("change"));
-  const failing = D.tags.findIndex(g => g.failed);
-  seek(0); if (failing >= 0) select(failing); else if (nTags) select(0);
+  seek(0);
+  const bad = Object.keys(D.failing).map(Number).sort((a, b) => a - b);
+  if (bad.length) select(bad[0]); else if (nTags) select(0);
+  if (!moves) { slider.disabled = true; $("play").disabled = true; for (const id of ["angles", "speeds"]) $(id).textContent = "no motion was planned"; }
+  Promise.all([PP.text(D.cam), ...D.krl.map(PP.text)]).then(([camText, ...programs]) => {
+    for (const l of camText.split("\n")) { const t = l.indexOf("\t"); cam.set(+l.slice(0, t), l.slice(t + 1)); }
+    for (const p of programs) krl.push(p.split("\n"));
+    ready = true; if (shown >= 0) showLines(shown);
+  });
 })();

@@ -1,0 +1,129 @@
+"""Stiffness over the turn about the tool axis for every tag, in the posture of the plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.model.toolpath import MotionKind
+from postproc.report.page import packed
+from postproc.units import DEG, N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.collision.scene import Scene
+    from postproc.model.arrays import BoolArray, FloatArray
+    from postproc.model.cell import Cell
+    from postproc.model.plan import Plan
+    from postproc.planning.ladder import IndexArray
+
+MOST_TAGS = 10_000
+"""With more tags the map is left out."""
+_STEP = 10.0 * DEG
+_CHUNK = 1000
+_LEVELS = 65534
+_MOST_CHECKS = 50_000
+"""Poses that are checked for collision; with more, the map is of reach and stiffness alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpinMap:
+    """Index (n, s) [N/m] of tags over spins (s,) [rad], NaN where the arm cannot take the spin.
+
+    ``hit`` (n, s): something collides there; None where collisions were not looked at.
+    """
+
+    spins: FloatArray
+    index: FloatArray
+    hit: BoolArray | None = None
+
+    def to_page(self) -> dict[str, Any]:
+        """Return the map for the page's scripts, in 65534 levels: 0 is a gap."""
+        values = self.index / N_PER_MM
+        known = np.isfinite(values)
+        low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 1.0)
+        scale = (high - low) or 1.0
+        level = np.where(known, np.round((np.nan_to_num(values) - low) / scale * _LEVELS) + 1, 0)
+        return {
+            "spins": [float(v) for v in np.round(self.spins / DEG, 6)],
+            "low": float(low),
+            "step": float(scale / _LEVELS),
+            "level": packed(level, "uint16"),
+            "hit": None if self.hit is None else packed(self.hit, "uint8"),
+        }
+
+
+def spin_map(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> SpinMap | None:
+    """Return the map of a plan, None without stiffness or with too many tags.
+
+    The posture is that of the plan: its branch, and the turns of the joints nearest to it.
+
+    Args:
+        plan: the plan.
+        cell: its cell, with the objective of the call.
+        move_of_tag: (n,) the move at which each tag's pose is taken, -1 for a tag without any.
+        scene: the solids.
+    """
+    from postproc.planning.place import spin_values
+    from postproc.planning.station import cell_at
+
+    n = len(plan.toolpath)
+    if not np.isfinite(plan.stiffness).any() or n > MOST_TAGS:
+        return None
+    spins = spin_values(_STEP, *cell.optimize.range)
+    index = np.full((n, len(spins)), np.nan)
+    q = np.full((n, len(spins), 6), np.nan)
+    served = np.flatnonzero(move_of_tag >= 0)
+    places = plan.external[move_of_tag[served]]
+    for place in np.unique(places, axis=0):
+        tags = served[(places == place).all(axis=1)]
+        fixed = cell_at(cell, place) if len(place) else cell
+        for low in range(0, len(tags), _CHUNK):
+            some = tags[low : low + _CHUNK]
+            index[some], q[some] = _values(plan, fixed, some, move_of_tag[some], spins)
+    return SpinMap(spins, index, _hits(plan, q, move_of_tag, scene))
+
+
+def _values(
+    plan: Plan, cell: Cell, tags: IndexArray, moves: IndexArray, spins: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the index (t, s) of tags (t,) and the joints (t, s, 6), NaN where the arm cannot."""
+    from postproc.kinematics.model import build
+    from postproc.planning.candidates import evaluate
+    from postproc.planning.place import place
+    from postproc.planning.problem import Problem, path_normals, stiffness_of
+    from postproc.planning.settings import PlanOptions, settle
+
+    cell, settings = settle(cell, PlanOptions())
+    path, placement = plan.toolpath, place(plan.toolpath, cell)
+    normals = path_normals(path, placement)
+    problem = Problem(
+        path, cell, build(cell.robot), placement, settings, normals, stiffness_of(cell)
+    )
+    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T = placement.tcp(which, spin)
+    near = np.repeat(plan.q[moves], len(spins), axis=0)
+    q, reached = problem.solve(T, np.repeat(plan.branch[moves].astype(np.int64), len(spins)), near)
+    q = np.where(reached[:, None], q, 0.0)
+    q = np.where(problem.within(q)[:, None], q, problem.kinematics.nearest(q, near))
+    good = reached & problem.within(q) & problem.regular(q)
+    rows = np.flatnonzero(good)
+    index = np.full(len(which), np.nan)
+    index[rows] = evaluate(problem, which[rows], spin[rows], T[rows], q[rows])[1]
+    shape = (len(tags), len(spins))
+    return index.reshape(shape), np.where(good[:, None], q, np.nan).reshape(*shape, 6)
+
+
+def _hits(plan: Plan, q: FloatArray, move_of_tag: IndexArray, scene: Scene) -> BoolArray | None:
+    """Return where (n, s) the pose at the tag collides."""
+    can = np.isfinite(q[..., 0])
+    if can.sum() > _MOST_CHECKS:
+        return None
+    tag, spin = np.nonzero(can)
+    hit = np.zeros(can.shape, dtype=np.bool_)
+    if len(tag):
+        poses = np.hstack([q[tag, spin], plan.external[move_of_tag[tag]]])
+        contact = plan.toolpath.kind[tag] != MotionKind.RAPID
+        hit[tag, spin] = scene.check(poses, contact).hit
+    return hit
