@@ -19,7 +19,7 @@ import coal
 import fcl
 import numpy as np
 import pinocchio as pin
-from workload_scene import candidates, holes, workload_cell
+from workload_scene import candidates, fixed_spin_path, holes, workload_cell
 
 from postproc.collision.bodies import WORLD
 from postproc.collision.check import Tally
@@ -52,6 +52,11 @@ def main() -> None:
         for name, q in (("candidates", chosen), ("random", spread)):
             compare(name, scene, arm, q)
         motions(scene, chosen)
+        path = fixed_spin_path(arm, cell, *holes(10000))
+        start = time.process_time()
+        hit = scene.check_motion(path).hit.mean()
+        speed = (len(path) - 1) / (time.process_time() - start)
+        print(f"  {'10,000 successive holes':<34}{speed:>10,.0f} /s   {hit:.1%} hit")
 
 
 def compare(name: str, scene: Scene, arm: Kinematics, q: np.ndarray) -> None:

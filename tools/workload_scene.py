@@ -101,15 +101,35 @@ def holes(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def candidates(arm: Kinematics, cell: Cell, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """All configurations (m, 6) within limits: 36 spins about the tool axis, 8 branches."""
+    q, valid = _solved(arm, cell, points, normals, np.arange(SPINS) * (2.0 * np.pi / SPINS))
+    return np.asarray(q[valid])
+
+
+def fixed_spin_path(
+    arm: Kinematics, cell: Cell, points: np.ndarray, normals: np.ndarray
+) -> np.ndarray:
+    """Configurations (m, 6) of successive holes at the spin and branch that reach the most."""
+    best = np.zeros((0, 6))
+    for spin in np.arange(SPINS) * (2.0 * np.pi / SPINS):
+        q, valid = _solved(arm, cell, points, normals, np.array([spin]))
+        branch = int(valid.sum(axis=0).argmax())
+        if valid[:, branch].sum() > len(best):
+            best = q[valid[:, branch], branch]
+    return np.unwrap(best, axis=0)
+
+
+def _solved(
+    arm: Kinematics, cell: Cell, points: np.ndarray, normals: np.ndarray, spin: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joints (n * s, 8, 6) and whether they are within limits, for every point and spin."""
     z = -normals
     x = np.cross([0.0, 1.0, 0.0], z)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     y = np.cross(z, x)
-    spin = np.arange(SPINS) * (2.0 * np.pi / SPINS)
     side = np.cos(spin)[:, None] * x[:, None] + np.sin(spin)[:, None] * y[:, None]
     forward = np.broadcast_to(z[:, None], side.shape)
     R = np.stack([side, np.cross(forward, side), forward], axis=-1)
     T = transform(R, np.broadcast_to(points[:, None], side.shape)).reshape(-1, 4, 4)
     q, valid = arm.ik(T @ inverse(cell.tool.T_flange_tcp))
     valid &= arm.within_limits(np.where(valid[..., None], q, 0.0))
-    return np.asarray(q[valid])
+    return q, valid

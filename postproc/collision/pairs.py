@@ -6,7 +6,8 @@ Tested: every link and every tool solid against workpiece and obstacles; the too
 - neighbouring links (i, i+1), which share a joint;
 - links (3, 5) and (4, 6): the mechanical stops of a wrist keep them apart;
 - the tool against the wrist, links 4 to 6, which carries it;
-- link 0 against obstacles: the robot stands on one of them;
+- link 0 against obstacles: the robot stands on one of them, or on the bed of its rail;
+- workpiece and obstacles against each other: the part lies on its fixture;
 - a pair of links that touches at the zero pose, at the cannon pose (0, -90, 90, 0, 0, 0), or at
   every one of ``SAMPLES`` poses spread over the limits: it touches by construction.
 """

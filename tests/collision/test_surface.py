@@ -82,7 +82,7 @@ def test_points_are_asked_in_cam_coordinates(tmp_path, arm_of):
     assert np.array_equal(scene.surface_normals(apply(placement, local)), found.normal)
     assert scene.surface_normals(np.zeros((0, 3))).shape == (0, 3)
     with pytest.raises(DataError, match="point 2 lies") as caught:
-        scene.surface_normals(found.point + [[0, 0, 0], [0, 0.3, 0.3]], farthest=0.01)
+        scene.surface_normals(found.point + np.array([[0.0], [0.3]]), farthest=0.01)
     assert caught.value.code == "COL008"
 
 
