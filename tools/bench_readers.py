@@ -32,7 +32,8 @@ def nx() -> Iterator[str]:
     """Five-axis milling: long runs of points, every third with an axis."""
     yield "TOOL PATH/SURFACE,TOOL,BALL_10\nTLDATA/MILL,10.0000,5.0000,75.0000,0.0000,0.0000\n"
     yield "MSYS/100.0,50.0,20.0,0.0000000,1.0000000,0.0000000,-1.0000000,0.0000000,0.0000000\n"
-    yield "LOAD/TOOL,2\nPAINT/COLOR,186\nRAPID\nGOTO/0.0000,0.0000,80.0000,0.0000000,0.0000000,1.0000000\n"
+    yield "LOAD/TOOL,2\nPAINT/COLOR,186\nRAPID\n"
+    yield "GOTO/0.0000,0.0000,80.0000,0.0000000,0.0000000,1.0000000\n"
     yield "FEDRAT/MMPM,800.0000\n"
     i = 0
     while True:
@@ -103,12 +104,13 @@ def csv_comma() -> Iterator[str]:
 
 def xml() -> Iterator[str]:
     """Cartesian targets with six joints each."""
-    yield "<?xml version='1.0' encoding='UTF-8'?>\n<OLPData>\n <Resource ResourceType='Robot' id='r'>\n"
+    yield "<?xml version='1.0' encoding='UTF-8'?>\n<OLPData>\n <Resource id='r'>\n"
     yield "  <GeneralInfo><ResourceName>r</ResourceName></GeneralInfo>\n  <ActivityList Task='T'>\n"
     for i in _forever():
         x, y, z = (float(v) / 1000.0 for v in _row(i)[:3])
         joints = "".join(
-            f"      <Joint DOFNumber='{j}' JointName='Joint {j}' JointType='Rotational' Units='deg'>\n"
+            f"      <Joint DOFNumber='{j}' JointName='Joint {j}' JointType='Rotational' "
+            "Units='deg'>\n"
             f"       <JointValue LowerTravelLimit='-170.0000156' Status='WithinReach' "
             f"UpperTravelLimit='170.0000156'>{10.0 * j + 0.001 * (i % 999):.8f}\n"
             "       </JointValue>\n      </Joint>\n"
@@ -200,9 +202,7 @@ def main() -> None:
         measure(arguments.measure)
         return
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    print(
-        f"{'case':<12} {'MB':>6} {'MB/s':>7} {'goal':>5} {'kpoints/s':>10} {'peak MB':>8} {'x file':>7}"
-    )
+    print("case             MB    MB/s  goal  kpoints/s  peak MB  x file")
     for name, (kind, suffix, make, end) in CASES.items():
         if arguments.only not in (None, name):
             continue

@@ -62,13 +62,14 @@ class AptReader:
             raise faults.error("APT001", "no statement in this file", 1)
         motion_reader.finish()
         close_spline(state)
-        if last_motion > state.last_end:
+        last_open = max(last_motion, state.last_open)
+        if last_open > state.last_end:
             ends = " or ".join(sorted(state.dialect.ends))
             faults.fix(
                 "APT009",
                 f"the file ends without {ends}, it may be cut off",
                 "it is taken as complete",
-                last_motion,
+                last_open,
             )
         return finished_toolpath(state, path)
 

@@ -82,7 +82,7 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
     radius = _checked_radius(records, to_start, to_end, faults)
     sine = np.einsum("ni,ni->n", np.cross(to_start, to_end), normal)
     sweep = np.arctan2(sine, np.einsum("ni,ni->n", to_start, to_end)) % TURN
-    closed = np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP
+    closed = (np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP) | (sweep <= 0.0)
     whole = TURN * np.maximum(records.turns, 1)
     sweep = np.where(closed, whole, sweep + TURN * records.turns)
     return Arcs(records.centre, normal, radius, sweep)

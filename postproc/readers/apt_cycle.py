@@ -295,7 +295,7 @@ def _begin(state: AptState, cycle: Cycle, line: int) -> None:
     """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
     if cycle.peck > 0.0 and cycle.kind == "drill":
         cycle = replace(cycle, kind="peck")
-    known = state.cycle_index.setdefault(cycle, len(state.cycles))
+    known = state.cycle_index.setdefault(repr(cycle), len(state.cycles))
     if known == len(state.cycles):
         state.cycles.append(cycle)
     state.cycle.set(state.at, known)

@@ -90,7 +90,8 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
         )
     if state.revolution_feed is not None:
         state.set_feed(state.revolution_feed * state.spindle)
-    state.add_event(EventKind.SPINDLE_ON, line, sign * state.spindle, ",".join(words))
+    known = 0.0 if isnan(state.spindle) else state.spindle
+    state.add_event(EventKind.SPINDLE_ON, line, sign * known, ",".join(words))
 
 
 def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, line: int) -> float:

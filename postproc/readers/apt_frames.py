@@ -56,10 +56,24 @@ def csys_statement(state: AptState, statement: Statement, line: int) -> None:
 def tool_axis_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle TLAXIS/: the tool axis of the points that follow, in their own system."""
     numbers = _all_numbers(state, statement, line, 3)
+    i, j, k = unit_axis(state, numbers, line)
+    if state.dialect.setup_plane:
+        state.table.tilt_axis = np.array([i, j, k])
+        state.table.reset(state)
+    else:
+        state.set_axis(i, j, k)
+
+
+def unit_axis(state: AptState, numbers: list[float], line: int) -> tuple[float, float, float]:
+    """Return a tool axis of length one.
+
+    Raises:
+        ReadError: APT026 for a zero vector, APT027 for another length, unless recovering.
+    """
     length = float(np.linalg.norm(numbers))
+    if length < AXIS_NORM_GAP:
+        raise state.faults.error("APT026", "the tool axis is a zero vector", line)
     if abs(length - 1.0) > AXIS_NORM_GAP:
-        if length < AXIS_NORM_GAP:
-            raise state.faults.error("APT026", "the tool axis is a zero vector", line)
         state.faults.fix(
             "APT027",
             f"the tool axis has length {length:.4f}, expected 1",
@@ -67,11 +81,7 @@ def tool_axis_statement(state: AptState, statement: Statement, line: int) -> Non
             line,
         )
     i, j, k = (value / length for value in numbers)
-    if state.dialect.setup_plane:
-        state.table.tilt_axis = np.array([i, j, k])
-        state.table.reset(state)
-    else:
-        state.set_axis(i, j, k)
+    return i, j, k
 
 
 def table_statement(state: AptState, statement: Statement, line: int) -> None:

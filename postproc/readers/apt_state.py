@@ -116,7 +116,8 @@ class AptState:
         self.revolution_feed: float | None = None
         """Feed per turn [m] in force, None if the feed is per time."""
         self.cycle_words: dict[str, float] = {}
-        self.cycle_index: dict[Cycle, int] = {}
+        self.cycle_index: dict[str, int] = {}
+        """Index by the text of the cycle: NaN is not equal to itself."""
         self.cycle_memo: dict[str, tuple[int, dict[str, float]]] = {}
         """Index and parameters by text, of cycles that depend on nothing else."""
         self.feed_memo: dict[str, float] = {}
@@ -125,6 +126,8 @@ class AptState:
         self.matrix = MatrixComment()
         self.last_point: FloatArray | None = None
         """The last point in file coordinates and units, for increments."""
+        self.last_open = 0
+        """Line of the last TOOL PATH, which an end word must close."""
         self.last_end = 0
         """Line of the last word that may end a file."""
         self.spline: SplineDraft | None = None

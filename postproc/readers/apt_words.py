@@ -36,7 +36,9 @@ _REFUSED = frozenset(
 _MOVING = (
     "GOTO", "CIRCLE", "RAPID", "FEDRAT", "CYCLE", "GODLTA", "MSYS", "TLAXIS", "ORIGIN", "UNITS",
     "UNIT", "NURBS", "CNTRL", "KNOT", "ROTABL", "INDIRV", "CSYS", "FROM", "END-OF-PATH", "FINI",
+    "CYCLE81", "CYCLE82", "CYCLE83", "SPINDL", "COOLNT", "LOADTL", "TOOLNO", "DELAY", "OPSTOP",
 )  # fmt: skip
+"""Words that must not get lost by a slip of one letter."""
 _NEAR_LENGTH = 4
 
 
@@ -191,6 +193,7 @@ def _describe(state: AptState, line: int, numbers: list[float], height: int) -> 
 def _tool_path(state: AptState, statement: Statement, line: int) -> None:
     """TOOL PATH/name,TOOL,tool name (NX): a new operation; the tool axis begins at (0, 0, 1)."""
     args = statement.args
+    state.last_open = line
     state.add_operation(args[0] if args else "", line)
     if len(args) > 2 and args[1].upper() == "TOOL":
         state.add_tool(line, name=args[2])
@@ -225,9 +228,11 @@ def _dwell(state: AptState, statement: Statement, line: int) -> None:
     numbers = [value for value in statement.numbers() if value is not None]
     if not numbers or numbers[0] < 0.0:
         raise state.faults.error("APT072", "DELAY without a time", line, statement.text)
-    seconds = numbers[0] / state.spindle if "REV" in statement.upper else numbers[0]
-    if not seconds < float("inf"):
-        raise state.faults.error("APT072", "DELAY in turns without a spindle speed", line)
+    seconds = numbers[0]
+    if "REV" in statement.upper:
+        if not state.spindle > 0.0:
+            raise state.faults.error("APT072", "DELAY in turns without a spindle speed", line)
+        seconds /= state.spindle
     state.add_event(EventKind.DWELL, line, seconds)
 
 
@@ -258,7 +263,7 @@ def _from(state: AptState, statement: Statement, line: int) -> None:
     if state.tag == 0:
         state.start = R @ numbers[:3] * state.scale + t
     if len(numbers) > 3:
-        state.set_axis(*numbers[3:])
+        state.set_axis(*apt_frames.unit_axis(state, numbers[3:], line))
     state.last_point = None
 
 

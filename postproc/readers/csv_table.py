@@ -97,7 +97,8 @@ def split_row(text: str, separator: str) -> list[str]:
     if separator == _BLANK:
         return text.split()
     if '"' in text:
-        return [part.strip() for part in next(csv.reader([text], delimiter=separator))]
+        row = next(csv.reader([text.replace("\r", " ")], delimiter=separator))
+        return [part.strip() for part in row]
     return [part.strip() for part in text.split(separator)]
 
 
@@ -125,8 +126,8 @@ def _separator(rows: list[str]) -> tuple[str, bool]:
             points = sum(1 for part in fields if "," not in part and _is_plain(part))
             return candidate, commas > 0 and (commas >= points or not _any_point(fields))
     if all("," in row for row in body):
-        by_blank = [part for row in body for part in row.split()]
-        if len(by_blank) >= 3 * len(body) and all(_DECIMAL_COMMA.match(p) for p in by_blank):
+        with_comma = [part for row in body for part in row.split() if "," in part]
+        if len(with_comma) >= 3 * len(body) and all(map(_DECIMAL_COMMA.match, with_comma)):
             return _BLANK, True
         return ",", False
     return _BLANK, False

@@ -1,0 +1,97 @@
+"""The inspect document: the contract's keys, and lengths by hand."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from postproc.cli.app import run
+from postproc.readers import read
+from postproc.report.inspection import distinct_axes, inspection
+
+KEYS = {
+    "schema": str, "format": str, "dialect": str, "units": str, "points": int, "rapid_points": int,
+    "arcs": int, "holes": int, "tools": int, "tool_axes": int, "box_mm": list,
+    "cutting_length_mm": float, "rapid_length_mm": float, "feeds_mm_min": list,
+    "unknown_words": dict, "warnings": list,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def facts(fixtures):
+    return inspection(read(fixtures / "part.apt"))
+
+
+def test_the_keys_of_the_contract(fixtures, capsys):
+    assert run(["inspect", str(fixtures / "part.cls"), "--json"]) == 0
+    out, err = capsys.readouterr()
+    document = json.loads(out)
+    assert document["schema"] == "postproc.inspect/1"
+    for key, kind in KEYS.items():
+        assert isinstance(document[key], kind), key
+    assert document["warnings"][0] == {
+        "line": 1, "text": "no UNITS record: read in mm, as the feeds say", "code": "APT110",
+        "count": 1,
+    }  # fmt: skip
+    assert "APT110" in err
+
+
+def test_counts(facts):
+    counts = {key: facts[key] for key in ("points", "rapid_points", "arcs", "holes", "tools",
+                                          "tool_axes", "tool_changes")}  # fmt: skip
+    assert counts == {"points": 17, "rapid_points": 5, "arcs": 3, "holes": 3, "tools": 2,
+                      "tool_axes": 1, "tool_changes": 2}  # fmt: skip
+
+
+def test_box_and_feeds(facts):
+    assert facts["box_mm"] == [[0.0, 0.0, -3.0], [80.0, 70.0, 50.0]]
+    assert facts["feeds_mm_min"] == [120.0, 200.0, 600.0]
+
+
+def test_cutting_length_goes_along_the_arcs(facts):
+    straight = 5 + 30 + 20 + 20 + 5 + 8
+    arcs = 2 * math.pi / 2 * 10 + 2 * math.pi * 5
+    assert facts["cutting_length_mm"] == pytest.approx(straight + arcs, abs=1e-5)
+
+
+def test_rapid_length_reaches_the_holes_and_leaves_from_the_retract_height(facts):
+    first = math.hypot(10, 48) + 53 + math.dist((80, 40, 50), (20, 60, 2))
+    to_holes = math.dist((20, 60, 5), (10, 70, 3))
+    between = 2 * math.dist((10, 70, 12), (30, 70, 3))
+    away = 50 - 12
+    assert facts["rapid_length_mm"] == pytest.approx(first + to_holes + between + away, abs=1e-5)
+
+
+def test_a_helix_counts_its_rise(fixtures):
+    toolpath = read(fixtures / "nx_modes.cls")
+    arc = math.hypot(2 * math.pi * 10, 2)
+    straight = 5 + 10 + 10 + 10 + 50
+    assert inspection(toolpath)["cutting_length_mm"] == pytest.approx(straight + arc, abs=1e-5)
+
+
+def test_axes_closer_than_a_millionth_are_one():
+    tilt = np.array([0.0, 1e-7, 1e-3])
+    axes = np.column_stack([np.sin(tilt), np.zeros(3), np.cos(tilt)])
+    assert distinct_axes(axes) == 2
+
+
+def test_text_for_people(fixtures, capsys):
+    assert run(["inspect", str(fixtures / "plain_inch.apt")]) == 0
+    out, err = capsys.readouterr()
+    assert "AUXFUN (1), MYWORD (2)" in out
+    assert "in inch" in out
+    assert "warning APT151" in err
+    assert run(["inspect", str(fixtures / "plain_inch.apt"), "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_joint_targets_have_no_place_in_the_box(fixtures):
+    facts = inspection(read(fixtures / "tasks.xml"))
+    assert facts["box_mm"] == [[500.0, 0.0, 500.0], [1000.0, 2100.0, 1200.0]]
+    json.dumps(facts, allow_nan=False)
+
+
+def test_help_has_an_example(capsys):
+    assert run(["inspect", "--help"]) == 0
+    assert "Example: postproc inspect" in capsys.readouterr().out
