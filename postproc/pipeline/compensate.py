@@ -280,20 +280,18 @@ def _findings(
 
 
 def _note(plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _Rows) -> str:
-    """Return one line for the program: model, loads, size of the shifts. No path, no date."""
+    """Return one short line for the program: model, loads, largest shift. No path, no date."""
     size = np.linalg.norm(solved.shift[: len(plan)], axis=1) / MM
     mass = cell.tool.mass
     parts = []
     if carries_dead_load(file) and np.isfinite(mass) and mass > 0.0:
         parts.append(f"tool {mass:g} kg")
     force, moment = np.split(np.asarray(cell.process.wrench_tcp), 2)
-    if bool(np.any(rows.working)) and bool(np.any(cell.process.wrench_tcp)):
-        parts.append(f"process {_triple(force)} N {_triple(moment)} Nm while cutting")
-    return (
-        f"compensated by {Path(file.path).name} ({', '.join(file.effects)}); "
-        f"load: {', '.join(parts) or 'none'}; "
-        f"shift mean {size.mean():.3f} max {size.max(initial=0.0):.3f} mm"
-    )
+    if bool(np.any(rows.working)):
+        parts += [f"force {_triple(force)} N"] if bool(np.any(force)) else []
+        parts += [f"moment {_triple(moment)} Nm"] if bool(np.any(moment)) else []
+    parts.append(f"shift <= {size.max(initial=0.0):.3f} mm")
+    return f"compensated ({Path(file.path).name}): {', '.join(parts)}"
 
 
 def _triple(values: FloatArray) -> str:

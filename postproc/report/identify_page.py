@@ -25,7 +25,7 @@ def identify_page(result: Identification) -> bytes:
             f"model: {result.chosen} ({result.reason}).",
             f"The loads move the tool by {result.deflection_mean / MM:.4f} mm on average, "
             f"{result.deflection_max / MM:.4f} mm at most. Noise {result.noise / MM:.4f} mm per "
-            f"axis (from {content['noise_from']}); noise alone leaves an error of "
+            f"axis ({_source(content)}); noise alone leaves an error of "
             f"{result.floor_mean / MM:.4f} mm: no model can be seen to do better.",
         ),
     )
@@ -36,14 +36,19 @@ def identify_page(result: Identification) -> bytes:
     page.section("Joints, constant over the workspace", _joints(content))
     page.section("Error before and after, by model", _errors(result), "half")
     page.section("Distribution of the error", _distribution(result), "half")
-    page.section("Models on tags that they have not seen", _models(content), "half")
-    page.section("Error over space", _space(result), "half")
+    page.section("Models on tags that they have not seen", _models(content))
+    page.section("Error over space", _space(result))
     for name, fit in result.grids.items():
         body = _over_cells(1.0 / fit.field.c_joint, fit.sd / fit.field.c_joint)
         page.section(f"Stiffness over the cells: {name} mm", body)
     if result.continuous is not None:
         page.section("Stiffness over each joint's own angle, continuous model", _curves(result))
     return page.render()
+
+
+def _source(content: dict[str, object]) -> str:
+    repeats = content["noise_from"] == "repeated readings"
+    return "from repeated readings" if repeats else "upper bound: what the best model leaves"
 
 
 def _joints(content: dict[str, object]) -> str:

@@ -29,10 +29,10 @@ def sample_page(sampling: Sampling) -> bytes:
             f"in one pass; robot {sampling.cell.robot.name}.",
         ),
     )
-    page.section("Cells and tags", _view(plan), "wide")
-    page.section("What it will tell", _outlook(sampling), "third")
+    page.section("Cells and tags", _view(plan), "half")
     page.section("Joint angles in the order of measuring", _angles(plan), "half")
-    page.section("Left out", _left_out(sampling), "half")
+    page.section("What it will tell", _outlook(sampling))
+    page.section("Left out", _left_out(sampling))
     page.section("Postures", _postures(plan))
     return page.render()
 

@@ -73,5 +73,5 @@ def _best(curves: SpinCurves) -> str:
         rows.append(cells)
     head = ["tag"]
     for index in ("axial", "normal", "seed_kx", "seed_kv"):
-        head += [f"{index} [deg]", "N/mm", "gain"]
+        head += [f"{index} [deg]", "N/mm", "over 0 deg"]
     return table(head, rows)

@@ -61,7 +61,7 @@ def line_chart(
         parts.append(frame.path(s.x, s.y, colour, s.marks))
     for name, level in levels:
         parts.append(frame.level(level, name))
-    parts.append(_legend([s.name for s in series]))
+    parts.append(_legend([s.name for s in series], y_label))
     return _svg(size, "".join(parts))
 
 
@@ -95,7 +95,7 @@ def bar_chart(
         parts.append(_text(frame.x(i + 0.5), size[1] - _BOTTOM + 15, name, "middle"))
     for name, level in levels:
         parts.append(frame.level(level, name))
-    parts.append(_legend([s.name for s in series]))
+    parts.append(_legend([s.name for s in series], y_label))
     return _svg(size, "".join(parts))
 
 
@@ -221,7 +221,10 @@ class _Frame:
             return _ticks(self.low[1], self.high[1], 5)
         powers = range(math.floor(self.low[1]), math.ceil(self.high[1]) + 1)
         values = [m * 10.0**p for p in powers for m in (1.0, 2.0, 5.0)]
-        return [v for v in values if self.low[1] <= math.log10(v) <= self.high[1]]
+        shown = [v for v in values if self.low[1] <= math.log10(v) <= self.high[1]]
+        if len(shown) < 3:
+            return _ticks(10.0 ** self.low[1], 10.0 ** self.high[1], 4)
+        return shown
 
 
 def _ticks(low: float, high: float, count: int) -> list[float]:
@@ -233,8 +236,8 @@ def _ticks(low: float, high: float, count: int) -> list[float]:
     return [k * step + 0.0 for k in range(first, last + 1)]
 
 
-def _legend(names: Sequence[str]) -> str:
-    parts, x = [], _LEFT
+def _legend(names: Sequence[str], beside: str) -> str:
+    parts, x = [], max(_LEFT, 16.0 + 6.2 * len(beside))
     for k, name in enumerate(names):
         if not name:
             continue

@@ -72,7 +72,8 @@ def warnings(result: Identification) -> list[str]:
     if best > 1.5 * result.floor_mean:
         found.append(
             f"the best model leaves {best / MM:.3f} mm, noise alone would leave "
-            f"{result.floor_mean / MM:.3f} mm: something else moves the tool (postproc diagnose)"
+            f"{result.floor_mean / MM:.3f} mm: try --method auto, and postproc diagnose for what "
+            "else moves the tool"
         )
     return found
 

@@ -20,7 +20,7 @@ from postproc.model.modelfile import ModelFile, Registration
 from postproc.stiffness.cases import LoadCases, load_cases
 from postproc.stiffness.constant import ConstantFit, fit_constant, outliers
 from postproc.stiffness.continuous import ContinuousFit, Hyper, fit_continuous
-from postproc.stiffness.field import ConstantField, Grid, GridField, StiffnessField
+from postproc.stiffness.field import ConstantField, Grid, StiffnessField
 from postproc.stiffness.fieldfile import describe, effects_of
 from postproc.stiffness.gridded import GridFit, fit_grid, grid_over
 from postproc.stiffness.observability import ShowingLoad, Visibility, showing_load
@@ -29,6 +29,7 @@ from postproc.units import MM
 
 METHODS = ("auto", "constant", "grid", "continuous")
 FOLDS = 5
+FEWEST_RESPONSES = 3
 FEWEST_CASES = 9
 """Cases in the median cell below which a grid is not tried (the paper: more than ten a cell)."""
 FEWEST_CONTINUOUS = 12
@@ -103,7 +104,8 @@ class Identification:
         floor = self.cases.floor
         if floor is not None and floor.dof >= 12:
             return floor.sigma
-        return self.continuous.hyper.sigma if self.continuous else self.constant.sigma
+        left = [self.constant.sigma, *(fit.sigma for fit in self.grids.values())]
+        return min([*left, *([self.continuous.hyper.sigma] if self.continuous else [])])
 
     @property
     def floor_mean(self) -> float:
@@ -148,6 +150,12 @@ def identify(
     report = progress or (lambda done, total, what: None)
     registration = fit_registration(measured, kinematics, p_flange_tcp) if wanted.register else None
     everything = load_cases(measured, kinematics, p_flange_tcp, registration)
+    if len(everything) < FEWEST_RESPONSES:
+        raise StiffnessError(
+            "STF014",
+            f"{len(everything)} load responses, expected at least {FEWEST_RESPONSES}",
+            SourceRef(measured.path),
+        )
     work = _Work(everything, wanted, k_expected, report, measured.path)
     cases, faults = work.without_faults()
     work = _Work(cases, wanted, k_expected, report, measured.path)
@@ -385,8 +393,3 @@ def _showing(
         for joint in range(6)
         if seen.visibility[joint] is not Visibility.GOOD
     }
-
-
-def grid_fields(result: Identification) -> list[tuple[str, GridField]]:
-    """Return the fitted grids, coarse to fine."""
-    return [(name, fit.field) for name, fit in result.grids.items()]

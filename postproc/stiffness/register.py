@@ -17,6 +17,7 @@ from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import Registration
 
 FEWEST_UNLOADED = 12
+FEWEST_POSTURES = 6
 PULL = 2e-4
 """Noise of a reading (20 um) over the uncertainty of the reflector's place (0.1 m)."""
 _STEPS = 50
@@ -37,18 +38,19 @@ def fit_registration(
         value of ``p_flange_tcp``.
 
     Raises:
-        StiffnessError: STF013 with fewer than four readings or all on one line.
+        StiffnessError: STF013 with fewer than ``FEWEST_POSTURES`` or all on one line.
     """
     rows = _unloaded(measured)
     T = kinematics.fk(measured.q[rows])
     seen = np.asarray(measured.position)[rows]
     centred = seen - seen.mean(axis=0)
     spread = np.linalg.svd(centred, compute_uv=False)
-    if len(seen) < 4 or spread[1] < 1e-3 * max(spread[0], 1e-9):
+    distinct = len(np.unique(np.round(measured.q[rows], 6), axis=0))
+    if distinct < FEWEST_POSTURES or spread[1] < 1e-3 * max(spread[0], 1e-9):
         raise StiffnessError(
             "STF013",
-            "too few or too narrow readings to find the tracker's place, expected at least four "
-            "points that are not on one line",
+            f"too few or too narrow readings to find the tracker's place, expected at least "
+            f"{FEWEST_POSTURES} postures that are not on one line",
             SourceRef(measured.path),
         )
     point = np.array(p_flange_tcp, dtype=np.float64)

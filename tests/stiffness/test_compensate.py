@@ -151,7 +151,7 @@ def test_plan_is_shifted_and_says_so(cell, arm, postures, tmp_path):
     commanded = cut.workpiece.T_robroot_base @ done.T_base_tcp
     real = arm.fk(done.q) @ cut.tool.T_flange_tcp
     np.testing.assert_allclose(commanded, real, atol=1e-9)
-    for words in ("model.toml", "joint_compliance", "50 kg", "-400 0 0 N"):
+    for words in ("model.toml", "50 kg", "-400 0 0 N", "mm"):
         assert words in done.compensation_note
     assert str(tmp_path) not in done.compensation_note
     # the real tool lands on the CAM points

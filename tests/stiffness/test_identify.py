@@ -321,3 +321,12 @@ def test_same_readings_same_model(arm, postures, varying):
     measured = campaign(varying, postures(40), dead_weight(varying), TRACKER)
     first, second = (save_model(identify(measured, arm, TCP).model()) for _ in range(2))
     assert first == second
+
+
+def test_too_few_readings_are_refused(arm, postures):
+    twin = Twin()
+    measured = campaign(twin, postures(2), dead_weight(twin), TRACKER)
+    with pytest.raises(StiffnessError, match="STF014"):
+        identify(measured, arm, TCP)
+    with pytest.raises(StiffnessError, match="STF013"):
+        identify(measured, arm, TCP, IdentifyOptions(register=True))
