@@ -19,7 +19,7 @@ from postproc.units import DEG
 if TYPE_CHECKING:
     from postproc.collision.scene import Scene
 
-STEP_LENGTH = 0.02
+STEP_LENGTH = 0.01
 """Longest piece [m] of a motion between two checked poses."""
 STEP_ANGLE = 4.0 * DEG
 """Largest turn [rad] of the tool between two checked poses."""
@@ -232,6 +232,9 @@ class Checker:
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
             verdict.refuse(which[~self.problem.regular(solved)], Reason.SINGULAR)
             q[inner] = solved
+            bulge = _bulge(row, q)[inner]
+            verdict.refuse(which[~self.problem.within(solved - bulge)], Reason.JOINT_LIMIT)
+            verdict.refuse(which[~self.problem.within(solved + bulge)], Reason.JOINT_LIMIT)
         same = row[1:] == row[:-1]
         leap = np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)
         verdict.refuse(row[1:][same & (leap > JUMP)], Reason.SINGULAR)
@@ -250,7 +253,7 @@ class Checker:
         """Return row and share of every sample, both ends of each motion included."""
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
         pieces = np.ceil(
-            np.maximum(np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9, 1.0)
+            np.maximum(np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9, 2.0)
         ).astype(np.int64)
         row = np.repeat(np.arange(len(lines)), pieces + 1)
         first = np.cumsum(pieces + 1) - (pieces + 1)
@@ -275,6 +278,17 @@ class Checker:
         self.swept += len(start)
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
+
+
+def _bulge(row: IndexArray, q: FloatArray) -> FloatArray:
+    """Return how far (k, 6) the joints may leave their samples' range between samples [rad].
+
+    A parabola through three samples rises by an eighth of the second difference between two.
+    """
+    bulge = np.zeros_like(q)
+    inner = np.nonzero((row[1:-1] == row[:-2]) & (row[1:-1] == row[2:]))[0] + 1
+    bulge[inner] = np.abs(q[inner - 1] - 2.0 * q[inner] + q[inner + 1]) / 8.0
+    return bulge
 
 
 def _poses(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:

@@ -164,9 +164,21 @@ def _blends(
     exact[:-1] |= np.isin(table.role[1:], list(_EXACT)) | stops_before[1:]
     touching = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE, MoveRole.LIFT))
     exact[:-1] |= touching[:-1] != touching[1:]
+    exact[:-1] |= _turns_back(table)
     exact[-1:] = True
     blend[exact] = 0.0
     return np.where(blend < 1e-6, 0.0, blend)
+
+
+def _turns_back(table: Moves) -> BoolArray:
+    """Return (m-1,) whether the path turns back at the end of a move: its depth must be met."""
+    way = np.zeros((len(table), 3))
+    way[1:] = np.diff(table.T_base_tcp[:, :3, 3], axis=0)
+    straight = table.kind == MoveKind.LIN
+    size = np.linalg.norm(way, axis=1)
+    cosine = np.einsum("ij,ij->i", way[:-1], way[1:])
+    back = cosine < -0.5 * size[:-1] * size[1:]
+    return np.asarray(back & straight[:-1] & straight[1:] & (size[:-1] > _SHORT))
 
 
 def _durations(

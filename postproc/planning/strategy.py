@@ -11,12 +11,16 @@ from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.explain import explained
 from postproc.planning.feasible import Checker
 from postproc.planning.hunt import Hunt, check_chain, step_rules, travel
+from postproc.planning.keytags import arc_length
 from postproc.planning.ladder import Rule
 from postproc.planning.moves import Chosen
+from postproc.planning.problem import Problem
 from postproc.planning.refine import Course, refine
 
 Step = Callable[[int, int, str], None]
 _REVERTS = 6
+_SPREADS = 6
+_HEAVIER = 8.0
 
 
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
@@ -55,7 +59,7 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     low_, high_ = np.full(len(tags), low), np.full(len(tags), high)
     low_, high_ = np.minimum(low_, grid.spin), np.maximum(high_, grid.spin)
     for _ in range(_REVERTS):
-        course = refine(problem, grid, free, low_, high_)
+        course = _slowed(problem, refine(problem, grid, free, low_, high_), free, low_, high_)
         bad = _failing(checker, course, free)
         if not bad.any():
             break
@@ -65,6 +69,38 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     result = Chosen(chosen.spin.copy(), chosen.branch, chosen.q.copy(), chosen.good, chosen.entry)
     result.spin[tags], result.q[tags] = course.spin, course.q
     return result
+
+
+def _slowed(
+    problem: Problem, course: Course, free: BoolArray, low: FloatArray, high: FloatArray
+) -> Course:
+    """Return the course with its spins spread where an axis would be too fast at the feed.
+
+    The weight of travel is raised on the steps that are too fast, so that the turn spreads over
+    the tags around them.
+    """
+    time = _feed_times(problem, course)
+    speed = np.asarray(problem.cell.robot.qd_max)
+    for _ in range(_SPREADS):
+        need = np.abs(np.diff(course.q, axis=0) / speed).max(axis=1, initial=0.0)
+        fast = np.append(False, need > time)
+        if not fast.any():
+            break
+        heavier = np.where(fast, _HEAVIER * course.weight, course.weight)
+        heavy = Course(course.tags, course.spin, course.branch, course.q, heavier)
+        course = refine(problem, heavy, free, low, high)
+    return course
+
+
+def _feed_times(problem: Problem, course: Course) -> FloatArray:
+    """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
+    toolpath, b = problem.toolpath, course.tags[1:]
+    feed = np.asarray(toolpath.feed)[b]
+    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    step = np.diff(arc_length(toolpath)[course.tags])
+    is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (course.weight[1:] > 0.0)
+    timed = is_cut & np.isfinite(feed) & (step > 1e-6)
+    return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
 
 
 def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
