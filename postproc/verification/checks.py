@@ -181,16 +181,7 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     paths, trace = result.paths, result.paths.trace
     if not len(paths.row):
         return
-    times = motion_times(paths)
-    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
-    at_start = paths.q[np.maximum(paths.row - 1, 0)]
-    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
-    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
-    dt = times[paths.row] * share
-    with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
-    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
-    ratio = np.where(np.isfinite(needed), needed, 0.0)
+    ratio = speed_shares(paths, cell)
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
     axis = int(ratio[row].argmax())
@@ -200,6 +191,20 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     counts = is_cut if is_cut is not None else trace.column("speed") <= MACHINING_SPEED
     for wanted in (True, False):
         _too_fast(result, worst, ratio, counts[paths.row] == wanted, is_error=wanted)
+
+
+def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
+    """Return how much of its speed (s, 6) each axis needs at each sample, 1 = its limit."""
+    times = motion_times(paths)
+    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
+    at_start = paths.q[np.maximum(paths.row - 1, 0)]
+    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
+    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
+    dt = times[paths.row] * share
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
+    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
+    return np.where(np.isfinite(needed), needed, 0.0)
 
 
 def _too_fast(

@@ -26,7 +26,7 @@ from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.units import DEG, MM, MM_PER_MIN
-from postproc.verification.checks import Result
+from postproc.verification.checks import Result, speed_shares
 from postproc.verification.elements import Arc, Followed, Line, follow
 from postproc.verification.holes import check_holes
 from postproc.verification.matching import Wanted, match, wanted_of
@@ -35,6 +35,8 @@ from postproc.verification.trace import Finding, Rows, Way
 
 FEED_TOLERANCE = 1e-3
 """Share by which a feed may differ from the file's."""
+AXIS_LIMIT = 0.95
+"""A feed that would need more than this share of an axis's speed may be programmed lower."""
 AT_MOST = 20
 """So many findings of one kind are listed one by one."""
 
@@ -270,6 +272,7 @@ class _Feeds:
 
     def __init__(self, result: Result, toolpath: ToolPath, cell: Cell) -> None:
         self._result = result
+        self._cell = cell
         feed = np.asarray(toolpath.feed)
         self._feed = np.where(np.isfinite(feed), feed, cell.motion.feed)
         own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
@@ -304,11 +307,34 @@ class _Feeds:
         row = int(error.argmax())
         self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
         bad = np.flatnonzero(error > FEED_TOLERANCE)
+        forced = self._forced(motions[bad], have[bad] / wanted[bad])
+        self._list(motions, have, wanted, bad[forced], is_error=False)
+        self._list(motions, have, wanted, bad[~forced], is_error=True)
+
+    def _forced(self, motions: Rows, share: FloatArray) -> BoolArray:
+        """Return which motions (b,) are slow because an axis could not follow the asked feed.
+
+        Args:
+            motions: (b,) motions.
+            share: (b,) programmed feed over asked feed.
+        """
+        paths = self._result.paths
+        needed = np.zeros(len(paths))
+        if len(motions) and len(paths.row):
+            np.maximum.at(needed, paths.row, speed_shares(paths, self._cell).max(axis=1))
+        return (share < 1.0) & (needed[motions] / share > AXIS_LIMIT)
+
+    def _list(
+        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, *, is_error: bool
+    ) -> None:
+        why = "" if is_error else ": an axis could not follow"
+        error = np.abs(have / wanted - 1.0)
         for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
             more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
             self._result.finding(
                 "feed",
                 int(motions[place]),
                 f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
-                f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}",
+                f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}{why}",
+                is_error,
             )

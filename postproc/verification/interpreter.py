@@ -59,6 +59,8 @@ from postproc.verification.trace import EventWord, Trace
 
 MAX_DEPTH = 50
 """Calls within calls."""
+MAX_CALLS = 1_000_000
+"""Calls in one run; more means that the program does not end."""
 MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
@@ -105,9 +107,9 @@ class Interpreter:
         self._world = world
         self.state = MotionState(world.tools, world.bases, world.T_world_robroot)
         self.recorder = Recorder()
-        self._targets = Targets(self.state, kinematics, self._joints_now)
-        self._evaluator = Evaluator(self._lookup, self._system_value, self._function)
-        self._control = ControlFlow(self._evaluator, self._assign_node, self._warn)
+        self.targets = Targets(self.state, kinematics, self._joints_now)
+        self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
+        self._control = ControlFlow(self.evaluator, self._assign_node, self._warn)
         self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
@@ -115,8 +117,8 @@ class Interpreter:
         self._flows: dict[int, Flow] = {}
         self._global_routines: dict[str, tuple[KrlModule, Routine]] = {}
         self._line = 0
-        self._searches = 0
-        self._motions = Motions(self._evaluator, self._targets, self)
+        self._searches = self._calls = 0
+        self._motions = Motions(self.evaluator, self.targets, self)
         self._handlers: dict[type, Callable[[Any], None]] = {
             Move: self._motions.move,
             Assign: self.assign,
@@ -167,14 +169,14 @@ class Interpreter:
                 scope.arrays.setdefault(name, {})
             value = variable.value
             if isinstance(value, Expr):
-                value = self._evaluator.value(value)
+                value = self.evaluator.value(value)
             scope.plain[name] = UNKNOWN if value is None else value
 
     def _store(self, node: Node, value: Value, scope: Variables) -> None:
         if not isinstance(node, Reference):
             return
         holder = scope if node.name in scope else self._globals
-        _put(holder, node, self._evaluator.value(value), self._evaluator)
+        _put(holder, node, self.evaluator.value(value), self.evaluator)
         self._note_frame_data(node, holder)
 
     # --------------------------------------------------------------------------------- execution
@@ -246,7 +248,7 @@ class Interpreter:
     def _system_value(self, key: str) -> Any:  # noqa: ANN401 - KRL values are of many types
         if key.startswith(("$POS_ACT", "$AXIS_ACT")):
             name, _, rest = key.partition(".")
-            value = self._targets.position(name)
+            value = self.targets.position(name)
             return component(value, rest) if rest else value
         value = self.state.read(key)
         return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
@@ -257,7 +259,7 @@ class Interpreter:
     def assign(self, statement: Assign) -> None:
         """Execute an assignment."""
         node = parse_expression(statement.target)
-        value = self._evaluator.value(statement.value)
+        value = self.evaluator.value(statement.value)
         if isinstance(node, Reference) and node.name in ("$TOOL", "$BASE"):
             self._assign_frame(node, value, statement.value)
         else:
@@ -273,7 +275,7 @@ class Interpreter:
         source = parse_expression(written.text) if isinstance(written, Expr) else None
         if isinstance(source, Reference) and source.name in ("TOOL_DATA", "BASE_DATA"):
             index = source.selectors[0] if source.selectors else ""
-            found = None if isinstance(index, str) else self._evaluator.indices(index)
+            found = None if isinstance(index, str) else self.evaluator.indices(index)
             number = found[0] if found else -1
         if node.selectors:
             whole = self.state.read(node.name)
@@ -292,11 +294,11 @@ class Interpreter:
             scope = self._lookup(node.name)
             if scope is None:
                 scope = self._stack[-1].local if self._stack else self._globals
-            _put(scope, node, value, self._evaluator)
+            _put(scope, node, value, self.evaluator)
             self._note_frame_data(node, scope)
 
     def _assign_system(self, node: Reference, value: Any) -> None:  # noqa: ANN401
-        key = self._evaluator.key(node)
+        key = self.evaluator.key(node)
         if key is None:
             return
         if key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
@@ -329,13 +331,13 @@ class Interpreter:
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
         elif name not in SILENT:
-            values = tuple(self._evaluator.value(value) for value in statement.arguments)
+            values = tuple(self.evaluator.value(value) for value in statement.arguments)
             first = values[0] if values else math.nan
             number = float(first) if isinstance(first, int | float) else math.nan
             self.recorder.event(EventWord.HOOK, name, self.place(), number, plain_arguments(values))
 
     def _bas(self, statement: Call) -> None:
-        values = [self._evaluator.value(value) for value in statement.arguments]
+        values = [self.evaluator.value(value) for value in statement.arguments]
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
         if not self.state.bas(command, argument, self._active):
@@ -355,10 +357,11 @@ class Interpreter:
     def _run_routine(
         self, module: KrlModule, routine: Routine, arguments: Sequence[Node | None]
     ) -> Any:  # noqa: ANN401
-        if len(self._stack) >= MAX_DEPTH:
-            self.finding("endless", f"{routine.name} is called within itself")
+        self._calls += 1
+        if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
+            self.finding("endless", f"{routine.name} is called over and over, or within itself")
             return UNKNOWN
-        values = [UNKNOWN if a is None else self._evaluator.node(a) for a in arguments]
+        values = [UNKNOWN if a is None else self.evaluator.node(a) for a in arguments]
         names = [parameter.name.upper() for parameter in routine.parameters]
         line = self._line
         done = self._execute(module, routine, tuple(zip(names, values, strict=False)))
@@ -375,7 +378,7 @@ class Interpreter:
         known = predefined(name)
         if known is None:
             return UNKNOWN
-        return known([UNKNOWN if a is None else self._evaluator.node(a) for a in arguments])
+        return known([UNKNOWN if a is None else self.evaluator.node(a) for a in arguments])
 
     def _trigger(self, statement: Trigger) -> None:
         handler = self._handlers.get(type(statement.action))
@@ -383,7 +386,7 @@ class Interpreter:
             handler(statement.action)
 
     def _wait(self, statement: WaitSec) -> None:
-        seconds = self._evaluator.value(statement.seconds)
+        seconds = self.evaluator.value(statement.seconds)
         number = float(seconds) if isinstance(seconds, int | float) else math.nan
         self.recorder.event(EventWord.DWELL, "WAIT SEC", self.place(), number)
 

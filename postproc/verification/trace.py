@@ -52,6 +52,12 @@ class EventWord(StrEnum):
     OUTPUT = "output"
     WAIT_FOR = "wait_for"
     HALT = "halt"
+    CONTROL = "control"
+    """A line of program control, where a program is listed rather than run."""
+    DATA = "data"
+    """Tool, base or load data that are written."""
+    OTHER = "other"
+    """Anything else that is listed."""
 
 
 class Settings(NamedTuple):
