@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ where it was measured and is wrong elsewhere."""
 COMPANION_GAIN = 20.0
 """Nats that such an effect must bring."""
 _PLACEBOS = 60
+_PLACEBO_LIMIT = 0.02
 NEIGHBOURS: Mapping[str, tuple[str, ...]] = {
     "friction_windup": ("backlash",),
     "nonlinear_stiffness": ("joint_compliance", "variable_stiffness"),
@@ -42,7 +43,7 @@ NEIGHBOURS: Mapping[str, tuple[str, ...]] = {
     "tool_bending": ("joint_compliance", "variable_stiffness"),
     "leaning_base": ("gravity_sag", "payload_error", "counterbalance", "joint_compliance"),
     "link_sag": ("gravity_sag", "payload_error", "counterbalance", "joint_offset"),
-    "tracker_creep": ("thermal_drift",),
+    "tracker_creep": ("thermal_drift", "link_geometry"),
 }
 """What a cause outside of the library is mistaken for."""
 
@@ -105,7 +106,11 @@ def choose(bench: Bench) -> Choice:
     for _ in range(12):
         found = search(gram, bench.always, barred=barred)
         evidence = {k: _evidence(bench, found, folds, k) for k in found.best}
-        weak = _unphysical(bench, found) or _weakest(bench, found.best, evidence)
+        weak = (
+            _unphysical(bench, found)
+            or _weakest(bench, found.best, evidence)
+            or _imitated(bench, found.best, evidence)
+        )
         if weak is None:
             break
         key, reason = weak
@@ -115,13 +120,9 @@ def choose(bench: Bench) -> Choice:
     suspects = tuple(k for k in found.best if _block(bench, k).suspect)
     keys = tuple(k for k in found.best if k not in suspects)
     keys = _shadowed(bench, keys, suspects, evidence, refused)
-    for key in keys:
-        evidence[key].placebo = _placebo(bench, found.best, key)
-        if evidence[key].placebo > 0.02:
-            refused[found.names[key]] = "a placebo does as well"
-    keys = tuple(k for k in keys if evidence[k].placebo <= 0.02)
     for key in (*keys, *suspects):
         evidence[key].twins = _twins(bench, found, key, barred)
+    keys, suspects = _doubtful(bench, keys, suspects, evidence, refused)
     keys = tuple(sorted(keys, key=lambda k: -evidence[k].unique))
     return Choice(keys, suspects, evidence, found.inclusion(), refused)
 
@@ -141,7 +142,7 @@ def _fold_grams(bench: Bench) -> list[Gram]:
 
 
 def _picked(block: Block, rows: Rows) -> Block:
-    return Block(block.effect, block.setting, block.parameters, block.X[rows], block.key)
+    return replace(block, X=block.X[rows])
 
 
 def _evidence(bench: Bench, found: Search, folds: Sequence[Gram], key: str) -> Evidence:
@@ -238,7 +239,10 @@ def _unphysical(bench: Bench, found: Search) -> tuple[str, str] | None:
         if key in found.best:
             arm = bench.samples.arm
             size = block.typical
-            reason = block.effect.objection(theta[part] * size, deviation[part] * size, arm)
+            total = theta[part] * size
+            if block.start is not None:
+                total = total + np.nan_to_num(block.start)
+            reason = block.effect.objection(total, deviation[part] * size, arm)
             if reason:
                 return key, f"not physical: {reason}"
     return None
@@ -266,6 +270,38 @@ def _shadowed(
         else:
             kept.append(key)
     return tuple(kept)
+
+
+def _imitated(
+    bench: Bench, best: Subset, evidence: Mapping[str, Evidence]
+) -> tuple[str, str] | None:
+    """Return a block that a placebo of its own can imitate, and why it goes."""
+    for key in best:
+        if not _block(bench, key).suspect:
+            evidence[key].placebo = _placebo(bench, best, key)
+            if evidence[key].placebo > _PLACEBO_LIMIT:
+                return key, "a placebo does as well"
+    return None
+
+
+def _doubtful(
+    bench: Bench,
+    keys: Subset,
+    suspects: Subset,
+    evidence: Mapping[str, Evidence],
+    refused: dict[str, str],
+) -> tuple[Subset, Subset]:
+    """Take the name from an effect that a cause outside of the library would replace as well."""
+    kept, called = [], list(suspects)
+    for key in keys:
+        name = _block(bench, key).name
+        rivals = [s for s in evidence[key].twins if name in NEIGHBOURS.get(s, ())]
+        if rivals:
+            refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"
+            called += [s for s in rivals if s not in called]
+        else:
+            kept.append(key)
+    return tuple(kept), tuple(called)
 
 
 def _placebo(bench: Bench, best: Subset, key: str) -> float:

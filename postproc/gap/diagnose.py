@@ -41,8 +41,8 @@ class Finding:
     noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
     baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
     total: 3D rms [m] on sealed rows before and after all adopted effects, and the 90 % interval
-    of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and with it;
-    ripple: waves in what is left where the verdict is "unexplained".
+    of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and
+    with it; ripple: waves in what is left where the verdict is "unexplained".
     """
 
     problem: Problem

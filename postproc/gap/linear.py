@@ -21,13 +21,17 @@ from postproc.model.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """Columns of one candidate, (n, 3, p) in metres per typical size. ``key`` is its variant."""
+    """Columns of one candidate, (n, 3, p) in metres per typical size. ``key`` is its variant.
+
+    ``start`` (p,): the numbers that the given model has already, None for zero.
+    """
 
     effect: Effect
     setting: Setting
     parameters: tuple[Parameter, ...]
     X: FloatArray
     key: str
+    start: FloatArray | None = None
 
     @property
     def name(self) -> str:
@@ -46,7 +50,12 @@ class Block:
 
 
 def block_of(
-    effect: Effect, samples: Samples, setting: Setting, key: str = "", widen: float = 1.0
+    effect: Effect,
+    samples: Samples,
+    setting: Setting,
+    key: str = "",
+    widen: float = 1.0,
+    start: FloatArray | None = None,
 ) -> Block:
     """Return the columns of an effect at these samples; ``widen`` multiplies its prior."""
     parameters = effect.parameters(samples.arm, setting)
@@ -56,7 +65,7 @@ def block_of(
         parameters = tuple(
             Parameter(p.name, p.typical * widen, p.lower, p.upper, p.joint) for p in parameters
         )
-    return Block(effect, setting, parameters, X, key or effect.name)
+    return Block(effect, setting, parameters, X, key or effect.name, start)
 
 
 @dataclass(slots=True)
@@ -132,8 +141,8 @@ class Gram:
         i = self.index(keys)
         if len(i) == 0:
             return self.total
-        left = self.total - 2.0 * theta @ self.b[i] + theta @ self.G[np.ix_(i, i)] @ theta
-        return float(max(left, 0.0))
+        explained = float(2.0 * theta @ self.b[i] - theta @ self.G[np.ix_(i, i)] @ theta)
+        return max(self.total - explained, 0.0)
 
     def left(self, keys: Sequence[str]) -> float:
         """Return the sum of squares that a fitted subset leaves, in noise units."""
@@ -145,8 +154,8 @@ class Gram:
         if len(i) == 0:
             return 0.0
         G = self.G[np.ix_(i, i)]
-        share: FloatArray = np.asarray(np.linalg.solve(G + np.eye(len(i)), G))
-        return float(np.trace(share))
+        share = np.linalg.solve(G + np.eye(len(i)), G)
+        return float(np.sum(share.diagonal()))
 
 
 def predicted(blocks: Sequence[Block], theta: FloatArray) -> FloatArray:

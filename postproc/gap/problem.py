@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.errors import DataError
+from postproc.errors import DataError, SourceRef
 from postproc.frames import apply, inverse
 from postproc.gap.dataset import COLUMN_NAMES, Samples, samples_of
 from postproc.gap.effect import REGISTRY, Effect, Setting
@@ -69,7 +69,13 @@ class Problem:
         part = self.samples.rows(np.flatnonzero(rows))
         actual = evaluate(part, self.given)[1]
         return tuple(
-            block_of(e, actual, self.settings[e.name], widen=self.widen(e.name))
+            block_of(
+                e,
+                actual,
+                self.settings[e.name],
+                widen=self.widen(e.name),
+                start=self.given[e.name].theta if e.name in self.given else None,
+            )
             for e in self.effects
             if e.name != "transmission_error"
         )
@@ -87,9 +93,11 @@ def pose_problem(
     Raises:
         DataError: GAP003 too few rows, GAP004 rows of an unregistered frame.
     """
+    place = SourceRef(measurements.path, int(measurements.line[0]))
     if len(measurements) < _FEWEST:
+        count = len(measurements)
         raise DataError(
-            "GAP003", f"{len(measurements)} rows are too few to diagnose, at least {_FEWEST}"
+            "GAP003", f"{count} rows are too few to diagnose, at least {_FEWEST}", place
         )
     robot = RobotModel.of(kinematics, cell, model)
     samples = samples_of(robot.arm, measurements)
@@ -115,6 +123,7 @@ def pose_problem(
             "the measured points lie "
             f"{1e3 * float(np.median(np.linalg.norm(gap, axis=1))):.0f} mm beside the simulated"
             " ones: another frame or tool point?",
+            place,
             hint="--register fits the measured frame and the reflector's place first",
         )
     effects, not_testable = _candidates(samples)

@@ -147,6 +147,8 @@ def campaign(rng: np.random.Generator, n: int, repeats: int = 30, span: float = 
     data["temp"] = (
         21 + 9 * (1 - np.exp(-data["time"] / data["time"][-1] * 2)) + rng.normal(0, 1.0, n)
     )
+    if not repeats:
+        return data
     source = rng.choice(n, max(1, repeats // 5), replace=False)
     for row in rng.choice(np.setdiff1d(np.arange(n), source), repeats, replace=False):
         of = source[row % len(source)]
@@ -243,7 +245,7 @@ def _variable(rng):
 
     def law(d, now):
         change = np.exp(a * np.sin(order * now["actual"] + phase))
-        return (change - np.mean(change, 0)) / K0 * load_torque(d, now)
+        return (change - np.i0(a)) / K0 * load_torque(d, now)
 
     return law
 
@@ -436,13 +438,14 @@ def make(
     background: float = 0.0,
     outliers: float = 0.0,
     span: float = 1.0,
+    repeats: int = 30,
 ):
     """Rows of a campaign, fresh rows without noise, for causes {name: rms in m}.
 
     Returns (data, measured, fresh data, fresh points).
     """
     rng = np.random.default_rng(seed)
-    data, fresh = campaign(rng, n, span=span), campaign(rng, 200, 5, span)
+    data, fresh = campaign(rng, n, repeats, span), campaign(rng, 200, 5, span)
     fresh["temp"][0] = data["temp"][0]
     wanted = dict(causes)
     if background:

@@ -1,0 +1,132 @@
+"""What every effect must keep, built-in or foreign: checks for the tests of a plug-in.
+
+Each check takes an effect and samples that have all columns, and raises ``PluginError`` with the
+reason if the effect breaks its contract.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.errors import DataError, PluginError
+from postproc.gap.dataset import Samples
+from postproc.gap.effect import Effect, State
+from postproc.gap.linear import Gram, block_of
+from postproc.gap.robot_model import columns, evaluate
+from postproc.model.arrays import FloatArray
+from postproc.model.modelfile import ModelFile
+
+Check = Callable[[Effect, Samples], None]
+_SMALL = 1e-3
+"""Step of a finite difference, in typical sizes."""
+
+
+def check_words(effect: Effect, samples: Samples) -> None:
+    """It says in plain words what it is, what to do, and where the formula is from."""
+    del samples
+    for field in ("name", "title", "source", "action"):
+        _require(bool(getattr(effect, field, "").strip()), effect, f"has no {field}")
+    _require(effect.kind in ("machine", "measurement", "suspect"), effect, "has an unknown kind")
+    _require(bool(effect.conditions), effect, "names no condition that the gap then depends on")
+
+
+def check_parameters(effect: Effect, samples: Samples) -> None:
+    """Its parameters have distinct names, positive typical sizes, and zero inside their bounds."""
+    parameters = effect.parameters(samples.arm, effect.prepare(samples))
+    names = [p.name for p in parameters]
+    _require(len(set(names)) == len(names) > 0, effect, "has no parameters, or two of one name")
+    for p in parameters:
+        _require(0.0 < p.typical < np.inf, effect, f"{p.name}: typical size must be positive")
+        _require(p.lower <= 0.0 <= p.upper, effect, f"{p.name}: zero must be inside the bounds")
+        _require(0 <= p.joint <= 6, effect, f"{p.name}: no such joint")
+
+
+def check_zero(effect: Effect, samples: Samples) -> None:
+    """Parameters of zero move nothing."""
+    setting = effect.prepare(samples)
+    theta = np.zeros(len(effect.parameters(samples.arm, setting)))
+    moved = evaluate(samples, {effect.name: State(theta, setting)})[0] - samples.point
+    _require(float(np.abs(moved).max()) < 1e-12, effect, "moves the point with zero parameters")
+
+
+def check_columns(effect: Effect, samples: Samples) -> None:
+    """Its columns are the derivative of the exact model."""
+    setting = effect.prepare(samples)
+    parameters = effect.parameters(samples.arm, setting)
+    linear = columns(samples, effect.basis(samples, setting))
+    for k, p in enumerate(parameters):
+        step = np.zeros(len(parameters))
+        step[k] = _SMALL * p.typical
+        ends = [evaluate(samples, {effect.name: State(s * step, setting)})[0] for s in (1.0, -1.0)]
+        slope = (ends[0] - ends[1]) / (2.0 * step[k])
+        size = float(np.abs(slope).max()) + 1e-9
+        off = float(np.abs(slope - linear[:, :, k]).max()) / size
+        _require(off < 1e-3, effect, f"{p.name}: column is {off:.1e} off the exact derivative")
+
+
+def check_needs(effect: Effect, samples: Samples) -> None:
+    """Without a needed column it says so; with the others missing it still works."""
+    for column in effect.needs:
+        try:
+            without: Samples = replace(samples, **{column: None})  # type: ignore[arg-type]
+            effect.basis(without, effect.prepare(samples))
+        except DataError:
+            continue
+        raise PluginError("PLG003", f"effect {effect.name!r} does not miss its column {column}")
+    absent = {
+        name: None
+        for name in ("direction", "qd", "wrench", "time", "temperature")
+        if name not in effect.needs
+    }
+    bare: Samples = replace(samples, **absent)  # type: ignore[arg-type]
+    effect.basis(bare, effect.prepare(bare))
+
+
+def check_placebo(effect: Effect, samples: Samples) -> None:
+    """Its placebo does not explain what the effect itself made, a common shift set aside."""
+    setting = effect.prepare(samples)
+    rng = np.random.default_rng(1)
+    real = block_of(effect, samples, setting)
+    fake = block_of(effect, effect.placebo(samples, rng), setting, "fake")
+    theta = rng.normal(size=len(real.parameters))
+    real, fake = (replace(b, X=b.X - b.X.mean(axis=0)) for b in (real, fake))
+    y: FloatArray = real.X @ theta
+    y = y + rng.normal(size=y.shape) * 0.05 * float(np.std(y))
+    gram = Gram.of((real, fake), y, np.full(len(y), 20.0 / float(np.std(y))))
+    left = gram.left(("fake",)) / gram.total
+    _require(left > 0.3, effect, f"its placebo explains {1.0 - left:.0%} of it")
+
+
+def check_file(effect: Effect, samples: Samples) -> None:
+    """What it writes into a model file it reads back, to the same displacement."""
+    if effect.kind == "suspect":
+        return
+    setting = effect.prepare(samples)
+    parameters = effect.parameters(samples.arm, setting)
+    rng = np.random.default_rng(2)
+    drawn = np.abs(rng.normal(size=len(parameters))) * [p.typical for p in parameters]
+    state = State(drawn, setting)
+    table = effect.write(state, samples.arm)
+    again = effect.read(ModelFile({effect.name: table}), samples.arm)
+    ends = [evaluate(samples, {effect.name: s})[0] for s in (state, again)]
+    off = float(np.abs(ends[0] - ends[1]).max())
+    _require(off < 1e-9, effect, f"a model file changes it by {off:.1e} m")
+
+
+CHECKS: tuple[Check, ...] = (
+    check_words,
+    check_parameters,
+    check_zero,
+    check_columns,
+    check_needs,
+    check_placebo,
+    check_file,
+)
+
+
+def _require(good: bool, effect: Effect, reason: str) -> None:
+    if not good:
+        raise PluginError("PLG003", f"effect {effect.name!r} breaks its contract: {reason}")

@@ -1,0 +1,73 @@
+"""Shared pieces of the gap tests: one cell, its arm, samples with every column."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from postproc.gap.dataset import Samples, make_samples
+from postproc.gap.robot_model import RobotModel
+from postproc.kinematics.model import Kinematics, build
+from postproc.model.cell import Cell
+from postproc.model.cellfile import load_cell
+
+ROOT = Path(__file__).resolve().parents[2]
+CELL = ROOT / "fixtures" / "drilling_panel" / "cell.toml"
+
+
+def _load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+synthetic = _load("synthetic")
+
+
+@pytest.fixture(scope="session")
+def world() -> ModuleType:
+    """The made-up robot."""
+    return synthetic
+
+
+@pytest.fixture(scope="session")
+def cell() -> Cell:
+    return load_cell(CELL)
+
+
+@pytest.fixture(scope="session")
+def kinematics(cell: Cell) -> Kinematics:
+    return build(cell.robot)
+
+
+def samples_from(cell: Cell, kinematics: Kinematics, data: dict) -> Samples:
+    arm = RobotModel.of(kinematics, cell).arm
+    return make_samples(
+        arm,
+        data["q"],
+        wrench=data["wrench"],
+        direction=data["direction"],
+        qd=data["qd"],
+        time=data["time"],
+        temperature=data["temp"],
+    )
+
+
+@pytest.fixture(scope="session")
+def samples(cell: Cell, kinematics: Kinematics) -> Samples:
+    data = synthetic.campaign(np.random.default_rng(8), 60)
+    return samples_from(cell, kinematics, data)
+
+
+@pytest.fixture
+def samples_of_data(cell: Cell, kinematics: Kinematics):
+    return lambda data: samples_from(cell, kinematics, data)

@@ -1,0 +1,78 @@
+"""``postproc diagnose`` and ``postproc predict`` as a user calls them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from postproc.cli.app import run
+
+CELL = str(Path(__file__).resolve().parents[2] / "fixtures" / "drilling_panel" / "cell.toml")
+
+
+@pytest.fixture
+def rows(world, tmp_path):
+    data, measured, fresh, points = world.make(51, {"joint_compliance": 3e-4}, n=160)
+    (tmp_path / "fresh.csv").write_text(world.csv(fresh, points))
+    path = tmp_path / "rows.csv"
+    path.write_text(world.csv(data, measured))
+    return path
+
+
+def test_diagnose_prints_one_document_and_writes_page_and_model(rows, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run(["diagnose", str(rows), "--cell", CELL, "--json", "-o", str(out)]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["schema"] == "postproc.diagnosis/1"
+    assert document["verdict"] == "explained"
+    assert document["adopted"] == ["joint_compliance"]
+    assert set(document["gap"]) == {"rms_mm", "p95_mm", "max_mm"}
+    effect = document["effects"][0]
+    assert effect["name"] == "joint_compliance"
+    assert effect["adopted"]
+    assert effect["probability"] > 0.95
+    assert 0.8 < effect["shrinkage_ci"][0] <= effect["shrinkage"] <= effect["shrinkage_ci"][1] < 1
+    assert len(effect["parameters"]["stiffness_Nmm_per_rad"]) == 6
+    assert sum(joint["share"] for joint in document["where"]["joints"]) == pytest.approx(
+        1, abs=1e-3
+    )
+    assert document["where"]["conditions"][0]["name"] == "load"
+    assert document["residual"]["explained_share"] > 0.98
+    page = (out / "report.html").read_text()
+    assert "<svg" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    predicted = tmp_path / "p.csv"
+    model = ["--model", str(out / "model.toml")]
+    fresh = str(tmp_path / "fresh.csv")
+    assert run(["predict", fresh, "--cell", CELL, *model, "-o", str(predicted), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rms_mm"] < 0.02
+    assert predicted.read_text().splitlines()[0] == "id,x_mm,y_mm,z_mm"
+    assert len(predicted.read_text().splitlines()) == 201
+
+
+def test_a_gap_above_the_asked_tolerance_is_a_bad_answer(rows, capsys):
+    assert run(["diagnose", str(rows), "--cell", CELL, "--tol-mm", "0.1"]) == 1
+    assert "Cause: the joints give way" in capsys.readouterr().out
+
+
+def test_points_of_another_frame_ask_for_registration(world, tmp_path, capsys):
+    data, measured, *_ = world.make(52, {}, n=60)
+    path = tmp_path / "far.csv"
+    path.write_text(world.csv(data, measured + 2.0))
+    assert run(["diagnose", str(path), "--cell", CELL]) == 2
+    error = capsys.readouterr().err
+    assert "far.csv" in error.splitlines()[0]
+    assert "GAP004" in error.splitlines()[0]
+    assert "--register" in error
+
+
+def test_too_few_rows_are_an_error_and_nothing_is_written(world, tmp_path, capsys):
+    data, measured, *_ = world.make(53, {}, n=40)
+    path = tmp_path / "few.csv"
+    path.write_text("\n".join(world.csv(data, measured).splitlines()[:5]))
+    out = tmp_path / "out"
+    assert run(["diagnose", str(path), "--cell", CELL, "-o", str(out)]) == 2
+    assert "GAP003" in capsys.readouterr().err.splitlines()[0]
+    assert not out.exists()

@@ -1,0 +1,59 @@
+"""A real robot: fitted on one series of poses, judged on the other."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from postproc.gap.diagnose import diagnose
+from postproc.gap.document import model_file
+from postproc.gap.predict import predict
+from postproc.gap.problem import pose_problem
+from postproc.kinematics.model import build
+from postproc.model.cellfile import load_cell
+from postproc.readers.measurements import read_measurements
+
+REAL = Path(__file__).resolve().parents[3] / "shared" / "real" / "ur10"
+CELL = """schema = "postproc.cell/1"
+name = "ur10"
+[robot]
+urdf = "ur10.urdf"
+tip = "flange"
+[tool]
+number = 1
+name = "reflector"
+frame = { xyz_mm = [0, 0, 50], abc_deg = [0, 0, 0] }
+axis = "+z"
+"""
+pytestmark = [pytest.mark.corpus, pytest.mark.skipif(not REAL.is_dir(), reason="no corpus")]
+
+
+@pytest.mark.parametrize(
+    ("fitted", "judged", "most_mm"),
+    [
+        ("series_C_random", "series_A_grid", 0.60),
+        ("series_A_grid", "series_C_random", 0.55),
+    ],
+)
+def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, most_mm):
+    shutil.copy(REAL / "ur10.urdf", tmp_path)
+    (tmp_path / "cell.toml").write_text(CELL)
+    cell = load_cell(tmp_path / "cell.toml")
+    kinematics = build(cell.robot)
+    rows, others = (read_measurements(REAL / f"{name}.csv") for name in (fitted, judged))
+    finding = diagnose(pose_problem(rows, kinematics, cell, None, True))
+    assert finding.verdict == "unexplained"
+    assert "backlash" not in finding.adopted
+    assert not {"base_frame", "tool_frame"} & set(finding.adopted)
+    assert {"link_geometry", "gravity_sag"} <= set(finding.adopted)
+    assert finding.ripple
+    model = model_file(finding, None)
+    rms = []
+    for known in (None, model):
+        got = predict(others, kinematics, cell, known, True)
+        rms.append(np.sqrt(np.mean(np.sum((got.points - others.position) ** 2, axis=1))) * 1e3)
+    assert rms[1] < most_mm
+    assert rms[1] < 0.7 * rms[0]
