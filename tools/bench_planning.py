@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.frames import transform
+from postproc.frames import rotation_x, transform
 from postproc.model.cell import (
     Cell,
     KrlOptions,
@@ -205,7 +205,7 @@ def line_cell(head: tuple[float, float], objective: str, index: str) -> Cell:
     """Return the arm of the paper with its TCP below and ahead of the flange (mm)."""
     below, ahead = head
     robot = replace(load_robot("kuka_kr500_r2830"), joint_stiffness=STIFFNESS)
-    T = transform(np.eye(3), np.array([ahead, 0.0, below]) * MM)
+    T = transform(rotation_x(np.pi), np.array([ahead, 0.0, below]) * MM)  # flange down at spin 0
     return Cell(
         "line", "line", robot, Tool(1, "spindle", T, np.array([1.0, 0, 0])),
         Workpiece(1, np.eye(4)), (), Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),

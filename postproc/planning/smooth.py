@@ -31,6 +31,8 @@ from postproc.planning.problem import Problem
 
 _FULL_TURN = 2.0 * np.pi
 _ROUNDS = 40
+_WORTH = 0.98
+"""Key tags for less loss are added as long as the last ones lowered the excess to this share."""
 
 
 def smooth(
@@ -41,7 +43,7 @@ def smooth(
     n = len(problem)
     keys = key_tags(problem.toolpath, problem.settings)
     first_keys = int(keys.sum())
-    best = _best_index(checker)
+    best, before = _best_index(checker), np.inf
     for round_ in range(_ROUNDS):
         step(int(keys.sum()), n, "smooth")
         tags = np.nonzero(keys)[0]
@@ -50,7 +52,9 @@ def smooth(
         found = hunt.run(steps=False)
         chosen, failing = _filled(checker, hunt.chosen(found), tags, last=round_ == _ROUNDS - 1)
         loss = _loss(problem, chosen, best)
-        added = _more_keys(problem, keys, failing, loss)
+        excess = float(np.nansum(np.maximum(loss - problem.settings.loss_bound, 0.0)))
+        helps, before = excess < _WORTH * before, min(excess, before)
+        added = _more_keys(problem, keys, failing, loss if helps else np.zeros(n))
         if not added.any():
             break
         keys |= added

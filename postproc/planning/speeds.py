@@ -27,8 +27,12 @@ from postproc.units import MM_PER_MIN
 
 SLOWEST = 1e-5
 """Path speed [m/s] below which a cut is not possible: 0.6 mm/min."""
+USABLE = 0.95
+"""Share of an axis' speed that cuts may use: between samples it may be a little faster."""
 BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take."""
+AXIS_SHARE = 0.98
+"""Share of an axis's speed that a path may need: between samples it may need a little more."""
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
 
@@ -98,8 +102,9 @@ def _caps(checker: Checker, lines: Lines) -> FloatArray:
     piece = (np.diff(track.share)[same]) * lines.length[row]
     dq = np.diff(track.q, axis=0)[same]
     speed = np.asarray(checker.problem.cell.robot.qd_max)
-    np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, _SHORT), speed))
-    return np.where(lines.length > _SHORT, cap, np.inf)
+    cap_of_piece = axis_speed_cap(dq, np.maximum(piece, _SHORT), speed * USABLE)
+    np.minimum.at(cap, row, cap_of_piece)
+    return np.where(lines.length > _SHORT, AXIS_SHARE * cap, np.inf)
 
 
 def _capped(
