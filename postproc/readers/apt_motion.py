@@ -115,7 +115,7 @@ class MotionReader:
             self._tangent = self._three(statement, line)
             self._scan.code[index] = SKIP
         else:
-            return self._tool_on(index, statement, line)
+            self._tool_on(index, statement, line)
         return True
 
     def _values(self, statement: Statement, line: int) -> list[float]:
@@ -209,11 +209,16 @@ class MotionReader:
         values = values[:CIRCLE_FIELDS]
         return values + [np.nan] * (CIRCLE_FIELDS - len(values)), sign, turns
 
-    def _tool_on(self, index: int, statement: Statement, line: int) -> bool:
+    def _tool_on(self, index: int, statement: Statement, line: int) -> None:
         """Take CATIA's arc: a circle, a start direction by INDIRV, and the line to the end."""
         match = _TLON.match(statement.text)
         if match is None:
-            return False
+            raise self._faults.error(
+                "APT033",
+                "TLON is read as an arc only, (CIRCLE/x,y,z,r),ON,(LINE/x,y,z,x,y,z)",
+                line,
+                statement.text,
+            )
         circle = [bounded(text) for text in match.group(1).split(",")]
         ray = [bounded(text) for text in match.group(2).split(",")]
         if None in circle or None in ray or len(circle) != 4 or len(ray) not in (4, 6):
@@ -232,7 +237,6 @@ class MotionReader:
         self._tangents[index] = self._tangent
         self._tangent = None
         self._scan.code[index] = GOTO
-        return True
 
     @staticmethod
     def _merged(

@@ -29,7 +29,7 @@ _REFUSED = frozenset(
     {
         "COPY", "INDEX", "TRACUT", "MACRO", "CALL", "LOOPST", "JUMPTO", "IF", "GOFWD", "GOLFT",
         "GORGT", "GOBACK", "GOUP", "GODOWN", "GO", "TRANS", "MATRIX", "REFSYS", "POCKET", "SCURV",
-        "ROTHED", "THREAD",
+        "ROTHED", "THREAD", "TLLFT", "TLRGT", "OFFSET", "SURF",
     }
 )  # fmt: skip
 """Words that compute or move motions; this reader takes the computed result, CL data."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
+from postproc.readers.csv_table import Layout, is_number
+from postproc.readers.faults import Faults
 from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
@@ -59,6 +61,7 @@ _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
 TEXT_ROLES = frozenset({"id", "operation", "motion"})
 POSITION = ("x", "y", "z")
 NORMAL = ("i", "j", "k")
+_HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
 ORIENTATIONS = (("a", "b", "c"), ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz"))
 
 
@@ -110,3 +113,85 @@ def _factor(role: str, unit: str) -> float | None:
     if role == "feed":
         return _FEEDS.get(unit)
     return None
+
+
+def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faults) -> list[Column]:
+    """Return what each column means: as asked for, by the header, or by their number."""
+    if asked is not None:
+        columns = _asked_columns(asked, layout, faults)
+    elif layout.header is not None:
+        columns = [column_of(name) for name in layout.header]
+    else:
+        columns = _counted_columns(layout, faults)
+    columns = _first_of_each(columns, faults, layout)
+    missing = [role for role in POSITION if role not in {column.role for column in columns}]
+    if missing:
+        seen = ", ".join(column.name or "-" for column in columns)
+        raise faults.error(
+            "CSV010",
+            f"no column {', '.join(missing)} among {seen}",
+            layout.header_line or 1,
+            hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
+        )
+    unused = [column.name for column in columns if not column.role and column.name not in ("", "-")]
+    if unused and asked is None:
+        faults.warn(
+            "CSV120",
+            f"columns without a meaning here: {', '.join(unused)}",
+            layout.header_line or 1,
+        )
+    return columns
+
+
+def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults) -> list[Column]:
+    listed = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
+    columns = [Column("", "-") if name == "-" else column_of(name) for name in listed]
+    unknown = [column.name for column in columns if not column.role and column.name != "-"]
+    if unknown:
+        raise faults.error(
+            "CSV011",
+            f"--columns: {unknown[0]!r} is no column, known are x y z i j k a b c roll pitch yaw "
+            "qw qx qy qz id depth diameter feed operation tool clearance retract dwell peck motion "
+            "and - for one to leave out",
+            1,
+        )
+    if len(columns) != layout.width:
+        raise faults.error(
+            "CSV012",
+            f"--columns names {len(columns)} columns, the file has {layout.width}",
+            layout.first_row_line,
+        )
+    return columns
+
+
+def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
+    row = layout.first_row
+    named = bool(row) and not is_number(row[0], layout.decimal_comma)
+    roles = _HEADERLESS.get(layout.width - named)
+    if roles is None:
+        raise faults.error(
+            "CSV013",
+            f"{layout.width} columns without a header, expected 3 (x,y,z) or 6 (x,y,z,i,j,k)",
+            layout.first_row_line,
+            hint="name the columns in order with --columns, such as x,y,z,w,p,r,id",
+        )
+    listed = (("id",) if named else ()) + tuple(roles)
+    return [Column(role, role) for role in listed]
+
+
+def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> list[Column]:
+    """Keep the first column of each role; two of a coordinate have no single meaning."""
+    result: list[Column] = []
+    seen: set[str] = set()
+    for column in columns:
+        if column.role in seen and column.role != "id":
+            raise faults.error(
+                "CSV014",
+                f"two columns for {column.role}, the second is {column.name!r}",
+                layout.header_line or 1,
+                hint="choose with --columns, - leaves a column out",
+            )
+        result.append(Column("", column.name) if column.role in seen else column)
+        seen.add(column.role)
+        seen.discard("")
+    return result

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,14 +149,12 @@ def operation_runs(
     if names is None:
         return np.full(n, _NONE, dtype=np.int32), ()
     runs: list[Operation] = []
-    index = np.empty(n, dtype=np.int32)
-    current = ""
-    for row, name in enumerate(names):
-        if name and name != current:
-            current = name
-            runs.append(Operation(name, int(line[row])))
-        index[row] = len(runs) - 1
-    return index, tuple(runs)
+    index: list[int] = []
+    for name, same in groupby(names):
+        if name and not (runs and runs[-1].name == name):
+            runs.append(Operation(name, int(line[len(index)])))
+        index += [len(runs) - 1] * sum(1 for _ in same)
+    return np.array(index, dtype=np.int32), tuple(runs)
 
 
 def tool_calls(

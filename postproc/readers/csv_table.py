@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 from postproc.model.arrays import FloatArray
 from postproc.readers.decimals import LARGEST, parse_number, parse_tokens
 from postproc.readers.faults import Faults
+from postproc.readers.spans import trim_end, trim_start
 from postproc.readers.text_blocks import TextBlock, check_line_length
 
 Index = NDArray[np.int64]
 _SAMPLE_ROWS = 200
+_WIDEST_TEXT = 48
 _BLANK = " "
 _DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 
@@ -189,7 +191,10 @@ def parse_rows(
             text = decoded(raw).strip().strip('"').strip()
             numbers[row, at] = _number(text, int(lines[row]), column, layout, faults)
             empty[row, at] = not text
-    kept = {column: _texts(block.data, begins[:, column], ends[:, column]) for column in texts}
+    original = np.frombuffer(block.data, dtype=np.uint8)
+    kept = {
+        column: _texts(original, block.data, begins[:, column], ends[:, column]) for column in texts
+    }
     result = Rows(lines, numbers, empty, kept)
     return _with_odd_rows(result, odd, layout, numeric, texts, faults) if odd else result
 
@@ -211,16 +216,20 @@ def _number(text: str, line: int, column: int, layout: Layout, faults: Faults) -
     return value
 
 
-def _texts(data: bytes, begins: Index, ends: Index) -> list[str]:
-    if data.isascii():
-        text = data.decode("ascii")
-        return [
-            text[a:b].strip(' \t\r"') for a, b in zip(begins.tolist(), ends.tolist(), strict=True)
-        ]
-    return [
-        decoded(data[a:b]).strip(' \t\r"')
-        for a, b in zip(begins.tolist(), ends.tolist(), strict=True)
-    ]
+def _texts(buffer: NDArray[np.uint8], data: bytes, begins: Index, ends: Index) -> list[str]:
+    """Return fields as text: short ASCII ones by columns, others one by one."""
+    begins = trim_start(buffer, begins, ends)
+    ends = trim_end(buffer, begins, ends)
+    length = ends - begins
+    width = int(length.max(initial=0))
+    if not data.isascii() or not 0 < width <= _WIDEST_TEXT:
+        pairs = zip(begins.tolist(), ends.tolist(), strict=True)
+        return [decoded(data[begin:end]) for begin, end in pairs]
+    padded = np.concatenate([buffer, np.zeros(width, dtype=np.uint8)])
+    rows = np.lib.stride_tricks.sliding_window_view(padded, width)[begins]
+    rows[np.arange(width) >= length[:, None]] = 0
+    texts: list[str] = rows.view(f"S{width}")[:, 0].astype(f"U{width}").tolist()
+    return texts
 
 
 def _fields(

@@ -21,15 +21,9 @@ from postproc.frames import FloatArray, inverse
 from postproc.model.arrays import IntArray
 from postproc.model.toolpath import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
 from postproc.readers.base import READERS, ReadOptions
+from postproc.readers.delmia_records import N_JOINTS, Document, Motion, OtherActivity, pose
 from postproc.readers.delmia_tasks import expanded
-from postproc.readers.delmia_xml import (
-    N_JOINTS,
-    Document,
-    Motion,
-    OtherActivity,
-    pose,
-    read_document,
-)
+from postproc.readers.delmia_xml import read_document
 from postproc.readers.faults import Faults
 
 _KINDS = {

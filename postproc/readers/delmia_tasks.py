@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from postproc.readers.delmia_xml import Call, Document, Motion, OtherActivity
+from postproc.readers.delmia_records import Call, Document, Motion, OtherActivity
 from postproc.readers.faults import Faults
 
 MOST_ITEMS = 5_000_000
