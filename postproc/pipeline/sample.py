@@ -17,6 +17,7 @@ from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.cell import Cell
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, EventKind, MotionKind, ToolPath
+from postproc.pipeline.ways import AreFree, with_free_ways
 from postproc.stiffness.measuring import (
     TRACKER_SIGMA,
     SampleRequest,
@@ -30,6 +31,8 @@ from postproc.stiffness.optimal import choose, features
 from postproc.stiffness.sampling import SamplingPlan, plan_sampling, travel_order
 
 Progress = Callable[[int, int, str], None]
+FIRST_LINE = 5
+"""Line of the first reading in the CSV, behind the remarks and the header."""
 
 
 def sample(cell: Cell, request: SampleRequest, progress: Progress | None = None) -> Sampling:
@@ -55,7 +58,7 @@ def sample(cell: Cell, request: SampleRequest, progress: Progress | None = None)
         report(1, 3, "choosing")
         plan = _most_telling(plan, cell, kinematics, request)
     report(2, 3, "ways between postures")
-    plan, blocked = _with_free_ways(plan, checks)
+    plan, blocked, way, back = with_free_ways(plan, checks.are_free)
     A = load_regressors(plan, cell, kinematics, request.loads)
     c_ref = expected_compliance(cell)
     outlook = observe(A.reshape(-1, 3, 6), c_ref, TRACKER_SIGMA)
@@ -66,7 +69,7 @@ def sample(cell: Cell, request: SampleRequest, progress: Progress | None = None)
         for joint in range(6)
         if not outlook.seen[joint]
     }
-    return Sampling(plan, request, cell, outlook, shown, blocked)
+    return Sampling(plan, request, cell, outlook, shown, blocked, way, back)
 
 
 def _most_telling(
@@ -75,12 +78,8 @@ def _most_telling(
     A = load_regressors(plan, cell, kinematics, request.loads)
     P = features(request.model, plan.q, plan.points[plan.tag], plan.grid)
     picked = choose(A, P, expected_compliance(cell), TRACKER_SIGMA, request.count)
-    part = _subset(plan, np.sort(picked))
-    return _subset(part, travel_order(part.q, part.tag, kinematics))
-
-
-def _subset(plan: SamplingPlan, rows: IntArray) -> SamplingPlan:
-    return replace(plan, tag=plan.tag[rows], angle=plan.angle[rows], q=plan.q[rows])
+    part = plan.rows(np.sort(picked))
+    return part.rows(travel_order(part.q, part.tag, kinematics))
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +87,7 @@ class _Checks:
     """Collision checks of postures and of the ways between them; None in an empty cell."""
 
     is_free: Callable[[FloatArray], BoolArray] | None
-    is_free_way: Callable[[FloatArray], BoolArray] | None
+    are_free: AreFree | None
 
     @classmethod
     def of(cls, cell: Cell, kinematics: Kinematics) -> _Checks:
@@ -102,25 +101,10 @@ class _Checks:
         def is_free(q: FloatArray) -> BoolArray:
             return ~np.asarray(scene.check(q).hit, dtype=bool)
 
-        def is_free_way(q: FloatArray) -> BoolArray:
-            return ~np.asarray(scene.check_motion(q).hit, dtype=bool)
+        def are_free(q_from: FloatArray, q_to: FloatArray) -> BoolArray:
+            return ~np.asarray(scene.check_paths(q_from, q_to).hit, dtype=bool)
 
-        return cls(is_free, is_free_way)
-
-
-def _with_free_ways(plan: SamplingPlan, checks: _Checks) -> tuple[SamplingPlan, tuple[str, ...]]:
-    """Leave out postures whose way from the one before is not free, until all ways are."""
-    blocked: list[str] = []
-    while checks.is_free_way is not None and len(plan) > 1:
-        free = checks.is_free_way(plan.q)
-        if bool(np.all(free)):
-            break
-        # the way after a posture that is left out changes, so one in a row at a time
-        bad = np.flatnonzero(~free)
-        bad = bad[np.diff(bad, prepend=-2) > 1] + 1
-        blocked += [plan.name(int(i)) for i in bad]
-        plan = _subset(plan, np.delete(np.arange(len(plan)), bad))
-    return plan, tuple(blocked)
+        return cls(is_free, are_free)
 
 
 def program_files(sampling: Sampling) -> dict[str, bytes]:
@@ -148,35 +132,29 @@ def _with_halts(module: KrlModule, stop: str) -> KrlModule:
 
 
 def motion_plan(sampling: Sampling) -> Plan:
-    """Return the motions of all passes: unloaded, then each load, with a stop to change it."""
+    """Return the motions of all passes: unloaded, then each load, with a stop to change it.
+
+    Every pass takes the postures in the same order, so that play in the gears is the same with
+    and without load and cancels.
+    """
     plan, cell, request = sampling.plan, sampling.cell, sampling.request
     kinematics = build(cell.robot)
-    n, passes = len(plan), 1 + len(request.loads)
-    q = np.tile(plan.q, (passes, 1))
-    m = len(q)
+    row = _rows(sampling)
+    q, reads = plan.q[np.abs(row) - 1], row > 0
+    m, n = len(row), len(plan)
     T_base_tcp = inverse(cell.workpiece.T_robroot_base) @ kinematics.fk(q) @ cell.tool.T_flange_tcp
-    events: list[tuple[int, Event]] = []
-    for k in range(passes):
-        text = "unloaded readings" if k == 0 else f"put on load: {request.loads[k - 1].name}"
-        first = k * n
-        events.append((first, Event(first, EventKind.MESSAGE, text=text, line=first + 5)))
-        if k > 0:
-            events.append((first, Event(first, EventKind.STOP, text=text, line=first + 5)))
-    if request.halt:
-        events += [
-            (i + 1, Event(i + 1, EventKind.STOP, text="take the reading", line=i + 5))
-            for i in range(m)
-        ]
-        events.sort(key=lambda pair: pair[0])
-    nothing = np.full(m, np.nan)
+    tag = np.maximum(np.cumsum(reads) - 1, 0).astype(np.int32)
     speed = np.asarray(cell.robot.qd_max) * request.speed
     duration = np.max(np.abs(np.diff(q, axis=0, prepend=q[:1])) / speed, axis=1)
+    dwell = np.where(reads & (not request.halt), request.wait, 0.0)
+    nothing = np.full(m, np.nan)
+    first = [int(np.flatnonzero(reads)[k * n]) for k in range(1 + len(request.loads))]
     return Plan(
         name=request.name,
-        toolpath=_toolpath(sampling, q, T_base_tcp),
+        toolpath=_toolpath(sampling, q[reads], T_base_tcp[reads]),
         kind=np.full(m, MoveKind.PTP),
         role=np.where(np.arange(m) == 0, MoveRole.ENTRY, MoveRole.RAPID),
-        tag=np.arange(m, dtype=np.int32),
+        tag=tag,
         T_base_tcp=T_base_tcp,
         aux=np.full((m, 3), np.nan),
         q=q,
@@ -185,15 +163,43 @@ def motion_plan(sampling: Sampling) -> Plan:
         speed=nothing,
         ptp_fraction=np.full(m, request.speed),
         blend=np.zeros(m),
-        dwell=np.full(m, 0.0 if request.halt else request.wait),
-        duration=duration + (0.0 if request.halt else request.wait),
+        dwell=dwell,
+        duration=duration + dwell,
         external=np.zeros((m, len(cell.external_axes))),
-        stiffness=nothing,
-        stiffness_initial=nothing,
-        clearance=nothing,
-        events=tuple(events),
+        stiffness=np.full(len(plan) * len(first), np.nan),
+        stiffness_initial=np.full(len(plan) * len(first), np.nan),
+        clearance=np.full(len(plan) * len(first), np.nan),
+        events=_events(sampling, first, np.flatnonzero(reads).astype(np.int32)),
         settings={"command": "sample"},
     )
+
+
+def _rows(sampling: Sampling) -> IntArray:
+    """Return posture numbers (1-based) in the order of driving; negative: pass without reading."""
+    back = tuple(-number for number in sampling.back)
+    numbers = sampling.way + (back + sampling.way) * len(sampling.request.loads)
+    return np.array(numbers, dtype=np.int32)
+
+
+def _events(
+    sampling: Sampling, first: list[int], reading: IntArray
+) -> tuple[tuple[int, Event], ...]:
+    """Return messages and stops: before each pass, and at each reading when asked for."""
+    n, request = len(sampling.plan), sampling.request
+    events: list[tuple[int, Event]] = []
+    for k, move in enumerate(first):
+        line = k * n + FIRST_LINE
+        text = "unloaded readings" if k == 0 else f"put on load: {request.loads[k - 1].name}"
+        events.append((move, Event(move, EventKind.MESSAGE, text=text, line=line)))
+        if k > 0:
+            events.append((move, Event(move, EventKind.STOP, text=text, line=line)))
+    if request.halt:
+        for k, move in enumerate(reading):
+            stop = Event(
+                int(move) + 1, EventKind.STOP, text="take the reading", line=k + FIRST_LINE
+            )
+            events.append((int(move) + 1, stop))
+    return tuple(sorted(events, key=lambda pair: pair[0]))
 
 
 def _toolpath(sampling: Sampling, q: FloatArray, T_base_tcp: FloatArray) -> ToolPath:
@@ -214,7 +220,7 @@ def _toolpath(sampling: Sampling, q: FloatArray, T_base_tcp: FloatArray) -> Tool
         axes=axis,
         kind=np.full(m, MotionKind.JOINT),
         feed=np.full(m, np.nan),
-        line=np.arange(5, m + 5, dtype=np.int32),
+        line=np.arange(FIRST_LINE, m + FIRST_LINE, dtype=np.int32),
         operation=none,
         tool=none,
         arc=none,

@@ -68,7 +68,9 @@ class SampleRequest:
 class Sampling:
     """A measuring plan with what it will be able to tell.
 
-    ``blocked``: postures left out because the way to them is not free.
+    ``blocked``: postures left out because no way to them is free. ``way``: numbers of the postures
+    of one pass from 1, negative to pass without reading; ``back``: numbers to pass on the way from
+    the last posture to the first.
     """
 
     plan: SamplingPlan
@@ -77,6 +79,8 @@ class Sampling:
     outlook: Observability
     shown_by: dict[int, ShowingLoad]
     blocked: tuple[str, ...]
+    way: tuple[int, ...]
+    back: tuple[int, ...] = ()
 
     @property
     def travel(self) -> float:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,6 +67,10 @@ class SamplingPlan:
     def __len__(self) -> int:
         """Return the number of postures."""
         return len(self.q)
+
+    def rows(self, index: IntArray) -> SamplingPlan:
+        """Return some of the postures, in this order."""
+        return replace(self, tag=self.tag[index], angle=self.angle[index], q=self.q[index])
 
     def name(self, index: int) -> str:
         """Return the name of a posture: tag and angle."""

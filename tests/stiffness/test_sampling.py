@@ -214,3 +214,45 @@ def test_program_stops_at_every_posture_in_every_pass(sampling):
     assert text.count("WAIT SEC 5") == readings
     assert text.count("HALT ;") == 2  # before each load
     assert text.index("put on load: 50kg") < text.index("put on load: y")
+
+
+def wall(q_from, q_to):
+    """Return whether ways are free of a wall across axis 1 with a door in axis 2."""
+    crosses = (q_from[:, 0] > 0.0) != (q_to[:, 0] > 0.0)
+    door = np.minimum(q_from[:, 1], q_to[:, 1]) > np.radians(-58.0)
+    return ~crosses | door
+
+
+def test_the_way_goes_round_what_is_not_free(plan):
+    from postproc.pipeline.ways import with_free_ways
+
+    part, blocked, way, back = with_free_ways(plan, wall)
+    assert not blocked
+    assert len(part) == len(plan)
+    assert [k for k in way if k > 0] == list(range(1, len(plan) + 1))
+    assert any(k < 0 for k in way)
+    ring = np.abs([*way, *back, way[0]]) - 1
+    assert np.all(wall(plan.q[ring[:-1]], plan.q[ring[1:]]))
+
+
+def test_postures_without_any_free_way_are_left_out(plan):
+    from postproc.pipeline.ways import with_free_ways
+
+    part, blocked, way, _ = with_free_ways(plan, lambda a, b: (a[:, 0] > 0.0) == (b[:, 0] > 0.0))
+    assert len(part) + len(blocked) == len(plan)
+    assert len(np.unique(part.q[:, 0] > 0.0)) == 1
+    assert len(part) >= len(plan) // 2 - 10
+    assert sum(k > 0 for k in way) == len(part)
+
+
+def test_passing_moves_take_no_reading(sampling):
+    from dataclasses import replace
+
+    from postproc.pipeline.sample import motion_plan
+
+    n = len(sampling.plan)
+    way = (1, -3, *range(2, n + 1))
+    made = motion_plan(replace(sampling, way=way, back=(4, 2)))
+    assert len(made) == 3 * (n + 1) + 2 * 2
+    assert int(np.sum(made.dwell > 0.0)) == 3 * n
+    np.testing.assert_allclose(made.q[1], sampling.plan.q[2])
