@@ -85,7 +85,7 @@ class _Arm:
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """A failing tag, the heights [m] over it to look at with whether contact is fine, the finding."""
+    """A failing tag, the heights [m] over it to look at, each with whether contact is fine."""
 
     tag: int
     heights: list[tuple[float, bool]]

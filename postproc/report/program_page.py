@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.errors import Severity
-from postproc.files import read_bytes
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.report.failing_poses import failing_poses
 from postproc.report.page import Page, escape, packed, packed_text
 from postproc.report.scene_data import T_world_base, add_scene
 from postproc.report.spin_map import spin_map
 from postproc.report.tag_values import TagColumn, moves_of_tags, tag_columns
+from postproc.report.texts import cam_lines
 from postproc.units import N_PER_MM
 
 if TYPE_CHECKING:
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
     from postproc.model.toolpath import ToolPath
     from postproc.report.program_text import ProgramText
 
-_CONTEXT = 2
-"""Lines of the CAM file shown around that of a tag."""
-_WIDEST = 200
 _MOST_FINDINGS = 200
 
 
@@ -74,19 +71,25 @@ def program_page(
         "objective": str(cell.optimize.objective),
         "spin_map": None if spins is None else spins.to_page(),
     }
-    _sections(page, columns, plan, issues)
+    motion_sections(page, columns, "Tags", spins=True)
+    page.section("Time per operation", _operations(plan), "half")
+    page.section("Findings", _findings(issues), "half")
     return page.render()
 
 
-def _sections(page: Page, columns: list[TagColumn], plan: Plan, issues: Sequence[Issue]) -> None:
+def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool = False) -> None:
+    """Add what all pages of motions have: scene, list, texts, joint charts; ``rows``: its heading.
+
+    ``spins`` adds the chart over the turn about the tool axis.
+    """
     page.section("Robot and path", _scene_html(columns), "seven")
-    page.section("Tags", _TAGS_HTML, "five")
-    page.section("CAM file and program", _SOURCE_HTML, "seven")
-    page.section("Stiffness over the turn about the tool axis", '<div id="spin"></div>', "five")
+    page.section(rows, _TAGS_HTML, "five")
+    page.section("CAM file and program", _SOURCE_HTML, "seven" if spins else "")
+    if spins:
+        heading = "Stiffness over the turn about the tool axis"
+        page.section(heading, '<div id="spin"></div>', "five")
     page.section("Joint angles", _ANGLES_HTML, "half")
     page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
-    page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", _findings(issues), "half")
 
 
 def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[str]:
@@ -97,7 +100,7 @@ def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[
     errors = [issue for issue in issues if issue.severity is Severity.ERROR]
     if errors:
         return [f"No program: {errors[0].message}."]
-    lines = [f"{tags} tags, {len(plan)} controller points, about {_span(total)}."]
+    lines = [f"{tags} tags, {len(plan)} controller points, about {time_span(total)}."]
     good = plan.stiffness[np.isfinite(plan.stiffness)]
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM
@@ -111,7 +114,8 @@ def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[
     return lines
 
 
-def _span(seconds: float) -> str:
+def time_span(seconds: float) -> str:
+    """Return a time for people: ``90 s``, ``22 min``, ``3 h 5 min``."""
     if seconds < 120.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
@@ -165,22 +169,14 @@ def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
 
 def _texts(plan: Plan, text: ProgramText | None) -> dict[str, Any]:
     """Return the lines of the CAM file near tags, and the program with the line of each move."""
-    cam = read_bytes(plan.toolpath.path).decode("latin-1").splitlines()
-    wanted = np.unique(plan.toolpath.line[:, None] + np.arange(-_CONTEXT, _CONTEXT + 1))
-    shown = [int(i) for i in wanted if 0 < i <= len(cam)]
-    lines = "\n".join(f"{i}\t{cam[i - 1].rstrip()[:_WIDEST]}" for i in shown)
     known = text is not None and len(text) == len(plan)
     return {
-        "cam": packed_text(lines),
+        "cam": packed_text(cam_lines(plan.toolpath)),
         "krl_files": [] if text is None else list(text.files),
-        "krl": [] if text is None else [packed_text(_unix(t)) for t in text.texts],
+        "krl": [] if text is None else [packed_text(t) for t in text.texts],
         "krl_file": packed(text.file if known and text else np.zeros(0), "int32"),
         "krl_line": packed(text.line if known and text else np.zeros(0), "int32"),
     }
-
-
-def _unix(text: str) -> str:
-    return "\n".join(text.splitlines())
 
 
 def _operations(plan: Plan) -> str:

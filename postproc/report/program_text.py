@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.frames import inverse
+from postproc.report.texts import unix_text
 
 if TYPE_CHECKING:
     from postproc.model.arrays import FloatArray, IntArray
@@ -21,7 +22,7 @@ class ProgramText:
 
     Args:
         files: names of the files in which motions stand.
-        texts: whole text per file.
+        texts: whole text per file, plain line ends.
         file: (m,) row of ``files``; line: (m,) 1-based line.
         point: (m, 3) TCP at the end of each motion as the text says it, workpiece frame [m].
     """
@@ -72,4 +73,4 @@ def program_text(files: Mapping[str, bytes], name: str, cell: Cell) -> ProgramTe
 
 
 def _text(files: Mapping[str, bytes], name: str) -> str:
-    return files[name].decode("latin-1") if name in files else ""
+    return unix_text(files[name]) if name in files else ""

@@ -290,19 +290,29 @@ def _corner_rounding(result: Result, rows: Rows) -> None:
 
 def cycle_time(paths: Paths, cell: Cell) -> float:
     """Return an estimate of the run time [s]: motions with ramps, and waits; hooks take none."""
+    events = paths.trace.events
+    waits = sum(e.value for e in events if e.word is EventWord.DWELL and np.isfinite(e.value))
+    return float(waits + durations(paths, cell).sum())
+
+
+def durations(paths: Paths, cell: Cell) -> FloatArray:
+    """Return an estimate (m,) [s] of each motion, with the ramp at the start of each chain."""
     trace = paths.trace
-    total = sum(e.value for e in trace.events if e.word is EventWord.DWELL and np.isfinite(e.value))
+    times = np.zeros(len(trace))
     if len(trace) == 0:
-        return float(total)
-    times = motion_times(paths)
-    chain = chains(paths)
+        return times
     cp = trace.is_cp
     if cp.any():
         speed = np.minimum(trace.column("speed"), _reachable(paths))
         ramps = speed / trace.column("acceleration") + _RAMP
+        chain = chains(paths)
         firsts = np.r_[True, chain[1:] != chain[:-1]] & cp
-        total += float(np.nansum(times[cp]) + ramps[firsts].sum())
-    return float(total + _ptp_times(paths, cell).sum())
+        times[cp] = np.nan_to_num(motion_times(paths)[cp])
+        times[firsts] += ramps[firsts]
+    joint = np.flatnonzero(~cp)
+    joint = joint[joint > 0]
+    times[joint] += _ptp_times(paths, cell)
+    return times
 
 
 def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from postproc.units import DEG, MM
 from postproc.verification.trace import Finding
+
+if TYPE_CHECKING:
+    from postproc.model.arrays import FloatArray
+    from postproc.verification.motion import Paths
+    from postproc.verification.trace import Rows
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,20 @@ class Worst:
 
 
 @dataclass(frozen=True, slots=True)
+class Run:
+    """The run that was judged, motion by motion (m,), for those who want to see it.
+
+    ``durations`` (m,) estimated [s]; ``served`` (n,) motion that goes to each CAM point, -1 for
+    none, and ``position_error`` (n,) there [m], both None without a CAM file.
+    """
+
+    paths: Paths
+    durations: FloatArray
+    served: Rows | None = None
+    position_error: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class VerifyReport:
     """What a program does on the robot model, and how far it is what the CAM file asks for.
 
@@ -61,6 +80,7 @@ class VerifyReport:
         position_error: largest distance of a CAM point from where the program goes [m]; axis_error:
             largest angle of the tool axis there [rad]; both None without a CAM file.
         tags: CAM points; matched: those that were passed, in order.
+        run: what was judged.
     """
 
     program: str
@@ -74,6 +94,7 @@ class VerifyReport:
     tags: int | None = None
     matched: int | None = None
     collisions_checked: bool = False
+    run: Run | None = field(default=None, compare=False, repr=False)
 
     @property
     def ok(self) -> bool:

@@ -42,13 +42,14 @@ from postproc.verification.checks import (
     check_joints,
     check_speeds,
     cycle_time,
+    durations,
 )
 from postproc.verification.collisions import check_collisions
 from postproc.verification.compare import Comparison, Tolerances, compare
 from postproc.verification.interpreter import World, run
 from postproc.verification.motion import joint_paths, joints_at_end
 from postproc.verification.process import check_events
-from postproc.verification.report import VerifyReport, split_findings
+from postproc.verification.report import Run, VerifyReport, split_findings
 from postproc.verification.runtime import pose_of
 from postproc.verification.trace import Trace, Way
 
@@ -197,6 +198,12 @@ def _report(
         tags=tags,
         matched=matched,
         collisions_checked=checked,
+        run=Run(
+            paths,
+            durations(paths, cell),
+            None if comparison is None else comparison.served,
+            None if comparison is None else comparison.position_error,
+        ),
     )
 
 

@@ -16,6 +16,7 @@ EPILOG = """\b
 Examples:
   postproc verify out/panel.src --cell cell.toml
   postproc verify out/panel.src --cell cell.toml --against panel.csv --json
+  postproc verify out/panel.src --cell cell.toml --against panel.csv --report out/verify.html
 """
 
 
@@ -50,6 +51,7 @@ Examples:
     help="How far the tool axis may be off the CAM file.",
 )
 @click.option("--no-collisions", is_flag=True, help="Do not search for collisions.")
+@click.option("--report", metavar="FILE.html", help="Write a page that shows the run.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Verify a KRL program from its text, with the sub-programs beside it.
@@ -88,6 +90,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             not options["no_collisions"],
             progress,
         )
+    if options["report"]:
+        from pathlib import Path
+
+        from postproc.files import write_files
+        from postproc.report.verify_page import verify_page
+
+        write_files({Path(options["report"]): verify_page(report, cell, toolpath)})
     session.document(report.to_dict())
     _show(session, report)
     return answer(report.ok)

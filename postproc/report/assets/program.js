@@ -3,7 +3,7 @@
 (() => {
   const D = PP.data, U = PP.unpack, $ = id => document.getElementById(id);
   const q = U(D.q), time = U(D.time), pos = U(D.positions), tagOf = U(D.tag), rapid = U(D.rapid), lines = U(D.lines);
-  const points = U(D.tag_positions), moveOf = U(D.move_of_tag), krlLine = U(D.krl_line), krlFile = U(D.krl_file), station = U(D.station);
+  const points = U(D.tag_positions), moveOf = U(D.move_of_tag), krlLine = U(D.krl_line), krlFile = U(D.krl_file), station = U(D.station), camLines = D.cam_lines ? U(D.cam_lines) : lines;
   const moves = time.length, nTags = D.names.length, columns = D.columns.map(c => ({ ...c, values: U(c.values) }));
   const byKey = new Map(columns.map(c => [c.key, c])), failed = i => D.failing[i] || "";
   let current = -1, clock = 0, playing = false, last = 0, shown = -1, colliding = [];
@@ -12,7 +12,13 @@
   const nothing = { place() {}, stand() {}, inWorld: p => p, point() {}, highlight() {}, look() {}, pick() {}, tip: () => [0, 0, 0] };
   let scene = nothing, paint = () => {};
   function path() {  // segments of all moves, arcs in small pieces; owner: the move of each segment
-    const ends = [], owner = [], aux = U(D.aux), arcOf = new Map(), circles = U(D.circles);
+    const ends = [], owner = [];
+    if (D.trail) {  // sampled beforehand
+      const t = U(D.trail), o = U(D.owner);
+      for (let k = 1; k < o.length; k++) { ends.push(t[3 * k - 3], t[3 * k - 2], t[3 * k - 1], t[3 * k], t[3 * k + 1], t[3 * k + 2]); owner.push(o[k]); }
+      return [ends, owner];
+    }
+    const aux = U(D.aux), arcOf = new Map(), circles = U(D.circles);
     circles.forEach((m, k) => arcOf.set(m, aux.subarray(3 * k, 3 * k + 3)));
     const at = m => new THREE.Vector3(pos[3 * m], pos[3 * m + 1], pos[3 * m + 2]);
     for (let m = 1; m < moves; m++) {
@@ -84,7 +90,7 @@
   // ---- tags: only the rows in sight are in the document ------------------------------------------
   const body = $("tags").tBodies[0], list = $("list"), rowHeight = 24;
   const value = c => i => { const v = columns[c].values[i]; return Number.isFinite(v) ? v : null; };
-  const fields = [["tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map((c, k) => [`${c.label} [${c.unit}]`, value(k)])];
+  const fields = [[D.what || "tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map((c, k) => [`${c.label} [${c.unit}]`, value(k)])];
   if (Object.keys(D.failing).length) fields.push(["finding", i => failed(i) || null]);
   const spell = v => v === null ? "" : typeof v === "number" ? (Number.isInteger(v) ? String(v) : String(+v.toPrecision(4))) : v;
   let order = Array.from({ length: nTags }, (_, i) => i), visible = order, sortBy = -1, ascending = true, everything = false;
@@ -107,7 +113,7 @@
   }
   function filter() {
     visible = $("failing").checked ? order.filter(i => failed(i)) : order;
-    $("more").textContent = `${visible.length} of ${nTags} tags`; fill();
+    $("more").textContent = `${visible.length} of ${nTags} ${D.what || "tag"}s`; fill();
   }
   list.addEventListener("scroll", fill);
   window.addEventListener("beforeprint", () => { everything = true; fill(); });
@@ -136,7 +142,7 @@
   }
   function showLines(i) {
     if (!ready) return;
-    const at = lines[i], near = [];
+    const at = camLines[i], near = [];
     for (let n = at - 2; n <= at + 2; n++) if (cam.has(n)) near.push([n, cam.get(n), n === at ? "here" : ""]);
     source($("cam"), near);
     const rows = [];
@@ -155,7 +161,7 @@
     shown = i;
     for (const tr of body.rows) tr.classList.toggle("selected", +tr.dataset.tag === i);
     const pose = D.poses[i];
-    $("which").textContent = `tag ${D.names[i]}, line ${lines[i]}` + (failed(i) ? `: ${failed(i)}` : "") + (pose && pose.note ? `. Shown: ${pose.note}.` : "");
+    $("which").textContent = `${D.what || "tag"} ${D.names[i]}, line ${lines[i]}` + (failed(i) ? `: ${failed(i)}` : "") + (pose && pose.note ? `. Shown: ${pose.note}.` : "");
     $("which").className = failed(i) ? "bad" : "";
     scene.point(points.subarray(3 * i, 3 * i + 3), 1.6 * small);
     showLines(i); showSpin(i);
@@ -163,6 +169,7 @@
   const map = D.spin_map ? U(D.spin_map.level) : null, hits = D.spin_map && D.spin_map.hit ? U(D.spin_map.hit) : null;
   function spinCurve(i) { const s = D.spin_map, n = s.spins.length; return Array.from(map.subarray(i * n, (i + 1) * n), v => v ? s.low + (v - 1) * s.step : NaN); }
   function showSpin(i) {
+    if (!$("spin")) return;
     if (!map) { $("spin").textContent = "no joint stiffness, or too many tags"; return; }
     const turn = byKey.get("spin") ? byKey.get("spin").values[i] : NaN, k = byKey.get("stiffness").values[i];
     const marks = Number.isFinite(turn) ? [{ x: turn, y: k, text: `chosen ${turn.toFixed(0)} deg`, colour: "#c62828" }] : [];
