@@ -196,9 +196,17 @@ class Optimize:
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP."""
+    """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP.
+
+    ``operations``: the wrench (6,) of single operations of the CAM file, by name.
+    """
 
     wrench_tcp: FloatArray
+    operations: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def wrench_of(self, operation: str) -> FloatArray:
+        """Return the wrench (6,) of an operation of the CAM file."""
+        return np.asarray(self.operations.get(operation, self.wrench_tcp), dtype=np.float64)
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

@@ -112,7 +112,7 @@ class _Builder:
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
             limits=self._limits(),
             optimize=self._optimize(),
-            process=Process(np.array([*file.process.force_N, *file.process.moment_Nm])),
+            process=_process(file),
             motion=self._motion(robot),
             krl=KrlOptions(
                 self._template(), file.krl.max_points_per_file, _options(file.krl, "krl")
@@ -298,6 +298,14 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
 def _options(table: Table, name: str) -> dict[str, object]:
     """Return the keys of a table that have no own field in the cell, in file units."""
     return {key: value for key, value in table.model_dump().items() if key not in _OWN_FIELDS[name]}
+
+
+def _process(file: CellFile) -> Process:
+    table = file.process
+    return Process(
+        np.array([*table.force_N, *table.moment_Nm]),
+        {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in table.operations},
+    )
 
 
 def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:

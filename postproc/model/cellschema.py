@@ -249,12 +249,25 @@ class OptimizeTable(Table):
         return self
 
 
+class OperationLoadTable(Table):
+    """The load on the tool in one operation of the CAM file."""
+
+    name: Text = Field(description="name of the operation, as in the CAM file")
+    force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
+    moment_Nm: Loads = Field(  # noqa: N815
+        default=[0.0, 0.0, 0.0], description="moment ON the tool at the TCP, TCP axes [N*m]"
+    )
+
+
 class ProcessTable(Table):
     """The load on the tool while it works."""
 
     force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
     moment_Nm: Loads = Field(  # noqa: N815
         default=[0.0, 0.0, 0.0], description="moment ON the tool at the TCP, TCP axes [N*m]"
+    )
+    operations: list[OperationLoadTable] = Field(
+        default=[], description="loads of single operations; all others take the load above"
     )
 
 

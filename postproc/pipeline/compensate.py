@@ -69,7 +69,7 @@ def compensate(plan: Plan, cell: Cell, model_path: str) -> Plan:
     file = load_model(model_path)
     model = compensation_model(kinematics, cell, file)
     rows = _rows(plan, cell, kinematics)
-    wrench = loads(rows.q, cell, kinematics, rows.working, dead=carries_dead_load(file))
+    wrench = loads(rows.q, cell, kinematics, rows.working, carries_dead_load(file), rows.process)
     solved = solve(model, kinematics, cell.tool.T_flange_tcp, rows.q, wrench, rows.conditions)
     largest = float(np.linalg.norm(solved.shift, axis=1).max(initial=0.0))
     if largest > LARGEST:
@@ -107,7 +107,12 @@ def carries_dead_load(file: ModelFile) -> bool:
 
 
 def loads(
-    q: FloatArray, cell: Cell, kinematics: Kinematics, working: BoolArray, dead: bool = True
+    q: FloatArray,
+    cell: Cell,
+    kinematics: Kinematics,
+    working: BoolArray,
+    dead: bool = True,
+    process: FloatArray | None = None,
 ) -> FloatArray:
     """Return the wrench (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
 
@@ -117,6 +122,7 @@ def loads(
         kinematics: of the robot.
         working: (n,) rows in which the process force acts.
         dead: add the tool's weight, where the cell gives mass and centre of gravity.
+        process: (n, 6) process wrench at and in axes of the TCP; None: the cell's for all.
     """
     T = kinematics.fk(q)
     R_robroot_tcp = T[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]
@@ -181,11 +187,13 @@ def solve(
 class _Rows:
     """Moves of a plan, then the points on the way of its arcs.
 
-    q (r, 6); working (r,); arc: indices of the moves whose way point is row m + k.
+    q (r, 6); working (r,); process (r, 6) wrench in TCP axes; arc: indices of the moves whose
+    way point is row m + k.
     """
 
     q: FloatArray
     working: BoolArray
+    process: FloatArray
     arc: IntArray
     conditions: Mapping[str, Any]
 
@@ -206,12 +214,25 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
         valid[at, slot][:, None], kinematics.nearest(branches[at, slot], q[arc]), q[arc]
     )
     direction = _directions(q)
+    process = process_of(plan, cell)
     return _Rows(
         np.concatenate([q, q_aux]),
         np.concatenate([working, working[arc]]),
+        np.concatenate([process, process[arc]]),
         arc,
         {"direction": np.concatenate([direction, direction[arc]])},
     )
+
+
+def process_of(plan: Plan, cell: Cell) -> FloatArray:
+    """Return the process wrench (m, 6) of each move's operation, at and in axes of the TCP."""
+    path = plan.toolpath
+    names = [operation.name for operation in path.operations]
+    table = [cell.process.wrench_of(name) for name in names]
+    table.append(np.asarray(cell.process.wrench_tcp))
+    operation = np.asarray(path.operation)[np.clip(plan.tag, 0, len(path) - 1)]
+    known = (plan.tag >= 0) & (operation >= 0) & (operation < len(names))
+    return np.array(table)[np.where(known, operation, len(names))]
 
 
 def _directions(q: FloatArray) -> FloatArray:
@@ -286,10 +307,13 @@ def _note(plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _R
     parts = []
     if carries_dead_load(file) and np.isfinite(mass) and mass > 0.0:
         parts.append(f"tool {mass:g} kg")
-    force, moment = np.split(np.asarray(cell.process.wrench_tcp), 2)
-    if bool(np.any(rows.working)):
+    acting = np.unique(rows.process[rows.working], axis=0)
+    if len(acting) == 1:
+        force, moment = np.split(acting[0], 2)
         parts += [f"force {_triple(force)} N"] if bool(np.any(force)) else []
         parts += [f"moment {_triple(moment)} Nm"] if bool(np.any(moment)) else []
+    elif len(acting) > 1:
+        parts.append(f"process loads of {len(acting)} kinds")
     parts.append(f"shift <= {size.max(initial=0.0):.3f} mm")
     return f"compensated ({Path(file.path).name}): {', '.join(parts)}"
 
@@ -299,7 +323,11 @@ def _triple(values: FloatArray) -> str:
 
 
 def expected_points(
-    q: FloatArray, cell: Cell, file: ModelFile, working: BoolArray
+    q: FloatArray,
+    cell: Cell,
+    file: ModelFile,
+    working: BoolArray,
+    process: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return nominal and expected real tool points (n, 3) [m] of commanded angles, robroot.
 
@@ -308,9 +336,10 @@ def expected_points(
         cell: the cell.
         file: model of the real arm.
         working: (n,) rows in which the process force acts.
+        process: (n, 6) process wrench in TCP axes; None: the cell's for all.
     """
     kinematics = build(cell.robot)
     model = compensation_model(kinematics, cell, file)
-    wrench = loads(q, cell, kinematics, working, dead=carries_dead_load(file))
+    wrench = loads(q, cell, kinematics, working, carries_dead_load(file), process)
     conditions = {"direction": _directions(np.asarray(q, dtype=np.float64))}
     return model.nominal(q), model.tool_point(q, wrench, conditions)

@@ -221,3 +221,37 @@ def test_frames_of_the_workpiece_do_not_matter(cell, arm, postures, tmp_path):
     )
     one, two = (compensate(plan_of(c, arm, q), c, name) for c in (cell, turned))
     np.testing.assert_allclose(one.q, two.q, atol=1e-10)
+
+
+def test_each_operation_has_its_own_force(cell, arm, postures, tmp_path):
+    from postproc.model.toolpath import Operation
+    from postproc.pipeline.compensate import process_of
+
+    own = replace(
+        cell, process=Process(np.array([-50.0, 0, 0, 0, 0, 0]), {"ROUGH": np.full(6, 7.0)})
+    )
+    plan = plan_of(own, arm, postures(4))
+    path = replace(
+        plan.toolpath,
+        operation=np.array([0, 0, 1, -1]),
+        operations=(Operation("ROUGH"), Operation("FINISH")),
+    )
+    plan = replace(plan, toolpath=path)
+    np.testing.assert_array_equal(process_of(plan, own)[:, 0], [7.0, 7.0, -50.0, -50.0])
+    done = compensate(plan, own, constant_model(tmp_path / "m.toml"))
+    assert "loads of 2 kinds" in done.compensation_note
+
+
+def test_loads_of_operations_come_from_the_cell_file(cell_path, tmp_path):
+    from postproc.model.cellfile import load_cell
+
+    path = tmp_path / "cell.toml"
+    text = cell_path.read_text(encoding="utf-8")
+    path.write_text(
+        text + '[process]\nforce_N = [1, 2, 3]\n[[process.operations]]\nname = "ROUGH"\n'
+        "force_N = [4, 5, 6]\nmoment_Nm = [7, 8, 9]\n",
+        encoding="utf-8",
+    )
+    process = load_cell(path).process
+    assert process.wrench_of("ROUGH").tolist() == [4, 5, 6, 7, 8, 9]
+    assert process.wrench_of("other").tolist() == [1, 2, 3, 0, 0, 0]
