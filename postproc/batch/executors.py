@@ -98,7 +98,7 @@ def run_dask(jobs: Sequence[Job], address: str) -> Iterator[JobResult]:
             ): job
             for number, job in enumerate(jobs)
         }
-        for future in as_completed(futures):  # type: ignore[no-untyped-call]
+        for future in as_completed(futures, loop=client.loop):  # type: ignore[no-untyped-call]
             job = futures[future]
             if future.status == "finished":
                 yield future.result()
