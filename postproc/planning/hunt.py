@@ -17,7 +17,8 @@ from postproc.planning.moves import Chosen
 from postproc.planning.problem import Problem
 from postproc.planning.search import Found, search
 
-_TIE_TRAVEL = 1e-7
+TIE_TRAVEL = 1e-7
+"""Weight of travel that only breaks ties."""
 _CHAIN_TRAVEL = 3e-3
 """Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
@@ -89,7 +90,7 @@ class Hunt:
         rule = step_rules(problem)[tags]
         weight = np.full(len(tags), problem.settings.weights.travel / TRAVEL_UNIT**2)
         if each:
-            weight = np.where(rule == Rule.CHAIN, _CHAIN_TRAVEL, _TIE_TRAVEL) / TRAVEL_UNIT**2
+            weight = np.where(rule == Rule.CHAIN, _CHAIN_TRAVEL, TIE_TRAVEL) / TRAVEL_UNIT**2
         ladder = Ladder(states.offsets, states.q, cost, states.branch, rule, weight)
         return cls(
             checker,

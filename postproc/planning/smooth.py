@@ -1,5 +1,8 @@
 """The smoothing of Jiao et al. 2022: key tags optimised, the turn of the others interpolated.
 
+With ``refine`` off the key tags take the best spin of the grid each, as in the paper; with it they
+are chosen together, travel counted, so that the way between two of them rarely crosses a trough.
+
 The paper interpolates the first roll angle of the inverse rotation (Eqs. 28-37), which fails where
 that angle wraps, where the tool is vertical, and by the signs printed. Here the turn is measured
 against a cross direction that is carried along the path by the smallest rotation from tool axis to
@@ -20,9 +23,10 @@ import numpy as np
 from postproc.errors import Issue, Severity
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.candidates import evaluate
+from postproc.planning.costs import TRAVEL_UNIT
 from postproc.planning.explain import explained
 from postproc.planning.feasible import Checker
-from postproc.planning.hunt import Hunt, check_chain, step_rules, travel
+from postproc.planning.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
 from postproc.planning.keytags import arc_length, key_tags, stretches
 from postproc.planning.ladder import NONE, IndexArray, Rule
 from postproc.planning.moves import Chosen
@@ -32,7 +36,9 @@ from postproc.planning.problem import Problem
 _FULL_TURN = 2.0 * np.pi
 _ROUNDS = 40
 _WORTH = 0.98
-"""Key tags for less loss are added as long as the last ones lowered the excess to this share."""
+_PATIENCE = 4
+"""Key tags for less loss are added until so many rounds in turn did not lower the excess over the
+bound to the share ``_WORTH`` of the least so far."""
 
 
 def smooth(
@@ -43,18 +49,21 @@ def smooth(
     n = len(problem)
     keys = key_tags(problem.toolpath, problem.settings)
     first_keys = int(keys.sum())
-    best, before = _best_index(checker), np.inf
+    best, least, stale = _best_index(checker), np.inf, 0
     for round_ in range(_ROUNDS):
         step(int(keys.sum()), n, "smooth")
         tags = np.nonzero(keys)[0]
         hunt = Hunt.of(checker, tags, each=not problem.settings.refine)
+        if not problem.settings.refine:
+            hunt.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
         hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
         found = hunt.run(steps=False)
         chosen, failing = _filled(checker, hunt.chosen(found), tags, last=round_ == _ROUNDS - 1)
         loss = _loss(problem, chosen, best)
         excess = float(np.nansum(np.maximum(loss - problem.settings.loss_bound, 0.0)))
-        helps, before = excess < _WORTH * before, min(excess, before)
-        added = _more_keys(problem, keys, failing, loss if helps else np.zeros(n))
+        stale = 0 if excess < _WORTH * least else stale + 1
+        least = min(excess, least)
+        added = _more_keys(problem, keys, failing, loss if stale < _PATIENCE else np.zeros(n))
         if not added.any():
             break
         keys |= added
