@@ -131,7 +131,7 @@ DIALECTS = {
             _marks(
                 (rb"^[ \t]*OPFEAT(START|END)" + _SLASH, 4.0),
                 (rb"^[ \t]*MOVE_ATTRIB" + _SLASH, 3.0),
-                (rb"^[ \t]*ROTABL" + _SLASH, 1.0),
+                (rb"^[ \t]*ROTABL" + _SLASH, 0.5),
                 (rb"(COUNTER)?CLOCKWISE[ \t]*\r?$", 2.0),
                 (rb"^[ \t]*CYCLE" + _SLASH + rb"[ \t]*ON[ \t]*\r?$", 1.0),
             ),

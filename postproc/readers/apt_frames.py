@@ -48,9 +48,14 @@ def origin_statement(state: AptState, statement: Statement, line: int) -> None:
 def csys_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle CSYS/: 12 numbers by rows; the points do not move, column 3 is the tool axis."""
     numbers = _all_numbers(state, statement, line, _MATRIX_NUMBERS)
-    R = _rotation(state, np.array(numbers).reshape(3, _ROW)[:, :3], line, statement)
+    matrix = np.array(numbers).reshape(3, _ROW)
+    R = _rotation(state, matrix[:, :3], line, statement)
     if state.dialect.axis_rule is AxisRule.SETUP:
         state.set_axis(*R[:, 2].tolist())
+    elif not np.allclose(matrix, np.eye(3, _ROW), atol=1e-9):
+        state.faults.warn(
+            "APT160", "a CSYS that is not the identity: the points are taken as they stand", line
+        )
 
 
 def tool_axis_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -85,7 +90,11 @@ def unit_axis(state: AptState, numbers: list[float], line: int) -> tuple[float, 
 
 
 def table_statement(state: AptState, statement: Statement, line: int) -> None:
-    """Handle ROTABL/angle,AAXIS,TABLE,CCLW: radians that tilt the setup plane (CAMWorks)."""
+    """Handle ROTABL/angle,AAXIS,TABLE,CCLW: radians that tilt the setup plane (CAMWorks).
+
+    Raises:
+        ReadError: APT060 if it is written otherwise.
+    """
     words = statement.upper
     angle = bounded(words[0]) if words else None
     turn = {"AAXIS": rotation_x, "BAXIS": rotation_y, "CAXIS": rotation_z}.get(

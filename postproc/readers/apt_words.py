@@ -13,6 +13,7 @@ from postproc.model.toolpath import EventKind
 from postproc.readers import apt_cycle, apt_feed, apt_frames, apt_nurbs
 from postproc.readers.apt_state import AptState
 from postproc.readers.apt_statement import Statement, bounded
+from postproc.readers.faults import shortened
 
 Handler = Callable[[AptState, Statement, int], None]
 
@@ -100,7 +101,11 @@ def _unknown(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT005", f"{word[:30]!r} is no word; is it {near}?", line, statement.text
         )
-    shown = word if len(word) <= 60 else word[:57] + "..."
+    _keep_unknown(state, statement, line)
+
+
+def _keep_unknown(state: AptState, statement: Statement, line: int) -> None:
+    shown = shortened(statement.word)
     state.unknown[shown] = state.unknown.get(shown, 0) + 1
     state.add_event(EventKind.UNKNOWN, line, 0.0, statement.text)
 
@@ -136,6 +141,17 @@ def unit_name(word: str) -> str | None:
         "INCH": "inch", "INCHES": "inch", "IN": "inch", "ENGLISH": "inch", "M": "m", "METER": "m",
         "METERS": "m", "METRE": "m",
     }.get(word)  # fmt: skip
+
+
+def _table(state: AptState, statement: Statement, line: int) -> None:
+    """ROTABL, ROTATE: a machine's table turns; only CAMWorks writes points in its plane."""
+    if state.dialect.setup_plane and statement.word == "ROTABL":
+        apt_frames.table_statement(state, statement, line)
+        return
+    state.faults.warn(
+        "APT161", f"{statement.word} turns a table that the robot does not have: left out", line
+    )
+    _keep_unknown(state, statement, line)
 
 
 def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
@@ -323,7 +339,8 @@ _HANDLERS: dict[str, Handler] = {
     "CSYS": apt_frames.csys_statement,
     "ORIGIN": apt_frames.origin_statement,
     "TLAXIS": apt_frames.tool_axis_statement,
-    "ROTABL": apt_frames.table_statement,
+    "ROTABL": _table,
+    "ROTATE": _table,
     "OPFEATSTART": _operation,
     "SETUP": _setup,
     "NURBS": apt_nurbs.open_spline,

@@ -56,7 +56,7 @@ _NAMES: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 _ROLE = {name: role for role, names in _NAMES.items() for name in names}
 _POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
-_LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
+LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
 _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
 TEXT_ROLES = frozenset({"id", "operation", "motion"})
 POSITION = ("x", "y", "z")
@@ -106,7 +106,7 @@ def _role(lowered: str) -> str:
 
 
 def _factor(role: str, unit: str) -> float | None:
-    if role in _LENGTH_ROLES:
+    if role in LENGTH_ROLES:
         return _LENGTHS.get(unit)
     if role in _ANGLE_ROLES:
         return _ANGLES.get(unit)

@@ -24,6 +24,7 @@ from postproc.model.arrays import IntArray
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv_columns import (
+    LENGTH_ROLES,
     NORMAL,
     ORIENTATIONS,
     POSITION,
@@ -176,46 +177,26 @@ def _toolpath(
 ) -> ToolPath:
     units, scale = _units(columns, options, faults, layout)
     factors = {c.role: c.factor for c in columns}
-
-    def length(role: str) -> FloatArray | None:
-        if role not in data.numbers:
-            return None
-        factor = factors[role]
-        return data.numbers[role] * (scale if factor is None else factor)
-
-    points = np.column_stack([values for role in POSITION if (values := length(role)) is not None])
-    names = data.texts.get("id")
-    operations = data.texts.get("operation")
-    merged = merged_repeats(names, operations, points, data.line, faults) if names else None
+    lengths = {
+        role: values * (factors[role] or scale)
+        for role, values in data.numbers.items()
+        if role in LENGTH_ROLES
+    }
+    points = np.column_stack([lengths[role] for role in POSITION])
+    names, operations = data.texts.get("id"), data.texts.get("operation")
     rows: Index | slice = slice(None)
+    merged = merged_repeats(names, operations, points, data.line, faults) if names else None
     if merged is not None:
         points, rows = merged
-        names = [names[i] for i in rows.tolist()] if names else None
-        operations = [operations[i] for i in rows.tolist()] if operations else None
     line = data.line[rows]
     _warn_if_far(points, line, faults)
     axes, rotations = _orientation(data, factors, points, rows, options, faults)
-
-    def kept(role: str) -> FloatArray | None:
-        values = length(role)
-        return None if values is None else values[rows]
-
-    motion = data.texts.get("motion")
-    holes = HoleColumns(
-        kept("depth"),
-        kept("diameter"),
-        kept("clearance"),
-        kept("retract"),
-        kept("peck"),
-        data.numbers["dwell"][rows] if "dwell" in data.numbers else None,
-        list(np.array(motion, dtype=object)[rows]) if motion else None,
-    )
+    holes = _hole_columns(data, lengths, rows)
     kind, cycle, cycles = motion_kinds(holes, line, faults)
-    operation, runs = operation_runs(operations, line)
-    tool, tools, events = tool_calls(
-        data.numbers["tool"][rows] if "tool" in data.numbers else None, line, faults
-    )
-    n = len(points)
+    operation, runs = operation_runs(_texts_of(operations, rows), line)
+    numbers = data.numbers["tool"][rows] if "tool" in data.numbers else None
+    tool, tools, events = tool_calls(numbers, line, faults)
+    kept_names = _texts_of(names, rows)
     return ToolPath(
         path=path,
         name=Path(path).stem,
@@ -225,21 +206,44 @@ def _toolpath(
         points=points,
         axes=axes,
         kind=kind,
-        feed=_feeds(data, factors, rows, units, kind, faults, line),
+        feed=_feeds(data, factors, rows, units, kind, faults),
         line=line,
         operation=operation,
         tool=tool,
-        arc=np.full(n, -1, dtype=np.int32),
+        arc=np.full(len(points), -1, dtype=np.int32),
         cycle=cycle,
         operations=runs,
         tools=tools,
         cycles=cycles,
         events=events,
         rotations=rotations,
-        names=tuple(names) if names else None,
+        names=tuple(kept_names) if kept_names else None,
         extra={} if holes.diameter is None else {"diameter": holes.diameter},
         warnings=faults.warnings,
         recovered=faults.fixes,
+    )
+
+
+def _texts_of(texts: list[str] | None, rows: Index | slice) -> list[str] | None:
+    if texts is None or isinstance(rows, slice):
+        return texts
+    return [texts[row] for row in rows.tolist()]
+
+
+def _hole_columns(
+    data: _Columns, lengths: dict[str, FloatArray], rows: Index | slice
+) -> HoleColumns:
+    def of(columns: dict[str, FloatArray], role: str) -> FloatArray | None:
+        return columns[role][rows] if role in columns else None
+
+    return HoleColumns(
+        depth=of(lengths, "depth"),
+        diameter=of(lengths, "diameter"),
+        clearance=of(lengths, "clearance"),
+        retract=of(lengths, "retract"),
+        peck=of(lengths, "peck"),
+        dwell=of(data.numbers, "dwell"),
+        motion=_texts_of(data.texts.get("motion"), rows),
     )
 
 
@@ -327,7 +331,6 @@ def _feeds(
     units: str,
     kind: IntArray,
     faults: Faults,
-    line: IntArray,
 ) -> FloatArray:
     """Return the feed (n,) [m/s], NaN for rapids and where none is given."""
     if "feed" not in data.numbers:
@@ -338,7 +341,7 @@ def _feeds(
     feed: FloatArray = data.numbers["feed"][rows] * factor
     wrong = np.flatnonzero(feed <= 0.0)
     if len(wrong):
-        raise faults.error("CSV034", "a feed must be above zero", int(line[wrong[0]]))
+        raise faults.error("CSV034", "a feed must be above zero", int(data.line[rows][wrong[0]]))
     feed[kind == MotionKind.RAPID] = np.nan
     return feed
 

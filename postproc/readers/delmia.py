@@ -122,6 +122,7 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
     arcs, arc = _arcs(path, points, kind, document, faults)
     tool, tools, events = _tools(path, document, faults)
     _note_joint_only(points, motions, faults)
+    _note_coordinates(document, faults)
     joints = np.array([m.joints or (np.nan,) * N_JOINTS for m in motions]).reshape(n, N_JOINTS)
     blends = document.robot.blends
     return ToolPath(
@@ -272,6 +273,17 @@ def _arcs(
     sine = np.einsum("ni,ni->n", np.cross(u, v), normal)
     sweep = np.arctan2(sine, np.einsum("ni,ni->n", u, v)) % (2.0 * np.pi)
     return Arcs(centre, normal, np.linalg.norm(u, axis=1), sweep), column
+
+
+def _note_coordinates(document: Document, faults: Faults) -> None:
+    coordinates = document.robot.coordinates
+    if coordinates not in ("", "RobotBase"):
+        faults.warn(
+            "DEL111",
+            f"DownloadCoordinates is {coordinates[:40]!r}: targets without an object frame are "
+            "taken to stand in the cell's workpiece frame as they are",
+            1,
+        )
 
 
 def _note_joint_only(points: FloatArray, motions: list[Motion], faults: Faults) -> None:

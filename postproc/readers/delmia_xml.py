@@ -233,16 +233,19 @@ class _ElementReader:
         kind = element.get("ActivityType", "")
         if kind == _CALL:
             self._items.append(Call(_line(element), _text(self._child(element, "CallName"))))
-        elif kind == _MOTION:
-            self._items.append(self._motion(element))
+        elif kind == _MOTION or element.find("Target") is not None:
+            self._items.append(self._motion(element, self._child(element, "Target")))
+        elif element.find("JointTarget") is not None:
+            self._items.append(self._motion(element, element))
         else:
             name = _text(element.find("ActivityName"))
             self._items.append(OtherActivity(_line(element), kind or "Activity", name))
 
-    def _motion(self, element: etree._Element) -> Motion:
-        attributes = {str(child.tag): _text(child) for child in self._child(
-            element, "MotionAttributes")}  # fmt: skip
-        target = self._child(element, "Target")
+    def _motion(self, element: etree._Element, target: etree._Element) -> Motion:
+        listed = element.find("MotionAttributes")
+        attributes: dict[str, str] = {}
+        if listed is not None:
+            attributes = {str(child.tag): _text(child) for child in listed}
         base = target.find("BaseWRTWorld")
         xyz = rpy = (NAN, NAN, NAN)
         tag = group = ""

@@ -232,3 +232,33 @@ def test_nx_feeds_in_inches_say_inch(read_text):
     toolpath = read_text(text)
     assert toolpath.units == "inch"
     assert [issue.code for issue in toolpath.warnings] == ["APT110"]
+
+
+def test_a_turning_table_is_reported_not_followed(read_text):
+    text = "UNITS/MM\nGOTO/1,2,3\nROTATE/TABLE,90\nROTABL/1.57,AAXIS,TABLE\nGOTO/4,5,6\nFINI\n"
+    toolpath = read_text(text)
+    assert mm(toolpath) == [[1, 2, 3], [4, 5, 6]]
+    assert toolpath.unknown_words == {"ROTABL": 1, "ROTATE": 1}
+    assert [issue.code for issue in toolpath.warnings] == ["APT161", "APT161"]
+
+
+def test_a_creo_csys_that_moves_is_warned_about(fixtures, read_text):
+    text = (fixtures / "part.ncl.3").read_text()
+    at = text.index("0.0000000000,  $")
+    moved = text[:at] + "9" + text[at + 1 :]
+    toolpath = read_text(moved, "a.ncl.1")
+    assert [issue.code for issue in toolpath.warnings] == ["APT160"]
+    assert toolpath.points[1, 0] == pytest.approx(0.010)
+
+
+def test_siemens_cycles_in_their_three_spellings(read_text):
+    spellings = {
+        "CYCLE81/10,0,2,-6": "CYCLE/OFF",
+        "CYCLE/CYCLE81,10,0,2,-6": "CYCLE/OFF",
+        "MCALL CYCLE81(10,0,2,-6)": "MCALL",
+    }
+    for first, last in spellings.items():
+        toolpath = read_text(f"UNITS/MM\n{first}\nGOTO/1,2,0\n{last}\nGOTO/1,2,50\nFINI\n")
+        assert toolpath.kind.tolist() == [MotionKind.HOLE, MotionKind.LINEAR]
+        (cycle,) = toolpath.cycles
+        assert (cycle.depth, cycle.clearance, cycle.retract) == pytest.approx((6e-3, 2e-3, 10e-3))

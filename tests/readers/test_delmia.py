@@ -129,3 +129,17 @@ def test_memory_does_not_grow_with_the_text(fixtures, tmp_path):
     assert len(toolpath) == 3000
     assert toolpath.line[-1] == 66 + 2999 * (text[begin:end].count("\n"))
     assert peak < 2 * path.stat().st_size
+
+
+def test_a_move_of_another_type_is_not_lost(read_text):
+    joint = "<Joint DOFNumber='1' Units='deg'><JointValue>90</JointValue></Joint>"
+    text = (
+        "<OLPData><Resource><GeneralInfo><DownloadCoordinates>Part</DownloadCoordinates>"
+        "</GeneralInfo><ActivityList Task='T'><Activity ActivityType='MoveJointActivity'>"
+        f"<ActivityName>Move.1</ActivityName><JointTarget>{joint}</JointTarget></Activity>"
+        "</ActivityList></Resource></OLPData>"
+    )
+    toolpath = read_text(text, "a.xml")
+    assert toolpath.kind.tolist() == [MotionKind.JOINT]
+    assert toolpath.joints[0, 0] == pytest.approx(np.pi / 2)
+    assert {"DEL111", "DEL121"} == {issue.code for issue in toolpath.warnings}
