@@ -61,7 +61,7 @@
       trail.paint(k => { const m = owner[k]; return rapid[m] ? [0.80, 0.72, 0.55] : (tagOf[m] >= 0 && tint(tagOf[m])) || [0.3, 0.4, 0.5]; });
       const stops = [0, 1 / 3, 2 / 3, 1].map(t => PP.css(PP.ramp(flip ? 1 - t : t)));
       $("legend").style.background = `linear-gradient(90deg,${stops.join(",")})`;
-      $("low").textContent = low <= high ? low.toPrecision(4) : ""; $("high").textContent = low <= high ? high.toPrecision(4) : "";
+      $("low").textContent = low <= high ? spell(low) : ""; $("high").textContent = low <= high ? spell(high) : "";
     };
     s.pick(dots.mesh, i => select(i));
     scene = s; view("cell");
@@ -92,7 +92,7 @@
   const value = c => i => { const v = columns[c].values[i]; return Number.isFinite(v) ? v : null; };
   const fields = [[D.what || "tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map((c, k) => [`${c.label} [${c.unit}]`, value(k)])];
   if (Object.keys(D.failing).length) fields.push(["finding", i => failed(i) || null]);
-  const spell = v => v === null ? "" : typeof v === "number" ? (Number.isInteger(v) ? String(v) : String(+v.toPrecision(4))) : v;
+  function spell(v) { return v === null ? "" : typeof v === "number" ? (Number.isInteger(v) ? String(v) : String(Math.abs(v) < 1 ? +v.toFixed(4) : +v.toPrecision(4))) : v; }
   let order = Array.from({ length: nTags }, (_, i) => i), visible = order, sortBy = -1, ascending = true, everything = false;
   function row(i) {
     const tr = document.createElement("tr"); tr.dataset.tag = i;
@@ -143,13 +143,14 @@
   function showLines(i) {
     if (!ready) return;
     const at = camLines[i], near = [];
-    for (let n = at - 2; n <= at + 2; n++) if (cam.has(n)) near.push([n, cam.get(n), n === at ? "here" : ""]);
+    for (let n = at - 2; at > 0 && n <= at + 2; n++) if (cam.has(n)) near.push([n, cam.get(n), n === at ? "here" : ""]);
     source($("cam"), near);
     const rows = [];
     if (krlLine.length && firstMove[i] >= 0) {
       const from = firstMove[i], file = krlFile[from], mine = new Map();
       for (let m = from; m <= lastMove[i]; m++) if (krlFile[m] === file && tagOf[m] === i) mine.set(krlLine[m], m);
-      const low = Math.min(...mine.keys()), high = Math.max(...mine.keys());
+      let low = Math.min(...mine.keys()), high = Math.max(...mine.keys());
+      if (mine.size === 1) { low = Math.max(1, low - 3); high = Math.min(krl[file].length, high + 3); }
       for (let n = low; n <= high && rows.length < 60; n++) rows.push([n, krl[file][n - 1], mine.has(n) ? "here" : "", mine.get(n)]);
       $("krl_file").textContent = D.krl_files[file];
     } else $("krl_file").textContent = krlLine.length ? "no motion for this tag" : "no program text";

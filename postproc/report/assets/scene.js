@@ -70,8 +70,8 @@ function PPScene(host, D) {
   }
   // cones whose tips stand at points and come from along the axes; balls without axes
   function marks(points, axesOf, size) {
-    const n = points.length / 3, fine = n > 3000 ? 4 : 8;
-    const shape = axesOf ? new THREE.ConeGeometry(size, 3 * size, fine) : new THREE.SphereGeometry(size, fine, fine / 2 + 1);
+    const n = points.length / 3, many = n > 3000, fine = many ? 3 : 8;
+    const shape = axesOf ? new THREE.ConeGeometry(size, 3 * size, fine, 1, many) : new THREE.SphereGeometry(size, many ? 4 : 10, many ? 3 : 8);
     const mesh = new THREE.InstancedMesh(shape, new THREE.MeshLambertMaterial({ color: 0xffffff }), Math.max(1, n));
     mesh.count = n; mesh.frustumCulled = false;
     const m = M4(), up = V(0, 1, 0), a = V(), side = V(), third = V(), k = new THREE.Color(0x888888);
