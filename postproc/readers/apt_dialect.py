@@ -57,10 +57,9 @@ class Dialect:
 
     ``marks``: what the head of its files holds, with a weight. ``implied_units``: unit of length
     where no record tells. ``ends``: words one of which must end a complete file. ``setup_plane``:
-    coordinates stand in a setup plane that TLAXIS and ROTABL tilt. ``csys_applies``: whether a
-    CSYS record moves the coordinates (in no dialect seen does it). ``feed_cancels_rapid``: a FEDRAT
-    between RAPID and GOTO. ``blank_separates``: a blank may stand for a comma.
-    ``axis_reset``: words at which the tool axis falls back to (0, 0, 1).
+    points stand in a setup plane that TLAXIS and ROTABL tilt. ``feed_cancels_rapid``: a FEDRAT
+    between RAPID and GOTO. ``blank_separates``: a blank may stand for a comma. ``axis_reset``:
+    words at which the tool axis falls back to (0, 0, 1).
     """
 
     name: str

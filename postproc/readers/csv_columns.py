@@ -11,7 +11,7 @@ from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
 _NOISE = re.compile(
-    r"\b(coord(inate)?s?|koordinate|pos(ition)?|point|value|wert|tcp|tool|hole|centre|center)\b"
+    r"\b(coord(inate)?s?|koordinate|pos(ition)?|loc(ation)?|point|value|wert|tcp|tool|hole|centre|center)\b"
 )
 _UNIT_SUFFIX = re.compile(r"_(mm|m|in|inch|deg|rad|mm_min|mm_per_min|m_s|s|mmpm|ipm)$")
 
@@ -28,9 +28,12 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "mx", "px", "xpos", "posx", "x1"),
     "y": ("y", "my", "py", "ypos", "posy", "y1"),
     "z": ("z", "mz", "pz", "zpos", "posz", "z1"),
-    "i": ("i", "nx", "vx", "ni", "normalx", "normali", "xn", "axisi", "axisx", "ux"),
-    "j": ("j", "ny", "vy", "nj", "normaly", "normalj", "yn", "axisj", "axisy", "uy"),
-    "k": ("k", "nz", "vz", "nk", "normalz", "normalk", "zn", "axisk", "axisz", "uz"),
+    "i": ("i", "nx", "vx", "ni", "normalx", "normali", "xn", "axisi", "axisx", "ux", "dirx",
+          "vectorx", "vecx", "directionx"),
+    "j": ("j", "ny", "vy", "nj", "normaly", "normalj", "yn", "axisj", "axisy", "uy", "diry",
+          "vectory", "vecy", "directiony"),
+    "k": ("k", "nz", "vz", "nk", "normalz", "normalk", "zn", "axisk", "axisz", "uz", "dirz",
+          "vectorz", "vecz", "directionz"),
     "a": ("a", "kukaa"),
     "b": ("b", "kukab"),
     "c": ("c", "kukac"),

@@ -150,7 +150,9 @@ def test_units_option(read_text, unit, factor):
         ("Yaw (rad)", "yaw"), ("qw", "qw"), ("Hole ID", "id"), ("Point name", "id"),
         ("Element Name", "id"), ("Depth", "depth"), ("Hole Depth [mm]", "depth"),
         ("Dia.", "diameter"), ("Feed rate", "feed"), ("Vorschub [mm/min]", "feed"),
-        ("Operation", "operation"), ("Number", ""), ("Deviation", ""), ("", ""), ("x2", ""),
+        ("Operation", "operation"),
+        ("X LOC", "x"), ("Dir Z", "k"), ("Vector_X", "i"),
+        ("Number", ""), ("Deviation", ""), ("", ""), ("x2", ""),
     ],
 )  # fmt: skip
 def test_column_names(name, role):
