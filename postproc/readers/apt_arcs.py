@@ -1,4 +1,9 @@
-"""CIRCLE records to arcs of the model: start from the point before, end at the point after."""
+"""CIRCLE records to arcs of the model: start from the point before, end at the point after.
+
+NX's ``TIMES,n`` counts the turns that are begun: the arc to the end point and n - 1 full turns. So
+read, the helical leads of real files slope by exactly the round ramp angles that were asked for
+(2.000 and 0.400 degrees); with n full turns they would slope by 1.118 and 0.219.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +32,8 @@ class ArcRecords:
 
     ``tag`` (m,) index of the tag an arc ends at; ``line`` (m,); ``centre`` (m, 3); ``normal``
     (m, 3) ccw, any length; ``tangent`` (m, 3) start direction that stands in for the normal, NaN
-    else; ``radius`` (m,) NaN where not written; ``turns`` (m,) full turns to add.
+    else; ``radius`` (m,) NaN where not written; ``turns`` (m,) turns begun: TIMES,n
+    of NX, 0 or 1 for a plain arc.
     """
 
     tag: IntArray
@@ -83,8 +89,7 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
     sine = np.einsum("ni,ni->n", np.cross(to_start, to_end), normal)
     sweep = np.arctan2(sine, np.einsum("ni,ni->n", to_start, to_end)) % TURN
     closed = (np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP) | (sweep <= 0.0)
-    whole = TURN * np.maximum(records.turns, 1)
-    sweep = np.where(closed, whole, sweep + TURN * records.turns)
+    sweep = np.where(closed, TURN, sweep) + TURN * np.maximum(records.turns - 1, 0)
     return Arcs(records.centre, normal, radius, sweep)
 
 

@@ -262,3 +262,10 @@ def test_siemens_cycles_in_their_three_spellings(read_text):
         assert toolpath.kind.tolist() == [MotionKind.HOLE, MotionKind.LINEAR]
         (cycle,) = toolpath.cycles
         assert (cycle.depth, cycle.clearance, cycle.retract) == pytest.approx((6e-3, 2e-3, 10e-3))
+
+
+@pytest.mark.parametrize(("times", "degrees"), [("", 90), (",TIMES,1", 90), (",TIMES,3", 810)])
+def test_times_counts_the_turns_that_are_begun(times, degrees, read_text):
+    text = f"UNITS/MM\nGOTO/10,0,6\nCIRCLE/0,0,0,0,0,1,10{times}\nGOTO/0,10,0\nFINI\n"
+    toolpath = read_text(text)
+    assert np.degrees(toolpath.arcs.sweep[0]) == pytest.approx(degrees)

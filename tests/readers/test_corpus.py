@@ -72,6 +72,21 @@ def test_no_arc_goes_against_the_cuts_beside_it(corpus):
     assert against == 0
 
 
+def test_helices_slope_by_the_round_angles_that_were_asked_for(corpus):
+    """Ramp angles are set by people: 0.4 and 2 degrees come out only if TIMES,n is read right."""
+    slopes = []
+    for path in sorted((corpus / "apt").glob("nx*KONTUR*")):
+        toolpath = read(path)
+        for tag in np.flatnonzero(toolpath.kind == MotionKind.ARC):
+            arc = toolpath.arc[tag]
+            step = toolpath.points[tag] - toolpath.points[tag - 1]
+            rise = abs(step @ toolpath.arcs.normal[arc])
+            length = toolpath.arcs.radius[arc] * toolpath.arcs.sweep[arc]
+            if rise > 1e-4:
+                slopes.append(np.degrees(np.arctan2(rise, length)))
+    np.testing.assert_allclose(slopes, [0.4, 2.0, 2.0, 0.4], atol=1e-6)
+
+
 def test_point_lists_read_or_say_why_not(corpus):
     for path in sorted((corpus / "csv").iterdir()):
         with pytest.raises(ReadError) as caught:
