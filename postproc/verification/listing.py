@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from postproc.errors import KrlError, SourceRef
+from postproc.krl.lexer import KrlSyntaxError, tokenise
 from postproc.krl.program import (
     Assign,
     Axes,
@@ -91,8 +92,7 @@ class _NoFlow:
 
     def step(self, _run: Activation, _index: int, statement: Control) -> int | None:
         """List the line and go on with the next."""
-        text = " ".join(f"{statement.word} {statement.text}".upper().split())
-        self._lister.note(EventWord.CONTROL, text)
+        self._lister.note(EventWord.CONTROL, spaced(f"{statement.word} {statement.text}"))
         return None
 
 
@@ -149,7 +149,6 @@ class _Lister(Interpreter):
         self.state.tool_data, self.state.base_data = _AnyFrame(), _AnyFrame()
         self._inline = inline
         self._inlined: dict[int, int] = {}
-        self._own = ""
         self.motions = _ListedMotions(self)
         self._motions = self.motions
         self._control = _NoFlow(self)  # type: ignore[assignment]
@@ -162,8 +161,15 @@ class _Lister(Interpreter):
         }
 
     def run(self, name: str) -> Trace:
-        self._own = name.upper()
-        return super().run(name)
+        """List a module; one without routines by what its data list holds."""
+        module = self._modules[name.upper()]
+        if module.routines:
+            return super().run(name)
+        file = self.recorder.file_row(module.dat_path)
+        for key, value, line in module.data.values() if module.data is not None else ():
+            text = f"{key.upper()}={_number_text(self.evaluator.value(value))}"
+            self.recorder.event(EventWord.DATA, text, (file, line))
+        return self.recorder.trace(self.state)
 
     def note(self, word: EventWord, text: str, value: float = math.nan) -> None:
         """List something between the motions."""
@@ -175,7 +181,7 @@ class _Lister(Interpreter):
             count = self._inlined[id(found[1])] = self._inlined.get(id(found[1]), 0) + 1
             if not self._inline or count > MAX_INLINED:
                 values = [self.evaluator.value(value) for value in statement.arguments]
-                text = ",".join("?" if v is UNKNOWN else text_of(v) for v in values)
+                text = ",".join("?" if v is UNKNOWN else _number_text(v) for v in values)
                 self.note(EventWord.HOOK, f"{statement.name.upper()}({text})")
                 return
         super()._call(statement)
@@ -183,7 +189,7 @@ class _Lister(Interpreter):
     def _trigger(self, statement: Trigger) -> None:
         where = self.evaluator.value(statement.where)
         delay = self.evaluator.value(statement.delay_ms)
-        text = f"TRIGGER {statement.word}={text_of(where)} DELAY={text_of(delay)}"
+        text = f"TRIGGER {statement.word}={_number_text(where)} DELAY={_number_text(delay)}"
         self.note(EventWord.OTHER, text)
         super()._trigger(statement)
 
@@ -205,6 +211,14 @@ class _Lister(Interpreter):
             value = self.evaluator.value(statement.value)
             self.note(EventWord.DATA, f"{statement.target.upper()}={_number_text(value)}")
         super().assign(statement)
+
+
+def spaced(text: str) -> str:
+    """Return code in upper case with one blank between its tokens."""
+    try:
+        return " ".join(token.text.upper() for token in tokenise(text)).strip()
+    except KrlSyntaxError:
+        return " ".join(text.upper().split())
 
 
 def _number_text(value: Any) -> str:  # noqa: ANN401 - a KRL value

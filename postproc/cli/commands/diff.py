@@ -1,0 +1,42 @@
+"""``postproc diff``: semantic difference of two programs or two folders."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+
+_TOLERANCE = click.FloatRange(min=0.0)
+EPILOG = """\b
+Examples:
+  postproc diff released/panel.src out/panel.src
+  postproc diff released out --tol-mm 0.01 --json
+"""
+
+
+@click.command(epilog=EPILOG)
+@click.argument("old", metavar="OLD", type=click.Path())
+@click.argument("new", metavar="NEW", type=click.Path())
+@click.option(
+    "--tol-mm", default=0.001, show_default=True, type=_TOLERANCE, help="Shift that is the same."
+)
+@click.option(
+    "--tol-deg", default=0.001, show_default=True, type=_TOLERANCE, help="Turn that is the same."
+)
+@standard_options
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
+    """Tell what the robot would do differently with NEW than with OLD.
+
+    OLD and NEW are two programs (with the sub-programs beside them) or two folders, which are
+    compared module by module. Names, folds, comments, number formats and where things are declared
+    do not count. Exit code 0: same, 1: different, 2: one cannot be read.
+    """
+    from postproc.verification.diff import DiffTolerance, diff
+
+    tolerance = DiffTolerance(options["tol_mm"], options["tol_deg"])
+    report = diff(options["old"], options["new"], tolerance)
+    session.document(report.to_dict())
+    session.show(report.summary())
+    return answer(report.same)
