@@ -135,6 +135,13 @@ def _lifted(
     return solved, good
 
 
+def free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
+    """Return the joints (k, 6) between start and goal of a free way, none if it is straight."""
+    if checker.joint_moves(start[None], goal[None]).good[0]:
+        return np.zeros((0, 6))
+    return rrt_connect(checker, start, goal)
+
+
 def rrt_connect(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
     """Return the joints (k, 6) between start and goal of a free way, None if none was found."""
     problem = checker.problem

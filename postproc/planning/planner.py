@@ -24,7 +24,7 @@ from postproc.planning.moves import Chosen
 from postproc.planning.place import place
 from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
-from postproc.planning.sequence import ordered, reordered
+from postproc.planning.sequence import ordered, ordered_by_place, reordered
 from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose
@@ -65,11 +65,14 @@ def plan(
     cell, settings = settle(cell, options)
     if not cell.external_axes:
         return _planned(toolpath, cell, settings, options, progress)
+    if settings.free_order:
+        toolpath = reordered(toolpath, ordered_by_place(toolpath))
+        settings = replace(settings, free_order=False)
     return plan_stations(
         toolpath,
         cell,
         settings,
-        lambda part, here: problem_of(part, here, settings),
+        lambda here: _checker(toolpath, here, settings),
         lambda part, here: _planned(part, here, settings, options, progress),
     )
 
@@ -83,11 +86,10 @@ def _planned(
 ) -> Plan:
     """Return the plan in a cell without external axes."""
     clock = _Clock(progress)
-    problem = problem_of(toolpath, cell, settings)
     if settings.free_order:
-        toolpath = reordered(toolpath, ordered(problem))
-        problem = problem_of(toolpath, cell, settings)
-    checker = Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))
+        toolpath = reordered(toolpath, ordered(problem_of(toolpath, cell, settings)))
+    checker = _checker(toolpath, cell, settings)
+    problem = checker.problem
     clock.lap("place")
     chosen, issues, record = choose(checker, clock.step)
     clock.lap("search")
@@ -131,6 +133,12 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
         path_normals(toolpath, placement),
         stiffness_of(cell),
     )
+
+
+def _checker(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
+    """Return the checks of a toolpath in a cell without external axes."""
+    problem = problem_of(toolpath, cell, settings)
+    return Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))
 
 
 def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Issue]]:

@@ -11,7 +11,7 @@ from postproc.frames import inverse
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind, MotionKind
-from postproc.planning.connect import Detour, Ends, detours, rrt_connect
+from postproc.planning.connect import Detour, Ends, detours, free_way
 from postproc.planning.cuts import cut_moves
 from postproc.planning.drill import ARRIVE, LEAVE, hole_moves
 from postproc.planning.explain import failure
@@ -95,7 +95,7 @@ def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) 
         (int(tags[0]), (home, q[tags[0]]), _HOME),
         (int(tags[-1]), (q[tags[-1]], home), LEAVE + 1),
     ):
-        between = _free_way(checker, *way)
+        between = free_way(checker, *way)
         if between is None:
             detail = "no free way was found between home and here"
             issues.append(failure(problem, tag, Reason.COLLISION, detail))
@@ -108,12 +108,6 @@ def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) 
         T_base_tcp = _poses(problem, points)
         parts.append(moves(where, numbers, MoveKind.PTP, role, T_base_tcp, points))
     return parts
-
-
-def _free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
-    if checker.joint_moves(start[None], goal[None]).good[0]:
-        return np.zeros((0, 6))
-    return rrt_connect(checker, start, goal)
 
 
 def _poses(problem: Problem, q: FloatArray) -> FloatArray:

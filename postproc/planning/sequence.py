@@ -33,6 +33,14 @@ def ordered(problem: Problem) -> IndexArray:
     return order
 
 
+def ordered_by_place(toolpath: ToolPath) -> IndexArray:
+    """Return the tags (n,) in an order that is short in space, for arms that travel."""
+    order = np.arange(len(toolpath))
+    for low, high in _runs(toolpath):
+        order[low:high] = low + shortest(np.asarray(toolpath.points)[low:high])
+    return order
+
+
 def reordered(toolpath: ToolPath, order: IndexArray) -> ToolPath:
     """Return the toolpath with its tags in another order; events stay at their place."""
     columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")

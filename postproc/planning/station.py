@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.errors import Issue, Severity
-from postproc.frames import inverse, rotation_about, transform
+from postproc.frames import inverse
 from postproc.kinematics.model import build
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell
@@ -26,8 +26,8 @@ from postproc.planning.candidates import sample
 from postproc.planning.feasible import Reason
 from postproc.planning.hunt import step_rules
 from postproc.planning.ladder import IndexArray, Rule
-from postproc.planning.problem import Problem
 from postproc.planning.settings import Settings
+from postproc.planning.travel import MakeChecker, Travel, cell_at, travel_between
 from postproc.timing.profile import joint_move_time
 from postproc.units import DEG
 
@@ -42,27 +42,7 @@ UNREACHED = 1e6
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _ROUNDS = 12
-_PIECES = 8
-
 PlanHere = Callable[[ToolPath, Cell], Plan]
-MakeProblem = Callable[[ToolPath, Cell], Problem]
-
-
-def cell_at(cell: Cell, values: FloatArray) -> Cell:
-    """Return the cell with its external axes at values (k,) [m or rad], as one without them."""
-    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
-    T_world_base = T_world_robroot @ cell.T_robroot_base
-    for axis, value in zip(cell.external_axes, values.tolist(), strict=True):
-        if axis.kind == "rail":
-            T_world_robroot = transform(np.eye(3), value * axis.axis) @ T_world_robroot
-        else:
-            R = rotation_about(axis.axis, np.array(value))
-            origin = axis.T_world_axis[:3, 3]
-            T_world_base = transform(R, origin - R @ origin) @ T_world_base
-    robot = replace(cell.robot, T_world_robroot=T_world_robroot)
-    T_robroot_base = inverse(T_world_robroot) @ T_world_base
-    workpiece = replace(cell.workpiece, T_robroot_base=T_robroot_base)
-    return replace(cell, robot=robot, workpiece=workpiece, external_axes=())
 
 
 def stations_of(cell: Cell) -> FloatArray:
@@ -124,7 +104,7 @@ def plan_stations(
     toolpath: ToolPath,
     cell: Cell,
     settings: Settings,
-    make_problem: MakeProblem,
+    make_checker: MakeChecker,
     plan_here: PlanHere,
 ) -> Plan:
     """Return the plan of a toolpath in a cell with external axes.
@@ -133,11 +113,11 @@ def plan_stations(
         toolpath: what was read.
         cell: with at least one external axis.
         settings: of the plan.
-        make_problem: toolpath and cell without external axes to the planning problem.
-        plan_here: likewise, to a plan.
+        make_checker: cell without external axes to the checks of the whole toolpath in it.
+        plan_here: part of the toolpath and such a cell to a plan.
     """
     values = stations_of(cell)
-    units, cost = _costs(toolpath, cell, settings, values, make_problem)
+    units, cost = _costs(toolpath, cell, settings, values, make_checker)
     search = _Stations(toolpath, cell, values, units, cost)
     for _ in range(_ROUNDS):
         runs, again = search.runs(), False
@@ -149,7 +129,7 @@ def plan_stations(
         if not again:
             break
     plans = [search.done[run] for run in runs]
-    return _joined(toolpath, cell, values, runs, plans)
+    return _joined(toolpath, cell, values, runs, plans, make_checker)
 
 
 def _costs(
@@ -157,14 +137,14 @@ def _costs(
     cell: Cell,
     settings: Settings,
     values: FloatArray,
-    make_problem: MakeProblem,
+    make_checker: MakeChecker,
 ) -> tuple[list[tuple[int, int]], FloatArray]:
     """Return units of tags that keep a station, and their cost (u, g) at every station."""
     n, tags = len(toolpath), np.arange(len(toolpath))
     quality = np.full((n, len(values)), -np.inf)
     rule = np.zeros(n, dtype=np.int64)
     for g in range(len(values)):
-        problem = make_problem(toolpath, cell_at(cell, values[g]))
+        problem = make_checker(cell_at(cell, values[g])).problem
         rule = step_rules(problem)
         states = sample(problem, tags, settings.spins)
         rows = states.tag_of(np.arange(len(states.q)))
@@ -217,6 +197,7 @@ def _joined(
     values: FloatArray,
     runs: list[tuple[int, int, int]],
     plans: list[Plan],
+    make_checker: MakeChecker,
 ) -> Plan:
     """Return one plan of all runs, with the moves of the external axes between them."""
     issues: list[Issue] = []
@@ -229,7 +210,8 @@ def _joined(
         shifted = _shifted(part, run[0], toolpath)
         issues += shifted.issues
         if i and len(part) and pieces:
-            between, where = _between(cell, pieces[-1], shifted, places[-1][-1], here, issues)
+            ends = (places[-1][-1], here)
+            between, where = _between(cell, pieces[-1], shifted, ends, make_checker, issues)
             pieces.append(between)
             places.append(where)
             moves += len(between)
@@ -274,13 +256,13 @@ def _between(
     cell: Cell,
     before: Plan,
     after: Plan,
-    start: FloatArray,
-    end: FloatArray,
+    places: tuple[FloatArray, FloatArray],
+    make_checker: MakeChecker,
     issues: list[Issue],
 ) -> tuple[Plan, FloatArray]:
     """Return the moves from one station to the next: to a travel pose, the axes, and on."""
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
-    travel = _travel_pose(cell, q_from, q_to, start, end)
+    travel = travel_between(cell, q_from, q_to, places, make_checker)
     if travel is None:
         issues.append(
             Issue(
@@ -292,67 +274,50 @@ def _between(
                 hint="give [motion] home_deg, a pose that is free at every station",
             )
         )
-        travel = q_from
-    q, where = np.stack([travel, travel]), np.stack([start, end])
-    poses = [_pose(cell, travel, place) for place in (start, end)]
-    robot = cell.robot
+        travel = Travel(np.zeros((0, 6)), q_from, np.zeros((0, 6)))
+    q = np.concatenate([travel.leave, [travel.pose, travel.pose], travel.arrive])
+    k, at_start = len(q), len(travel.leave) + 1
+    where = np.concatenate(
+        [np.tile(places[0], (at_start, 1)), np.tile(places[1], (k - at_start, 1))]
+    )
     share = float(after.ptp_fraction[0])
+    robot = cell.robot
     external = np.array([axis.qd_max for axis in cell.external_axes])
-    reach = joint_move_time(
-        q_from[None], travel[None], np.asarray(robot.qd_max) * share, robot.qdd_max
-    )
-    slide = joint_move_time(start[None], end[None], external * share, external / SPEED_UP_TIME)
-    return (
-        replace(
-            after,
-            kind=np.full(2, MoveKind.PTP),
-            role=np.full(2, MoveRole.RAPID),
-            tag=np.full(2, tag),
-            T_base_tcp=np.array(poses),
-            q=q,
-            blend=np.zeros(2),
-            dwell=np.zeros(2),
-            speed=np.full(2, np.nan),
-            ptp_fraction=np.full(2, share),
-            duration=np.array([reach[0], slide[0]]),
-            branch=np.asarray(build(robot).slot(q)),
-            spin=np.full(2, after.spin[0]),
-            aux=np.full((2, 3), np.nan),
-            external=np.zeros((2, 0)),
-            events=(),
-            compensation=None,
+    steps = np.vstack([q_from[None], q])
+    speed = np.asarray(robot.qd_max) * share
+    duration = joint_move_time(steps[:-1], steps[1:], speed, robot.qdd_max)
+    slide = np.stack(places)
+    duration[at_start] = joint_move_time(
+        slide[:1], slide[1:], external * share, external / SPEED_UP_TIME
+    )[0]
+    between = replace(
+        after,
+        kind=np.full(k, MoveKind.PTP),
+        role=np.full(k, MoveRole.RAPID),
+        tag=np.full(k, tag),
+        T_base_tcp=np.array(
+            [_pose(cell, row, values) for row, values in zip(q, where, strict=True)]
         ),
-        where,
+        q=q,
+        blend=np.zeros(k),
+        dwell=np.zeros(k),
+        speed=np.full(k, np.nan),
+        ptp_fraction=np.full(k, share),
+        duration=duration,
+        branch=np.asarray(build(robot).slot(q)),
+        spin=np.full(k, after.spin[0]),
+        aux=np.full((k, 3), np.nan),
+        external=np.zeros((k, 0)),
+        events=(),
+        compensation=None,
     )
+    return between, where
 
 
 def _pose(cell: Cell, q: FloatArray, values: FloatArray) -> FloatArray:
     here = cell_at(cell, values)
     T_robroot_tcp = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
     return np.asarray(inverse(here.T_robroot_base) @ T_robroot_tcp)
-
-
-def _travel_pose(
-    cell: Cell, q_from: FloatArray, q_to: FloatArray, start: FloatArray, end: FloatArray
-) -> FloatArray | None:
-    """Return joints that are free all the way, and reached and left by free joint moves."""
-    from postproc.collision.scene import Scene
-
-    kinematics = build(cell.robot)
-    folded = np.array([q_from[0], -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0])
-    folded = np.clip(folded, cell.robot.q_min, cell.robot.q_max)
-    home = [] if cell.motion.home is None else [np.asarray(cell.motion.home)]
-    shares = np.linspace(0.0, 1.0, _PIECES + 1)
-    cells = [cell_at(cell, start + share * (end - start)) for share in shares.tolist()]
-    scenes = [Scene.build(here, kinematics) for here in cells]
-    for travel in (*home, q_from, folded, q_to):
-        if any(scene.check(travel[None]).hit[0] for scene in scenes):
-            continue
-        leave = scenes[0].check_paths(q_from[None], travel[None]).hit[0]
-        arrive = scenes[-1].check_paths(travel[None], q_to[None]).hit[0]
-        if not (leave or arrive):
-            return np.asarray(travel)
-    return None
 
 
 def _stacked(

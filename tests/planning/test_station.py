@@ -12,7 +12,8 @@ from postproc.model.cell import ExternalAxis, MeshPlacement
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
-from postproc.planning.station import cell_at, stations_of
+from postproc.planning.station import stations_of
+from postproc.planning.travel import cell_at
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
@@ -112,3 +113,20 @@ def test_grid_of_stations():
     assert values[-1, 0] == 3.5
     assert 0.0 in values
     assert np.diff(values[:, 0]).max() <= 0.25 + 1e-9
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_free_order_along_a_rail(make_cell, make_path):
+    rng = np.random.default_rng(2)
+    toolpath = panel(make_path, width=10.0)
+    rail = replace(RAIL, q_min=-5.5, q_max=5.5)
+    shuffled = replace(toolpath, points=toolpath.points[rng.permutation(25)])
+    cell = replace(make_cell(options={"free_order": True}), external_axes=(rail,))
+    result = plan(shuffled, cell)
+    assert not result.errors
+    assert sorted(result.toolpath.line.tolist()) == toolpath.line.tolist()
+    plunge = result.role == MoveRole.PLUNGE
+    tip = result.T_base_tcp[plunge, :3, 3] - result.toolpath.points[result.tag[plunge]]
+    assert np.allclose(tip, [0.006, 0.0, 0.0], atol=1e-9)
+    given = plan(shuffled, replace(make_cell(), external_axes=(rail,)))
+    assert result.settings["stations"] < given.settings["stations"]
