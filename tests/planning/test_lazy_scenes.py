@@ -1,0 +1,61 @@
+"""Searching with collisions found on the way gives the cost of checking every state first."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.collision.scene import Scene
+from postproc.model.cell import MeshPlacement
+from postproc.model.toolpath import Cycle, MotionKind
+from postproc.planning.feasible import Checker
+from postproc.planning.hunt import Hunt
+from postproc.planning.planner import problem_of
+from postproc.planning.settings import PlanOptions, settle
+from postproc.planning.stroke import strokes_of
+from postproc.units import DEG
+
+
+def crowded(make_cell, make_path, seed):
+    """Five holes among random boxes, some of which the arm must reach around."""
+    rng = np.random.default_rng(seed)
+    n = 5
+    points = np.stack([np.full(n, 1.9), np.linspace(-0.4, 0.4, n), rng.uniform(0.8, 1.2, n)], 1)
+    cycles = (Cycle("drill", 0.0, 0.002, 0.01, feed=0.002),)
+    toolpath = make_path(
+        points, [-1.0, 0, 0], MotionKind.HOLE, cycle=np.zeros(n, int), cycles=cycles
+    )
+    boxes = []
+    for i in range(5):
+        T = np.eye(4)
+        T[:3, 3] = rng.uniform([1.0, -1.0, 0.2], [2.0, 1.0, 2.0])
+        boxes.append(MeshPlacement(f"box{i}", T, size=rng.uniform(0.1, 0.4, 3)))
+    T = np.eye(4)
+    T[:3, 3] = [0.0, 0.0, 0.18]
+    head = MeshPlacement("head", T, radius=0.06, length=0.36)
+    cell = make_cell(optimize={"step": 20.0 * DEG}, options={"turns": seed % 2 == 0})
+    cell = replace(cell, obstacles=tuple(boxes), tool=replace(cell.tool, meshes=(head,)))
+    cell, settings = settle(cell, PlanOptions())
+    problem = problem_of(toolpath, cell, settings)
+    scene = Scene.build(cell, problem.kinematics)
+    return Checker(problem, strokes_of(toolpath, settings.approach), scene)
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_lazy_equals_eager(make_cell, make_path, seed):
+    checker = crowded(make_cell, make_path, seed)
+    tags = np.arange(5)
+    lazy = Hunt.of(checker, tags, each=False)
+    found = lazy.run()
+    eager = Hunt.of(checker, tags, each=False)
+    every = np.arange(len(eager.states.q))
+    bad = ~eager.check_states(every)
+    eager.ladder.cost[every[bad]] = np.inf
+    eager.ladder.solve()
+    want = eager.ladder.total(eager.ladder.path())
+    assert lazy.ladder.total(found.path) == pytest.approx(want, abs=1e-7)
+    assert np.array_equal(lazy.ladder.broken, eager.ladder.broken)
+    if bad.any():
+        assert found.checked <= len(every)
