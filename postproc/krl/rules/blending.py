@@ -165,12 +165,17 @@ def _last_motions(subject: Subject) -> None:
 
 
 def advance_stops(subject: Subject) -> None:
-    """Row 20: inputs, outputs and positions stop the advance run: the tool marks the part."""
+    """Row 20: inputs, outputs and positions stop the advance run: the tool marks the part.
+
+    Looked at between two path motions where the first is blended or made at feed.
+    """
     for part in subject.parts:
+        speeds = _speeds(part)
         for place in range(1, len(part.steps)):
             if part.is_path[place] and part.is_path[place - 1]:
-                between = part.between(part.steps[place - 1], part.steps[place])
-                if between:
+                before = part.steps[place - 1]
+                between = part.between(before, part.steps[place])
+                if between and (before.move.blend or speeds[place - 1] <= FEED):
                     _stops(subject, part, between)
 
 

@@ -82,9 +82,9 @@ def external_axes(subject: Subject) -> None:
             if target is None or step.move.word.is_relative:
                 continue
             if target.external:
-                with_any += 1
+                with_any += any(target.external)
                 _values(subject, part.path, step.move, target.external, count)
-            else:
+            elif target.is_complete:
                 without += 1
                 first_without = first_without or (part.path, step.move.line)
     if first_without is None:
@@ -93,7 +93,7 @@ def external_axes(subject: Subject) -> None:
         message = f"{without} points without external axes, the controller has {count}"
         subject.add(25, WARNING, *first_without, message)
     elif count is None and with_any:
-        message = f"{without} points without external axes, {with_any} with"
+        message = f"{without} points without external axes, {with_any} move them"
         subject.add(25, WARNING, *first_without, message)
 
 
