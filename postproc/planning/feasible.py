@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 STEP_LENGTH = 0.01
 """Longest piece [m] of a motion between two checked poses."""
+LARGEST_TURN = 175.0 * DEG
+"""A path motion that turns the tool farther could go either way round on the controller [rad]."""
 STEP_ANGLE = 4.0 * DEG
 """Largest turn [rad] of the tool between two checked poses."""
 JUMP = 40.0 * DEG
@@ -221,6 +223,8 @@ class Checker:
     def track(self, lines: Lines, verdict: Verdict) -> Track:
         """Return the joint paths of CP motions; notes what stands against them."""
         row, share = self._shares(lines)
+        turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+        verdict.refuse(np.nonzero(turn > LARGEST_TURN)[0], Reason.SINGULAR)
         inner = (share > 0.0) & (share < 1.0)
         q = lines.q_from[row] + share[:, None] * (lines.q_to - lines.q_from)[row]
         if inner.any():
