@@ -108,7 +108,8 @@ class Arcs:
 
     ``centre`` (m, 3) [m]; ``normal`` (m, 3) unit: the motion is COUNTERCLOCKWISE about it, whatever
     the dialect wrote; ``radius`` (m,) [m]; ``sweep`` (m,) [rad] > 0, a full circle is 2 pi, a helix
-    that passes its end angle n times before adds 2 pi n. The rise of a helix along ``normal`` is that from start to end.
+    that passes its end angle n times before adds 2 pi n. The rise of a helix along ``normal`` is
+    that from start to end.
     """
 
     centre: FloatArray
