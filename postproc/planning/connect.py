@@ -175,7 +175,9 @@ class _Tree:
         way = targets - self.nodes[near]
         size = np.linalg.norm(way, axis=1, keepdims=True)
         ends = self.nodes[near] + way * np.minimum(1.0, _STEP / np.maximum(size, 1e-9))
-        free = np.nonzero(checker.joint_moves(self.nodes[near], ends).good)[0]
+        hopeful = np.nonzero(checker.free_poses(ends))[0]
+        good = checker.joint_moves(self.nodes[near[hopeful]], ends[hopeful]).good
+        free = hopeful[good]
         first = len(self.nodes)
         self.nodes = np.concatenate([self.nodes, ends[free]])
         self.parent += near[free].tolist()
@@ -186,7 +188,10 @@ class _Tree:
         if not len(new):
             return None
         near = self.nearest(other.nodes[new])
-        good = np.nonzero(checker.joint_moves(other.nodes[new], self.nodes[near]).good)[0]
+        middle = 0.5 * (other.nodes[new] + self.nodes[near])
+        hopeful = np.nonzero(checker.free_poses(middle))[0]
+        start, end = other.nodes[new[hopeful]], self.nodes[near[hopeful]]
+        good = hopeful[checker.joint_moves(start, end).good]
         if not len(good):
             return None
         gap = np.linalg.norm(other.nodes[new[good]] - self.nodes[near[good]], axis=1)

@@ -244,6 +244,12 @@ class Checker:
         verdict.refuse(row[1:][same & (leap > JUMP)], Reason.SINGULAR)
         return Track(row, share, q)
 
+    def free_poses(self, q: FloatArray) -> BoolArray:
+        """Return (m,) whether poses (m, 6) are free of any collision, contact included."""
+        verdict = Verdict.clean(len(q))
+        self._hits(verdict, np.arange(len(q)), q, np.zeros(len(q), dtype=np.bool_))
+        return verdict.good
+
     def joint_moves(self, q_from: FloatArray, q_to: FloatArray) -> Verdict:
         """Check straight joint moves (m, 6) to (m, 6) for collision."""
         verdict = Verdict.clean(len(q_from))

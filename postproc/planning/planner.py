@@ -174,7 +174,7 @@ def _clearance(checker: Checker, chosen: Chosen, options: PlanOptions) -> FloatA
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
     from postproc.collision.scene import Scene
 
-    return Scene.build(problem.cell, problem.kinematics)
+    return Scene.shared(problem.cell, problem.kinematics)
 
 
 def _notes(checker: Checker) -> list[Issue]:
