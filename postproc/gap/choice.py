@@ -288,17 +288,24 @@ def _doubtful(
     bench: Bench,
     keys: Subset,
     suspects: Subset,
-    evidence: Mapping[str, Evidence],
+    evidence: dict[str, Evidence],
     refused: dict[str, str],
 ) -> tuple[Subset, Subset]:
-    """Take the name from an effect that a cause outside of the library would replace as well."""
+    """Take the name from an effect that a cause outside of the library would replace as well.
+
+    Where another effect of the library would do so too, the name stands, in that set.
+    """
     kept, called = [], list(suspects)
     for key in keys:
         name = _block(bench, key).name
-        rivals = [s for s in evidence[key].twins if name in NEIGHBOURS.get(s, ())]
-        if rivals:
+        twins = evidence[key].twins
+        rivals = [s for s in twins if name in NEIGHBOURS.get(s, ())]
+        if rivals and all(twin in NEIGHBOURS for twin in twins):
             refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"
-            called += [s for s in rivals if s not in called]
+            for rival in rivals:
+                if rival not in called:
+                    called.append(rival)
+                    evidence[rival] = replace(evidence[key])
         else:
             kept.append(key)
     return tuple(kept), tuple(called)

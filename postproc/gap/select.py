@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.gap.linear import Block, Gram
+from postproc.gap.linear import Gram
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
@@ -16,6 +16,7 @@ PRIOR_SUSPECT = 6.0
 """Price of calling for a cause outside of the library."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
+_MERGES = 3
 Subset = tuple[str, ...]
 
 
@@ -88,6 +89,13 @@ def search(
     starts += _best_of_size(state, range(1, exhaustive + 1))
     for start in dict.fromkeys(starts):
         _climb(state, start, keys)
+    for _ in range(_MERGES):
+        here = state.best
+        around = [s for s in _merged(here, keys) if state.legal(s)]
+        better = max(around, key=state.score, default=here)
+        if state.score(better) <= state.score(here) + 1e-9:
+            break
+        _climb(state, better, keys)
     return state
 
 
@@ -124,12 +132,10 @@ def _neighbours(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
             yield tuple(sorted(rest | {key}))
 
 
-def drop_gain(search_state: Search, subset: Subset, key: str) -> float:
-    """Return how much the score falls when one block of a subset is left out, refitted."""
-    rest = tuple(k for k in subset if k != key)
-    return search_state.score(subset) - search_state.score(rest)
-
-
-def by_key(blocks: Sequence[Block]) -> dict[str, Block]:
-    """Return blocks by key."""
-    return {block.key: block for block in blocks}
+def _merged(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    """Yield the subsets with one block in place of two: two can imitate what one explains."""
+    for pair in itertools.combinations(subset, 2):
+        rest = set(subset) - set(pair)
+        for key in keys:
+            if key not in subset:
+                yield tuple(sorted(rest | {key}))

@@ -27,7 +27,7 @@ class GravitySag(Effect):
     action = "compensate with model.toml; check the counterbalance"
     conditions = ("q2", "q3")
     equilibrium = True
-    layout = (("scale", 6), ("shape", 4), ("wrist_moment", 3))
+    layout = (("scale", 6), ("shape", 4), ("wrist_moment", 6))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return six scales of the reference sag, four shapes of axes 2 and 3, wrist moments."""
@@ -36,7 +36,11 @@ class GravitySag(Effect):
         return (
             *per_joint(1.0),
             *(Parameter(f"joint_{name}", 0.3, joint=int(name[0])) for name in shapes),
-            *(Parameter(f"wrist_{axis}", 0.05, joint=5) for axis in "xyz"),
+            *(
+                Parameter(f"wrist_{link}_{axis}", 0.05, joint=link)
+                for link in (4, 5)
+                for axis in "xyz"
+            ),
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -44,7 +48,7 @@ class GravitySag(Effect):
         del setting
         reference = samples.arm.reference
         torque = weight_torque(samples)
-        joint = np.zeros((len(samples), 6, 13))
+        joint = np.zeros((len(samples), 6, 16))
         joint[:, :, :6] = diagonal(torque * reference.c_joint)
         upper, along, across = self._levers(samples)
         for column, (axis, lever) in enumerate(
@@ -54,18 +58,22 @@ class GravitySag(Effect):
                 "ni,ni->n", samples.axes[:, :, axis], np.cross(lever, reference.gravity)
             )
             joint[:, axis, column] = turn * self._moment(samples) * reference.c_joint[axis]
-        joint[:, :, 10:] = self._wrist(samples) * reference.c_joint[:, None]
+        for column, link in ((10, 4), (13, 5)):
+            wrist = self._wrist(samples, link) * reference.c_joint[:, None]
+            joint[:, :, column : column + 3] = wrist
         return Basis(joint=joint)
 
     @staticmethod
-    def _wrist(samples: Samples) -> FloatArray:
-        """Return (n, 6, 3) the torque of the wrist's mass, one metre off along its own axes."""
+    def _wrist(samples: Samples, link: int) -> FloatArray:
+        """Return (n, 6, 3) torque of the wrist's mass, one metre off along axes of a link."""
         reference = samples.arm.reference
-        R = samples.frames[:, 5, :3, :3]
-        origin = samples.frames[:, 5, :3, 3]
-        here = samples.weight_torque(origin, 5, reference.gravity)
+        R = samples.frames[:, link, :3, :3]
+        origin = samples.frames[:, link, :3, 3]
+        here = samples.weight_torque(origin, link, reference.gravity)
         mass = float(np.sum(reference.link_mass[3:]))
-        there = [samples.weight_torque(origin + R[:, :, k], 5, reference.gravity) for k in range(3)]
+        there = [
+            samples.weight_torque(origin + R[:, :, k], link, reference.gravity) for k in range(3)
+        ]
         return mass * np.stack([torque - here for torque in there], axis=2)
 
     @staticmethod

@@ -6,6 +6,7 @@ import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.model.arrays import FloatArray
 
 
 @register
@@ -21,9 +22,14 @@ class TrackerCreep(Effect):
     conditions = ("time",)
 
     def prepare(self, samples: Samples) -> Setting:
-        """Return start and length of the campaign [s]."""
+        """Return start and length of the campaign [s], and the mean of both forms.
+
+        The means are taken out: a frame that is off from the start is not a creeping one.
+        """
         time = samples.column("time")
-        return {"start": float(np.min(time)), "length": float(np.ptp(time)) or 1.0}
+        start, length = float(np.min(time)), float(np.ptp(time)) or 1.0
+        mean = [float(np.mean(form)) for form in _forms((time - start) / length)]
+        return {"start": start, "length": length, "mean": mean}
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return shift [m] and turn [rad] at the end, for two forms of time."""
@@ -39,8 +45,14 @@ class TrackerCreep(Effect):
         """Move frame 0 in the course of time."""
         part = (samples.column("time") - setting["start"]) / setting["length"]
         link = np.zeros((len(samples), 7, 6, 12))
-        for index, form in enumerate((part, 1.0 - np.exp(-4.0 * part))):
+        for index, (raw, mean) in enumerate(zip(_forms(part), setting["mean"], strict=True)):
+            form = raw - mean
             for axis in range(3):
                 link[:, 0, 3 + axis, 6 * index + axis] = form
                 link[:, 0, axis, 6 * index + 3 + axis] = form
         return Basis(link=link)
+
+
+def _forms(part: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a straight line and a settling curve over the part 0..1 of the campaign."""
+    return part, 1.0 - np.exp(-4.0 * part)
