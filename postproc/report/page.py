@@ -19,6 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 ASSETS = Path(__file__).parent / "assets"
+_SENTENCE = 28
+"""Cells longer than this are text, not numbers."""
 
 
 def escape(text: object) -> str:
@@ -42,10 +44,14 @@ def packed_text(text: str) -> dict[str, Any]:
 def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Return an HTML table; every cell is escaped. A click on a head cell sorts it."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows
-    )
+    body = "".join("<tr>" + "".join(_cell(str(cell)) for cell in row) + "</tr>" for row in rows)
     return f'<table class="data"><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>'
+
+
+def _cell(text: str) -> str:
+    """Return a table cell; sentences are set as text, the rest as numbers."""
+    mark = ' class="text wrap"' if len(text) > _SENTENCE else ""
+    return f"<td{mark}>{escape(text)}</td>"
 
 
 @dataclass(slots=True)

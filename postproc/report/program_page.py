@@ -57,6 +57,7 @@ def program_page(
     columns = tag_columns(plan, cell, moves, scene, text)
     spins = spin_map(plan, cell, moves, scene)
     add_scene(page, cell, kinematics, scene)
+    page.script("list.js")
     page.script("program.js")
     page.data |= {
         **_moves(plan, cell),
@@ -140,7 +141,7 @@ def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
 
 def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
     """Return where robot and workpiece stand, move by move, when external axes move them."""
-    from postproc.planning.station import cell_at
+    from postproc.planning.travel import cell_at
 
     if not cell.external_axes or not plan.external.shape[1]:
         return {"stations": [], "station": packed(np.zeros(0), "uint16")}

@@ -66,7 +66,7 @@ def spin_map(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> S
         scene: the solids.
     """
     from postproc.planning.place import spin_values
-    from postproc.planning.station import cell_at
+    from postproc.planning.travel import cell_at
 
     n = len(plan.toolpath)
     if not np.isfinite(plan.stiffness).any() or n > MOST_TAGS:

@@ -192,8 +192,8 @@ class _AptWriter:
         turned = [a for a in "ABC" if abs(words.get(a, 0.0)) > SMALL]
         if turned:
             raise PostError(
-                f"{name}: rotary axis {turned[0]}: the robot has no such axis; model the setup turned, or use "
-                "the CAM system's APT output"
+                f"{name}: rotary axis {turned[0]}: the robot has no such axis; model the setup "
+                "turned, or use the CAM system's APT output"
             )
         if name in ("G20", "G91", "G93", "G95", "G41", "G42") or name.startswith("G38"):
             raise PostError(f"{name} cannot be handed to postproc")

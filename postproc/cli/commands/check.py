@@ -15,13 +15,15 @@ EPILOG = """\b
 Examples:
   postproc check cell.toml
   postproc check cell.toml --json
+  postproc check cell.toml --report cell.html
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("cell", metavar="CELL.toml")
+@click.option("--report", metavar="FILE.html", help="Write a page that draws the cell.")
 @standard_options
-def command(session: Session, /, cell: str) -> int:
+def command(session: Session, /, cell: str, report: str | None) -> int:
     """Load a cell, say what it is and what is wrong with it.
 
     Errors make the exit code 1: home in collision, a tool heavier than the payload, an objective
@@ -31,6 +33,13 @@ def command(session: Session, /, cell: str) -> int:
     from postproc.pipeline.cellcheck import check_cell
 
     checked = check_cell(load_cell(cell))
+    if report:
+        from pathlib import Path
+
+        from postproc.files import write_files
+        from postproc.report.cell_page import cell_page
+
+        write_files({Path(report): cell_page(checked.cell, checked.facts, checked.issues)})
     findings = [_entry(issue) for issue in checked.issues]
     session.document(
         {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}

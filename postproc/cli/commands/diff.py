@@ -13,6 +13,7 @@ EPILOG = """\b
 Examples:
   postproc diff released/panel.src out/panel.src
   postproc diff released out --tol-mm 0.01 --json
+  postproc diff released/panel.src out/panel.src --html changes.html
 """
 
 
@@ -25,6 +26,7 @@ Examples:
 @click.option(
     "--tol-deg", default=0.001, show_default=True, type=_TOLERANCE, help="Turn that is the same."
 )
+@click.option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Tell what the robot would do differently with NEW than with OLD.
@@ -37,6 +39,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     tolerance = DiffTolerance(options["tol_mm"], options["tol_deg"])
     report = diff(options["old"], options["new"], tolerance)
+    if options["page"]:
+        from pathlib import Path
+
+        from postproc.files import write_files
+        from postproc.report.diff_page import diff_page
+
+        write_files({Path(options["page"]): diff_page(report)})
     session.document(report.to_dict())
     session.show(report.summary())
     return answer(report.same)

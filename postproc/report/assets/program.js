@@ -87,50 +87,11 @@
   $("play").addEventListener("click", () => { playing = !playing; $("play").textContent = playing ? "pause" : "play"; last = performance.now(); if (clock >= total) clock = 0; if (playing) requestAnimationFrame(step); });
   function step(now) { if (!playing) return; seek(clock + Math.max(0, now - last) / 1000 * +$("speed").value); last = now; if (clock >= total) { playing = false; $("play").textContent = "play"; } else requestAnimationFrame(step); }
 
-  // ---- tags: only the rows in sight are in the document ------------------------------------------
-  const body = $("tags").tBodies[0], list = $("list"), rowHeight = 24;
-  const value = c => i => { const v = columns[c].values[i]; return Number.isFinite(v) ? v : null; };
-  const fields = [[D.what || "tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map((c, k) => [`${c.label} [${c.unit}]`, value(k)])];
+  // ---- the list ----------------------------------------------------------------------------------
+  const spell = PPSpell;
+  const fields = [[D.what || "tag", i => D.names[i]], ["line", i => lines[i]], ...columns.map(PPField)];
   if (Object.keys(D.failing).length) fields.push(["finding", i => failed(i) || null]);
-  function spell(v) { return v === null ? "" : typeof v === "number" ? (Number.isInteger(v) ? String(v) : String(Math.abs(v) < 1 ? +v.toFixed(4) : +v.toPrecision(4))) : v; }
-  let order = Array.from({ length: nTags }, (_, i) => i), visible = order, sortBy = -1, ascending = true, everything = false;
-  function row(i) {
-    const tr = document.createElement("tr"); tr.dataset.tag = i;
-    tr.className = (failed(i) ? "failing " : "") + (i === shown ? "selected" : "");
-    for (const f of fields) { const td = document.createElement("td"); td.textContent = spell(f[1](i)); if (f[0] === "finding") td.className = "text"; tr.appendChild(td); }
-    tr.addEventListener("click", () => select(i));
-    return tr;
-  }
-  function spacer(n) { const tr = document.createElement("tr"), td = document.createElement("td"); td.colSpan = fields.length; td.style.height = n * rowHeight + "px"; td.className = "spacer"; tr.appendChild(td); return tr; }
-  function fill() {
-    const first = everything ? 0 : Math.max(0, Math.floor(list.scrollTop / rowHeight) - 10);
-    const count = everything ? 300 : Math.ceil((list.clientHeight || 420) / rowHeight) + 20, end = Math.min(visible.length, first + count);
-    const parts = [];
-    if (first) parts.push(spacer(first));
-    for (let k = first; k < end; k++) parts.push(row(visible[k]));
-    if (end < visible.length && !everything) parts.push(spacer(visible.length - end));
-    body.replaceChildren(...parts);
-  }
-  function filter() {
-    visible = $("failing").checked ? order.filter(i => failed(i)) : order;
-    $("more").textContent = `${visible.length} of ${nTags} ${D.what || "tag"}s`; fill();
-  }
-  list.addEventListener("scroll", fill);
-  window.addEventListener("beforeprint", () => { everything = true; fill(); });
-  window.addEventListener("afterprint", () => { everything = false; fill(); });
-  fields.forEach(([name, key], k) => {
-    const th = document.createElement("th"), [word, unit] = name.split(" ["); th.textContent = word; th.className = "sortable"; th.tabIndex = 0;
-    if (unit) { const small = document.createElement("small"); small.textContent = "[" + unit; th.append(document.createElement("br"), small); }
-    const sort = () => {
-      ascending = sortBy === k ? !ascending : true; sortBy = k;
-      const sign = ascending ? 1 : -1;
-      order.sort((a, b) => { const x = key(a), y = key(b); return x === y ? a - b : (x === null ? 1 : y === null ? -1 : (x < y ? -1 : 1) * sign); });
-      list.scrollTop = 0; filter();
-    };
-    th.addEventListener("click", sort); th.addEventListener("keydown", e => { if (e.key === "Enter") sort(); });
-    $("tags").tHead.rows[0].appendChild(th);
-  });
-  $("failing").addEventListener("change", () => { list.scrollTop = 0; filter(); });
+  const list = PPList({ n: nTags, what: D.what || "tag", fields, failed, select: i => select(i) });
 
   // ---- one tag: its lines, its stiffness over the turn -------------------------------------------
   const cam = new Map(), krl = []; let ready = false, firstMove = new Int32Array(nTags).fill(-1), lastMove = new Int32Array(nTags).fill(-1);
@@ -160,7 +121,7 @@
   function showTag(i) {
     if (i === shown || i < 0) return;
     shown = i;
-    for (const tr of body.rows) tr.classList.toggle("selected", +tr.dataset.tag === i);
+    list.mark(i);
     const pose = D.poses[i];
     $("which").textContent = `${D.what || "tag"} ${D.names[i]}, line ${lines[i]}` + (failed(i) ? `: ${failed(i)}` : "") + (pose && pose.note ? `. Shown: ${pose.note}.` : "");
     $("which").className = failed(i) ? "bad" : "";
@@ -186,7 +147,7 @@
     if (pose) { seek(m >= 0 ? time[m] : clock, false); for (let j = 0; j < 6; j++) angles[j] = pose.q[j]; scene.place(angles); showTag(i); hit(pose.pair); }
     else if (m >= 0) { seek(time[m], false); showTag(i); }
     else { seek(time[nearest(i)] || 0, false); showTag(i); }
-    reveal(i); if ($("view").value === "tag") view("tag");
+    list.reveal(i); if ($("view").value === "tag") view("tag");
   }
   function nearest(i) {  // the move of the nearest tag that can be run
     let best = -1, least = Infinity;
@@ -195,11 +156,6 @@
       if (d < least) { least = d; best = moveOf[k]; }
     }
     return best;
-  }
-  function reveal(i) {  // within the list only: the page itself must not jump
-    const at = visible.indexOf(i) * rowHeight;
-    if (at >= 0 && (at < list.scrollTop || at > list.scrollTop + list.clientHeight - 3 * rowHeight)) list.scrollTop = Math.max(0, at - list.clientHeight / 2);
-    fill();
   }
   document.querySelectorAll("#findings tr[data-goto]").forEach(tr => tr.addEventListener("click", () => select(+tr.dataset.goto)));
 
@@ -226,10 +182,10 @@
 
   window.ppPage = { seek, select, spinCurve, state: () => ({
     ready, clock, current, shown, moves, tags: nTags, angles: Array.from(angles), colliding, playing,
-    rows: visible.length, first: visible.length ? visible[0] : -1, colour: $("colour").value, tip: scene.tip(),
+    rows: list.visible().length, first: list.visible().length ? list.visible()[0] : -1, colour: $("colour").value, tip: scene.tip(),
     line: current >= 0 && krlLine.length ? krlLine[current] : null,
   }) };
-  filter(); if (moves) charts();
+  if (moves) charts();
   if ($("colour").options.length) $("colour").dispatchEvent(new Event("change"));
   seek(0);
   const bad = Object.keys(D.failing).map(Number).sort((a, b) => a - b);

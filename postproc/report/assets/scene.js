@@ -111,6 +111,10 @@ function PPScene(host, D) {
     const grid = new THREE.GridHelper(size, 16, 0xb8c2cc, 0xd5dce2);
     grid.rotation.x = Math.PI / 2; grid.position.set(centre[0], centre[1], z); scene.add(grid);
   }
+  // the axes of a frame (row-wise 4 x 4): x red, y green, z blue
+  function frame(rows, size) {
+    const axes = new THREE.AxesHelper(size); axes.matrixAutoUpdate = false; axes.matrix.set(...rows); scene.add(axes);
+  }
   // looks at a sphere from a direction; the direction stays as it is when none is given
   function look(centre, radius, from) {
     const way = from ? V(...from).normalize() : camera.position.clone().sub(controls.target).normalize();
@@ -127,5 +131,5 @@ function PPScene(host, D) {
   resize();
   const tip = () => { const e = frames[6] ? frames[6].elements : [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]; return [e[12], e[13], e[14]]; };
   const inWorld = p => V(...p).applyMatrix4(part.matrix).toArray();
-  return { place, stand, inWorld, segments, marks, point, pick, highlight, look, floor, draw, tip, canvas: renderer.domElement };
+  return { place, stand, inWorld, segments, marks, point, pick, highlight, look, floor, frame, draw, tip, canvas: renderer.domElement };
 }
