@@ -1,0 +1,358 @@
+"""Lint: each row of the table has text that triggers it, and text that looks real and must not."""
+
+from pathlib import Path
+
+import pytest
+
+from postproc.errors import Severity
+from postproc.krl.lint import RULES, LintOptions, lint
+from postproc.krl.parse import load_modules, parse_files
+
+FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
+
+MAIN = """&ACCESS RVP
+&REL 1
+&PARAM EDITMASK = *
+DEF PANEL( )
+DECL INT nHole
+;FOLD INI
+GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM()
+INTERRUPT ON 3
+BAS(#INITMOV,0)
+;ENDFOLD (INI)
+BAS(#TOOL,1)
+BAS(#BASE,2)
+$ADVANCE=3
+$VEL.ORI1=200.0000
+$APO.CPTP=50
+$APO.CDIS=1.0000
+BAS(#VEL_PTP,50)
+PTP {A1 -10.0,A2 -80.0,A3 100.0,A4 0.0,A5 45.0,A6 10.0} C_PTP
+PP_SPINDLE_ON(3000)
+PTP XP1
+$VEL.CP=0.800000
+LIN {X 100.0000,Y 0.0000,Z 5.0000,A 0.00000,B 90.00000,C 0.00000} ; CAM line 4
+$VEL.CP=0.010000
+LIN {X 100.0000,Y 0.0000,Z -8.0000,A 0.00000,B 90.00000,C 0.00000}
+WAIT SEC 0.5
+$VEL.CP=0.800000
+LIN {X 100.0000,Y 0.0000,Z 50.0000,A 0.00000,B 90.00000,C 0.00000} C_DIS
+LIN {X 130.0000,Y 0.0000,Z 50.0000,A 0.00000,B 90.00000,C 0.00000} C_DIS
+CIRC {X 140.0000,Y 10.0000,Z 50.0000},{X 130.0000,Y 20.0000,Z 50.0000,A 0.0,B 90.0,C 0.0}
+FOR nHole=1 TO 3
+  IF nHole<>2 THEN
+    PANEL_001()
+  ENDIF
+ENDFOR
+PP_SPINDLE_OFF()
+PTP {A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 45.0,A6 0.0}
+END
+"""
+DATA = """&ACCESS RVP
+DEFDAT PANEL
+DECL E6POS XP1={X 100.0,Y 0.0,Z 50.0,A 0.0,B 90.0,C 0.0,S 2,T 'B000010'}
+DECL FDAT FP1={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}
+DECL LDAT LCPDAT1={VEL 2.0,ACC 100.0,APO_DIST 100.0,APO_FAC 50.0,ORI_TYP #VAR}
+DECL PDAT PPDAT1={VEL 100.0,ACC 100.0,APO_DIST 100.0,GEAR_JERK 50.0,EXAX_IGN 0}
+ENDDAT
+"""
+FORM = (
+    ";FOLD LIN P2 CONT Vel=0.5 m/s CPDAT1 Tool[1]:t Base[2];%{PE}%MKUKATPBASIS,"
+    "%P 1:LIN, 2:P2, 3:C_DIS, 5:0.5, 7:CPDAT1"
+)
+PART = """&ACCESS RVP
+DEF PANEL_001( )
+BAS(#TOOL,1)
+BAS(#BASE,2)
+PTP {A1 -12.0,A2 -80.0,A3 100.0,A4 0.0,A5 45.0,A6 10.0}
+$VEL.CP=0.020000
+$APO.CDIS=0.2000
+LIN {X 200.0000,Y 0.0000,Z 0.0000,A 0.0,B 90.0,C 0.0} C_DIS
+LIN {X 210.0000,Y 0.0000,Z 0.0000,A 0.0,B 90.0,C 0.0} C_DIS
+LIN {X 210.0000,Y 10.0000,Z 0.0000,A 0.0,B 90.0,C 0.0}
+FORM
+$BWDSTART=FALSE
+LDAT_ACT=LCPDAT1
+FDAT_ACT=FP2
+BAS(#CP_PARAMS,0.5)
+LIN XP2 C_DIS
+;ENDFOLD
+SLIN_SAFE( )
+LIN {X 210.0000,Y 10.0000,Z 90.0000,A 0.0,B 90.0,C 0.0}
+END
+DEF SLIN_SAFE( )
+HALT
+END
+""".replace("FORM", FORM)
+PART_DATA = """&ACCESS RVP
+DEFDAT PANEL_001
+DECL E6POS XP2={X 210.0,Y 10.0,Z 60.0,A 0.0,B 90.0,C 0.0,S 2,T 2}
+DECL FDAT FP2={TOOL_NO 1,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}
+DECL LDAT LCPDAT1={VEL 2.0,ACC 100.0,APO_DIST 20.0,APO_FAC 50.0,ORI_TYP #VAR}
+ENDDAT
+"""
+FILES = {
+    "PANEL.src": MAIN,
+    "PANEL.dat": DATA,
+    "PANEL_001.src": PART,
+    "PANEL_001.dat": PART_DATA,
+}
+
+
+def run(files, options=None):
+    encoded = {
+        name: text if isinstance(text, bytes) else text.replace("\n", "\r\n").encode()
+        for name, text in files.items()
+    }
+    return lint(parse_files(encoded), options)
+
+
+def found(files, options=None):
+    return {
+        (issue.code, str(issue.severity))
+        for issue in run(files, options)
+        if issue.severity is not Severity.NOTE
+    }
+
+
+def mutated(name, old, new):
+    assert old in FILES[name], f"{old!r} is not in {name}"
+    return {**FILES, name: FILES[name].replace(old, new, 1)}
+
+
+def test_the_clean_program_is_clean():
+    assert found(FILES) == set()
+
+
+@pytest.mark.parametrize("folder", ["forms85", "forms86", "milling"])
+def test_real_looking_programs_are_clean(folder):
+    issues = lint(load_modules([FIXTURES / folder]))
+    assert [str(i) for i in issues] == []
+
+
+FIRST = "LIN {X 100.0000,Y 0.0000,Z 5.0000,A 0.00000,B 90.00000,C 0.00000} ; CAM line 4\n"
+BOTTOM = "LIN {X 100.0000,Y 0.0000,Z -8.0000,A 0.00000,B 90.00000,C 0.00000}"
+ABOVE = "LIN {X 100.0000,Y 0.0000,Z 5.0000,A 0.00000,B 90.00000,C 0.00000}"
+CIRCLE = "CIRC {X 140.0000,Y 10.0000,Z 50.0000},"
+RESUMED = "PTP {A1 -12.0,A2 -80.0,A3 100.0,A4 0.0,A5 45.0,A6 10.0}"
+POINT = "DECL E6POS XP1={X 100.0,Y 0.0,Z 50.0,A 0.0,B 90.0,C 0.0,S 2,T 'B000010'}"
+TRIGGER = "TRIGGER WHEN DISTANCE=0 DELAY=0 DO "
+
+MUTANTS = [
+    # row, severity, file, text, replaced by
+    (1, "error", "PANEL.src", FIRST, "LIN {X 1,5,Y 0.0}\n"),
+    (1, "error", "PANEL.src", "WAIT SEC 0.5", "WAIT 0.5"),
+    (1, "error", "PANEL.dat", POINT, POINT[:-1]),
+    (2, "error", "PANEL.src", "BAS(#INITMOV,0)", "BAS(#INITMOV,0)\nINI"),
+    (2, "error", "PANEL.src", "WAIT SEC 0.5", "// wait"),
+    (2, "error", "PANEL.src", "WAIT SEC 0.5", "G04 P500"),
+    (2, "error", "PANEL.src", "PTP XP1", "PTP P1 Vel=100 % PDAT1"),
+    (2, "error", "PANEL.src", "  ENDIF\n", ""),
+    (2, "error", "PANEL.src", "ENDFOR\n", "ENDWHILE\n"),
+    (2, "error", "PANEL.src", "WAIT SEC 0.5", "EXIT"),
+    (2, "error", "PANEL.src", "WAIT SEC 0.5", "ELSE"),
+    (2, "error", "PANEL.src", "WAIT SEC 0.5", "ENDSPLINE"),
+    (2, "error", "PANEL_001.src", "HALT\nEND\n", "HALT\n"),
+    (2, "error", "PANEL.dat", "ENDDAT\n", ""),
+    (3, "error", "PANEL.src", "DEF PANEL( )", "DEF PANELS( )"),
+    (3, "error", "PANEL.dat", "DEFDAT PANEL", "DEFDAT OTHER"),
+    (4, "error", "PANEL.dat", "FP1=", "A234567890123456789012345="),
+    (4, "error", "PANEL.dat", "FP1=", "WAIT="),
+    (4, "error", "PANEL.dat", "FP1=", "$FP1="),
+    (4, "error", "PANEL.dat", "DECL FDAT FP1", "DECL FDAT XP1"),
+    (4, "error", "PANEL_001.src", "DEF SLIN_SAFE( )", "DEF PANEL_001( )"),
+    (4, "error", "PANEL_001.src", FORM, FORM.replace("P2 CONT", "P23456789012345678901234 CONT")),
+    (5, "error", "PANEL.dat", POINT + "\n", ""),
+    (5, "error", "PANEL.src", "DECL INT nHole\n", ""),
+    (5, "error", "PANEL.src", "WAIT SEC 0.5", "WAIT SEC rPause"),
+    (5, "warning", "PANEL.src", "WAIT SEC 0.5", "CLAMP_OPEN(1)"),
+    (6, "error", "PANEL.src", "DECL INT nHole", "DECL INT nHole=1"),
+    (6, "error", "PANEL.src", "WAIT SEC 0.5", "DECL INT nLate"),
+    (6, "error", "PANEL.dat", "DEFDAT PANEL", "DEFDAT PANEL\nDECL INT n\nn=3"),
+    (6, "error", "PANEL.dat", "DEFDAT PANEL", "DEFDAT PANEL\nWAIT SEC 1"),
+    (7, "error", "PANEL.src", BOTTOM, BOTTOM.replace("Z -8.0000", "Z nan")),
+    (7, "error", "PANEL.src", BOTTOM, BOTTOM.replace("Y 0.0000", "X 0.0000")),
+    (7, "error", "PANEL.src", BOTTOM, BOTTOM.replace("Y 0.0000", "Q 0.0000")),
+    (7, "error", "PANEL.src", BOTTOM, BOTTOM.replace("Y 0.0000", "A1 0.0000")),
+    (7, "error", "PANEL.dat", "IPO_FRAME #BASE", "IPO_FRAM #BASE"),
+    (7, "warning", "PANEL.src", BOTTOM, BOTTOM.replace("X 100.0000", "X 10000000.0")),
+    (8, "error", "PANEL.src", "WAIT SEC 0.5", 'gcText[]="\u00e4"'),
+    (8, "warning", "PANEL.src", "CAM line 4", "CAM line \u00e4"),
+    (8, "warning", "PANEL.src", "CAM line 4", "x" * 260),
+    (9, "error", "PANEL.src", "BAS(#INITMOV,0)\n", ""),
+    (9, "error", "PANEL.src", "BAS(#INITMOV,0)\n", "BAS(#INITMOV,0)\nBAS(#INITMOV,0)\n"),
+    (9, "error", "PANEL.src", "BAS(#TOOL,1)\n", ""),
+    (9, "error", "PANEL.src", "BAS(#TOOL,1)\n", "$TOOL=TOOL_DATA[1]\n"),
+    (9, "error", "PANEL.src", "BAS(#BASE,2)\n", ""),
+    (9, "error", "PANEL_001.src", "BAS(#TOOL,1)", "BAS(#INITMOV,0)\nBAS(#TOOL,1)"),
+    (10, "error", "PANEL.src", "BAS(#TOOL,1)", "BAS(#TOOL,17)"),
+    (10, "error", "PANEL.src", "BAS(#BASE,2)", "BAS(#BASE,0)"),
+    (10, "error", "PANEL_001.src", "BAS(#TOOL,1)", "BAS(#TOOL,3)"),
+    (10, "warning", "PANEL_001.dat", "BASE_NO 2", "BASE_NO 0"),
+    (11, "error", "PANEL.src", "PTP {A1 -10.0,A2 -80.0,A3 100.0,", "PTP {A1 -10.0,A2 -80.0,"),
+    (11, "error", "PANEL_001.src", RESUMED + "\n", ""),
+    (11, "error", "PANEL.src", "PTP {A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 45.0,A6 0.0}", FIRST),
+    (11, "error", "PANEL_001.src", RESUMED, "PTP {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}"),
+    (11, "warning", "PANEL_001.src", RESUMED, "PTP $AXIS_ACT"),
+    (12, "error", "PANEL.dat", "S 2,T 'B000010'", "S 6,T 'B000010'"),
+    (12, "error", "PANEL.dat", "S 2,T 'B000010'", "S 2,T 'B1000010'"),
+    (12, "error", "PANEL.dat", "S 2,T 'B000010'", "S 10,T 'B000010'"),
+    (12, "warning", "PANEL.dat", "S 2,T 'B000010'", "S 18,T 'B000010'"),
+    (12, "error", "PANEL.src", BOTTOM, BOTTOM.replace("C 0.00000}", "C 0.0,S 6,T 18}")),
+    (15, "error", "PANEL.src", "$VEL.CP=0.010000", "$VEL.CP=0.00"),
+    (15, "error", "PANEL.src", "$VEL.CP=0.800000", "$VEL.CP=800.0"),
+    (15, "warning", "PANEL.src", "$VEL.CP=0.800000", "BAS(#VEL_CP,2.5)"),
+    (15, "error", "PANEL_001.src", "BAS(#CP_PARAMS,0.5)", "BAS(#CP_PARAMS,0)"),
+    (15, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=3\n$ACC.CP=0.0"),
+    (16, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=3\n$VEL_AXIS[7]=50"),
+    (16, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=3\n$ACC_AXIS[2]=0"),
+    (16, "error", "PANEL.src", "$VEL.ORI1=200.0000", "$VEL.ORI1=572.96"),
+    (16, "error", "PANEL.src", "$VEL.ORI1=200.0000", "$VEL={CP 0.2,ORI1 572.96,ORI2 200.0}"),
+    (16, "error", "PANEL.src", "BAS(#VEL_PTP,50)", "BAS(#VEL_PTP,500)"),
+    (16, "error", "PANEL.dat", "DECL PDAT PPDAT1={VEL 100.0", "DECL PDAT PPDAT1={VEL 0.0"),
+    (17, "error", "PANEL.src", "$ADVANCE=3", "$ADVANCE=6"),
+    (17, "error", "PANEL.src", "$APO.CPTP=50", "$APO.CPTP=150"),
+    (17, "error", "PANEL.src", "$APO.CDIS=1.0000", "$APO.CDIS=-1.0"),
+    (17, "warning", "PANEL.src", "$ADVANCE=3", "$ADVANCE=0"),
+    (17, "warning", "PANEL_001.src", "$APO.CDIS=0.2000", "$APO.CDIS=8.0"),
+    (18, "error", "PANEL.src", BOTTOM, BOTTOM + " C_DIS"),
+    (18, "error", "PANEL.src", ABOVE, ABOVE + " C_DIS"),
+    (18, "error", "PANEL.src", "A5 45.0,A6 0.0}\nEND", "A5 45.0,A6 0.0} C_PTP\nEND"),
+    (18, "error", "PANEL.src", BOTTOM, BOTTOM + " C_PTP"),
+    (18, "error", "PANEL.src", BOTTOM, BOTTOM + " C_SPL"),
+    (18, "error", "PANEL.src", "PP_SPINDLE_OFF()", f"SPLINE\nS{BOTTOM} C_SPL\nENDSPLINE"),
+    (18, "warning", "PANEL.src", "WAIT SEC 0.5\n", "WAIT SEC 0.5\n" + ABOVE + " C_DIS\nHALT\n"),
+    (18, "warning", "PANEL.src", "PTP XP1", "PTP XP1 C_PTP\nS" + ABOVE),
+    (20, "warning", "PANEL.src", "WAIT SEC 0.5", "$OUT[7]=TRUE"),
+    (20, "warning", "PANEL.src", "WAIT SEC 0.5", "IF $IN[4] THEN\nHALT\nENDIF"),
+    (21, "warning", "PANEL.src", "PP_SPINDLE_OFF()\n", ""),
+    (21, "warning", "PANEL.src", "PP_SPINDLE_ON(3000)\n", ""),
+    (
+        22,
+        "warning",
+        "PANEL.src",
+        "WAIT SEC 0.5",
+        f"{TRIGGER}$OUT[1]=TRUE\nHALT",
+    ),
+    (22, "warning", "PANEL.src", "PTP XP1", "TRIGGER WHEN PATH=5 DELAY=0 DO $OUT[1]=TRUE\nPTP XP1"),
+    (
+        22,
+        "warning",
+        "PANEL.src",
+        "PTP XP1",
+        f"{TRIGGER}PP_BLOW(1)\nPTP XP1",
+    ),
+    (22, "warning", "PANEL.src", "$ADVANCE=3", "INTERRUPT DECL 3 WHEN $IN[1] DO PP_X( )"),
+    (
+        22,
+        "warning",
+        "PANEL.src",
+        "$ADVANCE=3",
+        "INTERRUPT DECL 21 WHEN $IN[1] DO PP_X( )\nINTERRUPT DECL 21 WHEN $IN[2] DO PP_X( )",
+    ),
+    (23, "warning", "PANEL.src", ";ENDFOLD (INI)\n", ""),
+    (23, "warning", "PANEL.src", ";FOLD INI\n", ""),
+    (23, "error", "PANEL_001.src", "Tool[1]:t", "Tool[2]:t"),
+    (23, "error", "PANEL_001.src", "LIN XP2 C_DIS", "LIN XP2"),
+    (23, "error", "PANEL_001.src", "LIN XP2 C_DIS", "PTP XP2 C_DIS"),
+    (23, "error", "PANEL_001.src", "Vel=0.5 m/s", "Vel=0.7 m/s"),
+    (23, "error", "PANEL_001.src", "2:P2", "2:P3"),
+    (23, "error", "PANEL_001.src", "P2 CONT", "P9 CONT"),
+    (23, "warning", "PANEL_001.src", "LIN XP2 C_DIS", "LIN XP2 C_DIS\n$VEL.CP=0.1"),
+    (24, "error", "PANEL.src", CIRCLE, "CIRC {X 130.0,Y 10.0,Z 50.0},"),
+    (24, "error", "PANEL.src", CIRCLE, "CIRC {X 130.0,Y 20.0,Z 50.0},"),
+    (24, "error", "PANEL.src", CIRCLE, "CIRC {X 130.0,Y 0.0,Z 50.0},"),
+    (24, "warning", "PANEL.src", CIRCLE, "CIRC {X 130.0005,Y 10.0,Z 50.0},"),
+    (25, "warning", "PANEL.dat", "T 'B000010'}", "T 'B000010',E1 12.5}"),
+    (26, "warning", "PANEL.src", "CAM line 4", "made 2024-05-17"),
+    (26, "warning", "PANEL.src", "&REL 1", "&COMMENT 17.05.2024"),
+    (26, "warning", "PANEL.src", "CAM line 4", "at 14:03:22"),
+    (26, "warning", "PANEL.src", BOTTOM, BOTTOM.replace("Y 0.0000", "Y -0.0000")),
+]
+
+
+@pytest.mark.parametrize(
+    ("row", "severity", "name", "old", "new"),
+    MUTANTS,
+    ids=[f"{row}-{index}" for index, (row, *_) in enumerate(MUTANTS)],
+)
+def test_each_row_is_triggered(row, severity, name, old, new):
+    assert (f"KRL1{row:02d}", severity) in found(mutated(name, old, new))
+
+
+def test_every_row_that_text_shows_has_a_mutant():
+    rows = {row for row, *_ in MUTANTS}
+    assert rows == set(range(1, 27)) - {13, 14, 19}
+
+
+def test_files_on_their_own():
+    bom = b"\xef\xbb\xbf" + MAIN.replace("\n", "\r\n").encode()
+    assert ("KRL108", "error") in found({**FILES, "PANEL.src": bom})
+    unix = {**FILES, "PANEL.src": MAIN.encode()}
+    assert ("KRL108", "warning") in found(unix)
+    mixed = {**FILES, "PANEL.src": MAIN.replace("\n", "\r\n", 5).encode()}
+    assert ("KRL108", "warning") in found(mixed)
+    unclosed = {**FILES, "PANEL.src": MAIN.replace("\n", "\r\n").rstrip().encode()}
+    assert ("KRL108", "warning") in found(unclosed)
+    small = LintOptions(max_points=3)
+    assert ("KRL108", "warning") in found(FILES, small)
+    assert ("KRL108", "warning") in found(FILES, LintOptions(max_bytes=100))
+
+
+def test_names_over_the_whole_batch():
+    twice = {**FILES, "sub/panel.src": MAIN, "sub/panel.dat": DATA}
+    assert ("KRL103", "error") in found(twice)
+    shared = {
+        "A.src": "DEF A( )\nEND\n",
+        "A.dat": "DEFDAT A PUBLIC\nDECL GLOBAL INT n=1\nENDDAT\n",
+        "B.src": "DEF B( )\nEND\n",
+        "B.dat": "DEFDAT B PUBLIC\nDECL GLOBAL INT n=2\nENDDAT\n",
+    }
+    assert ("KRL104", "error") in found(shared)
+    routines = {
+        "A.src": "DEF A( )\nEND\nGLOBAL DEF HELP( )\nEND\n",
+        "B.src": "DEF B( )\nEND\nGLOBAL DEF help( )\nEND\n",
+    }
+    assert ("KRL104", "error") in found(routines)
+
+
+def test_what_the_options_allow():
+    zero = mutated("PANEL.src", "BAS(#BASE,2)", "BAS(#BASE,0)")
+    assert ("KRL110", "error") not in found(zero, LintOptions(allow_zero=True))
+    many = mutated("PANEL.src", "BAS(#TOOL,1)", "BAS(#TOOL,20)")
+    assert ("KRL110", "error") not in found(many, LintOptions(max_tool=32))
+    paused = mutated("PANEL.src", "WAIT SEC 0.5", "WAIT SEC rPause")
+    assert found(paused, LintOptions(names=frozenset({"rpause"}))) == set()
+    clamp = mutated("PANEL.src", "WAIT SEC 0.5", "CLAMP_OPEN(1)")
+    assert found(clamp, LintOptions(routines=frozenset({"Clamp_Open"}))) == set()
+    assert ("KRL125", "warning") in found(FILES, LintOptions(externals=1))
+
+
+def test_the_config_of_the_controller_declares_names():
+    config = {"$config.dat": "DEFDAT $CONFIG\nDECL REAL rPause=0.5\nENDDAT\n"}
+    paused = mutated("PANEL.src", "WAIT SEC 0.5", "WAIT SEC rPause")
+    assert found({**paused, **config}) == set()
+
+
+def test_notes_and_places():
+    issues = run(mutated("PANEL.dat", "ENDDAT", "DECL E6POS XSPARE={X 1.0,Y 2.0,Z 3.0}\nENDDAT"))
+    notes = [i for i in issues if i.severity is Severity.NOTE]
+    assert {i.code for i in notes} == {"KRL105"}
+    assert any("XSPARE" in i.message and i.source.path == "PANEL.dat" for i in notes)
+    assert any("PP_SPINDLE_ON" in i.message and i.source.line == 19 for i in notes)
+
+
+def test_hundreds_of_findings_are_counted_not_listed():
+    lines = "".join(f"LIN {{X {i}.0,Y -0.0,Z 1.0}}\n" for i in range(500))
+    issues = run(mutated("PANEL.src", "WAIT SEC 0.5\n", lines))
+    zeros = [i for i in issues if i.code == "KRL126"]
+    assert len(zeros) == 101
+    assert zeros[0].message == "400 more findings of KRL126"
+
+
+def test_the_order_of_rules_and_findings_is_fixed():
+    files = mutated("PANEL.src", "$ADVANCE=3", "$ADVANCE=9\n$VEL.CP=0")
+    assert run(files) == run(files)
+    lines = [i.source.line for i in run(files) if i.source.path == "PANEL.src"]
+    assert lines == sorted(lines)
+    assert len(RULES) == len({rule.__name__ for rule in RULES})
