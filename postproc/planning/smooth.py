@@ -237,4 +237,12 @@ def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
             f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
             f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
         )
-    return Issue(Severity.NOTE, "PLN304", text)
+    bound = problem.settings.loss_bound
+    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound:
+        return Issue(Severity.NOTE, "PLN304", text)
+    return Issue(
+        Severity.WARNING,
+        "PLN305",
+        f"{text}; more key tags do not bring it under the bound of {100.0 * bound:.0f} %",
+        hint='strategy "each" keeps every tag at its own optimum, "global" weighs it against travel',
+    )

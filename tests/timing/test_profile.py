@@ -17,7 +17,7 @@ from postproc.timing.profile import (
 
 
 def double_s(way, speed, acceleration, jerk):
-    """Rest-to-rest time with limited jerk (Biagiotti and Melchiorri, Trajectory Planning, 3.4.3)."""
+    """Rest-to-rest time with limited jerk, closed form of the double-S profile."""
     if speed * jerk >= acceleration**2:
         ramp = speed / acceleration + acceleration / jerk
     else:
