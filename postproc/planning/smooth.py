@@ -244,5 +244,5 @@ def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
         Severity.WARNING,
         "PLN305",
         f"{text}; more key tags do not bring it under the bound of {100.0 * bound:.0f} %",
-        hint='strategy "each" keeps every tag at its own optimum, "global" weighs it against travel',
+        hint='strategy "each" keeps every tag at its optimum, "global" weighs it against travel',
     )
