@@ -38,6 +38,8 @@ class ReadOptions:
             full orientation of the input into a tool axis: ``axes = -(R_part_tcp @ tool_axis)``.
         surface_normals: points (n, 3) [m] of the part to outward unit normals (n, 3), from the
             workpiece's mesh; stands in where a CSV file gives no orientation.
+        points_only: a list without orientations is read all the same, with axes NaN and a warning
+            (to look at it; no robot can run it).
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
         cycle_words: meaning of the positional numbers of a CATIA drill cycle, in order, out of
             ``CYCLE_WORDS``; ``-`` leaves a number out.
@@ -50,6 +52,7 @@ class ReadOptions:
     columns: tuple[str, ...] | str | None = None
     tool_axis: tuple[float, ...] = (1.0, 0.0, 0.0)
     surface_normals: Callable[[FloatArray], FloatArray] | None = None
+    points_only: bool = False
     chord_tolerance: float = 1e-5
     cycle_words: tuple[str, ...] = ("depth", "clearance", "feed", "dwell")
     task: str | None = None

@@ -311,6 +311,9 @@ def _normals_of_surface(
     data: _Columns, points: FloatArray, options: ReadOptions, faults: Faults
 ) -> FloatArray:
     partial = [role for role in (*NORMAL, "a", "b", "c") if role in data.numbers]
+    if options.points_only and not partial and options.surface_normals is None:
+        faults.warn("CSV112", "no orientation in this file: it needs i,j,k or a workpiece mesh", 1)
+        return np.full_like(points, np.nan)
     if options.surface_normals is None or partial:
         what = f"only {','.join(partial)} of an orientation" if partial else "no orientation"
         raise faults.error(

@@ -62,8 +62,8 @@ def lengths(toolpath: ToolPath) -> tuple[float, float]:
         index = toolpath.cycle[holes]
         retract = np.array([cycle.retract for cycle in toolpath.cycles])[index]
         clearance = np.array([cycle.clearance for cycle in toolpath.cycles])[index]
-        leave[holes] += retract[:, None] * toolpath.axes[holes]
-        enter[holes] += clearance[:, None] * toolpath.axes[holes]
+        leave[holes] += retract[:, None] * np.nan_to_num(toolpath.axes[holes])
+        enter[holes] += clearance[:, None] * np.nan_to_num(toolpath.axes[holes])
     way = np.zeros(len(points))
     way[1:] = np.linalg.norm(enter[1:] - leave[:-1], axis=1)
     arcs = np.flatnonzero(kind == MotionKind.ARC)

@@ -1,11 +1,14 @@
 """Every kind of bad input: one clear line with its code, exit 2, no output, no traceback."""
 
+import json
 import re
 import time
 
 import pytest
 
 from postproc.cli.app import run
+from postproc.errors import ReadError
+from postproc.readers import read
 
 MM = "UNITS/MM\n"
 NX = "TOOL PATH/A,TOOL,B\n"
@@ -119,7 +122,7 @@ TABLE = [
     ("noy.csv", "x,z,i,j,k\n1,2,0,0,1\n", "CSV010", "no column y"),
     ("twice.csv", "x,y,z,x,i,j,k\n1,2,3,4,0,0,1\n", "CSV014", "two columns for x"),
     ("seven.csv", "1,2,3,4,5,6,7\n1,2,3,4,5,6,7\n", "CSV013", "7 columns"),
-    ("points.csv", "1,2,3\n4,5,6\n", "CSV020", "no orientation"),
+    ("points.csv", "x,y,z,i,j\n1,2,3,0,0\n", "CSV020", "only i,j of an orientation"),
     ("zero.csv", CSV + "1,2,3,0,0,0\n", "CSV021", "zero vector"),
     ("angles.csv", "1,2,3,180,0,90\n1,2,3,10,20,30\n", "CSV023", "length 201"),
     ("both.csv", "x,y,z,i,j,k,a,b,c\n1,2,3,0,0,1,0,0,0\n", "CSV024", "two orientations"),
@@ -229,3 +232,15 @@ def test_a_gigabyte_of_nothing(tmp_path, capsys):
         stream.truncate(1 << 30)
     assert run(["inspect", str(path)]) == 2
     assert "error IO012:" in capsys.readouterr().err
+
+
+def test_a_list_without_normals_can_be_looked_at_but_not_read(tmp_path, capsys):
+    path = tmp_path / "points.csv"
+    path.write_text("1,2,3\n4,5,6\n")
+    assert run(["inspect", str(path), "--json"]) == 0
+    out, err = capsys.readouterr()
+    document = json.loads(out)
+    assert (document["points"], document["tool_axes"]) == (2, 0)
+    assert "warning CSV112: no orientation" in err
+    with pytest.raises(ReadError, match="CSV020"):
+        read(str(path))

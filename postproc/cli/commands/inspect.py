@@ -46,7 +46,14 @@ def command(
     from postproc.readers import ReadOptions, read
     from postproc.report.inspection import inspection, text_lines
 
-    options = ReadOptions(units=units, dialect=dialect, columns=columns, task=task, recover=recover)
+    options = ReadOptions(
+        units=units,
+        dialect=dialect,
+        columns=columns,
+        task=task,
+        recover=recover,
+        points_only=True,
+    )
     if cycle_words is not None:
         options = replace(options, cycle_words=tuple(cycle_words.split(",")))
     toolpath = read(source, format_, options)
