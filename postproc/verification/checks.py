@@ -22,6 +22,8 @@ STRETCHED = 3.0 * DEG
 OVERHEAD = 0.05
 """Wrist centre nearer to axis 1 than this [m] is worth a warning."""
 SPEED_SLACK = 1e-3
+SLOWEST = 1e-7
+"""A path speed [m/s] below this is none; times are finite with it."""
 MACHINING_SPEED = 0.25
 """Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
 _RAMP = 0.1
@@ -142,10 +144,10 @@ def motion_times(paths: Paths) -> FloatArray:
     with $ACC.CP is taken at the speed that it can reach.
     """
     trace, curves = paths.trace, paths.curves
-    speed = np.minimum(trace.column("speed"), _reachable(paths))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        way = np.where(curves.length > _TINY, curves.length / speed, 0.0)
-        turn = np.where(curves.turn > _TINY, curves.turn / trace.column("orientation_speed"), 0.0)
+    speed = np.maximum(np.minimum(trace.column("speed"), _reachable(paths)), SLOWEST)
+    turning = np.maximum(trace.column("orientation_speed"), SLOWEST)
+    way = np.where(curves.length > _TINY, curves.length / speed, 0.0)
+    turn = np.where(curves.turn > _TINY, curves.turn / turning, 0.0)
     return np.where(trace.is_cp, np.maximum(way, turn), np.nan)
 
 
@@ -181,6 +183,11 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     paths, trace = result.paths, result.paths.trace
     if not len(paths.row):
         return
+    still = np.flatnonzero(trace.is_cp & (trace.column("speed") < SLOWEST))
+    if len(still):
+        speed = float(trace.column("speed")[still[0]])
+        detail = f"a path speed of {speed:g} m/s: the robot would not move, {len(still)} motions"
+        result.finding("speed", int(still[0]), detail)
     ratio = speed_shares(paths, cell)
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
