@@ -11,27 +11,36 @@ from postproc.gap.diagnose import Finding
 from postproc.gap.robot_model import effect_of
 from postproc.gap.summary import summary
 from postproc.gap.where import Part, parts
+from postproc.kinematics.model import build
 from postproc.model.arrays import BoolArray, FloatArray
+from postproc.model.cell import Cell
+from postproc.report.headline import headline
 from postproc.report.page import Page, escape, table
-from postproc.report.svg import Series, bar_chart, line_chart, space_view
+from postproc.report.rows_view import RowsView, add_rows
+from postproc.report.svg import Series, bar_chart, line_chart
+from postproc.report.tag_values import TagColumn
 from postproc.units import DEG, MM, PERCENT
 
 _MOST_POINTS = 1500
 _BINS = 12
 
 
-def diagnosis_page(finding: Finding, content: dict[str, Any]) -> bytes:
+def diagnosis_page(finding: Finding, content: dict[str, Any], cell: Cell | None = None) -> bytes:
     """Return the page as bytes.
 
     Args:
         finding: the diagnosis.
         content: its document, as printed by ``--json``.
+        cell: whose robot is drawn; None: the points alone.
     """
-    page = Page(f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}", summary(content))
+    title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
+    page = Page(title, [headline(content)])
+    _space(page, finding, cell)
+    words = "".join(f"<p>{escape(line)}</p>" for line in summary(content))
+    page.section("In words", words)
     page.section("Effects, on rows that were not fitted", _effects(content))
     page.section("Gap before and after", _before_after(finding), "half")
     page.section("Gap along the campaign", _along(finding), "half")
-    page.section("Where: the gap over the workspace", _space(finding), "half")
     page.section("Where: joints, direction, conditions", _where(content), "half")
     for part in parts(finding):
         page.section(f"{part.name}: the data against the cause", _against(finding, part), "half")
@@ -108,25 +117,29 @@ def _along(finding: Finding) -> str:
     )
 
 
-def _space(finding: Finding) -> str:
-    before, _ = _sizes(finding)
+def _space(page: Page, finding: Finding, cell: Cell | None) -> None:
+    """Add the rows in space: where they were measured, how far off, and what is left."""
+    before, after = _sizes(finding)
     rows = np.flatnonzero(finding.kept)
-    step = max(1, len(rows) // _MOST_POINTS)
-    top = float(np.quantile(before, 0.98)) + 1e-12
-    points = finding.problem.measured[rows[::step]] / MM
-    colours = [_shade(value / top) for value in before[::step]]
-    ids = finding.problem.measurements.ids
-    titles = [
-        f"{ids[row]}: {value:.3f} mm"
-        for row, value in zip(rows[::step], before[::step], strict=True)
+    some = slice(None, None, max(1, len(rows) // _MOST_POINTS))
+    picked = rows[some]
+    gap = (finding.problem.measured - finding.baseline)[picked]
+    columns = [
+        TagColumn("gap", "gap", "mm", before[some], "high"),
+        TagColumn("left", "left", "mm", after[some], "high"),
+        *(TagColumn(f"d{axis}", f"d{axis}", "mm", gap[:, k] / MM) for k, axis in enumerate("xyz")),
     ]
-    legend = f"<p>Blue small, red {top:.3f} mm and more; point at a row for its value.</p>"
-    return space_view(points, colours, (), titles) + legend
-
-
-def _shade(part: float) -> str:
-    t = min(max(part, 0.0), 1.0)
-    return f"rgb({int(40 + 190 * t)},{int(110 - 70 * t)},{int(200 - 160 * t)})"
+    ids = finding.problem.measurements.ids
+    view = RowsView(
+        "row",
+        [str(ids[row]) for row in picked],
+        finding.problem.measured[picked],
+        columns,
+        finding.problem.samples.q[picked],
+        gap,
+    )
+    arm = None if cell is None else build(cell.robot)
+    add_rows(page, "Where: the gap over the workspace", view, cell, arm)
 
 
 def _where(content: dict[str, Any]) -> str:

@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.kinematics.model import build
 from postproc.model.arrays import FloatArray
+from postproc.model.cell import Cell
 from postproc.report.page import Page, escape, table
-from postproc.report.svg import Series, bar_chart, line_chart, space_view
+from postproc.report.rows_view import RowsView, add_rows
+from postproc.report.svg import Series, bar_chart, line_chart
+from postproc.report.tag_values import TagColumn
 from postproc.stiffness.field import ContinuousField
 from postproc.stiffness.identified import document, warnings
 from postproc.stiffness.identify import Identification
 from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT
 
 _MOST_CURVES = 200
+_MOST_ROWS = 3000
 
 
-def identify_page(result: Identification) -> bytes:
-    """Return the page as bytes."""
+def identify_page(result: Identification, cell: Cell | None = None) -> bytes:
+    """Return the page as bytes.
+
+    Args:
+        result: what was identified.
+        cell: whose robot is drawn; None: the points alone.
+    """
     content = document(result)
     page = Page(
         "Joint stiffness",
@@ -33,11 +43,11 @@ def identify_page(result: Identification) -> bytes:
     if found:
         items = "".join(f'<li class="warn">{escape(text)}</li>' for text in found)
         page.section("Mind", f"<ul>{items}</ul>")
+    _space(page, result, cell)
     page.section("Joints, constant over the workspace", _joints(content))
     page.section("Error before and after, by model", _errors(result), "half")
     page.section("Distribution of the error", _distribution(result), "half")
     page.section("Models on tags that they have not seen", _models(content))
-    page.section("Error over space", _space(result))
     for name, fit in result.grids.items():
         body = _over_cells(1.0 / fit.field.c_joint, fit.sd / fit.field.c_joint)
         page.section(f"Stiffness over the cells: {name} mm", body)
@@ -129,24 +139,23 @@ def _models(content: dict[str, object]) -> str:
     return table(head, rows)
 
 
-def _space(result: Identification) -> str:
-    error = np.linalg.norm(result.held_out_error, axis=1) / MM
-    points = result.cases.point / MM
-    order = np.argsort(error)[-3000:]
-    high = float(np.percentile(error, 95)) or 1.0
-    colours = [_ramp(float(error[i]) / high) for i in order]
-    titles = [f"{result.cases.ids[i]}: {error[i]:.4f} mm" for i in order]
-    box = [(points.min(axis=0), points.max(axis=0))]
-    foot = f"<p>held out, {escape(result.chosen)}: blue 0, red {high:.3f} mm and more</p>"
-    return space_view(points[order], colours, box, titles) + foot
+def _space(page: Page, result: Identification, cell: Cell | None) -> None:
+    """Add the load responses in space, with the error on held-out tags."""
+    cases = result.cases
+    moved = cases.d * cases.scale[:, None]
+    order = np.argsort(np.linalg.norm(result.held_out_error, axis=1))[::-1][:_MOST_ROWS]
+    columns = [
+        TagColumn("error", "error", "mm", _length(result.held_out_error[order]), "high"),
+        TagColumn("moved", "moved", "mm", _length(moved[order])),
+    ]
+    names = [cases.ids[i] for i in order]
+    view = RowsView("response", names, cases.point[order], columns, cases.q[order], moved[order])
+    arm = None if cell is None else build(cell.robot)
+    add_rows(page, f"Load responses and their error, held out, {result.chosen}", view, cell, arm)
 
 
-def _ramp(share: float) -> str:
-    stops = np.array([[44, 76, 164], [38, 150, 140], [235, 200, 60], [200, 40, 40]], dtype=float)
-    at = min(max(share, 0.0), 1.0) * 3.0
-    low = min(int(at), 2)
-    r, g, b = stops[low] + (at - low) * (stops[low + 1] - stops[low])
-    return f"rgb({r:.0f},{g:.0f},{b:.0f})"
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(vectors, axis=1) / MM)
 
 
 def _over_cells(k: FloatArray, relative_sd: FloatArray) -> str:
@@ -186,5 +195,4 @@ def _curves(result: Identification) -> str:
 
 
 def _side_by_side(charts: list[str]) -> str:
-    style = "display:grid;grid-template-columns:repeat(auto-fit,minmax(380px,1fr));gap:10px"
-    return f'<div style="{style}">{"".join(charts)}</div>'
+    return f'<div class="grid">{"".join(charts)}</div>'

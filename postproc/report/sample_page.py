@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.kinematics.model import build
 from postproc.report.page import Page, table
+from postproc.report.rows_view import RowsView, add_rows
 from postproc.report.svg import Series, line_chart, space_view
+from postproc.report.tag_values import TagColumn
 from postproc.stiffness.measuring import Sampling, shown_text
 from postproc.stiffness.sampling import SamplingPlan
 from postproc.units import DEG, MM, PERCENT
@@ -33,8 +36,19 @@ def sample_page(sampling: Sampling) -> bytes:
     page.section("Joint angles in the order of measuring", _angles(plan), "half")
     page.section("What it will tell", _outlook(sampling))
     page.section("Left out", _left_out(sampling))
-    page.section("Postures", _postures(plan))
     return page.render()
+
+
+def _scene(page: Page, sampling: Sampling) -> None:
+    """Add the postures: the robot goes to the one that is picked."""
+    plan = sampling.plan
+    points = plan.points[plan.tag]
+    columns = [TagColumn("order", "order", "no.", np.arange(1.0, len(plan) + 1.0))]
+    columns += [TagColumn(axis, axis, "mm", points[:, k] / MM) for k, axis in enumerate("xyz")]
+    columns += [TagColumn(f"a{j + 1}", f"A{j + 1}", "deg", plan.q[:, j] / DEG) for j in range(6)]
+    names = [plan.name(i) for i in range(len(plan))]
+    view = RowsView("posture", names, points, columns, plan.q)
+    add_rows(page, "Postures", view, sampling.cell, build(sampling.cell.robot))
 
 
 def _view(plan: SamplingPlan) -> str:
@@ -84,17 +98,3 @@ def _left_out(sampling: Sampling) -> str:
     shown = table(("tag", "angle [deg]", "why"), rows[:_MOST_ROWS])
     more = f"<p>and {len(rows) - _MOST_ROWS} more</p>" if len(rows) > _MOST_ROWS else ""
     return f'<div class="scroll">{shown}</div>{more}'
-
-
-def _postures(plan: SamplingPlan) -> str:
-    rows = [
-        (
-            plan.name(i),
-            *(f"{v:.1f}" for v in plan.points[plan.tag[i]] / MM),
-            *(f"{v:.3f}" for v in plan.q[i] / DEG),
-        )
-        for i in range(min(len(plan), _MOST_ROWS))
-    ]
-    head = ("posture", "x [mm]", "y [mm]", "z [mm]", "A1", "A2", "A3", "A4", "A5", "A6")
-    more = f"<p>and {len(plan) - _MOST_ROWS} more in the CSV</p>" if len(plan) > _MOST_ROWS else ""
-    return f'<div class="scroll">{table(head, rows)}</div>{more}'

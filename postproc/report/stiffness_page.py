@@ -32,8 +32,7 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
     page.section("All tags", _comparison(curves, "normal"), "half")
     for row, name in enumerate(curves.names):
         charts = "".join(_chart(curves, row, names) for names in _PAIRS)
-        style = "display:grid;grid-template-columns:repeat(auto-fit,minmax(380px,1fr));gap:10px"
-        page.section(f"Tag {name}", f'<div style="{style}">{charts}</div>')
+        page.section(f"Tag {name}", f'<div class="grid">{charts}</div>')
     meaning = [(name, text) for name, text in INDICES.items()]
     page.section("What the curves are", table(("curve", "stiffness"), meaning))
     return page.render()

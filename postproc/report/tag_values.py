@@ -74,7 +74,7 @@ def tag_columns(
         TagColumn("stiffness", "stiffness", "N/mm", plan.stiffness / N_PER_MM, "low"),
         TagColumn("feed", "feed", "mm/min", _feed(plan, moves) / MM_PER_MIN),
         TagColumn("clearance", "clearance", "mm", _clearance(plan, moves, scene) / MM, "low"),
-        TagColumn("margin", "limit margin", "deg", _margin(plan, cell) / DEG, "low"),
+        TagColumn("margin", "margin", "deg", _margin(plan, cell) / DEG, "low"),
         TagColumn("deviation", "deviation", "mm", _deviation(plan, text) / MM, "high"),
     ]
     return [column for column in columns if np.isfinite(column.values).any()]

@@ -83,6 +83,12 @@ def _lead(report: VerifyReport) -> list[str]:
             f"{report.position_error / MM:.4f} mm and {(report.axis_error or 0.0) / DEG:.4f} deg "
             "off."
         )
+    if report.expectation is not None:
+        both = report.expectation
+        lines.append(
+            f"There the real, loaded tool is expected: rms {both.expected_rms / MM:.4f} mm. The "
+            f"commanded points are up to {both.nominal_max / MM:.4f} mm off, to make up for it."
+        )
     searched = "" if report.collisions_checked else " Collisions were not searched."
     lines.append(f"About {time_span(report.cycle_time)}.{searched}")
     return lines
@@ -149,7 +155,7 @@ def _columns(run: Run, cell: Cell, kinematics: Kinematics) -> list[TagColumn]:
     speed = np.where(paths.trace.is_cp, paths.trace.column("speed"), np.nan)
     columns = [
         TagColumn("feed", "speed", "mm/min", speed / MM_PER_MIN),
-        TagColumn("margin", "limit margin", "deg", _least(margin, row, m) / DEG, "low"),
+        TagColumn("margin", "margin", "deg", _least(margin, row, m) / DEG, "low"),
         TagColumn("wrist", "wrist |A5|", "deg", _least(wrist, row, m) / DEG, "low"),
         TagColumn("deviation", "deviation", "mm", _deviation(run) / MM, "high"),
     ]

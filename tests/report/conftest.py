@@ -1,6 +1,5 @@
 import base64
 import gzip
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -8,25 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tools.browser import Browser, installed
+from tools.make_pictures import campaign
+
 ROOT = Path(__file__).resolve().parents[2]
 PANEL = ROOT / "fixtures" / "drilling_panel"
 
 
-def tool(name):
-    """Return a module of the tools folder."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.fixture(scope="session")
 def browser():
-    drive = tool("browser")
-    command = drive.installed()
+    command = installed()
     if command is None:
         pytest.skip("no Chromium is installed")
-    started = drive.Browser(command)
+    started = Browser(command)
     yield started
     started.close()
 
@@ -102,4 +95,30 @@ def blocked(tmp_path_factory):
     )
     assert code == 1
     assert not (folder / "out").exists()
+    return folder
+
+
+@pytest.fixture(scope="session")
+def measured(tmp_path_factory):
+    """A folder with pages of measuring: diagnosis, plan, identification, stiffness, cell."""
+    from postproc.cli import app
+
+    folder = tmp_path_factory.mktemp("measured")
+    (folder / "rows.csv").write_text(campaign(rows=120))
+    lines = (PANEL / "panel.csv").read_text().splitlines()
+    (folder / "holes.csv").write_text("\n".join(lines[:5]) + "\n")
+    cell = ["--cell", str(PANEL / "cell.toml"), "-q"]
+    rows, holes = str(folder / "rows.csv"), str(folder / "holes.csv")
+    page = {name: str(folder / f"{name}.html") for name in ("identify", "stiffness", "cell")}
+    model = str(folder / "model.toml")
+    box = [str(v) for v in (1000, -600, 1200, 1400, 600, 1800)]
+    calls = (
+        ["diagnose", rows, *cell, "-o", str(folder)],
+        ["identify", rows, *cell, "-o", model, "--report", page["identify"]],
+        ["stiffness", holes, *cell, "-o", page["stiffness"]],
+        ["sample", *cell, "--box", *box, "--grid", "400", "-o", str(folder / "plan")],
+        ["check", str(PANEL / "cell.toml"), "-q", "--report", page["cell"]],
+    )
+    for call in calls:
+        assert app.run(call) in (0, 1), call
     return folder

@@ -57,7 +57,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
         folder = Path(options["output"])
         files = {
-            folder / "report.html": diagnosis_page(finding, content),
+            folder / "report.html": diagnosis_page(finding, content, cell),
             folder / "model.toml": save_model(model_file(finding, model)),
         }
         write_files(files)

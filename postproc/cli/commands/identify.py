@@ -82,7 +82,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if options["report"]:
         from postproc.report.identify_page import identify_page
 
-        contents[Path(options["report"])] = identify_page(result)
+        contents[Path(options["report"])] = identify_page(result, cell)
     write_files(contents)
     content = document(result)
     session.document(content)
