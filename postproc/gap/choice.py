@@ -9,7 +9,7 @@ is outside of the library and explains the rows better.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -77,7 +77,10 @@ class Choice:
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """Everything a choice is made on: rows, gap (n, 3) [m], weights, folds, blocks."""
+    """Everything a choice is made on: rows, gap (n, 3) [m], weights, folds, blocks.
+
+    ``barred``: effects that made sealed rows worse; their blocks are gone.
+    """
 
     samples: Samples
     y: FloatArray
@@ -85,6 +88,12 @@ class Bench:
     fold: IntArray
     blocks: tuple[Block, ...]
     always: Subset
+    barred: tuple[str, ...] = ()
+
+    def without(self, names: Collection[str]) -> Bench:
+        """Return the same rows with some effects barred for good."""
+        blocks = tuple(b for b in self.blocks if b.name not in names)
+        return replace(self, blocks=blocks, barred=(*self.barred, *sorted(names)))
 
     @property
     def sigma(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,15 +76,23 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
     say(0, 4, "noise and measuring faults")
     prepared = prepare(problem)
     say(1, 4, "which effects")
-    bench, choice = chosen(prepared.bench)
-    say(2, 4, "what is left")
-    settled = settle(problem, prepared, bench, choice)
-    choice = settled.choice
-    say(3, 4, "sealed rows")
     sigma = prepared.noise.sigma
-    rows = problem.searchable & ~settled.outlier
-    base = fitted(problem, bench, (), sigma, rows)
-    steps, total = _steps(problem, bench, settled, sigma, base)
+    start = prepared.bench
+    refused: dict[str, str] = {}
+    while True:
+        bench, choice = chosen(start)
+        say(2, 4, "what is left")
+        settled = settle(problem, prepared, bench, choice)
+        say(3, 4, "sealed rows")
+        base = fitted(problem, bench, (), sigma, problem.searchable & ~settled.outlier)
+        steps, total = _steps(problem, bench, settled, sigma, base)
+        worse = {step.name for step in steps if step.after > step.before}
+        if not worse:
+            break
+        refused |= dict.fromkeys(worse, "makes rows worse that were not fitted")
+        start = start.without(refused)
+    choice = replace(settled.choice, refused=settled.choice.refused | refused)
+    settled = replace(settled, choice=choice)
     answer = verdict(settled, sigma)
     return Finding(
         problem=problem,

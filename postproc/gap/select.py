@@ -91,7 +91,7 @@ def search(
         _climb(state, start, keys)
     for _ in range(_MERGES):
         here = state.best
-        around = [s for s in _merged(here, keys) if state.legal(s)]
+        around = [s for s in (*_merged(here, keys), *_parted(here, keys)) if state.legal(s)]
         better = max(around, key=state.score, default=here)
         if state.score(better) <= state.score(here) + 1e-9:
             break
@@ -139,3 +139,12 @@ def _merged(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
         for key in keys:
             if key not in subset:
                 yield tuple(sorted(rest | {key}))
+
+
+def _parted(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    """Yield the subsets with two blocks in place of one: a wide one can imitate two causes."""
+    outside = [key for key in keys if key not in subset]
+    for gone in subset:
+        rest = set(subset) - {gone}
+        for pair in itertools.combinations(outside, 2):
+            yield tuple(sorted(rest | set(pair)))

@@ -136,7 +136,7 @@ def _tested(
 def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
     """Return whether an effect is far larger than the structure that nothing explains."""
     if is_companion(bench, choice.keys, key):
-        return True
+        return not choice.evidence[key].twins
     ratio = 0.5 if _name(bench, key) in GEOMETRY else 2.0
     return choice.evidence[key].unique > ratio * structure
 

@@ -21,8 +21,8 @@ FRACTIONAL = 8
 """From this order on a gear ratio may give a number of periods that is not whole."""
 TYPICAL = 1e-4
 """Amplitude [rad]."""
-MOST = 14
-"""Two waves on every joint, and two more."""
+MOST = 11
+"""As many waves are no gear error."""
 MOST_ON_A_JOINT = 3
 _PRICE = 5.0
 """Nats beyond the noise maximum that one more wave must bring."""

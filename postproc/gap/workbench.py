@@ -59,7 +59,7 @@ def prepare(problem: Problem) -> Prepared:
 def chosen(bench: Bench) -> tuple[Bench, Choice]:
     """Choose; look for waves in what the choice leaves; choose again if there are new ones."""
     choice = choose(bench)
-    for turn in range(2):
+    for turn in range(0 if WAVES in bench.barred else 2):
         waves = find_waves(bench.samples, bench.y, bench.weight, without_waves(bench, choice))
         known = {b.setting["waves"] for b in bench.blocks if b.name == WAVES}
         if not is_gear_error(waves) or waves in known:

@@ -70,10 +70,6 @@ class VariableStiffness(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by its torque times the change of its compliance."""
         if "field" in setting:
-            torque = samples.load_torque()
-            change = setting["field"].compliance(samples.q, samples.point) - setting["constant"]
-            return Basis(joint=(torque * change)[:, :, None])
-        if "field" in setting:
             excess = setting["field"].compliance(samples.q, samples.point) - setting["constant"]
             return Basis(joint=(samples.load_torque() * excess)[:, :, None])
         turn = samples.load_torque() * samples.arm.reference.c_joint
@@ -105,12 +101,6 @@ class VariableStiffness(Effect):
         A field (per cell or in joint space, as ``identify`` writes it) holds the whole stiffness;
         here it counts as the change against the constant of ``joint_compliance``.
         """
-        if is_field_table(model):
-            known = "joint_compliance" in model.effects
-            constant = np.nan_to_num(constant_of(model)) if known else np.zeros(6)
-            table = dict(model.effects[self.name])
-            setting: Setting = {"field": field_of(model), "constant": constant, "table": table}
-            return State(np.ones(1), setting)
         if is_field_table(model):
             return State(np.ones(1), _field_setting(model))
         keys = (
