@@ -170,7 +170,9 @@ class Interpreter:
             value = variable.value
             if isinstance(value, Expr):
                 value = self.evaluator.value(value)
-            scope.plain[name] = UNKNOWN if value is None else value
+            # A parameter is declared once more inside its routine: it keeps its value.
+            if value is not None or name not in scope.plain:
+                scope.plain[name] = UNKNOWN if value is None else value
 
     def _store(self, node: Node, value: Value, scope: Variables) -> None:
         if not isinstance(node, Reference):
