@@ -139,6 +139,7 @@ def _chunk(
     turn = np.broadcast_to(spins, (n, width)).ravel()
     T_base_tcp = problem.placement.tcp(which, turn)
     slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
+    valid &= problem.placement.given[which][:, None]
     if branch is not None:
         kept = np.zeros_like(valid)
         kept[np.arange(len(which)), np.repeat(branch, width)] = True

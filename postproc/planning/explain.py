@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.errors import Issue, Severity
+from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import States
 from postproc.planning.feasible import Checker, Reason
 from postproc.planning.ladder import IndexArray, Rule
 from postproc.planning.moves import Chosen
+from postproc.planning.place import NO_POSE
 from postproc.planning.problem import Problem
 from postproc.planning.remedy import remedy
 
@@ -38,6 +40,12 @@ def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str =
         problem.toolpath.source(tag),
         hint=hint,
     )
+
+
+def no_pose(toolpath: ToolPath, tag: int) -> Issue:
+    """Return the finding of a tag without a Cartesian target."""
+    name, source = toolpath.tag_name(tag), toolpath.source(tag)
+    return Issue(Severity.ERROR, "PLN206", f"tag {name}: {NO_POSE}", tag, source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +79,9 @@ def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
 
 
 def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> Issue:
+    tag = int(evidence.tags[row])
+    if not checker.problem.placement.given[tag]:
+        return no_pose(checker.problem.toolpath, tag)
     low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
     reasons = evidence.reason[low:high]
     first = np.unique(evidence.states.config[low:high], return_index=True)[1]
@@ -86,7 +97,6 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> 
     pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
     if main is Reason.COLLISION and len(pairs):
         detail += f"; {_most_frequent(checker, pairs)}"
-    tag = int(evidence.tags[row])
     return failure(checker.problem, tag, main, detail, remedy(checker, tag, main) if help_ else "")
 
 

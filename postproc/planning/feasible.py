@@ -145,6 +145,7 @@ class Checker:
     def poses(self, tags: IndexArray, q: FloatArray) -> Verdict:
         """Check poses (m, 6) at tags (m,) for collision, without strokes."""
         verdict = Verdict.clean(len(tags))
+        verdict.refuse(~self.problem.placement.given[tags], Reason.UNREACHABLE)
         self._hits(verdict, np.arange(len(tags)), q, self.problem.is_contact[tags])
         return verdict
 

@@ -10,20 +10,21 @@ less than 180 degrees between tags.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.errors import PlanError
 from postproc.frames import inverse, rotation_about, transform
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
 from postproc.model.toolpath import ToolPath
 from postproc.planning.ladder import IndexArray
 
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""
+NO_POSE = "only joint angles of another robot are given; a Cartesian target is needed"
 _CLEAR = 0.1
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
@@ -37,6 +38,7 @@ class Placement:
         T_robroot_base: (4, 4); T_tcp_flange: (4, 4).
         tool_axis: (3,) unit, TCP axes, out of the tool into the part.
         reference: what spin 0 is, in words.
+        given: (n,) tags whose pose the input gives; at others stands that of a tag beside them.
     """
 
     R_base_tcp: FloatArray
@@ -45,6 +47,12 @@ class Placement:
     T_tcp_flange: FloatArray
     tool_axis: FloatArray
     reference: str
+    given: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+
+    def __post_init__(self) -> None:
+        """Take all tags as given where nothing else is said."""
+        if len(self.given) != len(self.p_base_tcp):
+            object.__setattr__(self, "given", np.ones(len(self.p_base_tcp), dtype=np.bool_))
 
     def __len__(self) -> int:
         """Return the number of tags."""
@@ -76,8 +84,11 @@ def place(toolpath: ToolPath, cell: Cell) -> Placement:
 
     Raises:
         PlanError: PLN201 if the tool axis turns by 180 degrees between two tags and no part axis
-            gives a reference either.
+            gives a reference either; PLN206 if a tag has no Cartesian target.
     """
+    missing = np.flatnonzero(~has_pose(toolpath))
+    if len(missing):
+        raise PlanError("PLN206", NO_POSE, toolpath.source(int(missing[0])))
     tool_axis = np.asarray(cell.tool.axis, dtype=np.float64)
     if toolpath.rotations is not None:
         R, reference = np.array(toolpath.rotations), "orientation of the input"
@@ -93,6 +104,43 @@ def place(toolpath: ToolPath, cell: Cell) -> Placement:
         tool_axis,
         reference,
     )
+
+
+def place_given(toolpath: ToolPath, cell: Cell) -> tuple[ToolPath, Placement]:
+    """Return a toolpath and its placement with stand-ins where a tag has no Cartesian target.
+
+    ``Placement.given`` says which are real.
+    """
+    filled, given = stand_ins(toolpath)
+    return filled, replace(place(filled, cell), given=given)
+
+
+def stand_ins(toolpath: ToolPath) -> tuple[ToolPath, BoolArray]:
+    """Return a toolpath of finite poses, and which (n,) are those of the input.
+
+    Where a tag has no Cartesian target that of the last one before (else of the first behind)
+    stands in.
+    """
+    given = has_pose(toolpath)
+    if given.all():
+        return toolpath, given
+    n = len(toolpath)
+    if given.any():
+        source = np.maximum.accumulate(np.where(given, np.arange(n), -1))
+        source = np.where(source < 0, int(np.argmax(given)), source)
+        points, axes = toolpath.points[source], toolpath.axes[source]
+        rotations = None if toolpath.rotations is None else toolpath.rotations[source]
+    else:
+        points, axes, rotations = np.zeros((n, 3)), np.tile([0.0, 0.0, 1.0], (n, 1)), None
+    return replace(toolpath, points=points, axes=axes, rotations=rotations), given
+
+
+def has_pose(toolpath: ToolPath) -> BoolArray:
+    """Return (n,) whether the tags have a Cartesian target, not only joints of another robot."""
+    finite = np.isfinite(toolpath.points).all(axis=1) & np.isfinite(toolpath.axes).all(axis=1)
+    if toolpath.rotations is not None:
+        finite &= np.isfinite(toolpath.rotations).all(axis=(1, 2))
+    return np.asarray(finite)
 
 
 def frames_across(direction: FloatArray, across: FloatArray, tool_axis: FloatArray) -> FloatArray:

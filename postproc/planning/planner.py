@@ -21,7 +21,7 @@ from postproc.planning.feasible import Checker
 from postproc.planning.hunt import step_rules
 from postproc.planning.ladder import Rule
 from postproc.planning.moves import Chosen
-from postproc.planning.place import place
+from postproc.planning.place import place_given
 from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
 from postproc.planning.sequence import ordered, ordered_by_place, reordered
@@ -122,7 +122,7 @@ def _as_used(problem: Problem) -> dict[str, object]:
 
 def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     """Return the planning problem of a toolpath in a cell."""
-    placement = place(toolpath, cell)
+    toolpath, placement = place_given(toolpath, cell)
     served = as_served(toolpath, cell)
     return Problem(
         served,

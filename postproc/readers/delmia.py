@@ -260,6 +260,10 @@ def _arcs(
     a, b = middle - start, end - start
     normal = np.cross(a, b)
     size = np.linalg.norm(normal, axis=1)
+    unknown = ~np.isfinite(size)
+    if unknown.any():
+        i = int(np.flatnonzero(unknown)[0])
+        raise faults.error("DEL020", "an arc needs Cartesian targets all along it", lines[i])
     flat = ~(size > _STRAIGHT * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
     if flat.any():
         i = int(np.flatnonzero(flat)[0])

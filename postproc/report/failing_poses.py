@@ -11,7 +11,7 @@ import numpy as np
 from postproc.errors import Severity
 from postproc.kinematics.singular import wrist_distance
 from postproc.model.toolpath import MotionKind
-from postproc.planning.place import place, spin_values
+from postproc.planning.place import place_given, spin_values
 from postproc.planning.stroke import strokes_of
 from postproc.units import DEG
 
@@ -64,7 +64,8 @@ def failing_poses(
     said = {int(i.tag_index or 0): i.message for i in errors}
     if not said:
         return {}
-    placement = place(toolpath, cell)
+    toolpath, placement = place_given(toolpath, cell)
+    said = {tag: text for tag, text in said.items() if placement.given[tag]}
     spins = spin_values(_STEP, *cell.optimize.range)
     found = {}
     arm = _Arm(cell, kinematics, scene)

@@ -9,6 +9,7 @@ import numpy as np
 
 from postproc.errors import Severity
 from postproc.model.plan import MoveKind, MoveRole
+from postproc.planning.place import stand_ins
 from postproc.report.failing_poses import failing_poses
 from postproc.report.page import Page, escape, packed, packed_text
 from postproc.report.scene_data import T_world_base, add_scene
@@ -155,6 +156,7 @@ def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
 
 
 def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
+    path = stand_ins(path)[0]
     points = path.points
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {

@@ -91,12 +91,12 @@ def _values(
     """Return the index (t, s) of tags (t,) and the joints (t, s, 6), NaN where the arm cannot."""
     from postproc.kinematics.model import build
     from postproc.planning.candidates import evaluate
-    from postproc.planning.place import place
+    from postproc.planning.place import place_given
     from postproc.planning.problem import Problem, path_normals, stiffness_of
     from postproc.planning.settings import PlanOptions, settle
 
     cell, settings = settle(cell, PlanOptions())
-    path, placement = plan.toolpath, place(plan.toolpath, cell)
+    path, placement = place_given(plan.toolpath, cell)
     normals = path_normals(path, placement)
     problem = Problem(
         path, cell, build(cell.robot), placement, settings, normals, stiffness_of(cell)
