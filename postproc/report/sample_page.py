@@ -32,6 +32,7 @@ def sample_page(sampling: Sampling) -> bytes:
             f"in one pass; robot {sampling.cell.robot.name}.",
         ),
     )
+    _scene(page, sampling)
     page.section("Cells and tags", _view(plan), "half")
     page.section("Joint angles in the order of measuring", _angles(plan), "half")
     page.section("What it will tell", _outlook(sampling))

@@ -1,0 +1,1 @@
+"""Example plug-ins of postproc: a reader, an effect, an emitter."""
