@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 import json
+import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Concatenate, ParamSpec, TypeVar
@@ -41,10 +42,25 @@ class Session:
         if not (self.json or self.quiet):
             click.echo(text)
 
+    def table(self, head: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+        """Print a table on stdout: ruled on a terminal, aligned plain text in a pipe.
+
+        A column whose cells are all numbers is aligned to the right.
+        """
+        if self.json or self.quiet:
+            return
+        cells = [[str(cell) for cell in row] for row in rows]
+        right = [all(_is_number(row[k]) for row in cells) for k in range(len(head))]
+        if sys.stdout.isatty():
+            _ruled(head, cells, right)
+            return
+        for line in _aligned(head, cells, right):
+            click.echo(line)
+
     def issues(self, issues: tuple[Issue, ...] | list[Issue], at_most: int = 20) -> None:
-        """Print findings, one line each, on stderr."""
+        """Print findings, one line each, on stderr; severities in colour on a terminal."""
         for issue in issues[:at_most]:
-            self.say(str(issue))
+            self.say(_coloured(str(issue), str(issue.severity)))
         if len(issues) > at_most:
             self.say(f"... and {len(issues) - at_most} more")
 
@@ -64,6 +80,50 @@ class Session:
                 bar.update(task, completed=done, total=total, description=what)
 
             yield report
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return text in ("", "-", "?")
+    return True
+
+
+def _aligned(
+    head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[bool]
+) -> Iterator[str]:
+    widths = [max(len(row[k]) for row in (head, *rows)) for k in range(len(head))]
+    for row in (head, *rows):
+        parts = [
+            cell.rjust(width) if is_right else cell.ljust(width)
+            for cell, width, is_right in zip(row, widths, right, strict=True)
+        ]
+        yield "  ".join(parts).rstrip()
+
+
+def _ruled(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[bool]) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD)
+    for name, is_right in zip(head, right, strict=True):
+        table.add_column(name, justify="right" if is_right else "left")
+    for row in rows:
+        table.add_row(*(Text(cell) for cell in row))
+    Console().print(table)
+
+
+_COLOURS = {"error": "red", "warning": "yellow", "note": "cyan"}
+
+
+def _coloured(line: str, severity: str) -> str:
+    """Return a finding with its severity in colour, on a terminal without NO_COLOR."""
+    if not sys.stderr.isatty() or os.environ.get("NO_COLOR") or severity not in _COLOURS:
+        return line
+    return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
 def standard_options(

@@ -45,8 +45,7 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
         {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}
     )
     session.show(_summary(checked.facts))
-    for issue in checked.issues:
-        session.say(str(issue))
+    session.issues(checked.issues, at_most=len(checked.issues))
     return answer(checked.is_good)
 
 

@@ -37,10 +37,9 @@ def command(session: Session, /) -> int:
     infos = [info for place in _REGISTRIES for info in _registry(*place).infos()]
     plugins = [_entry(info) for info in infos]
     session.document({"schema": "postproc.plugins/1", "plugins": plugins})
-    width = max(len(info.name) for info in infos)
+    rows = [(i.group, i.name, i.origin, i.version, _state(i)) for i in infos]
+    session.table(("kind", "name", "origin", "version", "state"), rows)
     for info in infos:
-        line = f"{info.group:11} {info.name:{width}}  {info.origin} {info.version}"
-        session.show(f"{line}  cannot be loaded" if info.problem else line)
         if info.problem:
             name = f"{info.group} part {info.name!r} of {info.origin} {info.version}"
             session.say(f"postproc: warning PLG003: {name} cannot be loaded: {info.problem}")
@@ -50,6 +49,10 @@ def command(session: Session, /) -> int:
 def _registry(module: str, name: str) -> Registry[Any]:
     registry: Registry[Any] = getattr(importlib.import_module(module), name)
     return registry
+
+
+def _state(info: PluginInfo) -> str:
+    return "cannot be loaded" if info.problem else "good"
 
 
 def _entry(info: PluginInfo) -> dict[str, Any]:

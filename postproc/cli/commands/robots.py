@@ -33,7 +33,7 @@ def command(session: Session, /, name: str | None) -> int:
     if name is None:
         documents = [robot_document(load_robot(known)) for known in robot_names()]
         session.document({"schema": "postproc.robots/1", "robots": documents})
-        session.show(_table(documents))
+        session.table(_HEAD, _rows(documents))
     else:
         document = robot_document(load_robot(name))
         session.document({"schema": "postproc.robots/1", **document})
@@ -123,13 +123,15 @@ def _scaled(value: Any, unit: float) -> Any:  # noqa: ANN401 - as _plain
     return None if value is None else _plain(value / unit)
 
 
-def _table(documents: list[dict[str, Any]]) -> str:
-    lines = [f"{'name':20} {'robot':34} {'reach mm':>9} {'payload kg':>11}  assumed"]
+_HEAD = ("name", "robot", "reach mm", "payload kg", "assumed")
+
+
+def _rows(documents: list[dict[str, Any]]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = []
     for d in documents:
         payload = "?" if d["payload_kg"] is None else f"{d['payload_kg']:g}"
-        head = f"{d['name']:20} {d['title']:34} {d['reach_mm']:9.1f} {payload:>11}"
-        lines.append(f"{head}  {_assumed(d)}".rstrip())
-    return "\n".join(lines)
+        rows.append((d["name"], d["title"], f"{d['reach_mm']:.1f}", payload, _assumed(d)))
+    return rows
 
 
 def _assumed(document: dict[str, Any]) -> str:
