@@ -94,13 +94,15 @@ def modules(*lines, data=(), name="T", **others):
     return parse_files(files)
 
 
-START = "PTP {A1 0.0,A2 -80.0,A3 110.0,A4 0.0,A5 -60.0,A6 0.0}"
+AT_PART = {"old": "xyz_mm = [1900, 0, 900]", "new": "xyz_mm = [1900, 100, 1100]"}
+"""A workpiece frame that the arm reaches around its origin in the pose of ``START``."""
+START = "PTP {A1 -5.14,A2 -73.15,A3 101.79,A4 -174.35,A5 -61.92,A6 -7.83}"
 HEAD = ("BAS(#INITMOV,0)", "BAS(#TOOL,1)", "BAS(#BASE,1)", "$VEL.CP=0.01", "$APO.CDIS=1.0")
 
 
 def at(x, y, z, blend="", word="LIN"):
     """A motion to a point with the tool axis along +x of the part."""
-    pose = f"{{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 180.0}}"
+    pose = f"{{X {x:.4f},Y {y:.4f},Z {z:.4f},A 0.0,B 0.0,C 175.0}}"
     return f"{word} {pose} {blend}".rstrip()
 
 

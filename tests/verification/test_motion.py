@@ -46,17 +46,6 @@ def frame_text(cell, kinematics, q):
     return ",".join(f"{name} {value:.9f}" for name, value in names)
 
 
-def status_and_turn(robot, q):
-    """S and T from their definition: signs of wrist centre, elbow and angles."""
-    g = robot.geometry
-    shoulder = g.a1 + g.c2 * np.cos(q[1])
-    forearm = np.hypot(g.c3, g.a2)
-    bent = np.arctan2(abs(g.a2), g.c3) * np.sign(-g.a2) if g.a2 else 0.0
-    x = shoulder + forearm * np.cos(q[1] + q[2] + 0.0 * bent)
-    turn = sum(1 << i for i, angle in enumerate(q) if angle < 0.0)
-    return x, turn
-
-
 def random_joints(robot, rng, count):
     low, high = robot.q_min + 5 * DEG, robot.q_max - 5 * DEG
     q = rng.uniform(low, high, (count, 6))
@@ -72,9 +61,10 @@ def test_status_and_turn_give_the_joints_back(cell, kinematics):
     principal = (q + np.pi) % (2 * np.pi) - np.pi
     near = np.abs((slots - principal[:, None] + np.pi) % (2 * np.pi) - np.pi).max(axis=2)
     branch = np.where(valid, near, np.inf).argmin(axis=1)
+    turns = (q < 0.0) @ (1 << np.arange(6))
     lines = [
-        f"PTP {{{frame_text(cell, kinematics, row)},S {s},T {sum(1 << i for i in range(6) if row[i] < 0)}}}"
-        for row, s in zip(q, branch, strict=True)
+        f"PTP {{{frame_text(cell, kinematics, row)},S {s},T {t}}}"
+        for row, s, t in zip(q, branch, turns, strict=True)
     ]
     found = paths(cell, kinematics, *lines)
     assert not found.findings
