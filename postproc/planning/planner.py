@@ -12,6 +12,7 @@ from postproc.errors import Issue, Severity
 from postproc.kinematics.model import build
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell
+from postproc.model.order import reordered
 from postproc.model.plan import Plan
 from postproc.model.pointlist import as_served
 from postproc.model.toolpath import ToolPath
@@ -24,7 +25,7 @@ from postproc.planning.moves import Chosen
 from postproc.planning.place import place_given
 from postproc.planning.problem import Problem, path_normals, stiffness_of
 from postproc.planning.route import Route, route
-from postproc.planning.sequence import ordered, ordered_by_place, reordered
+from postproc.planning.sequence import ordered, ordered_by_place
 from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose

@@ -7,13 +7,11 @@ would take by itself in the branch that most of them share.
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import replace
-
 import numpy as np
 
 from postproc.model.arrays import FloatArray
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.model.order import hole_runs
+from postproc.model.toolpath import ToolPath
 from postproc.planning.candidates import sample
 from postproc.planning.costs import TRAVEL_UNIT
 from postproc.planning.ladder import IndexArray
@@ -21,6 +19,7 @@ from postproc.planning.problem import Problem
 
 _NEIGHBOURS = 12
 _PASSES = 30
+_WORTH = 4
 
 
 def ordered(problem: Problem) -> IndexArray:
@@ -41,38 +40,9 @@ def ordered_by_place(toolpath: ToolPath) -> IndexArray:
     return order
 
 
-def reordered(toolpath: ToolPath, order: IndexArray) -> ToolPath:
-    """Return the toolpath with its tags in another order; events stay at their place."""
-    columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")
-    changes: dict[str, object] = {name: getattr(toolpath, name)[order] for name in columns}
-    for name in ("rotations", "joints"):
-        value = getattr(toolpath, name)
-        if value is not None:
-            changes[name] = value[order]
-    changes["extra"] = {
-        name: [values[tag] for tag in order.tolist()] if len(values) == len(order) else values
-        for name, values in toolpath.extra.items()
-    }
-    names = [toolpath.tag_name(tag) for tag in order.tolist()]
-    return replace(toolpath, names=tuple(names), **changes)  # type: ignore[arg-type]
-
-
 def _runs(toolpath: ToolPath) -> list[tuple[int, int]]:
-    """Return stretches [low, high) of holes of one operation without events between."""
-    n = len(toolpath)
-    hole = np.asarray(toolpath.kind) == MotionKind.HOLE
-    parted = np.ones(n + 1, dtype=np.bool_)
-    if n:
-        parted[1:n] = (
-            (hole[1:] != hole[:-1])
-            | (np.diff(np.asarray(toolpath.operation)) != 0)
-            | (np.diff(np.asarray(toolpath.tool)) != 0)
-        )
-    for event in toolpath.events:
-        parted[event.index] = True
-    edges = np.nonzero(parted)[0].tolist()
-    pairs = itertools.pairwise(edges)
-    return [(low, high) for low, high in pairs if hole[low] and high - low > 3]
+    """Return stretches [low, high) of holes in which another order is worth looking for."""
+    return [(low, high) for low, high in hole_runs(toolpath) if high - low >= _WORTH]
 
 
 def _poses(problem: Problem, tags: IndexArray) -> FloatArray:
