@@ -104,6 +104,8 @@ def _clearance(plan: Plan, moves: IndexArray, scene: Scene) -> FloatArray:
         contact = plan.toolpath.kind[known] != MotionKind.RAPID
         poses = np.hstack([plan.q, plan.external])[moves[known]]
         result[known] = scene.clearance(poses, contact, FARTHEST)
+    if not (result < FARTHEST).any():
+        return np.full(len(moves), np.nan)  # nothing is near anywhere: no column
     return result
 
 

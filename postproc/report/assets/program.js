@@ -42,8 +42,8 @@
   const root = [D.robot.T_world_robroot[3], D.robot.T_world_robroot[7], D.robot.T_world_robroot[11]];
   function view(which) {
     const c0 = scene.inWorld(D.centre);
-    if (which === "part") scene.look(c0, room * 1.15);
-    else if (which === "tag" && shown >= 0) scene.look(scene.inWorld(points.subarray(3 * shown, 3 * shown + 3)), Math.max(0.25, 0.15 * room));
+    if (which === "part") scene.look(c0, Math.max(D.extent / 2, 0.08) * 1.3);
+    else if (which === "tag" && shown >= 0) scene.look(scene.inWorld(points.subarray(3 * shown, 3 * shown + 3)), Math.max(0.2, 0.15 * room));
     else {  // robot and part, from the side that faces neither
       const mid = [0, 1, 2].map(k => (root[k] + c0[k]) / 2), reach = Math.hypot(...[0, 1, 2].map(k => root[k] - c0[k]));
       const out = [c0[0] - root[0], c0[1] - root[1]], l = Math.hypot(...out) || 1;
