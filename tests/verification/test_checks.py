@@ -1,0 +1,197 @@
+"""Limits, singularities, speeds, blending, time, collisions: on programs made for the purpose."""
+
+import numpy as np
+import pytest
+
+from postproc.kinematics.model import build
+from postproc.verification.verify import verify_modules
+from tests.verification.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
+
+DEG = np.pi / 180.0
+POSE = "PTP {{A1 {0},A2 {1},A3 {2},A4 {3},A5 {4},A6 {5}}}"
+
+
+@pytest.fixture(scope="module")
+def cell(tmp_path_factory):
+    return cell_in(tmp_path_factory.mktemp("cell"), **AT_PART)
+
+
+def check(cell, *lines, toolpath=None, collisions=False):
+    return verify_modules(modules(*HEAD, *lines), "T", cell, toolpath, collisions=collisions)
+
+
+def kinds(report):
+    return {violation.kind for violation in report.violations}
+
+
+def warned(report):
+    return {warning.kind for warning in report.warnings}
+
+
+def test_joint_limits_with_margin(cell):
+    low, high = cell.robot.q_min[0] / DEG, cell.robot.q_max[0] / DEG
+    for a1, expected in (
+        (high - 2.1, set()),
+        (high - 1.9, {"joint_limit"}),
+        (low - 1, {"joint_limit"}),
+    ):
+        report = check(cell, POSE.format(a1, -80, 100, 0, 30, 0))
+        assert kinds(report) == expected
+        assert report.worst["joint_margin"].value == pytest.approx(min(high - a1, a1 - low))
+        assert report.worst["joint_margin"].detail == "A1"
+    assert report.violations[0].line == 7
+    assert "beyond its limit" in report.violations[0].detail
+
+
+def test_a_path_between_good_ends_may_pass_a_singularity(cell):
+    kinematics = build(cell.robot)
+    up, down = (np.array([0, -80, 100, 0, a5, 0]) * DEG for a5 in (20.0, -20.0))
+    report = check(cell, POSE.format(0, -80, 100, 0, 20, 0), *moved_to(cell, kinematics, down))
+    assert "singularity" in kinds(report)
+    assert report.worst["wrist_singularity"].value < 3.0
+    joint = check(cell, POSE.format(0, -80, 100, 0, 20, 0), POSE.format(0, -80, 100, 0, -20, 0))
+    assert kinds(joint) == set()  # a joint motion may pass it
+    assert "wrist_singularity" not in joint.worst
+    del up
+
+
+def moved_to(cell, kinematics, q):
+    from postproc.frames import inverse, kuka_from_transform
+
+    T = inverse(cell.T_robroot_base) @ kinematics.fk(q) @ cell.tool.T_flange_tcp
+    names = zip("XYZABC", np.concatenate(kuka_from_transform(T)), strict=True)
+    return ["LIN {" + ",".join(f"{n} {v:.6f}" for n, v in names) + "}"]
+
+
+def test_a_stretched_arm_is_a_warning(cell):
+    kinematics = build(cell.robot)
+    stretched = kinematics.branches.elbow_angle(np.zeros(6))
+    q = np.array([0.0, -60.0, 0.0, 0.0, 40.0, 0.0]) * DEG
+    q[2] = -float(stretched) + 4.0 * DEG
+    report = check(cell, POSE.format(*np.degrees(q)), "LIN_REL {X -1.0}")
+    assert report.worst["stretched_arm"].value == pytest.approx(4.0, abs=0.5)
+    q[2] = -float(stretched) + 2.0 * DEG
+    assert "stretched" in warned(check(cell, POSE.format(*np.degrees(q)), "LIN_REL {X -1.0}"))
+
+
+def test_axis_speeds_are_those_of_the_jacobian(cell):
+    """The needed axis speed of a line is v times a column of the inverse Jacobian."""
+    kinematics = build(cell.robot)
+    report = check(cell, START, at(-50, 0, 0), "$VEL.CP=0.2", "$ACC.CP=1000.0", at(0, 0, 0))
+    q = np.array([-5.14, -73.15, 101.79, -174.35, -61.92, -7.83]) * DEG
+    T_robroot_flange = cell.T_robroot_base @ np.eye(4)
+    J = kinematics.jacobian(q, cell.tool.T_flange_tcp[:3, 3])
+    v = np.concatenate([T_robroot_flange[:3, :3] @ [0.2, 0, 0], np.zeros(3)])
+    share = np.abs(np.linalg.solve(J, v) / cell.robot.qd_max)
+    assert report.worst["axis_speed"].value == pytest.approx(100 * share.max(), rel=0.15)
+    assert report.worst["axis_speed"].detail == f"A{share.argmax() + 1}"
+
+
+def test_too_fast_for_an_axis(cell):
+    fast = [START, at(-50, 0, 0), "$VEL.CP=0.2", "$ACC.CP=1000.0", at(0, 0, 0)]
+    spin = at(0, 0, 0).replace("C 175.0", "C 120.0")
+    turning = check(cell, *fast, "$VEL.ORI1=4000.0", spin)
+    assert "axis_speed" in kinds(turning) | warned(turning)
+    assert kinds(check(cell, *fast, "$VEL.ORI1=20.0", spin)) == set()
+
+
+def test_no_speed_is_no_motion(cell):
+    report = check(cell, START, at(-50, 0, 0), "$VEL.CP=0.0", at(0, 0, 0))
+    assert "speed" in kinds(report)
+    assert np.isfinite(report.cycle_time)
+
+
+def test_blending(cell):
+    points = [START, at(-50, 0, 0), at(0, 0, 0, "C_DIS"), at(0, 40, 0, "C_DIS"), at(0, 40, 40)]
+    good = check(cell, *points)
+    assert (kinds(good), warned(good)) == (set(), set())
+    # a quarter turn blended at 1 mm misses its corner by 1 mm * |u + v| / 4
+    assert good.worst["corner_rounding"].value == pytest.approx(np.sqrt(2) / 4, rel=1e-6)
+    assert "blend_end" in kinds(check(cell, *points, at(0, 0, 0, "C_DIS")))
+    assert "blend_cut" in warned(check(cell, points[0], "$APO.CDIS=30.0", *points[1:]))
+    lost = [*points[:3], "WAIT SEC 0.1", *points[3:]]
+    assert "blend_lost" in warned(check(cell, *lost))
+
+
+def test_circles_that_are_none(cell):
+    start = [START, at(0, 0, 0)]
+    pose = "A 0.0,B 0.0,C 175.0"
+    flat = f"CIRC {{X 0.0,Y 10.0,Z 0.0}},{{X 0.0,Y 20.0,Z 0.0,{pose}}}"
+    assert kinds(check(cell, *start, flat)) == {"circle"}
+
+
+def test_half_turns_of_the_tool(cell):
+    q = np.array([10.0, -80.0, 100.0, 15.0, 40.0, 20.0])
+    turned = "LIN_REL {X 1.0,C 180.0} #TOOL"
+    assert "half_turn" in kinds(check(cell, POSE.format(*q), turned))
+
+
+def test_time_of_a_joint_motion_and_of_a_line(cell):
+    still = [POSE.format(0, -80, 100, 0, 30, 0)] * 2
+    base = check(cell, *still).cycle_time
+    top, push = cell.robot.qd_max[0], cell.robot.qdd_max[0]
+    way = 60.0 * DEG
+    one = check(cell, still[0], POSE.format(60, -80, 100, 0, 30, 0)).cycle_time - base
+    assert one == pytest.approx(way / top + top / push + 0.1, rel=0.05)
+    half = check(cell, still[0], "BAS(#VEL_PTP,50)", POSE.format(60, -80, 100, 0, 30, 0))
+    assert half.cycle_time > one + base
+    line = [START, at(-50, 0, 0), "$VEL.CP=0.01", at(0, 0, 0)]
+    waiting = check(cell, *line, "WAIT SEC 2.5").cycle_time - check(cell, *line).cycle_time
+    assert waiting == pytest.approx(2.5)
+    first = check(cell, *line[:2]).cycle_time
+    assert check(cell, *line).cycle_time - first == pytest.approx(5.0 + 0.01 / 2.3 + 0.1, rel=1e-3)
+
+
+def test_tool_and_base_are_compared_with_the_cell(cell):
+    own = "$TOOL={X 107.0,Y 0.0,Z 362.0,A 0.0,B 0.0,C 0.0}"
+    assert kinds(check(cell, own, START, at(0, 0, 0))) == set()
+    other = own.replace("362.0", "362.02")
+    assert kinds(check(cell, other, START, at(0, 0, 0))) == {"frame"}
+    moved = "$BASE=BASE_DATA[1]:{X 0.0,Y 0.0,Z 1.0}"
+    assert kinds(check(cell, moved, START, at(0, 0, 0))) == {"frame"}
+
+
+def test_a_set_up_module_tells_what_the_controller_has(cell):
+    setup = "DEF T_SETUP( )\nTOOL_DATA[1]={X 107.0,Y 0.0,Z 350.0,A 0.0,B 0.0,C 0.0}\nEND\n"
+    found = modules(*HEAD, START, at(0, 0, 0), T_SETUP=setup)
+    report = verify_modules(found, "T", cell, collisions=False)
+    assert kinds(report) == {"frame"}
+
+
+SOLIDS = """
+[[tool.meshes]]
+box = { size_mm = [60, 60, 60] }
+xyz_mm = [60, 0, 362]
+[[tool.meshes]]
+cylinder = { radius_mm = 4, length_mm = 40 }
+xyz_mm = [86, 0, 362]
+abc_deg = [0, 90, 0]
+cutting = true
+[[workpiece.meshes]]
+box = { size_mm = [20, 200, 200] }
+xyz_mm = [10, 0, 0]
+[[obstacles]]
+name = "post"
+box = { size_mm = [20, 20, 300] }
+xyz_mm = [1840, 150, 1100]
+"""
+
+
+def test_collisions_between_good_points(tmp_path):
+    cell = cell_in(tmp_path, SOLIDS, **AT_PART)
+    ends = [(-60, -40, 0), (-60, 110, 0)]
+    beside = check(cell, START, at(-250, -40, 0), at(-250, 110, 0), collisions=True)
+    assert (kinds(beside), beside.collisions_checked) == (set(), True)
+    through = check(cell, START, at(*ends[0]), at(*ends[1]), collisions=True)
+    assert kinds(through) == {"collision"}
+    assert "post" in through.violations[0].detail
+    assert kinds(check(cell, START, at(*ends[0]), at(*ends[1]))) == set()  # not searched
+    toolpath = path_of([(-60, 0, 0), (5, 0, 0)], "RL")
+    drill = [START, at(-60, 0, 0), at(5, 0, 0)]
+    assert kinds(check(cell, *drill, toolpath=toolpath, collisions=True)) == set()  # it cuts
+    rapid = path_of([(-60, 0, 0), (5, 0, 0)], "RR")
+    assert kinds(check(cell, *drill, toolpath=rapid, collisions=True)) == {"collision"}
+
+
+def test_without_solids_nothing_is_searched(cell):
+    assert not check(cell, START, collisions=True).collisions_checked
