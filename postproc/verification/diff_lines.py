@@ -279,10 +279,12 @@ class _Comparer:
         differ |= self._setting_differs(i, j)
         special = [*old.auxiliary, *old.angle]
         differ |= np.isin(i, special) | np.isin(j, [*new.auxiliary, *new.angle])
-        words = np.array(
-            [self.old.words[r] != self.new.words[s] for r, s in zip(i, j, strict=True)]
-        )
-        return differ | words if len(words) else differ
+        for ours, theirs in (
+            (self.old.words, self.new.words),
+            (self.old.relative, self.new.relative),
+        ):
+            differ |= np.array(ours, dtype=str)[i] != np.array(theirs, dtype=str)[j]
+        return differ
 
     def _setting_differs(self, i: Indices, j: Indices) -> Any:  # noqa: ANN401
         """Return which pairs are run under settings that differ in anything that counts."""
