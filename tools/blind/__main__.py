@@ -1,0 +1,82 @@
+"""Command line: ``python -m tools.blind generate`` and ``python -m tools.blind score``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from tools.blind import answerers, table
+from tools.blind.judging import judge
+from tools.blind.running import run_all
+from tools.blind.writing import generate
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run a command; return the exit code."""
+    options = _parser().parse_args(arguments)
+    if options.command == "generate":
+        answers = generate(Path(options.output), options.cases, options.seed)
+        print(f"{len(answers)} cases in {options.output}, seed {options.seed}", file=sys.stderr)
+        return 0
+    text, _ = score(
+        Path(options.directory), options.answerer, options.processes, options.again, options.first
+    )
+    print(text)
+    return 0
+
+
+def score(
+    folder: Path, answerer: str, processes: int = 2, again: bool = False, first: int | None = None
+) -> tuple[str, dict[str, Any]]:
+    """Score a product, or a blind answerer, on generated cases.
+
+    Args:
+        folder: as written by ``generate``; gets ``score_NAME.json`` and ``score_NAME.md``.
+        answerer: "product" or a name of ``answerers.NAMES``.
+        processes: cases at a time.
+        again: run anew.
+        first: only so many cases.
+
+    Returns:
+        The table as markdown, and everything as in the JSON file.
+    """
+    sealed = json.loads((folder / "answers.json").read_text(encoding="utf-8"))
+    answers = sealed["cases"][:first]
+    if answerer == "product":
+        records = run_all(folder, answers, processes, again)
+    else:
+        records = [answerers.blind_record(a, answerer, sealed["seed"]) for a in answers]
+    marks = [judge(a, r) for a, r in zip(answers, records, strict=True)]
+    summary = table.summarise(answers, marks)
+    count = table.faults(marks)
+    title = f"Withheld effects: {answerer}, {len(answers)} cases, seed {sealed['seed']}"
+    text = table.markdown(summary, title)
+    text += "\nMost frequent failures:\n\n"
+    text += "".join(f"- {number} x {name}\n" for name, number in count.most_common(20))
+    whole = {"seed": sealed["seed"], "answerer": answerer, "summary": summary, "cases": marks}
+    (folder / f"score_{answerer}.md").write_text(text, encoding="utf-8")
+    (folder / f"score_{answerer}.json").write_text(json.dumps(whole, indent=1), encoding="utf-8")
+    return text, whole
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m tools.blind", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    make = commands.add_parser("generate", help="write cases and their sealed answers")
+    make.add_argument("-o", "--output", required=True, metavar="DIR")
+    make.add_argument("--cases", type=int, default=200)
+    make.add_argument("--seed", type=int, default=1)
+    judged = commands.add_parser("score", help="run the product on the cases and print the table")
+    judged.add_argument("-d", "--directory", required=True, metavar="DIR")
+    judged.add_argument("--answerer", choices=("product", *answerers.NAMES), default="product")
+    judged.add_argument("--processes", type=int, default=2)
+    judged.add_argument("--again", action="store_true", help="do not use earlier runs")
+    judged.add_argument("--first", type=int, metavar="N", help="only the first N cases")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())
