@@ -1,13 +1,16 @@
 """Measure planning: time, memory and cost against known optima; strategies side by side.
 
     python tools/bench_planning.py search  --workloads DIR [--sizes 200 1000 10000] [--hard]
+                                           [--panel-triangles 20000] [--peer PYTHON]
     python tools/bench_planning.py scale   --workloads DIR
     python tools/bench_planning.py compare [--nx FILE]
 
 ``search`` runs the workloads with their scene (spin 36 x 10 degrees, all branches, collision) and
-compares the cost of the best sequence with the published optima; with the package
-``tesseract-robotics`` installed, its ladder planner runs on the same files beside. ``scale``
-repeats the largest workload. ``compare`` plans milling lines with each strategy.
+compares the cost of the best sequence with the published optima. ``--panel-triangles`` subdivides
+the panel, same shape, until it has at least so many. ``--peer`` names an interpreter that has
+``tesseract-robotics``: its ladder planner runs on the same files beside (``bench_tesseract.py``).
+``scale`` repeats the largest workload.
+``compare`` plans milling lines with each strategy.
 
 Every case runs in a process of its own, so that its peak memory is its own.
 """
@@ -15,11 +18,11 @@ Every case runs in a process of its own, so that its peak memory is its own.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import json
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -57,12 +60,14 @@ OPTIMA = {
     ("hard", 10000): 271.0207,
 }
 """Sum of squared joint steps [rad^2] of the exact optimum, from the workloads' own page."""
+PEER_MOST = 1000
+"""Holes that the peer is asked for at most: it takes about 7 MB for each."""
 STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 """[N*m/rad], Jiao et al. 2022, no grid."""
 
 
-def scene_cell(folder: Path, kind: str, *, strokes: bool) -> Cell:
-    """Return the workload's cell; ``kind``: base, turns or hard."""
+def scene_cell(folder: Path, kind: str, *, strokes: bool, panel: Path | None = None) -> Cell:
+    """Return the workload's cell; ``kind``: base, turns or hard; ``panel``: another mesh of it."""
     scene = folder / "scene"
     data = json.loads((scene / "scene.json").read_text())
     size = data["robot"]
@@ -99,7 +104,11 @@ def scene_cell(folder: Path, kind: str, *, strokes: bool) -> Cell:
         path="workload",
         robot=robot,
         tool=tool,
-        workpiece=Workpiece(1, np.eye(4), tuple(solids(["panel.stl"], np.eye(4)))),
+        workpiece=Workpiece(
+            1,
+            np.eye(4),
+            (MeshPlacement("panel", np.eye(4), file=panel or scene / "panel.stl", scale=1.0),),
+        ),
         obstacles=tuple(solids([*data["files"]["obst"], *more], np.eye(4))),
         limits=Limits(0.0, 0.0, 0.0, np.inf),
         optimize=Optimize(
@@ -124,9 +133,29 @@ def holes(path: Path, repeat: int = 1) -> ToolPath:
     )  # fmt: skip
 
 
+def subdivided(source: Path, triangles: int, folder: Path) -> Path:
+    """Return a mesh file of the same shape with at least so many triangles."""
+    import trimesh
+
+    mesh = trimesh.load_mesh(source)
+    while len(mesh.faces) < triangles:
+        mesh = mesh.subdivide()
+    target = folder / source.name
+    mesh.export(target)
+    return target
+
+
 def run_search(arguments: argparse.Namespace) -> None:
     """Plan one workload and print one JSON line."""
-    cell = scene_cell(arguments.workloads, arguments.kind, strokes=arguments.strokes)
+    with tempfile.TemporaryDirectory() as folder:
+        panel = arguments.workloads / "scene" / "panel.stl"
+        if arguments.panel_triangles:
+            panel = subdivided(panel, arguments.panel_triangles, Path(folder))
+        _search_in(arguments, panel)
+
+
+def _search_in(arguments: argparse.Namespace, panel: Path) -> None:
+    cell = scene_cell(arguments.workloads, arguments.kind, strokes=arguments.strokes, panel=panel)
     toolpath = holes(arguments.workloads / f"workload_{arguments.size}.csv", arguments.repeat)
     cpu, wall = time.process_time(), time.perf_counter()
     result = plan(toolpath, cell)
@@ -167,6 +196,7 @@ def table_search(arguments: argparse.Namespace) -> None:
         for kind in kinds:
             for size in arguments.sizes:
                 flags = ["--kind", kind, "--size", str(size)] + ["--strokes"] * strokes
+                flags += ["--panel-triangles", str(arguments.panel_triangles)]
                 r = case("--workloads", str(arguments.workloads), *flags)
                 best = OPTIMA.get((kind, size), float("nan"))
                 print(
@@ -176,8 +206,27 @@ def table_search(arguments: argparse.Namespace) -> None:
                     f"{r['refined_rad2']:>10.4f}",
                     flush=True,
                 )
-    if importlib.util.find_spec("tesseract_robotics") is None:
-        print("tesseract-robotics is not installed: no column of it")
+
+    if arguments.peer:
+        _peer_rows(arguments)
+
+
+def _peer_rows(arguments: argparse.Namespace) -> None:
+    script = Path(__file__).with_name("bench_tesseract.py")
+    for size in arguments.sizes:
+        if size > PEER_MOST:
+            print(
+                f"tesseract-robotics base {size}: left out, it would need {7 * size / 1000:.0f} GB"
+            )
+            continue
+        command = [arguments.peer, str(script), str(arguments.workloads), str(size)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        r = json.loads(done.stdout.splitlines()[-1])
+        print(
+            f"tesseract-robotics base {size}: {r['wall_s']:.2f} s wall, {r['cpu_s']:.2f} s cpu, "
+            f"{r['mb']:.0f} MB, {r['rad2']:.4f} rad^2",
+            flush=True,
+        )
 
 
 def table_scale(arguments: argparse.Namespace) -> None:
@@ -269,7 +318,10 @@ def main() -> None:
         part.add_argument("--workloads", type=Path, required=True)
     parts.choices["search"].add_argument("--sizes", type=int, nargs="+", default=[200, 1000, 10000])
     parts.choices["search"].add_argument("--hard", action="store_true")
+    parts.choices["search"].add_argument("--peer", metavar="PYTHON")
     one = parts.choices["one"]
+    for part in (parts.choices["search"], one):
+        part.add_argument("--panel-triangles", type=int, default=0, metavar="N")
     one.add_argument("--kind", default="base")
     one.add_argument("--size", type=int, default=200)
     one.add_argument("--repeat", type=int, default=1)
