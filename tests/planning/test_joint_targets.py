@@ -130,6 +130,10 @@ def test_from_the_command_line(tmp_path, source, capsys, partial):
         (tag, 4 + tag, "PLN206") for tag in WITHOUT
     ]
     assert out.exists() == partial
+    if partial:
+        program = str(next(out.glob("*.src")))
+        assert app.run(["verify", program, "--cell", str(cell), "--against", str(source)]) == 2
+        assert "job.xml:4: error VER001: tag P.0" in capsys.readouterr().err
     assert not re.search(
         r"\bNaN\b", re.search(r'id="data">(.*?)</script>', page.read_text(), re.S)[1]
     )
