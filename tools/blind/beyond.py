@@ -129,9 +129,10 @@ def _draw_scale(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict
 def _sensor_scale(state: State, x: dict[str, Array], s: float) -> None:
     """Scale error of one axis of the measuring machine, bent a little."""
     span = 0.5 * np.linalg.norm(state.robot.arm.point[4])
+    centre = 0.5 * state.robot.arm.point[4]
 
     def stretched(p: Array) -> Array:
-        along = (p - p.mean(axis=0)) @ x["way"]
+        along = (p - centre) @ x["way"]
         return s * x["scale"][0] * (along + 0.3 * along**2 / span)[:, None] * x["way"]
 
     state.after.append(stretched)

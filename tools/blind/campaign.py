@@ -46,7 +46,8 @@ class Plan:
         design: one of ``DESIGNS``; rows: how many; loads: "none", "one" or "three" directions.
         level: share of the robot's largest load; moving: share of rows read in motion.
         repeats: rows measured again; both_sides: every pose is approached from both sides.
-        warming: rise of the arm's temperature [K].
+        warming: rise of the arm's temperature [K]; slow: its time constant [s].
+        pace: time per row against the usual half minute.
     """
 
     design: str
@@ -57,6 +58,8 @@ class Plan:
     repeats: int
     both_sides: bool
     warming: float
+    slow: float = 3000.0
+    pace: float = 1.0
 
 
 def drive(
@@ -103,12 +106,11 @@ def _clock(
 ) -> tuple[Array, Array, float]:
     count = plan.rows + 40
     time = np.cumsum(rng.uniform(15, 45, count) + 1500 * (rng.random(count) < 0.008))
-    time = time - time[0]
+    time = plan.pace * (time - time[0])
     start = float(rng.uniform(18, 24)) if start_temp is None else start_temp
     first = start if start_temp is None else start + float(rng.uniform(0, 3))
-    slow = float(rng.uniform(1800, 5400))
     swing = rng.uniform(0.2, 0.6) * np.sin(2 * np.pi * time / 9000 + rng.uniform(0, 6))
-    temp = first + plan.warming * (1 - np.exp(-time / slow)) + swing - swing[0]
+    temp = first + plan.warming * (1 - np.exp(-time / plan.slow)) + swing - swing[0]
     return time, np.round(temp, 2), start
 
 

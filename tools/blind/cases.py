@@ -181,9 +181,10 @@ def _plan(names: tuple[str, ...], loads: bool, rng: np.random.Generator) -> Plan
         loads=kind,
         level=float(np.exp(rng.uniform(np.log(0.25), 0.0))),
         moving="servo_lag" in names or rng.random() < 0.12,
-        repeats=int(rng.integers(10, 41)) if rng.random() < 0.5 else 0,
+        repeats=min(int(rng.integers(10, 41)), rows // 4) if rng.random() < 0.5 else 0,
         both_sides=bool(rng.random() < 0.3),
         warming=float(rng.uniform(6, 14) if "thermal_drift" in names else rng.uniform(0.5, 8)),
+        slow=float(rng.uniform(1800, 5400)),
     )
 
 

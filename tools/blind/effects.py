@@ -19,6 +19,8 @@ from tools.blind.world import TOOL_BODY, State
 Draw = Callable[[np.random.Generator, RobotClass, Rows], dict[str, Array]]
 Change = Callable[[State, dict[str, Array], float], None]
 SIDES = np.array([-1.0, 1.0])
+PRELOAD = 0.45
+"""Stretch of the counterbalance spring with the crank across [m]: mostly once per turn of A2."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def _gravity_sag(state: State, x: dict[str, Array], s: float) -> None:
 
 def _draw_varying(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
     return {
-        "amplitude": rng.uniform(0.45, 0.75, 6) * rng.choice(SIDES, 6),
+        "amplitude": rng.uniform(0.25, 0.55, 6) * rng.choice(SIDES, 6),
         "phase": rng.uniform(0, 2 * np.pi, 6),
         "order": rng.choice([1.0, 1.0, 2.0], 6),
     }
@@ -241,11 +243,11 @@ def _payload_error(state: State, x: dict[str, Array], s: float) -> None:
 
 
 def _draw_spring(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
-    reach = 0.5 * robot.arm.point[1, 2]
+    reach = 0.75 * robot.arm.point[1, 2]
     return {
         "anchor": rng.uniform(0.8, 1.1) * reach * np.array([-1.0, -0.6]),
         "crank": np.array([rng.uniform(0.1, 0.16), rng.uniform(-0.4, 0.4)]),
-        "rate": np.array([rng.choice(SIDES) * rng.uniform(0.8e5, 2.0e5)]),
+        "rate": np.array([rng.choice(SIDES) * rng.uniform(0.3e5, 0.8e5)]),
     }
 
 
@@ -255,7 +257,7 @@ def _counterbalance(state: State, x: dict[str, Array], s: float) -> None:
     crank = x["crank"][0] * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
     rod = crank - x["anchor"]
     length = np.linalg.norm(rod, axis=1)
-    rest = np.linalg.norm(x["anchor"]) - 0.12
+    rest = np.linalg.norm(x["anchor"]) - PRELOAD
     force = s * x["rate"][0] * (length - rest) * (1.0 + 0.3 * (length - rest))
     swing = x["crank"][0] * np.stack([-np.sin(angle), -np.cos(angle)], axis=1)
     torque = np.zeros((len(q2), len(SCREWS)))

@@ -3,7 +3,8 @@
 An effect beyond the contract's list may stand in the product under a name of its own; then that
 name is right. Some effects contain another: varying stiffness is a give under load that varies, so
 naming the plain give beside it is no fault; an error of the arm's geometry holds joint offsets and,
-where the frame is not registered, moves base and tool.
+where the frame is not registered, moves base and tool. The mean of a creeping or stretched frame is
+a frame that is off, and the mean of a growth whose temperature nobody logged is a longer arm.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ COMPANIONS: dict[str, tuple[str, ...]] = {
     "hardening": ("joint_compliance",),
     "link_geometry": ("joint_offset", "base_frame", "tool_frame"),
     "joint_offset": ("base_frame", "tool_frame"),
+    "tracker_creep": ("base_frame",),
+    "sensor_scale": ("base_frame",),
 }
 """Names that are no fault beside a hidden effect, and no hit either."""
 CONTAINED: dict[str, tuple[str, ...]] = {
@@ -66,6 +69,8 @@ def tolerated(answer: dict[str, Any]) -> set[str]:
             names |= set(own_names(t["name"]))
         if t["weight"] in ("true", "nuisance"):
             names |= set(COMPANIONS.get(t["name"], ()))
+        if t["outside"] and t["name"] == "thermal_drift":
+            names |= {"link_geometry", *COMPANIONS["link_geometry"]}
     if answer["registered"]:
         names -= {"base_frame", "tool_frame"}
     return names - hits(answer)

@@ -64,17 +64,15 @@ def write_case(folder: Path, case: Case, seed: int) -> dict[str, Any]:
 
 
 def _same(plan: Plan) -> Plan:
-    return replace(plan, rows=FRESH_ROWS, repeats=0)
+    return replace(plan, rows=FRESH_ROWS, repeats=0, pace=plan.rows / FRESH_ROWS)
 
 
 def _other(plan: Plan, rng: np.random.Generator) -> Plan:
     """Return another design with the same kind of loads."""
     loaded = plan.loads != "none"
-    names = [name for name in ("wide_loads" if loaded else "wide_noload", "patch", "grid")]
+    names = ("wide_loads" if loaded else "wide_noload", "patch", "grid")
     design = str(rng.choice([name for name in names if name != plan.design]))
-    return replace(
-        plan, design=design, rows=FRESH_ROWS, repeats=0, loads="three" if loaded else "none"
-    )
+    return replace(_same(plan), design=design, loads="three" if loaded else "none")
 
 
 def _answer(case: Case, faults: list[str]) -> dict[str, Any]:
