@@ -166,6 +166,9 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
             last = len(result.paths) - 1
             if last >= 0:
                 result.finding("dwell", min(span.first, last), text)
+        elif have > value + max(1e-3, 0.01 * value) and len(result.paths):
+            text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
+            result.finding("dwell", min(span.first, len(result.paths) - 1), text, is_error=False)
 
 
 def _tell(result: Result, kind: str, call: TraceEvent | None, text: str, is_error: bool) -> None:

@@ -287,6 +287,22 @@ def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
     assert kinds(drilled(cell, *deep(0), *deep(40, back=-0.5), cycle=cycle)) == {"feed"}
 
 
+def test_nothing_moves_sideways_in_a_hole(cell):
+    cycle = Cycle("DEEP", depth=12e-3, clearance=3e-3, retract=30e-3, peck=6e-3, feed=0.0025)
+
+    def deep(lift):
+        pecks = ["$VEL.CP=0.0025", at(6, 40, 0), "$VEL.CP=1.0", *lift, at(5.5, 40, 0)]
+        down = [at(-30, 40, 0), at(-3, 40, 0), *pecks, at(-3, 40, 0), at(5.5, 40, 0)]
+        return [*down, "$VEL.CP=0.0025", at(12, 40, 0), "$VEL.CP=1.0", at(-30, 40, 0)]
+
+    first = ["$VEL.CP=1.0", at(-30, 0, 0), at(-3, 0, 0), "$VEL.CP=0.0025", at(12, 0, 0)]
+    first += ["$VEL.CP=1.0", at(-30, 0, 0)]
+    good = drilled(cell, *first, *deep([at(-3, 40, 0)]), cycle=cycle)
+    assert kinds(good) == set()
+    for lift in ([at(2, 43, 0)], [START], [at(-3, 90, 0)]):
+        assert "plunge" in kinds(drilled(cell, *first, *deep(lift), cycle=cycle))
+
+
 # ---------------------------------------------------------------------------------- events
 
 
