@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import BinaryIO
 
 from postproc.errors import ReadError, SourceRef
+
+_TEMPORARY = re.compile(r"\..+\.[a-z0-9_]{8}\.part")
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -41,11 +44,12 @@ def open_input(path: str | Path) -> BinaryIO:
         raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
 
 
-def write_files(contents: Mapping[Path, bytes]) -> None:
+def write_files(contents: Mapping[Path, bytes], *, durable: bool = False) -> None:
     """Write all files or none: each beside its target first, then renamed.
 
     Missing folders are made. On any failure the temporary files are removed and no target that
-    was not yet renamed has changed.
+    was not yet renamed has changed. ``durable``: the content is on the disk before the name is, so
+    that a power loss leaves the old file or the new one.
 
     Raises:
         ReadError: IO003 if a file cannot be written.
@@ -57,7 +61,7 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
             target.parent.mkdir(parents=True, exist_ok=True)
             if target.is_dir():
                 raise IsADirectoryError(21, "is a folder")
-            staged.append((_stage(target, content), target))
+            staged.append((_stage(target, content, durable=durable), target))
         for temporary, target in staged:
             temporary.replace(target)
     except OSError as problem:
@@ -68,12 +72,20 @@ def write_files(contents: Mapping[Path, bytes]) -> None:
             temporary.unlink(missing_ok=True)
 
 
-def _stage(target: Path, content: bytes) -> Path:
+def leftovers(folder: Path) -> list[Path]:
+    """Return the temporary files that killed writers have left in a folder."""
+    return [p for p in sorted(folder.glob(".*.part")) if _TEMPORARY.fullmatch(p.name)]
+
+
+def _stage(target: Path, content: bytes, *, durable: bool) -> Path:
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
     temporary = Path(name)
     try:
         with os.fdopen(handle, "wb") as stream:
             stream.write(content)
+            if durable:
+                stream.flush()
+                os.fsync(stream.fileno())
         temporary.chmod(0o644)
     except OSError:
         temporary.unlink(missing_ok=True)

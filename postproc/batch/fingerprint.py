@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from postproc import __version__
 from postproc.errors import PostprocError
@@ -16,8 +15,12 @@ from postproc.files import read_bytes
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job
-    from postproc.model.cell import Cell
     from postproc.model.toolpath import ToolPath
+
+UNREADABLE = "-"
+"""In place of the hash of what cannot be read; never current."""
+_SILENT = {"path", "name", "line", "words", "unknown_words", "warnings", "recovered"}
+"""Columns of a toolpath that no program of a section shows."""
 
 
 def digest(content: bytes) -> str:
@@ -33,7 +36,7 @@ def fingerprint(job: Job) -> dict[str, str]:
     request = job.request
     options = {k: v for k, v in asdict(request).items() if k not in {"source", "cell", "model"}}
     return {
-        "input": _file(request.source) if job.toolpath is None else _content(job.toolpath),
+        "input": _file(request.source) if job.toolpath is None else content_hash(job.toolpath),
         "cell": _cell(request.cell),
         "model": _file(request.model) if request.model else "",
         "options": digest(json.dumps(options, sort_keys=True).encode()),
@@ -41,14 +44,34 @@ def fingerprint(job: Job) -> dict[str, str]:
     }
 
 
-def _content(path: ToolPath) -> str:
-    """Hash what a program is made of; line numbers do not count, names do."""
-    columns = (path.points, path.axes, path.kind, path.feed, path.cycle, path.operation)
+def content_hash(path: ToolPath) -> str:
+    """Hash all that a section's program is made of; where it stood in the file does not count."""
     seen = hashlib.sha256()
-    for column in columns:
-        seen.update(column.tobytes())
-    seen.update(repr((path.cycles, [o.name for o in path.operations], path.names)).encode())
+    for column in fields(path):
+        if column.name not in _SILENT:
+            seen.update(f"|{column.name}:".encode())
+            _update(seen, getattr(path, column.name))
     return seen.hexdigest()
+
+
+def _update(seen: Any, value: Any) -> None:  # noqa: ANN401 - hashlib's type has no name
+    """Feed a column or table to a hash; lines of the file are left out."""
+    if hasattr(value, "tobytes"):
+        seen.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif hasattr(value, "__dataclass_fields__"):
+        for item in fields(value):
+            if item.name != "line":
+                _update(seen, getattr(value, item.name))
+    elif isinstance(value, dict):
+        for key in sorted(value):
+            seen.update(repr(key).encode())
+            _update(seen, value[key])
+    elif isinstance(value, tuple) and value and not isinstance(value[0], str):
+        seen.update(b"(%d" % len(value))
+        for item in value:
+            _update(seen, item)
+    else:
+        seen.update(f"{value!r};".encode("utf-8", "surrogateescape"))
 
 
 @lru_cache(maxsize=256)
@@ -56,34 +79,18 @@ def _file(path: str) -> str:
     try:
         return digest(read_bytes(path))
     except PostprocError:
-        return "-"
+        return UNREADABLE
 
 
 @lru_cache(maxsize=64)
 def _cell(path: str) -> str:
-    from postproc.model.cellfile import load_cell
+    from postproc.pipeline.cellcache import cell_files, shared_cell
 
     try:
-        cell = load_cell(path)
+        cell = shared_cell(path)
     except PostprocError:
-        return "-"
+        return UNREADABLE
     return digest("".join(_file(str(p)) for p in [Path(path), *cell_files(cell)]).encode())
-
-
-def cell_files(cell: Cell) -> Iterator[Path]:
-    """Yield the files that a cell names, in a fixed order."""
-    geometry = cell.robot.geometry
-    urdf = getattr(geometry, "path", None)
-    if urdf is not None:
-        yield Path(urdf)
-    solids = [*(mesh for _, mesh in cell.robot.link_meshes), *cell.tool.meshes]
-    solids += [*cell.workpiece.meshes, *cell.obstacles]
-    for solid in solids:
-        if solid.file is not None:
-            yield solid.file
-    template = Path(cell.path).parent / cell.krl.template
-    if template.is_dir():
-        yield from sorted(p for p in template.rglob("*") if p.is_file())
 
 
 def forget() -> None:

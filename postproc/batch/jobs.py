@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import fnmatch
 import glob
-import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+import hashlib
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
+from postproc.model.tomltext import Location, TomlText, load_toml
 from postproc.pipeline.convert import ConvertRequest
 
 if TYPE_CHECKING:
@@ -23,6 +25,12 @@ SUFFIXES = (".apt", ".aptsource", ".cl", ".cls", ".clsf", ".clt", ".csv", ".ncl"
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "strategy", "objective"}
 _OPTIONS |= {"model", "recover", "partial"}
+CHOICES = {
+    "format": ("auto", "apt", "csv", "delmia"),
+    "units": ("mm", "inch"),
+    "strategy": ("smooth", "each", "global"),
+}
+"""What the call and ``batch.toml`` accept for an option."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,32 +46,50 @@ class Job:
 
 
 def find_inputs(patterns: Sequence[str]) -> list[str]:
-    """Return input paths in a fixed order, each once.
+    """Return input paths in a fixed order, each file once.
 
     A pattern is a file, a folder (searched below for known endings), a glob, or ``@LIST``, a text
-    file with one pattern a line.
+    file with one pattern a line; a file that is named there but missing is an input that fails.
 
     Raises:
         DataError: BAT001 if a pattern matches nothing.
     """
-    found: dict[str, None] = {}
+    found: dict[str, str] = {}
+    for path in _all_matches(patterns, ()):
+        found.setdefault(os.path.abspath(path), os.path.normpath(path))  # noqa: PTH100 - links stay
+    return list(found.values())
+
+
+def _all_matches(patterns: Iterable[str], lists: tuple[str, ...]) -> Iterator[str]:
     for pattern in patterns:
+        if pattern.startswith("@"):
+            yield from _listed(pattern[1:], lists)
+            continue
         matches = sorted(_matches(pattern))
+        if not matches and lists and not glob.has_magic(pattern):
+            matches = [pattern]
         if not matches:
-            raise DataError("BAT001", "no input here", SourceRef(pattern))
-        found.update(dict.fromkeys(matches))
-    return list(found)
+            source = SourceRef(lists[-1]) if lists else SourceRef(pattern)
+            what = f"no input matches {pattern!r}" if lists else "no input here"
+            raise DataError("BAT001", what, source)
+        yield from matches
+
+
+def _listed(path: str, lists: tuple[str, ...]) -> Iterator[str]:
+    if path in lists:
+        raise DataError("BAT001", "this list names itself", SourceRef(path))
+    lines = os.fsdecode(read_bytes(path).removeprefix(b"\xef\xbb\xbf")).splitlines()
+    wanted = (line.strip() for line in lines)
+    yield from _all_matches((w for w in wanted if w and not w.startswith("#")), (*lists, path))
 
 
 def _matches(pattern: str) -> Iterable[str]:
-    if pattern.startswith("@"):
-        lines = read_bytes(pattern[1:]).decode("utf-8", "replace").splitlines()
-        wanted = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-        return find_inputs(wanted)
     path = Path(pattern)
     if path.is_dir():
         return [str(p) for p in path.rglob("*") if p.is_file() and is_input(p)]
     if path.exists():
+        if not path.is_file():
+            raise DataError("BAT001", "neither a file nor a folder", SourceRef(pattern))
         return [pattern]
     return [p for p in glob.glob(pattern, recursive=True) if Path(p).is_file()]  # noqa: PTH207 - absolute patterns
 
@@ -78,7 +104,10 @@ def is_input(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Overrides:
-    """``batch.toml``: options for all inputs and for those that match a pattern, in order."""
+    """``batch.toml``: options for all inputs and for those that match a pattern, in order.
+
+    A pattern is compared with the path as given, its last parts, and the file name.
+    """
 
     defaults: Mapping[str, Any]
     rules: tuple[tuple[str, Mapping[str, Any]], ...] = ()
@@ -87,72 +116,110 @@ class Overrides:
         """Return the request for one input: the call's options, then the file's, later wins."""
         options = dict(self.defaults)
         for pattern, values in self.rules:
-            if fnmatch.fnmatch(source, pattern) or fnmatch.fnmatch(Path(source).name, pattern):
+            if _is_meant(pattern, source):
                 options.update(values)
         return replace(base, source=source, **options)
+
+    def unused(self, sources: Sequence[str]) -> list[str]:
+        """Return the patterns that match none of the inputs."""
+        return [p for p, _ in self.rules if not any(_is_meant(p, s) for s in sources)]
+
+
+def _is_meant(pattern: str, source: str) -> bool:
+    path = PurePath(source)
+    return fnmatch.fnmatchcase(source, pattern) or (bool(pattern) and path.match(pattern))
 
 
 def load_overrides(path: str) -> Overrides:
     """Read ``batch.toml``; cells and models are relative to the file.
 
     Raises:
-        DataError: BAT002 for TOML errors, BAT003 for unknown keys.
+        DataError: BAT002 for TOML errors, BAT003 for unknown keys and wrong values.
     """
-    text = read_bytes(path)
-    try:
-        table = tomllib.loads(text.decode("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise DataError("BAT002", f"not valid TOML: {problem}", SourceRef(path)) from None
-    unknown = set(table) - {"schema", "defaults", "input"}
-    if unknown or table.get("schema", SCHEMA) != SCHEMA:
-        what = f"unknown key {min(unknown)!r}" if unknown else f"schema is not {SCHEMA!r}"
-        raise DataError(
-            "BAT003", f"{what}, expected schema, [defaults], [[input]]", SourceRef(path)
-        )
-    folder = Path(path).parent
+    toml = load_toml(path, DataError, "BAT002")
+    expected = "expected schema, [defaults], [[input]]"
+    for key in toml.data:
+        if key not in {"schema", "defaults", "input"}:
+            raise DataError("BAT003", f"unknown key {key!r}, {expected}", toml.source((key,)))
+    if toml.data.get("schema", SCHEMA) != SCHEMA:
+        raise DataError("BAT003", f"schema is not {SCHEMA!r}", toml.source(("schema",)))
     rules = []
-    for rule in table.get("input", []):
-        options = dict(rule)
+    entries = toml.data.get("input", [])
+    if not isinstance(entries, list):
+        raise DataError(
+            "BAT003", f"input is no list of tables, {expected}", toml.source(("input",))
+        )
+    for number, rule in enumerate(entries):
+        place: Location = ("input", number)
+        options = _checked(rule, toml, place, {"match"})
         pattern = options.pop("match", None)
-        if not isinstance(pattern, str):
-            raise DataError("BAT003", 'an [[input]] needs match = "pattern"', SourceRef(path))
-        rules.append((pattern, _checked(options, path, folder)))
-    return Overrides(_checked(dict(table.get("defaults", {})), path, folder), tuple(rules))
+        if not isinstance(pattern, str) or not pattern:
+            raise DataError("BAT003", 'an [[input]] needs match = "pattern"', toml.source(place))
+        rules.append((pattern, options))
+    defaults = _checked(toml.data.get("defaults", {}), toml, ("defaults",), set())
+    return Overrides(defaults, tuple(rules))
 
 
-def _checked(options: dict[str, Any], path: str, folder: Path) -> dict[str, Any]:
+def _checked(table: Any, toml: TomlText, place: Location, more: set[str]) -> dict[str, Any]:  # noqa: ANN401 - whatever the file holds
+    """Return the options of a table of the file."""
+    if not isinstance(table, dict):
+        raise DataError("BAT003", f"{place[0]} is no table", toml.source(place))
     kinds = {f.name: f.type for f in fields(ConvertRequest)}
+    options = dict(table)
     for key, value in options.items():
+        where = toml.source((*place, key))
+        if key in more:
+            continue
         if key not in _OPTIONS:
-            known = ", ".join(sorted(_OPTIONS))
-            raise DataError("BAT003", f"unknown key {key!r}, known are {known}", SourceRef(path))
+            known = ", ".join(sorted(_OPTIONS | more))
+            raise DataError("BAT003", f"unknown key {key!r}, known are {known}", where)
         wants_flag = "bool" in str(kinds[key])
         if isinstance(value, bool) != wants_flag or not isinstance(value, (str, bool)):
             want = "true or false" if wants_flag else "text"
-            raise DataError("BAT003", f"{key} = {value!r}, expected {want}", SourceRef(path))
+            raise DataError("BAT003", f"{key} = {value!r}, expected {want}", where)
+        if value not in CHOICES.get(key, (value,)):
+            want = ", ".join(CHOICES[key])
+            raise DataError("BAT003", f"{key} = {value!r}, expected one of {want}", where)
         if key in {"cell", "model"}:
-            options[key] = str(folder / str(value))
+            options[key] = str(Path(toml.path).parent / str(value))
     return options
+
+
+def unique_name(name: str, key: str, taken: set[str]) -> str:
+    """Return a program name that is not ``taken`` (upper case) yet, and take it.
+
+    A name that is taken gets a short mark made from the key, so that it does not depend on how
+    many others have the same.
+    """
+    from postproc.krl.names import legal_name
+
+    given, salt = name, ""
+    while given.upper() in taken:
+        content = (key + salt).encode("utf-8", "surrogateescape")
+        mark = hashlib.sha256(content).hexdigest()[:6].upper()
+        given, salt = legal_name(f"{name[:13]}_{mark}"), f"{salt}+"
+    taken.add(given.upper())
+    return given
 
 
 def make_jobs(sources: Sequence[str], base: ConvertRequest, overrides: Overrides) -> list[Job]:
     """Return one job per input, with program names that are unique over the whole batch.
 
-    A name is the input's own; where two inputs would get the same one, each but the first gets a
-    short mark made from its path, so that a further input changes no other's name.
+    A name is the input's own; where two inputs would get the same one, the first has it and the
+    others get a mark made from their path.
     """
-    import hashlib
-
     from postproc.krl.names import legal_name
 
     taken: set[str] = set()
     jobs = []
     for source in sources:
         request = overrides.request(source, base)
-        name = legal_name(request.name or Path(source).name.split(".")[0])
-        if name.upper() in taken:
-            mark = hashlib.sha256(source.encode()).hexdigest()[:6].upper()
-            name = legal_name(f"{name[:13]}_{mark}")
-        taken.add(name.upper())
-        jobs.append(Job(key=source, request=replace(request, name=name)))
+        wanted = legal_name(request.name or Path(source).name.split(".")[0])
+        jobs.append(Job(source, replace(request, name=unique_name(wanted, source, taken))))
     return jobs
+
+
+def source_of(key: str) -> str:
+    """Return the input of a manifest's key, which may be that of a section of it."""
+    whole, mark, _ = key.rpartition("#")
+    return whole if mark and not os.path.lexists(key) else key

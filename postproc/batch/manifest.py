@@ -15,14 +15,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from postproc.batch.fingerprint import digest
+from postproc.batch.fingerprint import UNREADABLE, digest
 from postproc.batch.worker import JobResult
 from postproc.errors import DataError, SourceRef
-from postproc.files import write_files
+from postproc.files import leftovers, write_files
 
 SCHEMA = "postproc.manifest/1"
 NAME = "manifest.json"
 JOURNAL = ".postproc-journal"
+_KEYS = {"status", "program", "tags", "cycle_time_s", "files", "errors", "fingerprint"}
 
 
 @dataclass(slots=True)
@@ -46,6 +47,13 @@ class Manifest:
         manifest._replay()
         return manifest
 
+    def begin(self) -> None:
+        """Clear away what a run that was cut off has left: its journal and temporary files."""
+        if (self.folder / JOURNAL).exists():
+            self.save()  # a new line must not be written behind a torn one
+        for path in leftovers(self.folder):
+            path.unlink(missing_ok=True)
+
     def _replay(self) -> None:
         path = self.folder / JOURNAL
         if not path.exists():
@@ -54,12 +62,15 @@ class Manifest:
             # the last line of a killed run may be cut off: it never counted
             with contextlib.suppress(ValueError, KeyError, TypeError):
                 entry = json.loads(line)
-                self.entries[entry["key"]] = entry["entry"]
+                if _is_entry(entry["entry"]):
+                    self.entries[entry["key"]] = entry["entry"]
 
     def is_current(self, key: str, marks: Mapping[str, str]) -> bool:
         """Return whether a job's last result is good, made from the same, and still in place."""
         entry = self.entries.get(key)
         if entry is None or entry["status"] != "ok" or entry["fingerprint"] != dict(marks):
+            return False
+        if UNREADABLE in marks.values():
             return False
         return all(_hash(self.folder / name) == want for name, want in entry["files"].items())
 
@@ -77,20 +88,30 @@ class Manifest:
             "fingerprint": dict(marks),
         }
         self.entries[result.key] = entry
-        with (self.folder / JOURNAL).open("ab") as stream:
-            stream.write(json.dumps({"key": result.key, "entry": entry}).encode() + b"\n")
-            stream.flush()
-            os.fsync(stream.fileno())
+        self._append(json.dumps({"key": result.key, "entry": entry}).encode() + b"\n")
+
+    def _append(self, line: bytes) -> None:
+        """Add a line to the journal; on a full disk none, then a killed run redoes this result."""
+        with contextlib.suppress(OSError), (self.folder / JOURNAL).open("ab", 0) as stream:
+            before = stream.tell()
+            try:
+                if stream.write(line) == len(line):
+                    os.fsync(stream.fileno())
+                else:
+                    stream.truncate(before)
+            except OSError:
+                stream.truncate(before)
 
     def save(self) -> None:
         """Write the manifest whole and drop the journal."""
-        write_files({self.folder / NAME: self.to_bytes()})
+        write_files({self.folder / NAME: self.to_bytes()}, durable=True)
         (self.folder / JOURNAL).unlink(missing_ok=True)
 
     def to_bytes(self) -> bytes:
         """Return the manifest's text, keys in order."""
         document = {"schema": SCHEMA, "entries": self.entries}
-        return (json.dumps(document, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+        # a file name may hold bytes that are no text: only ASCII can say so
+        return (json.dumps(document, indent=1, sort_keys=True) + "\n").encode()
 
 
 def _hash(path: Path) -> str:
@@ -108,4 +129,17 @@ def _entries(path: Path) -> dict[str, dict[str, Any]]:
     entries = document.get("entries") if isinstance(document, dict) else None
     if not isinstance(entries, dict) or document.get("schema") != SCHEMA:
         raise DataError("BAT010", "not a manifest of a batch", SourceRef(str(path)))
+    for key, entry in entries.items():
+        if not _is_entry(entry):
+            raise DataError("BAT010", f"the entry of {key!r} is damaged", SourceRef(str(path)))
     return entries
+
+
+def _is_entry(entry: Any) -> bool:  # noqa: ANN401 - whatever the file holds
+    """Return whether this can be an entry; its files are in the folder and nowhere else."""
+    if not isinstance(entry, dict) or not entry.keys() >= _KEYS:
+        return False
+    files = entry["files"]
+    return isinstance(files, dict) and all(
+        name not in {"", ".."} and Path(name).name == name for name in files
+    )

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from postproc.batch.executors import run_dask, run_local
-from postproc.batch.fingerprint import fingerprint, forget
-from postproc.batch.jobs import Job
+from postproc.batch.expand import Caller, Work, expand
+from postproc.batch.fingerprint import digest, fingerprint, forget
+from postproc.batch.jobs import Job, source_of
+from postproc.batch.landing import Landing
 from postproc.batch.lock import folder_lock
 from postproc.batch.manifest import Manifest
-from postproc.batch.sections import caller_program, parse_rule, split_job
+from postproc.batch.sections import caller_program
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
-from postproc.files import write_files
 
-if TYPE_CHECKING:
-    from postproc.verification.diff import DiffReport
-
-Progress = Callable[[int, int, str], None]
+Progress = Callable[[int, int, int], None]
+"""Called with (done, of how many, how many of them failed)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,10 @@ class BatchOptions:
 
 @dataclass(slots=True)
 class BatchOutcome:
-    """What a batch did, by job key; ``vanished``: outputs whose input is gone."""
+    """What a batch did, by job key.
+
+    ``vanished``: outputs whose input is gone; ``unsaved``: why the manifest could not be written.
+    """
 
     manifest: Manifest
     keys: list[str]
@@ -46,6 +50,7 @@ class BatchOutcome:
     kept: list[str] = field(default_factory=list)
     vanished: list[str] = field(default_factory=list)
     pruned: list[str] = field(default_factory=list)
+    unsaved: str = ""
 
     @property
     def bad(self) -> list[str]:
@@ -55,11 +60,11 @@ class BatchOutcome:
 
     @property
     def good(self) -> bool:
-        """Whether every input of this batch has a good program."""
-        return not self.bad
+        """Whether every input of this batch has a good program, and the manifest says so."""
+        return not self.bad and not self.unsaved
 
     def document(self) -> dict[str, Any]:
-        """Return the ``postproc.batch/1`` result document."""
+        """Return the ``postproc.batch_result/1`` document."""
         return {
             "schema": "postproc.batch_result/1",
             "inputs": len(self.keys),
@@ -84,7 +89,7 @@ def run_batch(
         jobs: what shall be there.
         folder: output folder; holds ``manifest.json``.
         options: workers, limits, what to redo.
-        progress: called with (done, total, "n failed").
+        progress: called with (done, total, failed).
 
     Returns:
         What was done; the manifest and all good programs are in place.
@@ -95,118 +100,107 @@ def run_batch(
     with folder_lock(folder):
         forget()
         manifest = Manifest.load(folder)
-        todo, broken, callers = expand(jobs, options.split)
-        marks = {job.key: fingerprint(job) for job in todo}
-        outcome = BatchOutcome(manifest, [*(job.key for job in todo), *(r.key for r in broken)])
-        outcome.kept = [k for k in marks if not options.force and manifest.is_current(k, marks[k])]
-        redo = [job for job in todo if job.key not in set(outcome.kept)]
-        for result in broken:
-            _land(manifest, result, {})
-        failed = len(broken)
-        for result in _execute(redo, options):
-            _land(manifest, result, marks[result.key])
-            outcome.done.append(result.key)
-            failed += result.status != "ok"
-            if progress:
-                progress(len(outcome.done), len(redo), f"{failed} failed")
-        _write_callers(manifest, callers)
+        manifest.begin()
+        work = expand(jobs, options.split)
+        outcome = BatchOutcome(manifest, work.keys)
+        landing = Landing(manifest, work.keys, _owned(manifest, work))
+        _convert(work, landing, outcome, options, progress or (lambda *_: None))
+        for caller in work.callers:
+            _land_caller(landing, caller, outcome)
         _sweep(outcome, options.prune)
-        manifest.save()
+        try:
+            manifest.save()
+        except PostprocError as problem:  # the journal still holds what was done
+            outcome.unsaved = str(problem)
     return outcome
 
 
-def expand(
-    jobs: Sequence[Job], split: str | None
-) -> tuple[list[Job], list[JobResult], dict[str, list[Job]]]:
-    """Return jobs cut into sections, results of inputs that cannot be read, and the callers."""
-    if split is None:
-        return list(jobs), [], {}
-    from postproc.model.cellfile import load_cell
-    from postproc.pipeline.convert import read_toolpath
-
-    rule = parse_rule(split)
-    parts: list[Job] = []
-    broken: list[JobResult] = []
-    callers: dict[str, list[Job]] = {}
-    for job in jobs:
-        try:
-            path = read_toolpath(job.request, load_cell(job.request.cell))
-            sections = split_job(job, path, rule)
-        except PostprocError as error:
-            broken.append(JobResult(job.key, "error", errors=(str(error),)))
-            continue
-        parts += sections
-        callers[str(job.request.name)] = sections
-    return parts, broken, callers
+def _convert(
+    work: Work, landing: Landing, outcome: BatchOutcome, options: BatchOptions, progress: Progress
+) -> None:
+    """Do all jobs that are not current."""
+    manifest = landing.manifest
+    marks = {job.key: fingerprint(job) for job in work.jobs}
+    if not options.force:
+        outcome.kept = [key for key in marks if manifest.is_current(key, marks[key])]
+    landing.keep(outcome.kept)
+    for result in work.broken:
+        landing.land(result, {})
+    kept = set(outcome.kept)
+    redo = [job for job in work.jobs if job.key not in kept]
+    total, failed = len(redo) + len(work.broken), len(work.broken)
+    for result in execute(redo, options):
+        failed += landing.land(result, marks[result.key]).status != "ok"
+        outcome.done.append(result.key)
+        progress(len(outcome.done) + len(work.broken), total, failed)
 
 
-def _execute(jobs: list[Job], options: BatchOptions) -> Iterator[JobResult]:
+def execute(jobs: list[Job], options: BatchOptions) -> Iterator[JobResult]:
+    """Return the results of jobs as they come."""
     if not jobs:
         return iter(())
     if options.dask:
-        return run_dask(jobs, options.dask)
+        return run_dask(jobs, options.dask, options.timeout, options.memory)
     return run_local(jobs, options.workers, options.timeout, options.memory)
 
 
-def _land(manifest: Manifest, result: JobResult, marks: dict[str, str]) -> None:
-    """Put a result's files in place, or remove those of an earlier good result, and note it."""
-    folder = manifest.folder
-    before = manifest.entries.get(result.key, {}).get("files", {})
-    write_files({folder / name: content for name, content in result.files.items()})
-    for name in set(before) - set(result.files):
-        (folder / name).unlink(missing_ok=True)
-    manifest.record(result, marks, result.files)
+def called(caller: Caller, programs: list[str]) -> JobResult:
+    """Return the program that calls the sections' programs; "" stands for one that failed."""
+    missing = programs.count("")
+    source = caller.job.request.source
+    if missing:
+        line = f"{source}:1: error BAT015: {missing} of {len(programs)} sections failed"
+        return JobResult(caller.job.key, "failed", errors=(f"{line}: no program calls them",))
+    name = str(caller.job.request.name)
+    return JobResult(caller.job.key, "ok", name, caller_program(name, programs))
 
 
-def _write_callers(manifest: Manifest, callers: dict[str, list[Job]]) -> None:
-    contents: dict[Path, bytes] = {}
-    for name, sections in callers.items():
-        entries = [manifest.entries[job.key] for job in sections]
-        if all(entry["status"] == "ok" for entry in entries):
-            for file, content in caller_program(name, [e["program"] for e in entries]).items():
-                contents[manifest.folder / file] = content
-    write_files(contents)
+def _land_caller(landing: Landing, caller: Caller, outcome: BatchOutcome) -> None:
+    entries = [landing.manifest.entries[key] for key in caller.sections]
+    programs = [entry["program"] if entry["status"] == "ok" else "" for entry in entries]
+    marks = {"sections": digest("\n".join([str(caller.job.request.name), *programs]).encode())}
+    key = caller.job.key
+    if landing.manifest.is_current(key, marks):
+        landing.keep([key])
+        outcome.kept.append(key)
+        return
+    landing.land(called(caller, programs), marks)
+    outcome.done.append(key)
+
+
+def _owned(manifest: Manifest, work: Work) -> dict[str, str]:
+    """Return files of inputs that are not of this batch but still there, with their keys."""
+    mine, given = set(work.keys), _places(work.keys)
+    others = [key for key in manifest.entries if key not in mine and not _is_gone(key, given)]
+    return {name: key for key in others for name in manifest.entries[key]["files"]}
+
+
+def _places(keys: Sequence[str]) -> set[str]:
+    return {os.path.abspath(source_of(key)) for key in keys}  # noqa: PTH100 - links stay links
+
+
+def _is_gone(key: str, given: set[str]) -> bool:
+    """Return whether an entry's input is gone, or is in this batch under another key."""
+    place = os.path.abspath(source_of(key))  # noqa: PTH100 - links stay links
+    return place in given or not os.path.lexists(place)
+
+
+def vanished(manifest: Manifest, keys: Sequence[str]) -> dict[str, list[str]]:
+    """Return entries whose input is gone, each with those of its files that no job makes now."""
+    keep = {f for key in keys for f in manifest.entries.get(key, {"files": ()})["files"]}
+    mine, given = set(keys), _places(keys)
+    gone = sorted(k for k in manifest.entries if k not in mine and _is_gone(k, given))
+    return {key: [f for f in manifest.entries[key]["files"] if f not in keep] for key in gone}
 
 
 def _sweep(outcome: BatchOutcome, prune: bool) -> None:
     """List outputs whose input is gone; remove them only when asked."""
     manifest = outcome.manifest
-    keep = {f for key in outcome.keys for f in manifest.entries[key]["files"]}
-    for key in sorted(set(manifest.entries) - set(outcome.keys)):
-        files = [f for f in manifest.entries[key]["files"] if f not in keep]
+    for key, files in vanished(manifest, outcome.keys).items():
         outcome.vanished += files
         if prune:
             for name in files:
-                (manifest.folder / name).unlink(missing_ok=True)
+                with suppress(OSError):
+                    (manifest.folder / name).unlink(missing_ok=True)
             outcome.pruned += files
             del manifest.entries[key]
-
-
-def check_batch(
-    jobs: Sequence[Job], folder: Path, options: BatchOptions
-) -> tuple[dict[str, dict[str, Any]], dict[str, DiffReport]]:
-    """Make everything anew in memory and compare it with what stands in the folder.
-
-    Returns:
-        Entries by key (status ``ok``, ``different`` or the failure) and the semantic differences
-        by program file. Nothing is written.
-    """
-    from postproc.verification.diff import diff_bytes
-
-    parts, broken, _ = expand(jobs, options.split)
-    entries: dict[str, dict[str, Any]] = {}
-    reports: dict[str, DiffReport] = {}
-    for result in [*broken, *_execute(parts, options)]:
-        errors = list(result.errors)
-        status = result.status
-        for name, content in sorted(result.files.items()):
-            path = folder / name
-            old = path.read_bytes() if path.is_file() else None
-            if old == content:
-                continue
-            status = "different"
-            errors.append(f"{path}:1: {'differs' if old else 'is missing'}")
-            if old and name.endswith(".src"):
-                reports[name] = diff_bytes(old, content, name)
-        entries[result.key] = {"status": status, "errors": errors}
-    return entries, reports

@@ -1,31 +1,39 @@
 """Large point clouds in several programs: by region of the part, by operation, or by count.
 
 Names depend on where a section lies, not on how many came before, so that one more hole changes
-the program of its own region only (``count`` cannot promise that, and says so).
+the program of its own region only (``count`` cannot promise that).
 """
 
 from __future__ import annotations
 
+import hashlib
 import re
-from dataclasses import fields, replace
-from pathlib import Path
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.batch.jobs import Job
+from postproc.batch.jobs import Job, unique_name
 from postproc.errors import DataError, SourceRef
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.pipeline.convert import ConvertRequest
+from postproc.krl.names import legal_name
+from postproc.model.toolpath import Arcs, Event, EventKind, MotionKind, ToolPath
 from postproc.units import MM
 
 _Rows = NDArray[np.signedinteger[Any]]
 
-_ROWS = {f.name for f in fields(ToolPath)} & {
-    "points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle", "rotations",
-    "joints",
-}  # fmt: skip
+_COLUMNS = ("points", "axes", "kind", "feed", "line", "tool", "rotations", "joints")
+_FREE = (MotionKind.RAPID, MotionKind.HOLE, MotionKind.JOINT)
+"""Motions that do not need to begin where the one before ended."""
+_STATES = (
+    (EventKind.TOOL_CHANGE,),
+    (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF),
+    (EventKind.COOLANT_ON, EventKind.COOLANT_OFF),
+)
+_OFF = (EventKind.SPINDLE_OFF, EventKind.COOLANT_OFF)
+_NAME, _LABEL = 20, 13
+"""Longest name and label: room for the numbers of sub-programs behind it, a stem before it."""
 
 
 def parse_rule(text: str) -> tuple[str, float]:
@@ -34,64 +42,130 @@ def parse_rule(text: str) -> tuple[str, float]:
     Raises:
         DataError: BAT040 if the text is none of these.
     """
-    match = re.fullmatch(r"(region|count):(\d+(?:\.\d+)?)|operation", text)
-    if not match or (match[2] is not None and float(match[2]) <= 0):
+    match = re.fullmatch(r"(region):(\d+(?:\.\d+)?)|(count):(\d+)|operation", text, re.ASCII)
+    size = float(match[2] or match[4] or 1.0) if match else 0.0
+    if not match or size <= 0:
         raise DataError(
             "BAT040",
             f"--split {text!r}, expected region:MM, count:N or operation",
             SourceRef("postproc"),
         )
-    return (match[1], float(match[2])) if match[1] else ("operation", 0.0)
+    return match[1] or match[3] or "operation", size
 
 
 def subset(path: ToolPath, rows: _Rows) -> ToolPath:
-    """Return the tags ``rows`` (k,) of a toolpath; tables are kept, events within are moved.
+    """Return the tags ``rows`` (k,), ascending, of a toolpath, with the tables that they use.
 
-    Events before the first row of the input (spindle on, coolant on) go before each section.
+    Each section begins with the tool, spindle and coolant as they were on its first row in the
+    input, and ends with their switching off where that follows its last row. What was found when
+    the input was read is left out: it belongs to no section.
     """
-    columns = {name: getattr(path, name)[rows] for name in _ROWS if getattr(path, name) is not None}
-    place = np.searchsorted(rows, np.arange(len(path) + 1))
-    keep = set(rows.tolist())
-    events = tuple(
-        replace(event, index=int(place[event.index]))
-        for event in path.events
-        if event.index == 0 or event.index in keep or event.index == len(path)
+    changes: dict[str, Any] = {
+        name: getattr(path, name)[rows] for name in _COLUMNS if getattr(path, name) is not None
+    }
+    operation, used = _compact(path.operation[rows])
+    cycle, cycles = _compact(path.cycle[rows])
+    arc, arcs = _compact(path.arc[rows])
+    return replace(
+        path,
+        **changes,
+        operation=operation,
+        operations=tuple(path.operations[i] for i in used),
+        cycle=cycle,
+        cycles=tuple(path.cycles[i] for i in cycles),
+        arc=arc,
+        arcs=Arcs(*(getattr(path.arcs, name)[arcs] for name in Arcs.__slots__)),
+        events=tuple(_events(path, rows)),
+        names=tuple(path.names[i] for i in rows) if path.names is not None else None,
+        extra={name: _taken(column, rows) for name, column in path.extra.items()},
+        unknown_words={},
+        words={},
+        warnings=(),
+        recovered=(),
     )
-    names = tuple(path.names[i] for i in rows) if path.names is not None else None
-    return replace(path, **columns, events=events, names=names)
+
+
+def _compact(index: _Rows) -> tuple[_Rows, list[int]]:
+    """Return an index column (k,) into only those table rows that it uses, and these rows."""
+    used, place = np.unique(index[index >= 0], return_inverse=True)
+    result = np.full(len(index), -1, dtype=np.int32)
+    result[index >= 0] = place
+    return result, used.tolist()
+
+
+def _taken(column: Any, rows: _Rows) -> Any:  # noqa: ANN401 - arrays or tuples of texts
+    return column[rows] if isinstance(column, np.ndarray) else tuple(column[i] for i in rows)
+
+
+def _events(path: ToolPath, rows: _Rows) -> Iterator[Event]:
+    first, last, end = int(rows[0]), int(rows[-1]), len(path)
+    for kinds in _STATES:
+        past = [event for event in path.events if event.kind in kinds and event.index <= first]
+        if past and past[-1].index < first and past[-1].kind not in _OFF:
+            yield replace(past[-1], index=0)
+    for event in path.events:
+        place = int(np.searchsorted(rows, event.index))
+        if place < len(rows) and int(rows[place]) == event.index:
+            yield replace(event, index=place)
+        elif event.index == end or (event.index == last + 1 and event.kind in _OFF):
+            yield replace(event, index=len(rows))
 
 
 def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, _Rows]]:
-    """Return (label, rows) per section, in the order in which the input first touches them.
+    """Return (label, rows) per section, in an order that one more hole does not change.
+
+    Operations and counts stand as in the input, regions line by line, back and forth.
+
+    Args:
+        path: as it is served (``as_served``): points to touch are holes.
+        rule: as of ``parse_rule``.
 
     Raises:
-        DataError: BAT041 if the input is a continuous path, which cannot be cut by region.
+        DataError: BAT041 if the input is more than holes, which cannot be cut by region.
     """
     kind, size = rule
-    key: _Rows
-    if kind == "operation":
-        key = path.operation[:, None].astype(np.int64)
-    else:
-        holes = path.format == "csv" or bool((path.kind == MotionKind.HOLE).all())
-        if kind == "region" and not holes:
-            raise DataError(
-                "BAT041",
-                "only point clouds of holes can be split by region; use operation or count",
-                SourceRef(path.path),
-            )
-        key = (
-            (np.arange(len(path)) // int(size))[:, None]
-            if kind == "count"
-            else np.floor(path.points / (size * MM)).astype(np.int64)
-        )
+    key = {"region": _regions, "count": _counts, "operation": _operations}[kind](path, size)
     _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
     grouped = np.argsort(inverse.ravel(), kind="stable")
-    ends = np.cumsum(np.bincount(inverse.ravel()))
-    return [
-        (_label(kind, key[first[g]], path), grouped[ends[g - 1] if g else 0 : ends[g]])
-        for g in order
-    ]
+    pieces = np.split(grouped, np.cumsum(np.bincount(inverse.ravel()))[:-1])
+    order = _in_snakes(key[first]) if kind == "region" else np.argsort(first, kind="stable")
+    labels = _distinct(_label(kind, key[first[g]], path) for g in order)
+    return [(label, pieces[g]) for label, g in zip(labels, order, strict=True)]
+
+
+def _regions(path: ToolPath, size: float) -> _Rows:
+    """Return the cube (n, 3) of every tag."""
+    inner = [event for event in path.events if 0 < event.index < len(path)]
+    if inner or not bool((path.kind == MotionKind.HOLE).all()):
+        what = "has events between its holes" if inner else "is more than a list of holes"
+        raise DataError(
+            "BAT041",
+            f"{what}, expected holes only for a split by region; use operation or count",
+            SourceRef(path.path, inner[0].line if inner else 1),
+        )
+    # 300 mm is not exactly 3 times 100 mm in metres
+    return np.floor(np.round(path.points / (size * MM), 9)).astype(np.int64)
+
+
+def _in_snakes(cubes: _Rows) -> _Rows:
+    """Return the order (k,) of cubes (k, 3): by layers, in them by lines, back and forth."""
+    x, y, z = cubes.T
+    return np.lexsort((np.where(y % 2 == 0, x, -x), y, z))
+
+
+def _counts(path: ToolPath, size: float) -> _Rows:
+    """Return the number (n, 1) of the section of every tag; cuts are never cut in two."""
+    starts = np.flatnonzero(np.isin(path.kind, _FREE))
+    wanted = np.arange(int(size), len(path), int(size))
+    place = np.searchsorted(starts, wanted)
+    breaks = starts[place[place < len(starts)]]
+    number: _Rows = np.zeros(len(path), dtype=np.int64)
+    number[np.unique(breaks)] = 1
+    return np.cumsum(number)[:, None]
+
+
+def _operations(path: ToolPath, _size: float) -> _Rows:
+    return path.operation[:, None].astype(np.int64)
 
 
 def _label(kind: str, key: _Rows, path: ToolPath) -> str:
@@ -100,24 +174,75 @@ def _label(kind: str, key: _Rows, path: ToolPath) -> str:
     if kind == "operation":
         index = int(key[0])
         name = path.operations[index].name if index >= 0 else "REST"
-        return re.sub(r"\W+", "_", name)[:10].upper() or "REST"
-    return "".join(
-        f"{axis}{'N' if value < 0 else ''}{abs(int(value))}"
-        for axis, value in zip("XYZ", key, strict=True)
-    )
+        label = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_").upper() or "REST"
+    else:
+        label = "".join(
+            f"{axis}{'N' if value < 0 else ''}{abs(int(value))}"
+            for axis, value in zip("XYZ", key, strict=True)
+        )
+    return label if len(label) <= _LABEL else f"{label[: _LABEL - 5].rstrip('_')}_{_mark(label)}"
 
 
-def split_job(job: Job, path: ToolPath, rule: tuple[str, float]) -> list[Job]:
-    """Return one job per section of a job's toolpath, named after the section."""
-    from postproc.krl.names import legal_name
+def _distinct(labels: Iterable[str]) -> Iterator[str]:
+    """Yield labels; the second of two alike gets a number."""
+    seen: dict[str, int] = {}
+    taken: set[str] = set()
+    for label in labels:
+        name = label
+        while name in taken:
+            seen[label] = seen.get(label, 1) + 1
+            name = f"{label}_{seen[label]}"
+        taken.add(name)
+        yield name
 
-    stem = job.request.name or Path(job.request.source).stem
+
+def _mark(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:4].upper()
+
+
+def _section_name(stem: str, label: str) -> str:
+    """Return stem and label; of a long stem the beginning and a mark made from all of it."""
+    if len(stem) + len(label) >= _NAME:
+        stem = f"{stem[: max(1, _NAME - len(label) - 6)].rstrip('_')}_{_mark(stem)}"
+    return legal_name(f"{stem}_{label}")
+
+
+def split_job(job: Job, path: ToolPath, rule: tuple[str, float], taken: set[str]) -> list[Job]:
+    """Return one job per section of a job's toolpath, named after the section.
+
+    Args:
+        job: the whole input; its name is unique over the batch.
+        path: its toolpath, as it is served.
+        rule: as of ``parse_rule``.
+        taken: upper-case names of other programs; the sections' are added.
+    """
+    stem = str(job.request.name)
     jobs = []
     for label, rows in section_labels(path, rule):
-        name = legal_name(f"{stem[: max(1, 23 - len(label))]}_{label}")
-        request: ConvertRequest = replace(job.request, name=name)
-        jobs.append(Job(f"{job.key}#{label}", request, subset(path, rows)))
+        key = f"{job.key}#{label}"
+        name = unique_name(_section_name(stem, label), key, taken)
+        part = subset(path, _with_start(path, rows))
+        jobs.append(Job(key, replace(job.request, name=name), _led_in(path, rows, part)))
     return jobs
+
+
+def _with_start(path: ToolPath, rows: _Rows) -> _Rows:
+    """Return the rows with the one before where the first is a cut that begins there."""
+    first = int(rows[0])
+    if first and path.kind[first] not in _FREE and path.kind[first - 1] != MotionKind.HOLE:
+        return np.concatenate([[first - 1], rows])
+    return rows
+
+
+def _led_in(path: ToolPath, rows: _Rows, part: ToolPath) -> ToolPath:
+    """Return a section whose added first row is a rapid to where its first cut begins."""
+    if len(part) == len(rows):
+        return part
+    kind, feed = np.array(part.kind), np.array(part.feed)
+    kind[0], feed[0] = MotionKind.RAPID, np.nan
+    arc = np.array(part.arc)
+    arc[0] = -1
+    return replace(part, kind=kind, feed=feed, arc=arc)
 
 
 def caller_program(name: str, sections: list[str]) -> dict[str, bytes]:

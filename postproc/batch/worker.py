@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from postproc.errors import PostprocError, Severity
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +33,35 @@ class JobResult:
 
 def run_job(job: Job) -> JobResult:
     """Convert one input."""
+    return attempt(job, lambda: _convert(job))
+
+
+def attempt(job: Job, work: Callable[[], T]) -> T | JobResult:
+    """Return what ``work`` on a job returns, or a result that says why it could not."""
+    source = job.request.source
     try:
-        return _convert(job)
+        return work()
     except PostprocError as error:
         return JobResult(job.key, "error", errors=(str(error),))
     except MemoryError:
-        line = f"{job.request.source}:1: error BAT020: needs more memory than the limit"
+        line = f"{source}:1: error BAT020: needs more memory than the limit"
         return JobResult(job.key, "memory", errors=(line,))
     except Exception as bug:  # noqa: BLE001 - one input must never stop the others
         kind = f"{type(bug).__name__}: {bug}"
-        line = f"{job.request.source}:1: error BAT070: fault of postproc, please report: {kind}"
+        line = f"{source}:1: error BAT070: fault of postproc, please report: {kind}"
         return JobResult(job.key, "crash", errors=(" ".join(line.split()),))
+
+
+def too_slow(job: Job, timeout: float | None) -> JobResult:
+    """Return the result of a job that was ended after ``timeout`` seconds."""
+    line = f"{job.request.source}:1: error BAT021: not done after {timeout:g} s"
+    return JobResult(job.key, "timeout", errors=(line,))
+
+
+def died(job: Job) -> JobResult:
+    """Return the result of a job whose process died."""
+    line = f"{job.request.source}:1: error BAT022: the worker died on this input"
+    return JobResult(job.key, "crash", errors=(line,))
 
 
 def _convert(job: Job) -> JobResult:

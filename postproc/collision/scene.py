@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -68,6 +69,17 @@ class Scene:
         """
         bodies, issues = bodies_of(cell, kinematics)
         return cls(cell, kinematics, bodies, issues)
+
+    @classmethod
+    def shared(cls, cell: Cell, kinematics: Arm) -> Scene:
+        """Return the scene of a cell; the same object for the same solids, robot and limits.
+
+        Mesh files are read at the first call only: for cells that are dropped when a file changes.
+
+        Raises:
+            CellError: as ``build``.
+        """
+        return _shared(_ByParts(cell, kinematics))
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle without what can be made again: exact tests belong to one process."""
@@ -278,3 +290,25 @@ def _contact(contact: ArrayLike | None, count: int) -> BoolArray | None:
     if contact is None:
         return None
     return np.broadcast_to(np.asarray(contact, dtype=np.bool_), (count,))
+
+
+class _ByParts:
+    """A cell as a cache key: the objects in it that a scene is made from."""
+
+    def __init__(self, cell: Cell, kinematics: Arm) -> None:
+        self.cell, self.kinematics = cell, kinematics
+        solids = (cell.robot, cell.tool, cell.workpiece, cell.obstacles)
+        self._parts = (kinematics, *solids, cell.limits, cell.external_axes)
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self._parts)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByParts) and all(
+            mine is theirs for mine, theirs in zip(self._parts, other._parts, strict=True)
+        )
+
+
+@lru_cache(maxsize=4)
+def _shared(key: _ByParts) -> Scene:
+    return Scene.build(key.cell, key.kinematics)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -163,36 +163,7 @@ class TemplateSet:
 
     @cached_property
     def _environment(self) -> SandboxedEnvironment:
-        from jinja2 import FileSystemLoader, StrictUndefined
-        from jinja2.sandbox import ImmutableSandboxedEnvironment
-
-        class Environment(ImmutableSandboxedEnvironment):
-            """No attributes of marks, no powers, no products of texts."""
-
-            intercepted_binops = frozenset({"*", "**", "%"})
-
-            def is_safe_attribute(self, obj: object, attr: str, value: object) -> bool:
-                hidden = isinstance(obj, OutsideText | str)
-                return not hidden and super().is_safe_attribute(obj, attr, value)
-
-            def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:  # noqa: ANN401
-                is_number = isinstance(left, int | float) and isinstance(right, int | float)
-                if operator == "**" or not is_number:
-                    raise TypeError(f"operator {operator} is not for templates")
-                return super().call_binop(context, operator, left, right)
-
-        environment = Environment(
-            loader=FileSystemLoader([str(folder) for folder in self._folders]),
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-            keep_trailing_newline=True,
-            autoescape=False,
-            finalize=_printed,
-        )
-        environment.filters = {name: environment.filters[name] for name in _FILTERS}
-        environment.globals.clear()
-        return environment
+        return _environment_of(self._folders)
 
 
 def _filled(statement: Statement, name: str, texts: Mapping[str, str]) -> Statement:
@@ -224,3 +195,38 @@ def _printed(value: object) -> object:
     if isinstance(value, bool):
         return "TRUE" if value else "FALSE"
     return numbers.real(value) if isinstance(value, float) else value
+
+
+@lru_cache(maxsize=8)
+def _environment_of(folders: tuple[Path, ...]) -> SandboxedEnvironment:
+    """Return the templates of some folders; a template is read again when its file changes."""
+    from jinja2 import FileSystemLoader, StrictUndefined
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+    class Environment(ImmutableSandboxedEnvironment):
+        """No attributes of marks, no powers, no products of texts."""
+
+        intercepted_binops = frozenset({"*", "**", "%"})
+
+        def is_safe_attribute(self, obj: object, attr: str, value: object) -> bool:
+            hidden = isinstance(obj, OutsideText | str)
+            return not hidden and super().is_safe_attribute(obj, attr, value)
+
+        def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:  # noqa: ANN401
+            is_number = isinstance(left, int | float) and isinstance(right, int | float)
+            if operator == "**" or not is_number:
+                raise TypeError(f"operator {operator} is not for templates")
+            return super().call_binop(context, operator, left, right)
+
+    environment = Environment(
+        loader=FileSystemLoader([str(folder) for folder in folders]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+        finalize=_printed,
+    )
+    environment.filters = {name: environment.filters[name] for name in _FILTERS}
+    environment.globals.clear()
+    return environment

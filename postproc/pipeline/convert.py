@@ -15,13 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.errors import CellError, EmitError, Issue, Severity, SourceRef, fold
-from postproc.model.cellfile import load_cell
-from postproc.units import N_PER_MM
+from postproc.pipeline.cellcache import shared_cell
+from postproc.units import MM, N_PER_MM, UM
 
 if TYPE_CHECKING:
     from postproc.model.cell import Cell
+    from postproc.model.modelfile import ModelFile
     from postproc.model.plan import Plan
     from postproc.model.toolpath import ToolPath
+    from postproc.verification.compare import Tolerances
+    from postproc.verification.report import Expectation, VerifyReport
 
 Progress = Callable[[int, int, str], None]
 
@@ -55,7 +58,11 @@ class ConvertRequest:
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """A finished conversion: the plan, the program files by name, findings and times."""
+    """A finished conversion: the plan, the program files by name, findings and times.
+
+    ``expectation``: where the real tool and the commands are against the CAM points, None without
+    a model of the arm.
+    """
 
     cell: Cell
     toolpath: ToolPath
@@ -64,6 +71,7 @@ class Conversion:
     name: str
     issues: tuple[Issue, ...]
     timing: Mapping[str, float] = field(default_factory=dict)
+    expectation: Expectation | None = None
 
     @property
     def good(self) -> bool:
@@ -107,17 +115,25 @@ def convert(
         PostprocError: if the input, the cell or an option is wrong.
     """
     clock = _Clock()
-    cell = load_cell(request.cell)
+    cell = shared_cell(request.cell)
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
     else:
         quiet = {**cell.krl.options, "cam_lines": False}
         cell = replace(cell, krl=replace(cell.krl, options=quiet))
+    model = None
+    if request.model:
+        from postproc.model.modelfile import load_model
+        from postproc.pipeline.real_arm import cell_with_model
+
+        model = load_model(request.model)
+        cell = cell_with_model(cell, model)
     clock.lap("read")
-    plan = make_plan(toolpath, cell, request, progress)
+    plan = make_plan(toolpath, cell, request, progress, model)
     clock.lap("plan")
-    name, files, issues = _emit_checked(plan, cell, request, clock)
-    return Conversion(cell, toolpath, plan, files, name, issues, clock.total())
+    name, files, issues, checked = _emit_checked(plan, cell, request, clock, model)
+    expected = None if checked is None else checked.expectation
+    return Conversion(cell, toolpath, plan, files, name, issues, clock.total(), expected)
 
 
 def _cell_of(request: ConvertRequest) -> Cell:
@@ -125,7 +141,7 @@ def _cell_of(request: ConvertRequest) -> Cell:
     from postproc.planning.settings import PlanOptions, settle
 
     options = PlanOptions(strategy=request.strategy, objective=request.objective)
-    return settle(load_cell(request.cell), options)[0]
+    return settle(shared_cell(request.cell), options)[0]
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -159,13 +175,17 @@ def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
         from postproc.collision.scene import Scene
         from postproc.kinematics.model import build
 
-        return Scene.build(cell, build(cell.robot)).surface_normals(points)
+        return Scene.shared(cell, build(cell.robot)).surface_normals(points)
 
     return normals
 
 
 def make_plan(
-    toolpath: ToolPath, cell: Cell, request: ConvertRequest, progress: Progress | None
+    toolpath: ToolPath,
+    cell: Cell,
+    request: ConvertRequest,
+    progress: Progress | None,
+    model: ModelFile | None = None,
 ) -> Plan:
     """Plan the toolpath and compensate it when a model is given."""
     from postproc.planning.planner import PlanOptions
@@ -178,23 +198,27 @@ def make_plan(
         name=request.name,
     )
     result = plan_toolpath(toolpath, cell, options, progress)
-    if request.model and not result.errors:
+    if model is not None and len(result) and (request.partial or not result.errors):
         from postproc.pipeline.compensate import compensate
 
-        result = compensate(result, cell, request.model)
+        result = compensate(result, cell, model)
     return result
 
 
 def _emit_checked(
-    plan: Plan, cell: Cell, request: ConvertRequest, clock: _Clock
-) -> tuple[str, dict[str, bytes], tuple[Issue, ...]]:
-    """Return program name, files and all findings; no files when a check fails."""
+    plan: Plan,
+    cell: Cell,
+    request: ConvertRequest,
+    clock: _Clock,
+    model: ModelFile | None,
+) -> tuple[str, dict[str, bytes], tuple[Issue, ...], VerifyReport | None]:
+    """Return program name, files, all findings and the check; no files when it fails."""
     from postproc.emitters.kuka_krl import emit, render_files
     from postproc.krl.names import NameAllocator
 
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
     if len(plan) == 0 or (plan.errors and not request.partial):
-        return plan.name, {}, fold(findings)
+        return plan.name, {}, fold(findings), None
     names = NameAllocator()
     modules = emit(plan, cell, names=names)
     findings += [
@@ -204,18 +228,25 @@ def _emit_checked(
     files = render_files(modules)
     clock.lap("emit")
     name = modules[0].name
-    checks = check_text(files, name, cell, plan)
+    checks, report = check_text(files, name, cell, plan, model)
     clock.lap("check")
     findings += checks
     if any(issue.severity is Severity.ERROR for issue in checks):
         files = {}
-    return name, files, fold(findings)
+    return name, files, fold(findings), report
 
 
-def check_text(files: Mapping[str, bytes], name: str, cell: Cell, plan: Plan) -> list[Issue]:
+def check_text(
+    files: Mapping[str, bytes],
+    name: str,
+    cell: Cell,
+    plan: Plan,
+    model: ModelFile | None = None,
+) -> tuple[list[Issue], VerifyReport]:
     """Lint the program text, read it back, run it on the robot model, compare with the CAM path.
 
-    Collisions were proven by the planner along the same motions and are not searched again.
+    A compensated program is judged by where the real tool is expected. Collisions were proven by
+    the planner along the same motions and are not searched again.
     """
     from postproc.krl.lint import lint
     from postproc.krl.parse import parse_files
@@ -223,8 +254,20 @@ def check_text(files: Mapping[str, bytes], name: str, cell: Cell, plan: Plan) ->
 
     modules = parse_files(files)
     findings = [i for i in lint(modules) if i.severity is not Severity.NOTE]
-    against = None if plan.compensation is not None or plan.errors else plan.toolpath
-    report = verify_modules(modules, name, cell, against, collisions=False)
+    displacement = None
+    if plan.compensation is not None and model is not None:
+        from postproc.pipeline.real_arm import displacement_of
+
+        displacement = displacement_of(cell, model)
+    report = verify_modules(
+        modules,
+        name,
+        cell,
+        None if plan.errors else plan.toolpath,
+        _tolerances(plan),
+        collisions=False,
+        displacement=displacement,
+    )
     for violation in report.violations:
         findings.append(
             Issue(
@@ -235,7 +278,17 @@ def check_text(files: Mapping[str, bytes], name: str, cell: Cell, plan: Plan) ->
                 hint="this is a fault of postproc, not of the input; please report it",
             )
         )
-    return findings
+    return findings, report
+
+
+def _tolerances(plan: Plan) -> Tolerances:
+    """Return the tolerances of the check; what does not settle is a finding of its own."""
+    from postproc.verification.compare import Tolerances
+
+    usual = Tolerances()
+    left = plan.settings.get("unsettled_mm", 0.0)
+    room = 2.0 * MM * left if isinstance(left, float) and left * MM > 1.0 * UM else 0.0
+    return replace(usual, position=usual.position + room)
 
 
 def failures(conversion: Conversion) -> list[dict[str, Any]]:
@@ -268,6 +321,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "points": len(plan),
         "failures": failures(conversion),
         "stiffness": _stiffness(conversion),
+        "compensation": _compensation(conversion),
         "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
         "warnings": [
             {
@@ -295,6 +349,19 @@ def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
         "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
         "mean_N_per_mm": float(values.mean() / N_PER_MM),
         "min_N_per_mm": float(values.min() / N_PER_MM),
+    }
+
+
+def _compensation(conversion: Conversion) -> dict[str, Any] | None:
+    shift = conversion.plan.compensation
+    if shift is None:
+        return None
+    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
+    expected = conversion.expectation
+    return {
+        "note": conversion.plan.compensation_note,
+        "max_shift_mm": round(largest / MM, 6),
+        **({} if expected is None else expected.to_dict()),
     }
 
 

@@ -10,7 +10,7 @@ removed or changed; whole modules with ``module``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -161,6 +161,23 @@ def diff_bytes(
     return _report(name, name, [(programs[0], programs[1])], limits)
 
 
+def diff_files(
+    old: Mapping[str, bytes],
+    new: Mapping[str, bytes],
+    name: str,
+    tolerance: DiffTolerance | None = None,
+) -> DiffReport:
+    """Compare two versions of a program and its sub-programs, files by name; ``name`` names it.
+
+    Raises:
+        KrlError: if one is no KRL.
+    """
+    modules = [{m.name.upper(): m for m in parse_files(files)} for files in (old, new)]
+    for one in modules:
+        require_sound(list(one.values()))
+    return _compared(name, name, modules[0], modules[1], tolerance or DiffTolerance())
+
+
 def _program(path: str | Path) -> Program:
     from postproc.verification.verify import load_program
 
@@ -190,7 +207,17 @@ def _report(
 
 
 def _folders(old: str, new: str, tolerance: DiffTolerance) -> DiffReport:
-    left, right = _modules(old), _modules(new)
+    return _compared(old, new, _modules(old), _modules(new), tolerance)
+
+
+def _compared(
+    old: str,
+    new: str,
+    left: Mapping[str, KrlModule],
+    right: Mapping[str, KrlModule],
+    tolerance: DiffTolerance,
+) -> DiffReport:
+    """Compare modules by name."""
     found: list[Difference] = []
     motions = [0, 0]
     for name in sorted(left.keys() | right.keys()):

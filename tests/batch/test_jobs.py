@@ -16,7 +16,7 @@ def test_folders_globs_and_lists_give_each_input_once(tmp_path, monkeypatch):
     (tmp_path / "list.txt").write_text("# mine\nc.csv\n*.cls\n")
     everything = ["a.cls", "b.ncl.8", "c.csv", "sub/d.APT"]
     assert find_inputs(["."]) == everything
-    assert find_inputs(["@list.txt"]) == ["a.cls", "c.csv"]
+    assert find_inputs(["@list.txt"]) == ["c.csv", "a.cls"]
     assert find_inputs(["a.cls", "*.cls"]) == ["a.cls"]
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.ticker import ticker
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job
@@ -27,7 +28,9 @@ Examples:
 @click.option("--cell", metavar="CELL.toml", help="The robot cell (or in batch.toml).")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the programs.")
 @click.option("--config", metavar="BATCH.toml", help="Options per input.")
-@click.option("-j", "--jobs", type=click.IntRange(min=1), help="Worker processes; default: cores.")
+@click.option(
+    "-j", "--jobs", type=click.IntRange(min=1), help="Worker processes; default: one per core."
+)
 @click.option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
 @click.option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
 @click.option(
@@ -52,7 +55,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     code is 1 when a program in DIR is not what would be made now.
     """
     from postproc.batch.jobs import Overrides, find_inputs, load_overrides, make_jobs
+    from postproc.batch.precheck import require_call
     from postproc.batch.run import BatchOptions
+    from postproc.batch.sections import parse_rule
     from postproc.pipeline.convert import ConvertRequest
 
     overrides = load_overrides(options["config"]) if options["config"] else Overrides({})
@@ -65,10 +70,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         objective=options["objective"],
         model=options["model"],
     )
-    jobs = make_jobs(find_inputs(options["inputs"]), base, overrides)
-    _require_cells(jobs)
+    sources = find_inputs(options["inputs"])
+    jobs = make_jobs(sources, base, overrides)
     limits = BatchOptions(
-        workers=options["jobs"] or os.cpu_count() or 1,
+        workers=options["jobs"] or len(os.sched_getaffinity(0)),
         dask=options["dask"],
         force=options["force"],
         prune=options["prune"],
@@ -76,18 +81,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         memory=options["memory"],
         split=options["split"],
     )
+    if limits.split:
+        parse_rule(limits.split)
+    require_call(jobs)
+    for pattern in overrides.unused(sources):
+        session.say(f"{options['config']}:1: warning BAT005: match = {pattern!r}: no such input")
     run = _check if options["check"] else _run
     return run(session, jobs, Path(options["output"]), limits, options["junit"])
-
-
-def _require_cells(jobs: list[Job]) -> None:
-    from postproc.errors import UsageError
-
-    for job in jobs:
-        if not job.request.cell:
-            raise UsageError(
-                "BAT004", f"no cell for {job.request.source}, give --cell or set it in --config"
-            )
 
 
 def _run(
@@ -97,7 +97,7 @@ def _run(
     from postproc.batch.run import run_batch
     from postproc.files import write_files
 
-    with session.progress() as progress:
+    with ticker(session) as progress:
         outcome = run_batch(jobs, folder, options, progress)
     document = outcome.document()
     if junit:
@@ -105,6 +105,8 @@ def _run(
     for key in outcome.bad:
         for line in document["entries"][key]["errors"][:3]:
             session.say(line)
+    if outcome.unsaved:
+        session.say(outcome.unsaved)
     session.document(document)
     _summary(session, outcome)
     return answer(outcome.good)
@@ -112,37 +114,32 @@ def _run(
 
 def _summary(session: Session, outcome: BatchOutcome) -> None:
     session.show(
-        f"{len(outcome.keys)} inputs: {len(outcome.done)} done, {len(outcome.kept)} unchanged, "
+        f"{len(outcome.keys)} programs: {len(outcome.done)} done, {len(outcome.kept)} unchanged, "
         f"{len(outcome.bad)} failed"
     )
     if outcome.vanished:
         verb = "removed" if outcome.pruned else "left in place (--prune removes them)"
         session.show(f"{len(outcome.vanished)} files whose input is gone: {verb}")
+        for name in outcome.vanished[:20]:
+            session.show(f"  {name}")
 
 
 def _check(
     session: Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
 ) -> int:
+    from postproc.batch.check import check_batch
     from postproc.batch.junit import junit_xml
-    from postproc.batch.run import check_batch
     from postproc.files import write_files
 
-    entries, reports = check_batch(jobs, folder, options)
+    with ticker(session) as progress:
+        checked = check_batch(jobs, folder, options, progress)
     if junit:
-        write_files({Path(junit): junit_xml(entries)})
-    bad = [key for key, entry in entries.items() if entry["status"] != "ok"]
-    session.document(
-        {
-            "schema": "postproc.batch_check/1",
-            "same": not bad,
-            "entries": entries,
-            "differences": {name: report.to_dict() for name, report in reports.items()},
-        }
-    )
-    for key in bad:
-        for line in entries[key]["errors"]:
+        write_files({Path(junit): junit_xml(checked.entries)})
+    session.document(checked.document())
+    for key in checked.bad:
+        for line in checked.entries[key]["errors"]:
             session.say(line)
-    for name, report in reports.items():
+    for name, report in checked.reports.items():
         session.show(f"{name}:\n{report.summary()}")
-    session.show(f"{len(entries)} programs checked, {len(bad)} differ or fail")
-    return answer(not bad)
+    session.show(f"{len(checked.entries)} programs checked, {len(checked.bad)} differ or fail")
+    return answer(not checked.bad)
