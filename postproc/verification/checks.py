@@ -64,6 +64,25 @@ def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
         _singularities(result, q[rows], motion[rows], cell, kinematics)
 
 
+def check_externals(result: Result, cell: Cell) -> None:
+    """Check external axes against their limits, and that the program says where they are."""
+    paths, trace = result.paths, result.paths.trace
+    for column, axis in enumerate(cell.external_axes):
+        unit, name = (MM, "mm") if axis.kind == "rail" else (DEG, "deg")
+        written = trace.external[:, int(axis.name[1]) - 1]
+        if len(trace) and np.isnan(written).all():
+            result.finding("external", 0, f"no motion says where {axis.name} is", is_error=False)
+        values = paths.external[:, column]
+        bad = np.flatnonzero((values < axis.q_min - 1e-9) | (values > axis.q_max + 1e-9))
+        if len(bad):
+            result.finding(
+                "joint_limit",
+                int(bad[0]),
+                f"{axis.name} at {values[bad[0]] / unit:.3f} {name} is beyond its limit "
+                f"[{axis.q_min / unit:g}, {axis.q_max / unit:g}], {len(bad)} motions",
+            )
+
+
 def _touches_path(paths: Paths) -> BoolArray:
     """Return which motions end a path or stand where one begins."""
     is_cp = paths.trace.is_cp

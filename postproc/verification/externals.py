@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,17 +47,28 @@ class Externals:
 
     def shift(self, values: FloatArray) -> FloatArray:
         """Return (n, 4, 4) so that T_robroot_base(values) = shift @ T_robroot_base(0)."""
-        n = len(values)
-        T_world_moved = np.broadcast_to(self.T_world_robroot, (n, 4, 4))
-        turned = np.broadcast_to(np.eye(4), (n, 4, 4))
+        turned = np.broadcast_to(np.eye(4), (len(values), 4, 4))
         for column, axis in enumerate(self.axes):
-            way = values[:, column]
-            if axis.kind == "rail":
-                slide = transform(np.eye(3), way[:, None] * axis.axis)
-                T_world_moved = slide @ T_world_moved
-            else:
+            if axis.kind != "rail":
                 origin = axis.T_world_axis[:3, 3]
-                R = rotation_about(axis.axis, way)
+                R = rotation_about(axis.axis, values[:, column])
                 turned = turned @ transform(R, origin - R @ origin)
-        T: FloatArray = inverse(T_world_moved) @ turned @ self.T_world_robroot
+        T: FloatArray = inverse(self.robroot(values)) @ turned @ self.T_world_robroot
         return T
+
+    def robroot(self, values: FloatArray) -> FloatArray:
+        """Return where the rails carry the robot: T_world_robroot (n, 4, 4)."""
+        T = np.broadcast_to(self.T_world_robroot, (len(values), 4, 4))
+        for column, axis in enumerate(self.axes):
+            if axis.kind == "rail":
+                T = transform(np.eye(3), values[:, column, None] * axis.axis) @ T
+        return T
+
+    def at(self, cell: Cell, values: FloatArray) -> Cell:
+        """Return the cell as it stands with the axes at ``values`` (k,)."""
+        T_robroot_base = self.shift(values[None])[0] @ cell.T_robroot_base
+        return replace(
+            cell,
+            robot=replace(cell.robot, T_world_robroot=self.robroot(values[None])[0]),
+            workpiece=replace(cell.workpiece, T_robroot_base=T_robroot_base),
+        )

@@ -195,3 +195,55 @@ def test_collisions_between_good_points(tmp_path):
 
 def test_without_solids_nothing_is_searched(cell):
     assert not check(cell, START, collisions=True).collisions_checked
+
+
+RAIL = """
+[[external_axes]]
+name = "E1"
+kind = "rail"
+axis = "+y"
+range_mm = [-2000, 2000]
+speed_mm_s = 500
+"""
+
+
+def with_rail(line, position):
+    return line.replace("}", f",E1 {position:.3f}}}", 1)
+
+
+def test_a_rail_carries_the_robot(tmp_path):
+    cell = cell_in(tmp_path, RAIL, **AT_PART)
+    points = [(-50, 0, 0), (0, 0, 0), (0, 40, 0)]
+    here = [with_rail(line, 0.0) for line in (START, *[at(*p) for p in points])]
+    assert kinds(check(cell, *here, toolpath=path_of(points))) == set()
+    # half a metre along the rail the same part is reached in another pose of the arm
+    a1 = START.replace("A1 -5.14", "A1 -25.0")
+    there = [with_rail(line, 300.0) for line in (a1, *[at(*p) for p in points])]
+    report = check(cell, *there, toolpath=path_of(points))
+    assert kinds(report) == set()
+    assert report.position_error < 1e-9
+    assert kinds(check(cell, *[with_rail(line, 2500.0) for line in (START,)])) == {"joint_limit"}
+    assert warned(check(cell, START, at(0, 0, 0))) == {"external"}
+
+
+def test_joints_that_forget_the_rail_miss_the_part(tmp_path):
+    """The same joints a metre along the rail put the tool a metre beside the part."""
+    cell = cell_in(tmp_path, RAIL, **AT_PART)
+    zero = check(cell, with_rail(START, 0.0)).run.paths.end_point[0]
+    moved = check(cell, with_rail(START, 1000.0)).run.paths.end_point[0]
+    assert moved - zero == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+
+
+def test_collisions_of_a_carried_robot(tmp_path):
+    post = SOLIDS.replace("xyz_mm = [1840, 150, 1100]", "xyz_mm = [1840, 1150, 1100]")
+    cell = cell_in(tmp_path, RAIL + post, **AT_PART)
+    ends = [(-250, -40, 0), (-60, -40, 0), (-60, 110, 0)]
+    lines = [at(*p) for p in ends]
+    at_zero = check(cell, *[with_rail(line, 0.0) for line in (START, *lines)], collisions=True)
+    assert kinds(at_zero) == set()
+    travel = [with_rail(START, 0.0), with_rail(START, 1500.0)]
+    hit = check(
+        cell, *[with_rail(line, 0.0) for line in (START, lines[1])], *travel[1:], collisions=True
+    )
+    assert kinds(hit) == {"collision"}
+    assert "post" in hit.violations[0].detail
