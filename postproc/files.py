@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -29,14 +30,17 @@ def read_bytes(path: str | Path) -> bytes:
         raise ReadError("IO002", f"cannot be read: {reason}", SourceRef(str(path))) from None
 
 
-def open_input(path: str | Path) -> BinaryIO:
-    """Return an input file opened for reading bytes; the caller closes it.
+@contextmanager
+def open_input(path: str | Path) -> Iterator[BinaryIO]:
+    """Give an input file opened for reading bytes, and close it.
 
     Raises:
-        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable.
+        ReadError: IO001 if it is missing, IO002 if it is a folder or unreadable, also when that
+            shows only while it is read.
     """
     try:
-        return Path(path).open("rb")
+        with Path(path).open("rb") as stream:
+            yield stream
     except FileNotFoundError:
         raise ReadError("IO001", "no such file", SourceRef(str(path))) from None
     except OSError as problem:

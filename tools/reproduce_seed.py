@@ -29,7 +29,8 @@ from postproc.model.cell import Cell
 from postproc.model.cellfile import load_cell
 from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import ModelFile
-from postproc.pipeline.compensate import loads, solve
+from postproc.pipeline.compensate import solve
+from postproc.pipeline.real_arm import loads
 from postproc.stiffness.cases import load_cases
 from postproc.stiffness.constant import ConstantFit, fit_constant
 from postproc.stiffness.continuous import fit_continuous

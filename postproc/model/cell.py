@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -258,6 +258,16 @@ class Cell:
     krl: KrlOptions
     external_axes: tuple[ExternalAxis, ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
+    joint_compliance: Callable[[FloatArray], FloatArray] | None = field(
+        default=None, compare=False, repr=False
+    )
+    """Joint angles (n, 6) [rad] to joint compliance (n, 6) [rad/(N*m)], where a model of the arm is
+    known; None: the constant ``joint_stiffness`` counts everywhere."""
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether the cell or a model of its arm knows how stiff the joints are."""
+        return self.joint_stiffness is not None or self.joint_compliance is not None
 
     @property
     def joint_stiffness(self) -> FloatArray | None:

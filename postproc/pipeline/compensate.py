@@ -4,6 +4,10 @@ The whole robot model (load, geometry, every effect of ``model.toml``) is evalua
 pose again and again until the real tool point is on the CAM point: a fixed-point iteration on the
 full nonlinear model, not one step along its gradient. Orientations stay as planned. Under load the
 real arm stands where the plan has proven it free, so collisions need no new check; joint limits do.
+
+Effects that follow the motion (backlash: the side a joint comes from; servo lag: its speed) need
+the program itself: it is written, run on the robot model as verification does, and what it does at
+its points goes into the next shift, until nothing changes.
 """
 
 from __future__ import annotations
@@ -15,16 +19,22 @@ from typing import Any
 
 import numpy as np
 
-from postproc.errors import DataError, Issue, Severity
+from postproc.emitters.kuka_krl import emit
+from postproc.errors import DataError, EmitError, Issue, Severity, SourceRef
 from postproc.frames import inverse
-from postproc.gap.robot_model import RobotModel
-from postproc.kinematics.model import Kinematics, build
+from postproc.gap.robot_model import RobotModel, effect_of
+from postproc.kinematics.model import Kinematics
 from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.cell import Cell
-from postproc.model.modelfile import ModelFile, entry, load_model
+from postproc.model.modelfile import ModelFile, load_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.stiffness.cartesian import moved_wrench
-from postproc.units import MM, STANDARD_GRAVITY
+from postproc.pipeline.pieces import in_pieces
+from postproc.pipeline.real_arm import RealArm, needs, real_point
+from postproc.units import MM, UM
+from postproc.verification.interpreter import run
+from postproc.verification.moments import Clock, Moments, moments_of
+from postproc.verification.motion import joint_paths
+from postproc.verification.verify import world_of
 
 WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 """Moves in which the process force acts; in all others only the dead load does."""
@@ -32,8 +42,14 @@ ACCURACY = 1e-7
 """The iteration ends when every real tool point is this close [m] to its target."""
 LARGEST = 0.05
 """A shift beyond this [m] is no compensation but a wrong model."""
+SETTLED = 1.0 * UM
+"""Shifts that change by less from one run of the program to the next are settled."""
+RUNS = 8
+"""So often the program is run to find what each joint does at its points."""
+STRAIGHT = 5.0 * UM
+"""Largest bend of a straight cut between its compensated points."""
 _STEPS = 30
-_STIFFNESS = "stiffness_Nmm_per_rad"
+_FOLLOWS_MOTION = frozenset({"direction", "qd"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,27 +66,72 @@ class Compensated:
     reached: BoolArray
 
 
-def compensate(plan: Plan, cell: Cell, model_path: str) -> Plan:
+def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     """Return the plan with shifted commands.
 
     Args:
         plan: a plan without errors.
         cell: with tool mass and process force.
-        model_path: ``model.toml``.
+        model: ``model.toml``, its path or what was read from it.
 
     Returns:
-        The plan with new q and T_base_tcp, ``compensation`` (m, 3) in the workpiece frame and
-        ``compensation_note``; findings PLN102 where a shifted pose leaves the joint limits.
+        The plan, long cuts in pieces, with new q and T_base_tcp, ``compensation`` (m, 3) in the
+        workpiece frame and ``compensation_note``; findings PLN102 where a shifted pose leaves the
+        joint limits, CMP002 where the program does not settle, CMP003 for effects that a program
+        cannot compensate.
 
     Raises:
         DataError: from the model file, or CMP001 if it asks for shifts beyond all reason.
     """
-    kinematics = build(cell.robot)
-    file = load_model(model_path)
-    model = compensation_model(kinematics, cell, file)
-    rows = _rows(plan, cell, kinematics)
-    wrench = loads(rows.q, cell, kinematics, rows.working, carries_dead_load(file), rows.process)
-    solved = solve(model, kinematics, cell.tool.T_flange_tcp, rows.q, wrench, rows.conditions)
+    file = load_model(model) if isinstance(model, str) else model
+    arm = RealArm.of(cell, file)
+    plan = _in_pieces(plan, cell, arm)
+    rows = _rows(plan, cell, arm.kinematics)
+    follows = bool(needs(arm.model) & _FOLLOWS_MOTION)
+    commanded, solved = plan, None
+    unsettled = np.zeros(len(plan))
+    for _ in range(RUNS if follows else 1):
+        conditions = _conditions(commanded, cell, arm.kinematics, rows) if follows else {}
+        before = solved
+        solved = _solved(arm, rows, conditions, file)
+        commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
+        if before is not None:
+            unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
+            if float(unsettled.max(initial=0.0)) < SETTLED:
+                break
+    if solved is None:
+        raise ValueError("no run")
+    findings = [
+        *_findings(plan, arm.kinematics, solved),
+        *_unsettled(plan, unsettled),
+        *_left_out(arm.model, file),
+    ]
+    return replace(
+        commanded,
+        compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
+        issues=(*plan.issues, *findings),
+        settings={**plan.settings, "unsettled_mm": float(unsettled.max(initial=0.0)) / MM},
+    )
+
+
+def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
+    """Return the plan with long cuts divided where the arm gives way differently on the way."""
+    process = process_of(plan, cell)
+
+    def displacement(q: FloatArray, move: IntArray) -> FloatArray:
+        nothing = np.zeros_like(q)
+        return arm.displacement(Moments(q, nothing, nothing, process[move]))
+
+    return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT)
+
+
+def _solved(
+    arm: RealArm, rows: _Rows, conditions: Mapping[str, Any], file: ModelFile
+) -> Compensated:
+    process = rows.process * rows.working[:, None]
+    wrench = arm.wrench(rows.q, process)
+    T_flange_tcp = arm.cell.tool.T_flange_tcp
+    solved = solve(arm.model, arm.kinematics, T_flange_tcp, rows.q, wrench, conditions)
     largest = float(np.linalg.norm(solved.shift, axis=1).max(initial=0.0))
     if largest > LARGEST:
         raise DataError(
@@ -78,67 +139,7 @@ def compensate(plan: Plan, cell: Cell, model_path: str) -> Plan:
             f"the model asks for shifts of up to {largest / MM:.1f} mm, which no real arm needs",
             file.source(next(iter(file.effects), "")),
         )
-    return _shifted(plan, cell, kinematics, rows, solved, _note(plan, cell, file, solved, rows))
-
-
-def compensation_model(kinematics: Kinematics, cell: Cell, file: ModelFile) -> RobotModel:
-    """Return the robot model that compensation uses.
-
-    A joint whose stiffness the data could not see takes the cell's, where the cell gives one: the
-    process may load it although the measurement did not, and rigid would be worse.
-    """
-    effects: dict[str, Mapping[str, Any]] = dict(file.effects)
-    table = effects.get("joint_compliance")
-    known = cell.joint_stiffness
-    if table is not None and known is not None and _STIFFNESS in table:
-        k = np.asarray(table[_STIFFNESS], dtype=np.float64)
-        if k.shape == (6,) and bool(np.any(np.isnan(k))):
-            filled = np.where(np.isnan(k), entry(_STIFFNESS, known), k)
-            effects["joint_compliance"] = {**table, _STIFFNESS: filled.tolist()}
-    return RobotModel.of(kinematics, cell, replace(file, effects=effects))
-
-
-def carries_dead_load(file: ModelFile) -> bool:
-    """Return whether the tool's weight is to be added as a load.
-
-    A sag or payload effect was fitted to the arm with its tool on, so it has the weight already.
-    """
-    return not any(name in file.effects for name in ("gravity_sag", "payload_error"))
-
-
-def loads(
-    q: FloatArray,
-    cell: Cell,
-    kinematics: Kinematics,
-    working: BoolArray,
-    dead: bool = True,
-    process: FloatArray | None = None,
-) -> FloatArray:
-    """Return the wrench (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
-
-    Args:
-        q: (n, 6) joint angles [rad].
-        cell: with tool and process.
-        kinematics: of the robot.
-        working: (n,) rows in which the process force acts.
-        dead: add the tool's weight, where the cell gives mass and centre of gravity.
-        process: (n, 6) process wrench at and in axes of the TCP; None: the cell's for all.
-    """
-    T = kinematics.fk(q)
-    R_robroot_tcp = T[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]
-    process = np.asarray(cell.process.wrench_tcp)
-    wrench = (
-        np.concatenate([R_robroot_tcp @ process[:3], R_robroot_tcp @ process[3:]], axis=-1)
-        * np.asarray(working, dtype=np.float64)[:, None]
-    )
-    mass = cell.tool.mass
-    if dead and np.isfinite(mass) and mass > 0.0:
-        down = cell.robot.T_world_robroot[:3, :3].T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        weight = np.tile(np.concatenate([mass * down, np.zeros(3)]), (len(q), 1))
-        p_flange_com = np.zeros(3) if cell.tool.com is None else np.asarray(cell.tool.com)
-        lever = T[:, :3, :3] @ (p_flange_com - cell.tool.T_flange_tcp[:3, 3])
-        wrench = wrench + moved_wrench(weight, lever)
-    return np.asarray(wrench)
+    return solved
 
 
 def solve(
@@ -157,7 +158,7 @@ def solve(
         T_flange_tcp: (4, 4) tool.
         q: (n, 6) planned joint angles [rad].
         wrench: (n, 6) load on the tool at each pose, robroot.
-        conditions: further columns of the model (direction of approach).
+        conditions: further columns of the model: ``direction`` of approach, joint speeds ``qd``.
     """
     T_tcp_flange = inverse(T_flange_tcp)
     T_target = kinematics.fk(q) @ T_flange_tcp
@@ -168,7 +169,7 @@ def solve(
     reached = np.ones(len(q), dtype=bool)
     left = np.zeros((len(q), 3))
     for _ in range(_STEPS):
-        left = model.tool_point(command, wrench, conditions) - T_target[:, :3, 3]
+        left = real_point(model, command, wrench, conditions) - T_target[:, :3, 3]
         if float(np.max(np.linalg.norm(left, axis=1), initial=0.0)) < ACCURACY:
             break
         shift = shift - np.where(reached[:, None], left, 0.0)
@@ -195,7 +196,6 @@ class _Rows:
     working: BoolArray
     process: FloatArray
     arc: IntArray
-    conditions: Mapping[str, Any]
 
 
 def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
@@ -213,15 +213,49 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
     q_aux = np.where(
         valid[at, slot][:, None], kinematics.nearest(branches[at, slot], q[arc]), q[arc]
     )
-    direction = _directions(q)
     process = process_of(plan, cell)
     return _Rows(
         np.concatenate([q, q_aux]),
         np.concatenate([working, working[arc]]),
         np.concatenate([process, process[arc]]),
         arc,
-        {"direction": np.concatenate([direction, direction[arc]])},
     )
+
+
+def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> dict[str, Any]:
+    """Return where each joint comes from and how fast it is, as the program is run.
+
+    Speeds count where the tool works: on other ways nobody minds how late the arm is.
+    """
+    modules = emit(plan, cell)
+    trace = run(modules, modules[0].name, kinematics, world_of(modules, cell, kinematics))
+    paths = joint_paths(trace, cell, kinematics)
+    motion = _motions_of(plan, trace.is_cp)
+    ends: Moments = moments_of(paths, cell)[0].rows(motion)
+    arcs = motion[rows.arc]
+    middle = Clock.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
+    qd = np.concatenate([ends.qd, middle]) * rows.working[:, None]
+    return {"direction": np.concatenate([ends.direction, ends.direction[rows.arc]]), "qd": qd}
+
+
+def _motions_of(plan: Plan, is_cp: BoolArray) -> IntArray:
+    """Return the executed motion (m,) of each move.
+
+    A sub-program begins with a joint motion of no length where the plan has none: it is left out.
+    """
+    found = np.zeros(len(plan), dtype=np.int32)
+    motion = 0
+    runs = is_cp.tolist()
+    for move, kind in enumerate(np.asarray(plan.kind).tolist()):
+        while motion < len(runs) and kind != MoveKind.PTP and not runs[motion]:
+            motion += 1
+        if motion >= len(runs) or runs[motion] == (kind == MoveKind.PTP):
+            raise EmitError(
+                "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
+            )
+        found[move] = motion
+        motion += 1
+    return found
 
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:
@@ -233,15 +267,6 @@ def process_of(plan: Plan, cell: Cell) -> FloatArray:
     operation = np.asarray(path.operation)[np.clip(plan.tag, 0, len(path) - 1)]
     known = (plan.tag >= 0) & (operation >= 0) & (operation < len(names))
     return np.array(table)[np.where(known, operation, len(names))]
-
-
-def _directions(q: FloatArray) -> FloatArray:
-    """Return the sign of each joint's last motion (m, 6); one that stood keeps the sign before."""
-    step = np.diff(q, axis=0, prepend=q[:1])
-    sign = np.where(np.abs(step) > 1e-7, np.sign(step), 0.0)
-    for i in range(1, len(sign)):
-        sign[i] = np.where(sign[i] == 0.0, sign[i - 1], sign[i])
-    return sign
 
 
 def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArray:
@@ -257,7 +282,6 @@ def _shifted(
     kinematics: Kinematics,
     rows: _Rows,
     solved: Compensated,
-    note: str,
 ) -> Plan:
     m = len(plan)
     R_base_robroot = np.swapaxes(_T_robroot_base(plan, cell, kinematics)[:, :3, :3], 1, 2)
@@ -272,14 +296,11 @@ def _shifted(
         T_base_tcp=T_base_tcp,
         aux=aux,
         compensation=shift,
-        compensation_note=note,
-        issues=(*plan.issues, *_findings(plan, kinematics, cell, solved, m)),
     )
 
 
-def _findings(
-    plan: Plan, kinematics: Kinematics, cell: Cell, solved: Compensated, m: int
-) -> list[Issue]:
+def _findings(plan: Plan, kinematics: Kinematics, solved: Compensated) -> list[Issue]:
+    m = len(plan)
     inside = kinematics.within_limits(solved.q[:m])
     good = solved.reached[:m] & inside & (solved.left[:m] < 100.0 * ACCURACY)
     findings = []
@@ -300,12 +321,49 @@ def _findings(
     return findings
 
 
-def _note(plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _Rows) -> str:
+def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
+    """Return a finding for moves whose shift goes on changing with the program itself."""
+    moves = np.flatnonzero(change >= SETTLED)
+    if not len(moves):
+        return []
+    worst = int(moves[int(change[moves].argmax())])
+    tag = int(plan.tag[worst])
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP002",
+            f"{len(moves)} compensated moves do not settle, the worst by "
+            f"{change[worst] / MM:.4f} mm: a joint turns back by less than it is shifted",
+            tag,
+            plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None,
+            hint="see what verify --model expects there",
+        )
+    ]
+
+
+def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
+    """Return a finding for effects that depend on what no program knows beforehand."""
+    given = _FOLLOWS_MOTION | {"wrench"}
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP003",
+            f"{name} is not compensated: a program does not know {', '.join(sorted(missing))}",
+            source=file.source(name),
+        )
+        for name in model.states
+        if (missing := set(effect_of(name).needs) - given)
+    ]
+
+
+def _note(
+    plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _Rows, dead: bool
+) -> str:
     """Return one short line for the program: model, loads, largest shift. No path, no date."""
     size = np.linalg.norm(solved.shift[: len(plan)], axis=1) / MM
     mass = cell.tool.mass
     parts = []
-    if carries_dead_load(file) and np.isfinite(mass) and mass > 0.0:
+    if dead and np.isfinite(mass) and mass > 0.0:
         parts.append(f"tool {mass:g} kg")
     acting = np.unique(rows.process[rows.working], axis=0)
     if len(acting) == 1:
@@ -320,26 +378,3 @@ def _note(plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _R
 
 def _triple(values: FloatArray) -> str:
     return " ".join(f"{value:g}" for value in values)
-
-
-def expected_points(
-    q: FloatArray,
-    cell: Cell,
-    file: ModelFile,
-    working: BoolArray,
-    process: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return nominal and expected real tool points (n, 3) [m] of commanded angles, robroot.
-
-    Args:
-        q: (n, 6) commanded joint angles [rad].
-        cell: the cell.
-        file: model of the real arm.
-        working: (n,) rows in which the process force acts.
-        process: (n, 6) process wrench in TCP axes; None: the cell's for all.
-    """
-    kinematics = build(cell.robot)
-    model = compensation_model(kinematics, cell, file)
-    wrench = loads(q, cell, kinematics, working, carries_dead_load(file), process)
-    conditions = {"direction": _directions(np.asarray(q, dtype=np.float64))}
-    return model.nominal(q), model.tool_point(q, wrench, conditions)

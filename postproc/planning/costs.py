@@ -147,7 +147,7 @@ def weights_of(cell: Cell) -> Weights:
                 f"[optimize] objective: there is no objective {name!r}, known are {names}",
                 SourceRef(cell.path),
             )
-        if known[name].is_stiffness and cell.joint_stiffness is None:
+        if known[name].is_stiffness and not cell.has_stiffness:
             notes.append(
                 f"no joint stiffness in the cell: {name!r} is left out, joint travel rules"
             )

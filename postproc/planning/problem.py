@@ -82,7 +82,12 @@ def nearest_turn(q: FloatArray, q_near: FloatArray) -> FloatArray:
 
 
 def stiffness_of(cell: Cell) -> Compliance | None:
-    """Return joint compliance as a function of the configuration, None without stiffness."""
+    """Return joint compliance as a function of the configuration, None without stiffness.
+
+    What a model of the arm knows goes before the cell's constant.
+    """
+    if cell.joint_compliance is not None:
+        return cell.joint_compliance
     if cell.joint_stiffness is None:
         return None
     constant = joint_compliance(cell.joint_stiffness)

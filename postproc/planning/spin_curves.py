@@ -23,11 +23,9 @@ from postproc.model.toolpath import ToolPath
 from postproc.planning.keytags import key_tags
 from postproc.planning.ladder import IndexArray
 from postproc.planning.place import cross_axes, place, spin_values
-from postproc.planning.problem import path_normals
+from postproc.planning.problem import Compliance, path_normals, stiffness_of
 from postproc.planning.settings import PlanOptions, settle
 from postproc.stiffness import index
-from postproc.stiffness.cartesian import joint_compliance
-from postproc.stiffness.field import ConstantField, StiffnessField
 from postproc.units import DEG
 
 INDICES = {
@@ -82,7 +80,6 @@ class SpinCurves:
 def spin_curves(
     toolpath: ToolPath,
     cell: Cell,
-    field: StiffnessField | None = None,
     tags: IndexArray | None = None,
     step: float | None = None,
     most: int = 24,
@@ -91,8 +88,7 @@ def spin_curves(
 
     Args:
         toolpath: what was read.
-        cell: robot, tool, workpiece.
-        field: joint stiffness over the workspace; None: the cell's constant.
+        cell: robot with its joint stiffness (a constant, or what a model knows), tool, workpiece.
         tags: indices; None: key tags, at most ``most`` of them.
         step: of the spin [rad]; None: the cell's.
         most: how many key tags.
@@ -100,14 +96,13 @@ def spin_curves(
     Raises:
         CellError: PLN205 if neither the cell nor a model gives joint stiffness.
     """
-    known = cell.joint_stiffness
-    if field is None and known is None:
+    c_joint = stiffness_of(cell)
+    if c_joint is None:
         raise CellError(
             "PLN205",
             "no joint stiffness: the cell has no [stiffness] and no --model is given",
             SourceRef(cell.path),
         )
-    stiffness = field or ConstantField(joint_compliance(np.asarray(known)))
     cell, settings = settle(cell, PlanOptions())
     if tags is None:
         tags = _some(np.flatnonzero(key_tags(toolpath, settings)), most)
@@ -119,7 +114,7 @@ def spin_curves(
     q, branch = _postures(placement.flange(T_base_tcp), kinematics, cell, len(tags))
     R_robroot_tcp = placement.T_robroot_base[:3, :3] @ T_base_tcp[:, :3, :3]
     normal = np.repeat(path_normals(toolpath, placement)[tags], len(spins), axis=0)
-    values = _indices(q, R_robroot_tcp, normal, np.tile(spins, len(tags)), cell, stiffness)
+    values = _indices(q, R_robroot_tcp, normal, np.tile(spins, len(tags)), cell, c_joint)
     shape = (len(tags), len(spins))
     return SpinCurves(
         tags=np.asarray(tags, dtype=np.int64),
@@ -170,7 +165,7 @@ def _indices(
     normal: FloatArray,
     spin: FloatArray,
     cell: Cell,
-    stiffness: StiffnessField,
+    c_joint: Compliance,
 ) -> dict[str, FloatArray]:
     can = np.flatnonzero(np.isfinite(q[:, 0]))
     values = {name: np.full(len(q), np.nan) for name in INDICES}
@@ -179,8 +174,7 @@ def _indices(
     kinematics = build(cell.robot)
     tcp = cell.tool.T_flange_tcp[:3, 3]
     J = kinematics.jacobian(q[can], tcp)
-    T = kinematics.fk(q[can])
-    c = stiffness.compliance(q[can], T[:, :3, :3] @ tcp + T[:, :3, 3])
+    c = c_joint(q[can])
     R = R_robroot_tcp[can]
     axis = R @ np.asarray(cell.tool.axis)
     first, second = (R @ across for across in cross_axes(np.asarray(cell.tool.axis)))

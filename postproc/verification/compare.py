@@ -13,6 +13,9 @@ the program gets from one point to the next is judged by what the file asks for:
 
 A point that the program does not go to is *missed*; if it goes there at another time, it is out of
 *order*. Both count with the distance to where the program does go between the neighbours.
+
+With a model of the arm all this is asked of the real tool: the commanded points may be off the file
+by what the arm is expected to give way (see ``real``).
 """
 
 from __future__ import annotations
@@ -30,13 +33,17 @@ from postproc.verification.checks import Result, speed_shares
 from postproc.verification.elements import Arc, Followed, Line, follow
 from postproc.verification.holes import check_holes
 from postproc.verification.matching import Wanted, match, wanted_of
-from postproc.verification.motion import Paths
+from postproc.verification.moments import Displacement
+from postproc.verification.real import RealPaths, feeds_of, real_paths
+from postproc.verification.report import Expectation
 from postproc.verification.trace import Finding, Rows, Way
 
 FEED_TOLERANCE = 1e-3
 """Share by which a feed may differ from the file's."""
 AXIS_LIMIT = 0.95
 """A feed that would need more than this share of an axis's speed may be programmed lower."""
+SHIFTED_AXIS_LIMIT = 0.9
+"""The same for a program whose points are shifted: axes need a little more or less speed there."""
 AT_MOST = 20
 """So many findings of one kind are listed one by one."""
 
@@ -60,7 +67,8 @@ class Comparison:
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
     may be meant; ``is_cut`` (m,): motions that cut;
-    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad].
+    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad]; ``real``: the paths that were compared;
+    ``nominal_error`` (n,) [m] of the commanded point, None without a model of the arm.
     """
 
     wanted: Wanted
@@ -69,9 +77,30 @@ class Comparison:
     is_cut: BoolArray
     position_error: FloatArray
     axis_error: FloatArray
+    real: RealPaths
+    nominal_error: FloatArray | None = None
+
+    def expectation(self) -> Expectation | None:
+        """Return the deviations of the real and of the commanded tool, None without a model."""
+        if self.nominal_error is None:
+            return None
+        known = np.isfinite(self.position_error) & np.isfinite(self.nominal_error)
+        values = [self.position_error[known], self.nominal_error[known]]
+        both = [(float(v.max(initial=0.0)), _rms(v)) for v in values]
+        return Expectation(*both[0], *both[1])
 
 
-def compare(result: Result, cell: Cell, toolpath: ToolPath, tolerances: Tolerances) -> Comparison:
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def compare(
+    result: Result,
+    cell: Cell,
+    toolpath: ToolPath,
+    tolerances: Tolerances,
+    displacement: Displacement | None = None,
+) -> Comparison:
     """Compare a program with the CAM file it was made from.
 
     Args:
@@ -79,13 +108,17 @@ def compare(result: Result, cell: Cell, toolpath: ToolPath, tolerances: Toleranc
         cell: the chord tolerance and the feed where the file gives none.
         toolpath: what was asked for.
         tolerances: how far the program may be off.
+        displacement: of the real tool point against the commanded one; None: as commanded.
     """
     paths = result.paths
     wanted = wanted_of(toolpath)
-    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
-    visits = match(wanted.point, _visited(paths), tolerances.position, own)
-    served = visits.first
     n = len(toolpath)
+    real = RealPaths.nominal(paths, n)
+    if displacement is not None:
+        real = real_paths(paths, cell, toolpath, displacement)
+    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    visits = match(wanted.point, _visited(real), tolerances.position, own, real.case)
+    served = visits.first
     comparison = Comparison(
         wanted,
         served,
@@ -93,19 +126,23 @@ def compare(result: Result, cell: Cell, toolpath: ToolPath, tolerances: Toleranc
         np.zeros(len(paths), dtype=np.bool_),
         np.zeros(n),
         np.zeros(n),
+        real,
+        None if displacement is None else np.zeros(n),
     )
     _points(result, comparison, toolpath, tolerances)
     path_tolerance = tolerances.path if tolerances.path is not None else _chord(cell)
-    feeds = _Feeds(result, toolpath, cell)
+    limit = AXIS_LIMIT if displacement is None else SHIFTED_AXIS_LIMIT
+    feeds = _Feeds(result, toolpath, cell, limit)
     _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
-    check_holes(result, wanted, served, comparison.is_cut, tolerances.position, feeds)
+    check_holes(result, real, wanted, served, comparison.is_cut, tolerances.position, feeds)
     feeds.report()
     return comparison
 
 
-def _visited(paths: Paths) -> FloatArray:
-    """Return the end points (m, 3), far away where a motion has none."""
-    return np.where(np.isfinite(paths.end_point), paths.end_point, 1e9)
+def _visited(real: RealPaths) -> FloatArray:
+    """Return the end points (cases, m, 3), far away where a motion has none."""
+    points = real.end_point
+    return np.where(np.isfinite(points), points, 1e9)
 
 
 def _chord(cell: Cell) -> float:
@@ -123,9 +160,12 @@ def _points(
     found = np.flatnonzero(served >= 0)
     if len(found):
         motion = served[found]
-        comparison.position_error[found] = np.linalg.norm(
-            paths.end_point[motion] - wanted.point[found], axis=1
-        )
+        real = comparison.real
+        off = real.end_point[real.case[found], motion] - wanted.point[found]
+        comparison.position_error[found] = np.linalg.norm(off, axis=1)
+        if comparison.nominal_error is not None:
+            off = paths.end_point[motion] - wanted.point[found]
+            comparison.nominal_error[found] = np.linalg.norm(off, axis=1)
         comparison.axis_error[found] = angle_between(paths.end_axis[motion], wanted.axis[found])
         _measure_points(result, comparison, found)
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
@@ -160,10 +200,11 @@ def _missed(result: Result, comparison: Comparison, toolpath: ToolPath, toleranc
     lost = np.flatnonzero(served < 0)
     if not len(lost):
         return
-    visited = _visited(paths)
+    every, case = _visited(comparison.real), comparison.real.case
     before = np.maximum.accumulate(served)
     behind = np.minimum.accumulate(np.where(served < 0, len(paths), served)[::-1])[::-1]
     for number, row in enumerate(lost.tolist()):
+        visited = every[case[row]]
         low, high = max(int(before[row]), 0), min(int(behind[row]) + 1, len(paths))
         gap = np.linalg.norm(visited[low:high] - wanted.point[row], axis=1)
         if not len(gap):
@@ -171,6 +212,9 @@ def _missed(result: Result, comparison: Comparison, toolpath: ToolPath, toleranc
             result.findings += _nowhere(result, toolpath, row)
             continue
         nearest = low + int(gap.argmin())
+        if comparison.nominal_error is not None:
+            off = paths.end_point[nearest] - wanted.point[row]
+            comparison.nominal_error[row] = float(np.linalg.norm(off))
         comparison.position_error[row] = float(gap.min())
         comparison.axis_error[row] = float(angle_between(paths.end_axis[nearest], wanted.axis[row]))
         if number < AT_MOST:
@@ -235,15 +279,16 @@ def _elements(
     direct &= result.paths.trace.way[served[rows]] == Way.LIN
     comparison.is_cut[served[rows[direct]]] = True
     feeds.expect_rows(rows[direct], served[rows[direct]])
-    worst: Followed | None = None
+    worst = _bent(result, comparison, toolpath, rows[direct], tolerance)
     faults = 0
     for row in rows[~direct & (step > 0)].tolist():
         done = follow(
             _element(toolpath, row),
-            result.paths,
+            comparison.real.of(row),
             int(served[row - 1]) + 1,
             int(served[row]),
             tolerance,
+            comparison.real.of(row - 1),
         )
         comparison.is_cut[list(done.covered)] = True
         feeds.expect(row, done.covered)
@@ -258,6 +303,42 @@ def _elements(
         result.measure("path", worst.deviation / MM, "mm", worst.motion)
 
 
+def _bent(
+    result: Result, comparison: Comparison, toolpath: ToolPath, rows: Rows, tolerance: float
+) -> Followed | None:
+    """Return how far the real tool leaves straight lines that are right at both ends.
+
+    Commanded points cannot; the arm gives way by another amount in the middle of a long line.
+    """
+    real = comparison.real
+    if comparison.nominal_error is None or not len(rows):
+        return None
+    tag = np.full(len(result.paths), -1)
+    tag[comparison.served[rows]] = rows
+    own = tag[result.paths.row]
+    sample = np.flatnonzero((own >= 0) & (result.paths.share < 1.0))
+    if not len(sample):
+        return None
+    own, progress = own[sample], result.paths.share[sample, None]
+    every = np.stack([paths.point for paths in real.paths])
+    # where the load changes from tag to tag, it does so along the line
+    points = (1.0 - progress) * every[real.case[own - 1], sample]
+    points = points + progress * every[real.case[own], sample]
+    start = np.asarray(toolpath.points)[own - 1]
+    way = np.asarray(toolpath.points)[own] - start
+    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-24)
+    share = np.clip(np.einsum("ij,ij->i", points - start, way) / square, 0.0, 1.0)
+    off = np.linalg.norm(points - start - share[:, None] * way, axis=1)
+    off = np.where(np.isfinite(off), off, 0.0)
+    place = int(off.argmax())
+    motion = int(result.paths.row[sample[place]])
+    beside = int(np.unique(own[off > tolerance]).size)
+    if beside:
+        text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
+        result.finding("path", motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
+    return Followed(float(off[place]), motion)
+
+
 def _element(toolpath: ToolPath, row: int) -> Line | Arc:
     start, end = np.asarray(toolpath.points[row - 1]), np.asarray(toolpath.points[row])
     number = int(toolpath.arc[row])
@@ -270,15 +351,11 @@ def _element(toolpath: ToolPath, row: int) -> Line | Arc:
 class _Feeds:
     """Collects which feed each motion should have, and compares."""
 
-    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell) -> None:
+    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell, limit: float) -> None:
         self._result = result
+        self._limit = limit
         self._cell = cell
-        feed = np.asarray(toolpath.feed)
-        self._feed = np.where(np.isfinite(feed), feed, cell.motion.feed)
-        own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
-        cycle = own[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros(0)
-        is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
-        self._feed = np.where(is_hole & np.isfinite(cycle), cycle, self._feed)
+        self._feed = feeds_of(toolpath, cell)
         self._speed = result.paths.trace.column("speed")
         self._motions: list[Rows] = []
         self._wanted: list[FloatArray] = []
@@ -322,7 +399,7 @@ class _Feeds:
         needed = np.zeros(len(paths))
         if len(motions) and len(paths.row):
             np.maximum.at(needed, paths.row, speed_shares(paths, self._cell).max(axis=1))
-        return (share < 1.0) & (needed[motions] / share > AXIS_LIMIT)
+        return (share < 1.0) & (needed[motions] > self._limit * share)
 
     def _list(
         self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, *, is_error: bool

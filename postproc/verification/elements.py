@@ -113,7 +113,14 @@ class Followed:
     covered: tuple[int, ...] = ()
 
 
-def follow(element: Line | Arc, paths: Paths, first: int, last: int, tolerance: float) -> Followed:
+def follow(
+    element: Line | Arc,
+    paths: Paths,
+    first: int,
+    last: int,
+    tolerance: float,
+    before: Paths | None = None,
+) -> Followed:
     """Return how motions first..last follow an element whose start is the end of ``first - 1``.
 
     Args:
@@ -122,15 +129,20 @@ def follow(element: Line | Arc, paths: Paths, first: int, last: int, tolerance: 
         first: first motion behind the element's start.
         last: motion that ends at the element's end.
         tolerance: [m].
+        before: all motions under the load of the element's start, if another; the load changes
+            along the first motion.
     """
+    before = before or paths
     reached, worst, worst_motion = 0.0, 0.0, last
     covered: list[int] = []
     near = NEAR * tolerance
     for motion in range(first, last + 1):
-        on_start = _is_on(element, paths.end_point[motion - 1], reached, tolerance)
-        deviation, at_end, way = _trail(element, paths, motion, reached)
+        start = (before if motion == first else paths).end_point[motion - 1]
+        on_start = _is_on(element, start, reached, tolerance)
+        points = _points(paths, motion, before if motion == first else paths)
+        deviation, at_end, way = _trail(element, points, reached)
         if on_start and deviation <= near and paths.trace.is_cp[motion]:
-            _, begin = element.measure(paths.end_point[motion - 1][None], reached)
+            _, begin = element.measure(start[None], reached)
             if begin[0] > reached + near:
                 left = _left_out(float(begin[0]) - reached)
                 return Followed(worst, motion, left, tuple(covered))
@@ -156,15 +168,20 @@ def _is_on(element: Line | Arc, point: FloatArray, hint: float, tolerance: float
     return bool(distance[0] <= NEAR * tolerance)
 
 
-def _trail(
-    element: Line | Arc, paths: Paths, motion: int, reached: float
-) -> tuple[float, float, float]:
-    """Return worst distance [m] on a motion, distance at its end, way along the element there."""
+def _points(paths: Paths, motion: int, before: Paths) -> FloatArray:
+    """Return points (k, 3) [m] of a motion, its end included; the load changes on the way."""
     if not paths.trace.is_cp[motion]:
-        distance, along = element.measure(paths.end_point[motion][None], reached)
-        return float(distance[0]), float(distance[0]), float(along[0])
+        return np.asarray(paths.end_point[motion][None])
     points = curve_points(paths, motion)
-    if isinstance(element, Line):
+    if before is paths:
+        return points
+    share = _SHARES[:, None]
+    return np.asarray((1.0 - share) * curve_points(before, motion) + share * points)
+
+
+def _trail(element: Line | Arc, points: FloatArray, reached: float) -> tuple[float, float, float]:
+    """Return worst distance [m] of points (k, 3), that of the last, its way along the element."""
+    if isinstance(element, Line) or len(points) == 1:
         distance, along = element.measure(points, reached)
         return float(distance.max()), float(distance[-1]), float(along[-1])
     worst, last, way = 0.0, 0.0, reached
@@ -177,7 +194,7 @@ def _trail(
 
 def curve_points(paths: Paths, motion: int) -> FloatArray:
     """Return points (8, 3) [m] along a path motion, in the part, the end included."""
-    if paths.trace.way[motion] == Way.LIN:
+    if paths.trace.way[motion] == Way.LIN and paths.shift is None:
         start, end = paths.end_point[motion - 1], paths.end_point[motion]
         return np.asarray(start + _SHARES[:, None] * (end - start))
     return paths.points_at(np.full(len(_SHARES), motion), _SHARES)

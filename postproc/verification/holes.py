@@ -11,6 +11,7 @@ from postproc.model.arrays import BoolArray, IntArray
 from postproc.units import MM
 from postproc.verification.checks import Result
 from postproc.verification.matching import Wanted
+from postproc.verification.real import RealPaths
 from postproc.verification.trace import Blend, EventWord
 
 NEAR = 10.0
@@ -32,6 +33,7 @@ class Feeds(Protocol):
 
 def check_holes(
     result: Result,
+    real: RealPaths,
     wanted: Wanted,
     served: IntArray,
     is_cut: BoolArray,
@@ -43,7 +45,7 @@ def check_holes(
     if not len(rows):
         return
     dwells = _dwells(result)
-    checker = _Holes(result, wanted, served, NEAR * tolerance)
+    checker = _Holes(result, real, wanted, served, NEAR * tolerance)
     for row in rows.tolist():
         drilled = checker.check(row)
         is_cut[list(drilled)] = True
@@ -63,19 +65,28 @@ def _dwells(result: Result) -> dict[int, float]:
 class _Holes:
     """Looks at the motions around the bottom of one hole after the other."""
 
-    def __init__(self, result: Result, wanted: Wanted, served: IntArray, near: float) -> None:
+    def __init__(
+        self, result: Result, real: RealPaths, wanted: Wanted, served: IntArray, near: float
+    ) -> None:
         self._result = result
         self._wanted = wanted
         self._served = served
         self._near = near
-        self._points = result.paths.end_point.tolist()
+        self._case = real.case.tolist()
+        self._all_points = [paths.end_point.tolist() for paths in real.paths]
+        self._points = self._all_points[0]
         self._is_cp = result.paths.trace.is_cp.tolist()
         self._blend = result.paths.trace.blend.tolist()
         self._told: dict[str, int] = {}
+        count = len(self._points)
+        self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
+        later = np.where(served >= 0, served, count)
+        self._behind = np.r_[np.minimum.accumulate(later[::-1])[::-1], count]
 
     def check(self, row: int) -> tuple[int, ...]:
         """Check one hole and return the motions that drill."""
         wanted, bottom = self._wanted, int(self._served[row])
+        self._points = self._all_points[self._case[row]]
         base, axis = wanted.point[row].tolist(), wanted.axis[row].tolist()
         if self._blend[bottom] not in _STOPPED:
             self._tell("blended_plunge", bottom, "the bottom of the hole is blended: not reached")
@@ -90,7 +101,32 @@ class _Holes:
                 f"the tool comes onto the hole's axis {(needed - top) / MM:.3f} mm too low",
             )
         self._way_out(row, bottom, base, axis)
+        self._inside(row, base, axis, needed)
         return self._drilling(down, bottom, needed)
+
+    def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
+        """Below the clearance height the tool may only move along the axis, never by PTP."""
+        first = int(self._before[row]) + 1
+        last = min(int(self._behind[row + 1]), len(self._points))
+        places = [self._on_axis(v, base, axis) for v in range(max(first - 1, 0), last)]
+        offset = max(first - 1, 0)
+        for number, height in enumerate(places):
+            if height is None or not -self._near < height < clear - self._near:
+                continue
+            for motion, other in ((number, number - 1), (number + 1, number + 1)):
+                if not 0 <= other < len(places):
+                    continue
+                if places[other] is None or not self._is_cp[motion + offset]:
+                    text = f"the tool moves sideways {(clear - height) / MM:.3f} mm deep"
+                    self._tell("plunge", motion + offset, text)
+                    return
+
+    def _on_axis(self, vertex: int, base: list[float], axis: list[float]) -> float | None:
+        """Return the height above the bottom of a vertex on the hole's axis, None beside it."""
+        a, b, c = (p - q for p, q in zip(self._points[vertex], base, strict=True))
+        height = -(a * axis[0] + b * axis[1] + c * axis[2])
+        d, e, f = (p + height * q for p, q in zip((a, b, c), axis, strict=True))
+        return height if d * d + e * e + f * f <= self._near * self._near else None
 
     def _way_out(self, row: int, bottom: int, base: list[float], axis: list[float]) -> None:
         wanted = self._wanted
@@ -109,8 +145,6 @@ class _Holes:
         self, bottom: int, way: int, base: list[float], axis: list[float], stop: int
     ) -> Iterator[tuple[int, float]]:
         """Yield (vertex, height above the bottom) along the axis, backwards or forwards."""
-        x, y, z = base
-        u, v, w = axis
         vertex = bottom
         while True:
             motion = vertex if way < 0 else vertex + 1
@@ -119,11 +153,8 @@ class _Holes:
                 return
             if way < 0 and vertex <= stop:
                 return
-            a, b, c = self._points[vertex]
-            a, b, c = a - x, b - y, c - z
-            height = -(a * u + b * v + c * w)
-            d, e, f = a + height * u, b + height * v, c + height * w
-            if not d * d + e * e + f * f <= self._near * self._near:
+            height = self._on_axis(vertex, base, axis)
+            if height is None:
                 return
             yield vertex, height
 

@@ -81,18 +81,24 @@ class Visits:
 
 
 def match(
-    wanted: FloatArray, visited: FloatArray, tolerance: float, is_own: BoolArray | None = None
+    wanted: FloatArray,
+    visited: FloatArray,
+    tolerance: float,
+    is_own: BoolArray | None = None,
+    case: IntArray | None = None,
 ) -> Visits:
     """Return for each wanted point which visited point serves it.
 
     Args:
         wanted: (r, 3) [m] in order.
-        visited: (v, 3) [m] in order.
+        visited: (v, 3) [m] in order, or (c, v, 3) under each of c loads.
         tolerance: [m].
         is_own: (r,) points that need a visit of their own (the end of a full circle); any other
             point that repeats the one before shares its visit. None: no such points.
+        case: (r,) the load that counts for each point; None: the first.
     """
-    if not len(wanted) or not len(visited):
+    visited = visited[None] if visited.ndim == 2 else visited
+    if not len(wanted) or not visited.shape[1]:
         nothing = np.full(len(wanted), -1, dtype=np.int32)
         return Visits(nothing, nothing)
     new = np.r_[True, np.linalg.norm(np.diff(wanted, axis=0), axis=1) > SAME]
@@ -100,22 +106,27 @@ def match(
         new |= is_own
     distinct = wanted[new]
     group = np.cumsum(new) - 1
-    found = _earliest(distinct, visited, tolerance)
+    load = np.zeros(len(distinct), dtype=np.int32) if case is None else case[new]
+    found = _earliest(distinct, visited, tolerance, load)
     if found is None:
-        found = _longest_chain(distinct, visited, tolerance)
+        found = _longest_chain(distinct, visited, tolerance, load)
         return Visits(found[group], found[group])
-    latest = _earliest(distinct[::-1], visited[::-1], tolerance)
-    last = found if latest is None else np.asarray(len(visited) - 1 - latest[::-1], dtype=np.int32)
+    latest = _earliest(distinct[::-1], visited[:, ::-1], tolerance, load[::-1])
+    count = visited.shape[1]
+    last = found if latest is None else np.asarray(count - 1 - latest[::-1], dtype=np.int32)
     return Visits(found[group], last[group])
 
 
-def _earliest(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray | None:
+def _earliest(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> IntArray | None:
     """Return the earliest visits in order, None if a point has none behind the one before."""
     limit = tolerance * tolerance
     found = np.empty(len(wanted), dtype=np.int32)
-    at, count = 0, len(visited)
-    x, y, z = (column.tolist() for column in visited.T)
-    for row, (a, b, c) in enumerate(wanted.tolist()):
+    at, count = 0, visited.shape[1]
+    columns = [[column.tolist() for column in points.T] for points in visited]
+    for row, ((a, b, c), load) in enumerate(zip(wanted.tolist(), case.tolist(), strict=True)):
+        x, y, z = columns[load]
         while at < count:
             d, e, f = x[at] - a, y[at] - b, z[at] - c
             if d * d + e * e + f * f <= limit:
@@ -128,9 +139,11 @@ def _earliest(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntA
     return found
 
 
-def _longest_chain(wanted: FloatArray, visited: FloatArray, tolerance: float) -> IntArray:
+def _longest_chain(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> IntArray:
     """Return the visits of the longest common subsequence of points within the tolerance."""
-    rows, visits = _pairs(wanted, visited, tolerance)
+    rows, visits = _pairs(wanted, visited, tolerance, case)
     tails: list[int] = []
     tail_pairs: list[int] = []
     before = np.full(len(rows), -1, dtype=np.int64)
@@ -152,16 +165,22 @@ def _longest_chain(wanted: FloatArray, visited: FloatArray, tolerance: float) ->
 
 
 def _pairs(
-    wanted: FloatArray, visited: FloatArray, tolerance: float
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and visits of all pairs within the tolerance, by row, visits falling."""
     from scipy.spatial import cKDTree
 
-    tree, other = cKDTree(wanted), cKDTree(visited)
-    if tree.count_neighbors(other, tolerance) > MAX_PAIRS:
-        # The path comes back to the same places over and over: keep the nearest in sequence.
-        return _few_pairs(wanted, visited, tolerance)
-    near = tree.query_ball_tree(other, tolerance)
+    near: list[list[int]] = [[] for _ in range(len(wanted))]
+    left = MAX_PAIRS
+    for load in np.unique(case).tolist():
+        own = np.flatnonzero(case == load)
+        tree, other = cKDTree(wanted[own]), cKDTree(visited[load])
+        left -= int(tree.count_neighbors(other, tolerance))
+        if left < 0:
+            # The path comes back to the same places over and over: keep the nearest in sequence.
+            return _few_pairs(wanted, visited, tolerance, case)
+        for row, found in zip(own.tolist(), tree.query_ball_tree(other, tolerance), strict=True):
+            near[row] = found
     counts = np.array([len(item) for item in near])
     rows = np.repeat(np.arange(len(wanted)), counts)
     visits = np.array([v for item in near for v in sorted(item, reverse=True)], dtype=np.int64)
@@ -169,14 +188,14 @@ def _pairs(
 
 
 def _few_pairs(
-    wanted: FloatArray, visited: FloatArray, tolerance: float
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return pairs near the diagonal of equal progress only."""
     rows, visits = [], []
-    share = len(visited) / len(wanted)
+    share = visited.shape[1] / len(wanted)
     for row, point in enumerate(wanted):
         low = max(0, int(row * share) - 100)
-        window = visited[low : low + 201]
+        window = visited[case[row], low : low + 201]
         close = np.flatnonzero(np.linalg.norm(window - point, axis=1) <= tolerance)
         visits += (low + close[::-1]).tolist()
         rows += [row] * len(close)

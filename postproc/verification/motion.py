@@ -46,6 +46,7 @@ class Paths:
             point: (s, 3) TCP and axis: (s, 3) tool axis, both in the part (CAM coordinates).
         end_point, end_axis: (m, 3) the same at the end of every motion.
         findings: what could not be reached.
+        shift: what ``point`` and ``end_point`` have on top of the commanded motions, if anything.
     """
 
     trace: Trace
@@ -61,6 +62,7 @@ class Paths:
     end_axis: FloatArray
     findings: tuple[Finding, ...]
     station: Station
+    shift: Shift | None = None
 
     def __len__(self) -> int:
         """Return the number of motions."""
@@ -71,7 +73,26 @@ class Paths:
         station = self.station
         T = self.curves.flange(row, share, station.externals, self.external)
         external = self.curves.external_at(row, share, self.external)
-        return station.in_part(T, external)[0]
+        points: FloatArray = station.in_part(T, external)[0]
+        if self.shift is not None:
+            points = points + self.shift.at(row, share)
+        return points
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """Shift of the tool along path motions: ``value`` (k, 3) [m], part, at ``place`` (k,).
+
+    A place is twice the number of the motion, plus the share of it.
+    """
+
+    place: FloatArray
+    value: FloatArray
+
+    def at(self, row: Rows, share: FloatArray) -> FloatArray:
+        """Return the shift (n, 3) [m] at ``share`` (n,) of path motions ``row`` (n,)."""
+        where = 2.0 * row + share
+        return np.stack([np.interp(where, self.place, v) for v in self.value.T], axis=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +111,14 @@ class Station:
             T_part_robroot = inverse(self.externals.shift(external) @ self.cell.T_robroot_base)
         T = T_part_robroot @ T_robroot_flange @ self.cell.tool.T_flange_tcp
         return T[:, :3, 3], T[:, :3, :3] @ self.cell.tool.axis
+
+    def turned_to_part(self, vectors: FloatArray, external: FloatArray) -> FloatArray:
+        """Return vectors (n, 3) of robroot in axes of the part."""
+        T_robroot_part = self.cell.T_robroot_base
+        if not self.externals:
+            return np.asarray(vectors @ T_robroot_part[:3, :3])
+        T = self.externals.shift(external) @ T_robroot_part
+        return np.asarray(np.einsum("nji,nj->ni", T[:, :3, :3], vectors))
 
 
 def joint_paths(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -55,11 +56,30 @@ class Worst:
 
 
 @dataclass(frozen=True, slots=True)
+class Expectation:
+    """How far the real tool is expected from the CAM points, and the commanded one is [m].
+
+    Over all CAM points, missed ones by how near the program comes: worst and root mean square.
+    """
+
+    expected_max: float
+    expected_rms: float
+    nominal_max: float
+    nominal_rms: float
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the entries of the JSON document."""
+        names = ("expected_max", "expected_rms", "nominal_max", "nominal_rms")
+        return {f"{n}_position_error_mm": round(getattr(self, n) / MM, 6) for n in names}
+
+
+@dataclass(frozen=True, slots=True)
 class Run:
     """The run that was judged, motion by motion (m,), for those who want to see it.
 
     ``durations`` (m,) estimated [s]; ``served`` (n,) motion that goes to each CAM point, -1 for
-    none, and ``position_error`` (n,) there [m], both None without a CAM file.
+    none, and ``position_error`` (n,) there [m] (of the real tool, where a model was given), both
+    None without a CAM file.
     """
 
     paths: Paths
@@ -77,9 +97,11 @@ class VerifyReport:
         violations: what makes the program bad; warnings: what does not.
         cycle_time: estimate [s].
         worst: the worst value of each measure.
-        position_error: largest distance of a CAM point from where the program goes [m]; axis_error:
-            largest angle of the tool axis there [rad]; both None without a CAM file.
+        position_error: largest distance of a CAM point from where the program goes, with a model
+            from where the real tool is expected [m]; axis_error: largest angle of the tool axis
+            there [rad]; both None without a CAM file.
         tags: CAM points; matched: those that were passed, in order.
+        expectation: real and commanded tool beside each other, None without a model.
         run: what was judged.
     """
 
@@ -93,6 +115,7 @@ class VerifyReport:
     axis_error: float | None = None
     tags: int | None = None
     matched: int | None = None
+    expectation: Expectation | None = None
     collisions_checked: bool = False
     run: Run | None = field(default=None, compare=False, repr=False)
 
@@ -111,14 +134,20 @@ class VerifyReport:
             "points": self.points,
             "tags": self.tags,
             "matched": self.matched,
-            "max_position_error_mm": None if position is None else round(position / MM, 6),
-            "max_axis_error_deg": None if axis is None else round(axis / DEG, 6),
+            "max_position_error_mm": _in_unit(position, MM),
+            "max_axis_error_deg": _in_unit(axis, DEG),
+            **({} if self.expectation is None else self.expectation.to_dict()),
             "violations": [item.to_dict() for item in self.violations],
             "warnings": [item.to_dict() for item in self.warnings],
             "worst": {name: item.to_dict() for name, item in sorted(self.worst.items())},
             "collisions_checked": self.collisions_checked,
             "cycle_time_s": round(self.cycle_time, 3),
         }
+
+
+def _in_unit(value: float | None, unit: float) -> float | None:
+    """Return a number for the document; None without one, or where nothing was passed at all."""
+    return None if value is None or not math.isfinite(value) else round(value / unit, 6)
 
 
 def split_findings(

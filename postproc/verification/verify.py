@@ -8,6 +8,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``.
+
+With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
 """
 
 from __future__ import annotations
@@ -39,15 +41,18 @@ from postproc.units import DEG, MM
 from postproc.verification.checks import (
     Result,
     check_blending,
+    check_externals,
     check_joints,
     check_speeds,
     cycle_time,
     durations,
 )
 from postproc.verification.collisions import check_collisions
-from postproc.verification.compare import Comparison, Tolerances, compare
+from postproc.verification.compare import Comparison, Tolerances
 from postproc.verification.interpreter import World, run
+from postproc.verification.moments import Displacement
 from postproc.verification.motion import joint_paths, joints_at_end
+from postproc.verification.order import compare_served
 from postproc.verification.process import check_events
 from postproc.verification.report import Run, VerifyReport, split_findings
 from postproc.verification.runtime import pose_of
@@ -67,6 +72,7 @@ def verify(
     tolerances: Tolerances | None = None,
     collisions: bool = True,
     progress: Progress | None = None,
+    displacement: Displacement | None = None,
 ) -> VerifyReport:
     """Verify a program on disk with the modules beside it that it calls.
 
@@ -77,14 +83,24 @@ def verify(
         tolerances: of the comparison.
         collisions: search for collisions along the motions, if the cell has solids.
         progress: called with (done, total, what).
+        displacement: of the real tool point against the commanded one; with it the CAM file is
+            compared with where the real tool is expected to go.
 
     Raises:
         KrlError: if a file is no KRL that could run.
         ReadError: if the file is missing.
+        DataError: VER001 if a tag of the CAM file has no point.
     """
     modules = load_program(src_path)
     return verify_modules(
-        modules, modules[0].name, cell, toolpath, tolerances, collisions, progress
+        modules,
+        modules[0].name,
+        cell,
+        toolpath,
+        tolerances,
+        collisions,
+        progress,
+        displacement=displacement,
     )
 
 
@@ -145,6 +161,8 @@ def verify_modules(
     tolerances: Tolerances | None = None,
     collisions: bool = True,
     progress: Progress | None = None,
+    *,
+    displacement: Displacement | None = None,
 ) -> VerifyReport:
     """Verify modules that have been read; arguments as ``verify``, ``name``: the one to start.
 
@@ -162,12 +180,15 @@ def verify_modules(
     _check_frames(result, trace, cell)
     _check_circles(result)
     check_joints(result, cell, kinematics)
+    check_externals(result, cell)
     check_blending(result)
     report(2, 4, "comparison")
     comparison = None
     if toolpath is not None:
         toolpath = as_served(toolpath, cell)
-        comparison = compare(result, cell, toolpath, tolerances or Tolerances())
+        comparison = compare_served(
+            result, cell, toolpath, tolerances or Tolerances(), displacement
+        )
         check_events(result, cell, toolpath, comparison.served, comparison.latest)
     is_cut = comparison.is_cut if comparison is not None else None
     check_speeds(result, cell, is_cut)
@@ -181,9 +202,10 @@ def _report(
 ) -> VerifyReport:
     violations, warnings = split_findings(result.findings)
     paths = result.paths
-    position = axis = tags = matched = None
+    position = axis = tags = matched = real = None
     if comparison is not None:
         position = float(np.max(comparison.position_error, initial=0.0))
+        real = comparison.expectation()
         axis = float(np.max(comparison.axis_error, initial=0.0))
         tags, matched = len(comparison.served), int((comparison.served >= 0).sum())
     return VerifyReport(
@@ -197,6 +219,7 @@ def _report(
         axis_error=axis,
         tags=tags,
         matched=matched,
+        expectation=real,
         collisions_checked=checked,
         run=Run(
             paths,

@@ -57,5 +57,7 @@ def test_a_link_without_mass_leaves_all_masses_open(tmp_path):
 @pytest.mark.parametrize("text", ["1 2", "x", "nan", ""])
 def test_wrong_numbers_are_refused(tmp_path, text):
     wrong = arm().replace('<mass value="6"/>', f'<mass value="{text}"/>', 1)
-    with pytest.raises(CellError, match=r"arm.urdf:1: error CEL011: <mass>: value is .*1 finite value"):
+    with pytest.raises(
+        CellError, match=r"arm.urdf:1: error CEL011: <mass>: value is .*1 finite value"
+    ):
         read_urdf_robot(written(tmp_path, wrong))

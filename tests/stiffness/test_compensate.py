@@ -13,7 +13,8 @@ from postproc.model.cell import Process
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.pipeline.compensate import compensate, expected_points, loads, solve
+from postproc.pipeline.compensate import compensate, solve
+from postproc.pipeline.real_arm import expected_points, loads
 from postproc.stiffness.cases import load_cases
 from postproc.stiffness.constant import fit_constant
 from postproc.stiffness.continuous import fit_continuous
@@ -197,7 +198,7 @@ def test_a_model_without_reason_is_refused(cell, arm, postures, tmp_path):
 
 
 def test_unseen_joints_take_the_cells_stiffness(cell, arm, postures, tmp_path):
-    from postproc.pipeline.compensate import compensation_model
+    from postproc.pipeline.real_arm import compensation_model
 
     c = 1.0 / K_PAPER
     c = np.where(np.arange(6) == 0, np.nan, c)

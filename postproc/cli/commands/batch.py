@@ -95,10 +95,15 @@ def _run(
 ) -> int:
     from postproc.batch.junit import junit_xml
     from postproc.batch.run import run_batch
+    from postproc.errors import ExitCode
     from postproc.files import write_files
 
-    with ticker(session) as progress:
-        outcome = run_batch(jobs, folder, options, progress)
+    try:
+        with ticker(session) as progress:
+            outcome = run_batch(jobs, folder, options, progress)
+    except KeyboardInterrupt:
+        session.say(f"{folder}:1: error CLI130: interrupted; the same call goes on from here")
+        return ExitCode.INTERRUPTED
     document = outcome.document()
     if junit:
         write_files({Path(junit): junit_xml(document["entries"])})

@@ -56,11 +56,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         units=options["units"],
     )
     toolpath = read_toolpath(request, cell)
-    field, words = _field(options["model"], cell)
+    cell, words = _with_model(options["model"], cell)
     curves = spin_curves(
         toolpath,
         cell,
-        field,
         _tags(options["tags"], toolpath),
         None if options["step"] is None else options["step"] * DEG,
         options["most"],
@@ -84,23 +83,20 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(all(tag["best"]["axial"] is not None for tag in content["tags"]))
 
 
-def _field(path: str | None, cell: Any) -> tuple[Any, str]:  # noqa: ANN401 - imported lazily
+def _with_model(path: str | None, cell: Any) -> tuple[Any, str]:  # noqa: ANN401 - imported lazily
     if path is None:
-        return None, "constant joint stiffness of the cell"
-    import numpy as np
-
+        return cell, "constant joint stiffness of the cell"
     from postproc.errors import DataError, SourceRef
-    from postproc.frames import apply
-    from postproc.kinematics.model import build
     from postproc.model.modelfile import load_model
+    from postproc.pipeline.real_arm import cell_with_model
     from postproc.stiffness.fieldfile import describe, field_of
 
-    kinematics, tcp = build(cell.robot), np.asarray(cell.tool.T_flange_tcp[:3, 3])
     model = load_model(path)
-    field = field_of(model, cell.joint_stiffness, lambda q: apply(kinematics.fk(q), tcp))
+    field = field_of(model)
     if field is None:
         raise DataError("MOD008", "the model has no joint stiffness", SourceRef(path))
-    return field, f"joint stiffness of {Path(path).name}: {describe(field)}"
+    words = f"joint stiffness of {Path(path).name}: {describe(field)}"
+    return cell_with_model(cell, model), words
 
 
 def _tags(text: str | None, toolpath: Any) -> Any:  # noqa: ANN401 - imported lazily

@@ -9,6 +9,8 @@ import click
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
+    from postproc.model.cell import Cell
+    from postproc.verification.moments import Displacement
     from postproc.verification.report import VerifyReport
 
 _POSITIVE = click.FloatRange(min=0.0, min_open=True)
@@ -17,6 +19,7 @@ Examples:
   postproc verify out/panel.src --cell cell.toml
   postproc verify out/panel.src --cell cell.toml --against panel.csv --json
   postproc verify out/panel.src --cell cell.toml --against panel.csv --report out/verify.html
+  postproc verify out/panel.src --cell cell.toml --against panel.csv --model model.toml
 """
 
 
@@ -50,6 +53,11 @@ Examples:
     type=_POSITIVE,
     help="How far the tool axis may be off the CAM file.",
 )
+@click.option(
+    "--model",
+    metavar="MODEL.toml",
+    help="Model of the arm: judge where the real, loaded tool lands (needs --against).",
+)
 @click.option("--no-collisions", is_flag=True, help="Do not search for collisions.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the run.")
 @standard_options
@@ -58,15 +66,20 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     The program is run on the robot model of the cell: tool and base, branches and turns, limits,
     singularities, axis speeds, blending, collisions between the points. With --against, every
-    point, axis, arc, feed, hole, dwell and event of the CAM file must be found in it. Exit code 1
-    if anything is violated.
+    point, axis, arc, feed, hole, dwell and event of the CAM file must be found in it. With --model
+    the real tool, as the model expects it under tool weight and process force, must be there: so
+    a program of convert --model is judged, whose commanded points are shifted on purpose. Exit
+    code 1 if anything is violated.
     """
     from postproc.model.cellfile import load_cell
     from postproc.units import DEG, MM
     from postproc.verification.compare import Tolerances
     from postproc.verification.verify import verify
 
+    if options["model"] and not options["against"]:
+        raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
     cell = load_cell(options["cell"])
+    displacement = _displacement(options["model"], cell)
     toolpath = None
     if options["against"]:
         from postproc.pipeline.convert import ConvertRequest, read_toolpath
@@ -89,6 +102,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG),
             not options["no_collisions"],
             progress,
+            displacement,
         )
     if options["report"]:
         from pathlib import Path
@@ -102,7 +116,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(report.ok)
 
 
+def _displacement(path: str | None, cell: Cell) -> Displacement | None:
+    if path is None:
+        return None
+    from postproc.model.modelfile import load_model
+    from postproc.pipeline.real_arm import displacement_of
+
+    return displacement_of(cell, load_model(path))
+
+
 def _show(session: Session, report: VerifyReport) -> None:
+    from postproc.units import MM
+
     for violation in report.violations:
         session.show(
             f"{violation.file}:{violation.line}: error {violation.kind}: {violation.detail}"
@@ -113,6 +138,16 @@ def _show(session: Session, report: VerifyReport) -> None:
         detail = f" ({worst.detail})" if worst.detail else ""
         value = f"{worst.value:12.4f} {worst.unit:4s}"
         session.show(f"worst {name:18s} {value} {worst.file}:{worst.line}{detail}")
+    if report.expectation is not None:
+        both = report.expectation
+        session.show(
+            f"real tool  expected within {both.expected_max / MM:.4f} mm of the CAM points, "
+            f"rms {both.expected_rms / MM:.4f} mm"
+        )
+        session.show(
+            f"commanded  up to {both.nominal_max / MM:.4f} mm beside them, "
+            f"rms {both.nominal_rms / MM:.4f} mm"
+        )
     if report.tags is not None:
         session.show(f"CAM points {report.tags}, of these {report.matched} passed in order")
     session.show(f"motions    {report.points}, about {report.cycle_time:.1f} s")
