@@ -94,6 +94,16 @@ def _verdict(answer: Record, marks: Record) -> Record:
 
 def _numbers(answer: Record, record: Record, diagnosis: Record) -> Record:
     """Marks of shrinkage, residual, intervals, noise and place."""
+    marks: Record = {"worse_fresh": None, "worse_transfer": None}
+    if not {t["name"] for t in answer["truth"]} & names.STATION:
+        marks |= _on_new_rows(answer, record, diagnosis)
+    if "noise_mm" in diagnosis:
+        marks["noise_ratio"] = diagnosis["noise_mm"] / answer["noise_mm"]
+    return marks | _place(answer, diagnosis) | _parameters(answer, diagnosis)
+
+
+def _on_new_rows(answer: Record, record: Record, diagnosis: Record) -> Record:
+    """Marks of what the model does on poses that were not measured before."""
     marks: Record = {}
     fresh, transfer = _gain(record.get("fresh")), _gain(record.get("transfer"))
     told = diagnosis.get("shrinkage") or {}
@@ -107,9 +117,6 @@ def _numbers(answer: Record, record: Record, diagnosis: Record) -> Record:
     marks["worse_fresh"] = _worse(record.get("fresh"))
     marks["worse_transfer"] = _worse(record.get("transfer"))
     marks["transfer_shrink"] = transfer
-    if "noise_mm" in diagnosis:
-        marks["noise_ratio"] = diagnosis["noise_mm"] / answer["noise_mm"]
-    marks |= _place(answer, diagnosis) | _parameters(answer, diagnosis)
     return marks
 
 

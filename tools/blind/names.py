@@ -23,6 +23,8 @@ COMPANIONS: dict[str, tuple[str, ...]] = {
     "sensor_scale": ("base_frame",),
 }
 """Names that are no fault beside a hidden effect, and no hit either."""
+STATION = frozenset({"tracker_creep", "station_bump"})
+"""Effects of one tracker station: new rows do not have them and are not compared."""
 CONTAINED: dict[str, tuple[str, ...]] = {
     "joint_compliance": ("variable_stiffness", "hardening"),
     "joint_offset": ("link_geometry",),

@@ -12,11 +12,10 @@ import numpy as np
 from tools.blind.campaign import Plan, Rows, drive
 from tools.blind.cases import Case, draw, joint_give, kinds, truth, wanted
 from tools.blind.chain import Array, rotation
+from tools.blind.names import STATION
 from tools.blind.robots import cell_text, model_text, urdf
 from tools.blind.world import joint_shares, simulate
 
-STATION = {"tracker_creep", "station_bump"}
-"""Effects of one tracker station: another campaign does not see them."""
 FRESH_ROWS = 80
 
 
