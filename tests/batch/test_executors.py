@@ -3,14 +3,23 @@
 import os
 import time
 
+import pytest
+
+from postproc.batch import child as child_module
 from postproc.batch import executors
+from postproc.batch.child import Child, run_in_child
 from postproc.batch.jobs import Job
-from postproc.batch.worker import JobResult, run_job
+from postproc.batch.worker import JobResult, attempt, run_job
+from postproc.cli.ticker import EVERY, Lines, speed
 from postproc.pipeline.convert import ConvertRequest
 
 
 def misbehave(job):
     """Stand in for a conversion: what to do is the job's name."""
+    return attempt(job, lambda: _as_named(job))
+
+
+def _as_named(job):
     if job.key == "hang":
         time.sleep(60)
     if job.key == "die":
@@ -24,15 +33,46 @@ def _job(name):
     return Job(name, ConvertRequest(source=f"{name}.csv", cell="cell.toml"))
 
 
-def test_hanging_and_dying_workers(monkeypatch):
+def test_hanging_dying_and_hungry_jobs(monkeypatch):
     monkeypatch.setattr(executors, "run_job", misbehave)
-    jobs = [_job(name) for name in ("a", "hang", "b", "die", "c")]
-    results = {r.key: r for r in executors.run_local(jobs, 2, timeout=3.0)}
+    jobs = [_job(name) for name in ("a", "hang", "b", "die", "c", "eat", "d")]
+    results = {r.key: r for r in executors.run_local(jobs, 2, timeout=3.0, memory=4.0)}
     assert {k: r.status for k, r in results.items()} == {
-        "a": "ok", "b": "ok", "c": "ok", "hang": "timeout", "die": "crash",
+        "a": "ok", "b": "ok", "c": "ok", "d": "ok",
+        "hang": "timeout", "die": "crash", "eat": "memory",
     }  # fmt: skip
     assert results["hang"].errors == ("hang.csv:1: error BAT021: not done after 3 s",)
     assert results["die"].errors[0].startswith("die.csv:1: error BAT022")
+    assert results["eat"].errors[0].startswith("eat.csv:1: error BAT020")
+
+
+def test_a_child_that_hangs_is_ended_and_one_that_died_is_no_loss():
+    child = Child(None)
+    child._process.send_signal(19)  # stopped: it will never answer
+    assert child.run(_job("a"), 0.2).status == "timeout"
+    assert not child.is_alive()
+    child = Child(None)
+    child._process.kill()
+    assert child.run(_job("a"), 20.0).status == "crash"
+    assert not child.is_alive()
+
+
+def test_a_child_is_used_again_and_replaced_when_it_is_gone():
+    first = run_in_child(_job("missing"), 60.0, None, child_module.__version__)
+    assert first.status == "error"
+    assert "IO001" in first.errors[0]
+    child = child_module._OF_THREAD.child
+    assert run_in_child(_job("missing"), 60.0, None, child_module.__version__) == first
+    assert child_module._OF_THREAD.child is child
+    child.end()
+    assert run_in_child(_job("missing"), 60.0, None, child_module.__version__) == first
+    child_module._OF_THREAD.child.end()
+
+
+def test_a_cluster_with_another_version_makes_nothing():
+    result = run_in_child(_job("a"), None, None, "0.0.other")
+    assert result.status == "error"
+    assert "BAT033" in result.errors[0]
 
 
 def test_a_fault_of_ours_is_a_result_too(monkeypatch):
@@ -46,8 +86,28 @@ def test_a_fault_of_ours_is_a_result_too(monkeypatch):
     assert result.status == "crash"
     assert "BAT070" in result.errors[0]
 
-    def hungry(*_args, **_kwargs):
-        raise MemoryError
 
-    monkeypatch.setattr(convert_module, "convert", hungry)
-    assert run_job(_job("x")).status == "memory"
+def test_lines_in_a_pipe_come_by_tenths_and_by_time():
+    lines, now = [], [0.0]
+    tick = Lines(lines.append, lambda: now[0])
+    for done in range(1, 101):
+        now[0] += 0.5
+        tick(done, 100, done // 50)
+    assert len(lines) == 10
+    assert lines[4] == "50 of 100, 2.0 per s, 0:00:25 left, 1 failed"
+    assert lines[9] == "100 of 100, 2.0 per s, 0:00:00 left, 2 failed"
+    now[0] += 2 * EVERY
+    tick(101, 10_000, 2)
+    assert len(lines) == 11
+
+
+@pytest.mark.parametrize(
+    ("done", "seconds", "words"),
+    [
+        (0, 1.0, "just begun"),
+        (5, 10.0, "30.0 per min, 0:00:10 left"),
+        (1, 3600.0, "0.0 per min, 9:00:00 left"),
+    ],
+)
+def test_rate_and_time_left(done, seconds, words):
+    assert speed(done, 10, seconds) == words
