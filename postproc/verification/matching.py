@@ -20,6 +20,8 @@ from postproc.model.toolpath import MotionKind, ToolPath
 SAME = 1e-9
 """Two points of the file nearer than this [m] are one."""
 MAX_PAIRS = 5_000_000
+PLACE = 1e-5
+"""Size [m] of the cells in which pairs are counted beforehand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,17 +176,27 @@ def _pairs(
     left = MAX_PAIRS
     for load in np.unique(case).tolist():
         own = np.flatnonzero(case == load)
-        tree, other = cKDTree(wanted[own]), cKDTree(visited[load])
-        left -= int(tree.count_neighbors(other, tolerance))
+        left -= _meetings(wanted[own], visited[load])
         if left < 0:
             # The path comes back to the same places over and over: keep the nearest in sequence.
             return _few_pairs(wanted, visited, tolerance, case)
+        tree, other = cKDTree(wanted[own]), cKDTree(visited[load])
         for row, found in zip(own.tolist(), tree.query_ball_tree(other, tolerance), strict=True):
             near[row] = found
     counts = np.array([len(item) for item in near])
     rows = np.repeat(np.arange(len(wanted)), counts)
     visits = np.array([v for item in near for v in sorted(item, reverse=True)], dtype=np.int64)
     return rows, visits
+
+
+def _meetings(wanted: FloatArray, visited: FloatArray) -> int:
+    """Return about how many pairs share a place; counted in cells, as trees are slow at that."""
+    places = np.rint(np.concatenate([wanted, visited]) / PLACE).astype(np.int64)
+    _, cell = np.unique(places, axis=0, return_inverse=True)
+    cell = cell.reshape(-1)
+    count = int(cell.max()) + 1
+    ours = np.bincount(cell[: len(wanted)], minlength=count)
+    return int(ours @ np.bincount(cell[len(wanted) :], minlength=count))
 
 
 def _few_pairs(
