@@ -30,6 +30,8 @@ from postproc.model.modelfile import ModelFile, load_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.pipeline.pieces import in_pieces
 from postproc.pipeline.real_arm import RealArm, needs, real_point
+from postproc.stiffness.field import ContinuousField
+from postproc.stiffness.fieldfile import field_of
 from postproc.units import MM, UM
 from postproc.verification.interpreter import run
 from postproc.verification.moments import Clock, Moments, moments_of
@@ -48,6 +50,8 @@ RUNS = 8
 """So often the program is run to find what each joint does at its points."""
 STRAIGHT = 5.0 * UM
 """Largest bend of a straight cut between its compensated points."""
+FAR = 0.5
+"""From this share of extrapolation of the stiffness field on, a pose is far from the measured."""
 _STEPS = 30
 _FOLLOWS_MOTION = frozenset({"direction", "qd"})
 
@@ -76,9 +80,9 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
 
     Returns:
         The plan, long cuts in pieces, with new q and T_base_tcp, ``compensation`` (m, 3) in the
-        workpiece frame and ``compensation_note``; findings PLN102 where a shifted pose leaves the
+        workpiece frame and ``compensation_note``. Findings: PLN102 where a shifted pose leaves the
         joint limits, CMP002 where the program does not settle, CMP003 for effects that a program
-        cannot compensate.
+        cannot compensate, CMP005 for points far from all that was measured.
 
     Raises:
         DataError: from the model file, or CMP001 if it asks for shifts beyond all reason.
@@ -105,6 +109,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         *_findings(plan, arm.kinematics, solved),
         *_unsettled(plan, unsettled),
         *_left_out(arm.model, file),
+        *_far(plan, file),
     ]
     return replace(
         commanded,
@@ -353,6 +358,28 @@ def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
         )
         for name in model.states
         if (missing := set(effect_of(name).needs) - given)
+    ]
+
+
+def _far(plan: Plan, file: ModelFile) -> list[Issue]:
+    """Return a finding for working moves in poses that the stiffness field knows nothing of."""
+    field = field_of(file)
+    working = np.flatnonzero(np.isin(plan.role, WORKING))
+    if not isinstance(field, ContinuousField) or not len(working):
+        return []
+    far = working[field.extrapolation(np.asarray(plan.q)[working]) > FAR]
+    if not len(far):
+        return []
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP005",
+            f"{len(far)} of {len(working)} working moves are in poses far from all that was "
+            "measured: stiffness and shift are guesses there",
+            int(plan.tag[far[0]]),
+            plan.toolpath.source(int(plan.tag[far[0]])),
+            hint="measure in the branch and the turns of A4 and A6 that the program takes",
+        )
     ]
 
 
