@@ -23,6 +23,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 
 CELL = """\
@@ -136,7 +137,7 @@ def measure_kills(folder: Path, arguments: argparse.Namespace) -> None:
     whole = timed(folder, "parts", "whole", "--jobs", "2")["wall"]
     wanted = contents(folder / "whole")
     moments = random.Random(20)
-    equal = cut = 0
+    equal = 0
     for number in range(arguments.kills):
         output = f"cut{number}"
         running = subprocess.Popen(
@@ -145,15 +146,17 @@ def measure_kills(folder: Path, arguments: argparse.Namespace) -> None:
             stdout=subprocess.DEVNULL,
             start_new_session=True,
         )
-        time.sleep(moments.uniform(0.1, 0.95 * whole))
-        cut += running.poll() is None
-        os.killpg(running.pid, signal.SIGKILL)
+        with suppress(subprocess.TimeoutExpired):
+            running.wait(timeout=moments.uniform(0.1, 0.95 * whole))
+        was = "ended before" if running.returncode is not None else "killed"
+        with suppress(ProcessLookupError):
+            os.killpg(running.pid, signal.SIGKILL)
         running.wait()
         run = timed(folder, "parts", output, "--jobs", "2")
         same = contents(folder / output) == wanted
         equal += same
-        print(f"kill {number + 1}: {run['kept']} kept, {run['done']} redone, same: {same}")
-    print(f"{equal} of {arguments.kills} equal; {cut} were killed before their end")
+        print(f"{number + 1}: {was}, {run['kept']} kept, {run['done']} redone, same: {same}")
+    print(f"{equal} of {arguments.kills} equal")
 
 
 def cloud_rows(holes: int) -> list[str]:

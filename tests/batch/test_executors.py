@@ -1,6 +1,8 @@
 """Workers that hang, die or need too much memory cost only their own job."""
 
+import io
 import os
+import sys
 import time
 
 import pytest
@@ -10,7 +12,8 @@ from postproc.batch import executors
 from postproc.batch.child import Child, run_in_child
 from postproc.batch.jobs import Job
 from postproc.batch.worker import JobResult, attempt, run_job
-from postproc.cli.ticker import EVERY, Lines, speed
+from postproc.cli.common import Session
+from postproc.cli.ticker import EVERY, Lines, speed, ticker
 from postproc.pipeline.convert import ConvertRequest
 
 
@@ -111,3 +114,20 @@ def test_lines_in_a_pipe_come_by_tenths_and_by_time():
 )
 def test_rate_and_time_left(done, seconds, words):
     assert speed(done, 10, seconds) == words
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_a_terminal_gets_a_bar_with_rate_failures_and_time_left(monkeypatch):
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setenv("TERM", "xterm")
+    with ticker(Session(json=False, quiet=False)) as tick:
+        tick(3, 12, 1)
+    text = screen.getvalue()
+    assert "3/12" in text
+    assert "left, 1 failed" in text
+    assert "━" in text

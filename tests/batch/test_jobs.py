@@ -1,3 +1,5 @@
+import os
+
 import pytest
 
 from postproc.batch.jobs import Overrides, find_inputs, is_input, load_overrides, make_jobs
@@ -54,18 +56,47 @@ def test_overrides_apply_in_order(tmp_path):
     assert overrides.request("a.cls", BASE).strategy is None
 
 
+def test_rules_match_the_end_of_a_path(tmp_path):
+    path = tmp_path / "batch.toml"
+    path.write_text('[[input]]\nmatch = "left/*.csv"\nname = "LEFT"\n')
+    overrides = load_overrides(str(path))
+    assert overrides.request("wing/left/a.csv", BASE).name == "LEFT"
+    assert overrides.request("wing/right/a.csv", BASE).name is None
+    assert overrides.unused(["wing/right/a.csv"]) == ["left/*.csv"]
+
+
 @pytest.mark.parametrize(
-    "text",
+    ("text", "line"),
     [
-        "x = [",
-        "typo = 1\n",
-        '[[input]]\ncell = "a"\n',
-        "[defaults]\nrecover = 3\n",
-        "[defaults]\nfoo = 'x'\n",
+        ("x = [", 1),
+        ("\ntypo = 1\n", 2),
+        ("input = 3\n", 1),
+        ("defaults = 3\n", 1),
+        ('[[input]]\ncell = "a"\n', 1),
+        ('[[input]]\nmatch = "a"\n[[input]]\nmatch = 3\n', 3),
+        ("[defaults]\nrecover = 3\n", 2),
+        ("[defaults]\n\nfoo = 'x'\n", 3),
+        ("[defaults]\nformat = 'step'\n", 2),
     ],
 )
-def test_a_wrong_batch_file_is_one_error(tmp_path, text):
+def test_a_wrong_batch_file_is_one_error_with_its_line(tmp_path, text, line):
     path = tmp_path / "batch.toml"
     path.write_text(text)
-    with pytest.raises(DataError, match="BAT00"):
+    with pytest.raises(DataError, match=f"batch.toml:{line}: error BAT00"):
         load_overrides(str(path))
+
+
+def test_what_is_no_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    os.mkfifo("endless.csv")
+    with pytest.raises(DataError, match=r"endless\.csv:1: error BAT001: neither"):
+        find_inputs(["endless.csv"])
+    (tmp_path / "list.txt").write_text("@list.txt\n")
+    with pytest.raises(DataError, match="BAT001: this list names itself"):
+        find_inputs(["@list.txt"])
+
+
+def test_one_file_by_two_spellings_is_one_input(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.csv").write_text("")
+    assert find_inputs(["./a.csv", "a.csv", str(tmp_path / "a.csv")]) == ["a.csv"]

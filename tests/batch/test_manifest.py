@@ -1,4 +1,6 @@
+import json
 import os
+import signal
 import subprocess
 import sys
 
@@ -49,7 +51,61 @@ def test_a_failed_result_is_never_current(tmp_path):
     assert not manifest.is_current("a.cls", MARKS)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"schema": "other", "entries": {}}'])
+def test_a_run_after_a_killed_one_begins_with_a_whole_journal(tmp_path):
+    _landed(tmp_path)
+    with (tmp_path / JOURNAL).open("ab") as stream:
+        stream.write(b'{"key": "b.cls", "entry": {"sta')
+    (tmp_path / ".A.src.ab_0123z.part").write_bytes(b"half")
+    (tmp_path / ".mine.part").write_bytes(b"a file of the user")
+    manifest = Manifest.load(tmp_path)
+    manifest.begin()
+    manifest.record(JobResult("c.cls", "ok", "C", {}), MARKS, {})
+    assert set(Manifest.load(tmp_path).entries) == {"a.cls", "c.cls"}
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".mine.part", JOURNAL, "A.src", NAME]
+
+
+def test_a_journal_on_a_full_disk_has_no_torn_lines(tmp_path):
+    import resource
+
+    manifest = _landed(tmp_path)
+    before = (tmp_path / JOURNAL).read_bytes()
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 20, old[1]))
+        manifest.record(JobResult("b.cls", "ok", "B", {}), MARKS, {})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    assert (tmp_path / JOURNAL).read_bytes() == before
+    assert manifest.entries["b.cls"]["status"] == "ok"
+
+
+def test_a_result_of_what_could_not_be_read_is_never_current(tmp_path):
+    manifest = Manifest.load(tmp_path)
+    marks = {**MARKS, "cell": "-"}
+    manifest.record(JobResult("a.cls", "ok", "A", {}), marks, {})
+    assert not manifest.is_current("a.cls", marks)
+
+
+@pytest.mark.parametrize("name", ["../x.src", "/etc/x", "..", ""])
+def test_a_manifest_names_files_of_its_folder_only(tmp_path, name):
+    _landed(tmp_path).save()
+    document = json.loads((tmp_path / NAME).read_text())
+    document["entries"]["a.cls"]["files"] = {name: "0"}
+    (tmp_path / NAME).write_text(json.dumps(document))
+    with pytest.raises(DataError, match="BAT010"):
+        Manifest.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "{",
+        "[]",
+        '{"schema": "other", "entries": {}}',
+        '{"schema": "postproc.manifest/1", "entries": {"a": 3}}',
+    ],
+)
 def test_a_foreign_manifest_is_not_overwritten(tmp_path, text):
     (tmp_path / NAME).write_text(text)
     with pytest.raises(DataError, match="BAT010"):
