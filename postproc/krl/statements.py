@@ -5,8 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from postproc.krl.expression import ExpressionParser, quick_literal
+from postproc.krl.expression import ExpressionParser
 from postproc.krl.lexer import KrlSyntaxError, TokenKind
+from postproc.krl.literals import quick_literal
+from postproc.krl.motion_statements import BLENDS, MOVES, end_spline, move, spline, written
 from postproc.krl.program import (
     Assign,
     Call,
@@ -18,10 +20,7 @@ from postproc.krl.program import (
     Halt,
     Interrupt,
     Move,
-    MoveWord,
     Raw,
-    SplineBegin,
-    SplineEnd,
     Statement,
     Trigger,
     Value,
@@ -37,7 +36,6 @@ ASYCANCEL TIME_BLOCK CONST_VEL STOP CCLOSE COPEN CREAD CWRITE SREAD SWRITE ERR_R
 """
 KNOWN_RAW = frozenset(_KEPT.split())
 """Instructions that are KRL but say nothing about motion: kept as written."""
-_MOVES = {word.value: word for word in MoveWord}
 _MOVE_FAST = re.compile(
     r"(PTP|LIN|SPTP|SLIN|SPL)(?:\s+([A-Za-z_]\w*)|\s*(\{[^{}\";]*\}))(?:\s+(C_[A-Z]+))?$",
     re.ASCII | re.IGNORECASE,
@@ -48,7 +46,6 @@ _DECLARE_FAST = re.compile(
 )
 _NAME = re.compile(r"[$A-Za-z_][$\w]*", re.ASCII)
 _LABEL = re.compile(r"([A-Za-z_]\w*)\s*:$", re.ASCII)
-_BLENDS = frozenset({"C_DIS", "C_PTP", "C_ORI", "C_VEL", "C_SPL"})
 
 
 def parse_statement(code: str, comment: str, line: int) -> Statement:
@@ -62,7 +59,7 @@ def parse_statement(code: str, comment: str, line: int) -> Statement:
         target = _fast_target(match.group(2), match.group(3))
         if target is not None:
             blend = (match.group(4).upper(),) if match.group(4) else ()
-            word = _MOVES[match.group(1).upper()]
+            word = MOVES[match.group(1).upper()]
             return Move(word=word, target=target, blend=blend, comment=comment, line=line)
     match = _DECLARE_FAST.match(code)
     if match:
@@ -78,7 +75,7 @@ def parse_statement(code: str, comment: str, line: int) -> Statement:
 def _fast_target(name: str | None, literal: str | None) -> Value | None:
     if name is None:
         return quick_literal(literal or "{}")
-    return None if name.upper() in _BLENDS else Expr(name)
+    return None if name.upper() in BLENDS else Expr(name)
 
 
 def _parse(code: str, comment: str, line: int) -> Statement:
@@ -119,18 +116,12 @@ def _assignment_call_or_declaration(code: str, comment: str, line: int) -> State
         parser.finish()
         return Call(name=first, arguments=arguments, comment=comment, line=line)
     parser.selectors()
-    target = _written(code[: parser.token.start])
+    target = written(code[: parser.token.start])
     if not parser.accept("="):
         raise KrlSyntaxError(f"{code[:40]!r} is no KRL statement")
     value = parser.value()
     parser.finish()
     return Assign(target=target, value=value, comment=comment, line=line)
-
-
-def _written(text: str) -> str:
-    """Return the left side of an assignment: no blanks, system variables in upper case."""
-    compact = "".join(text.split())
-    return compact.upper() if compact.startswith("$") else compact
 
 
 def _bare_word(word: str) -> str:
@@ -197,84 +188,6 @@ def _prefixed(code: str, comment: str, line: int) -> Statement:
     if words[:2] == ["GLOBAL", "INTERRUPT"]:
         return _interrupt(code, comment, line)
     return _declaration(code, comment, line)
-
-
-# ----------------------------------------------------------------------------------- motions
-
-
-def _move(code: str, comment: str, line: int) -> Statement:
-    parser = ExpressionParser(code)
-    word = _MOVES[parser.take().text.upper()]
-    auxiliary: Value | None = None
-    angle: Value | None = None
-    target = parser.value()
-    if word.is_circular:
-        parser.expect(",")
-        auxiliary, target = target, parser.value()
-    if parser.accept(","):
-        parser.expect("CA")
-        angle = parser.value()
-    blend, frame, settings = _move_tail(parser)
-    parser.finish()
-    return Move(
-        word=word,
-        target=target,
-        auxiliary=auxiliary,
-        angle_deg=angle,
-        blend=blend,
-        settings=settings,
-        frame=frame,
-        comment=comment,
-        line=line,
-    )
-
-
-def _move_tail(parser: ExpressionParser) -> tuple[tuple[str, ...], str, tuple[Assign, ...]]:
-    blend: list[str] = []
-    frame = ""
-    settings: tuple[Assign, ...] = ()
-    while parser.token.kind is not TokenKind.END:
-        word = parser.word()
-        if word in _BLENDS:
-            blend.append(parser.take().text.upper())
-        elif word == "WITH":
-            settings = _settings(parser)
-        elif parser.token.text.upper() in ("#BASE", "#TOOL"):
-            frame = parser.take().text[1:].upper()
-        else:
-            break
-    return tuple(blend), frame, settings
-
-
-def _settings(parser: ExpressionParser) -> tuple[Assign, ...]:
-    parser.expect("WITH")
-    found = []
-    while True:
-        name = parser.take()
-        if name.kind is not TokenKind.NAME:
-            raise KrlSyntaxError(f"expected a variable behind WITH, found {name.text!r}")
-        parser.selectors()
-        target = _written(parser.text[name.start : parser.token.start])
-        parser.expect("=")
-        found.append(Assign(target=target, value=parser.value()))
-        if not parser.accept(","):
-            return tuple(found)
-
-
-def _spline(code: str, comment: str, line: int) -> Statement:
-    parser = ExpressionParser(code)
-    word = parser.take().text.upper()
-    settings = _settings(parser) if parser.word() == "WITH" else ()
-    parser.finish()
-    return SplineBegin(word=word, settings=settings, comment=comment, line=line)
-
-
-def _end_spline(code: str, comment: str, line: int) -> Statement:
-    parser = ExpressionParser(code)
-    parser.take()
-    blend, _, _ = _move_tail(parser)
-    parser.finish()
-    return SplineEnd(blend=blend, comment=comment, line=line)
 
 
 # ------------------------------------------------------------------------------ waits, triggers
@@ -468,11 +381,11 @@ def _external(code: str, comment: str, line: int) -> Statement:
 
 _Handler = Callable[[str, str, int], Statement]
 _HANDLERS: dict[str, _Handler] = {
-    **dict.fromkeys(_MOVES, _move),
+    **dict.fromkeys(MOVES, move),
     **dict.fromkeys(_CONTROL, _control),
-    "SPLINE": _spline,
-    "PTP_SPLINE": _spline,
-    "ENDSPLINE": _end_spline,
+    "SPLINE": spline,
+    "PTP_SPLINE": spline,
+    "ENDSPLINE": end_spline,
     "WAIT": _wait,
     "HALT": _halt,
     "CONTINUE": _continue,

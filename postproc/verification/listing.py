@@ -17,6 +17,7 @@ import numpy as np
 
 from postproc.errors import KrlError, SourceRef
 from postproc.krl.lexer import KrlSyntaxError, tokenise
+from postproc.krl.literals import components
 from postproc.krl.program import (
     Assign,
     Axes,
@@ -224,8 +225,6 @@ def spaced(text: str) -> str:
 def _number_text(value: Any) -> str:  # noqa: ANN401 - a KRL value
     """Return a value as text in which the digits of a number do not matter."""
     if isinstance(value, Pose | Axes):
-        from postproc.krl.expression import components
-
         return ",".join(f"{name} {number:.9g}" for name, number in components(value))
     if isinstance(value, float | int) and not isinstance(value, bool):
         return f"{value:.9g}"

@@ -20,8 +20,8 @@ from postproc.krl.expression import (
     Structure,
     Unary,
     parse_expression,
-    pose_or_axes,
 )
+from postproc.krl.literals import pose_or_axes
 from postproc.krl.program import Aggregate, Axes, Enum, Expr, Pose, Text, Value
 from postproc.model.arrays import FloatArray
 from postproc.units import DEG

@@ -11,13 +11,12 @@ from postproc.krl.expression import (
     FunctionCall,
     Reference,
     Unary,
-    components,
     names_in,
     parse_expression,
-    quick_literal,
     unparse,
 )
 from postproc.krl.lexer import KrlSyntaxError
+from postproc.krl.literals import components, quick_literal
 from postproc.krl.program import Aggregate, Axes, Enum, Expr, Pose, Text
 
 

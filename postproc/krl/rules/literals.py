@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
-from postproc.krl.expression import components
+from postproc.krl.literals import components
 from postproc.krl.program import (
     Aggregate,
     Assign,
