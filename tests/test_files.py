@@ -4,7 +4,7 @@ import stat
 import pytest
 
 from postproc.errors import ReadError
-from postproc.files import read_bytes, write_files
+from postproc.files import leftovers, open_input, read_bytes, write_files
 
 
 def test_missing_input_is_one_line():
@@ -46,3 +46,23 @@ def test_a_full_disk_leaves_nothing_behind(tmp_path, monkeypatch):
     with pytest.raises(ReadError, match="No space left"):
         write_files({tmp_path / "x.src": b"new"})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_fails_while_it_is_read_is_one_line():
+    # reading address 0 of a process is an input/output error, for root too
+    with (
+        pytest.raises(ReadError, match=r"mem:1: error IO002: cannot be read: Input/output"),
+        open_input("/proc/self/mem") as stream,
+    ):
+        stream.read(1)
+
+
+def test_durable_files_are_like_others(tmp_path):
+    write_files({tmp_path / "x.json": b"1"}, durable=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["x.json"]
+
+
+def test_what_killed_writers_left_is_known_by_its_name(tmp_path):
+    for name in (".x.src.ab_c0123.part", ".x.part", "x.src.ab_c0123.part", ".x.src.ABC.part"):
+        (tmp_path / name).write_bytes(b"")
+    assert [p.name for p in leftovers(tmp_path)] == [".x.src.ab_c0123.part"]
