@@ -29,10 +29,10 @@ from postproc.model.cell import Cell
 from postproc.model.modelfile import ModelFile, load_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.pipeline.pieces import in_pieces
-from postproc.pipeline.real_arm import RealArm, needs, real_point
+from postproc.pipeline.real_arm import FOLLOWS_MOTION, RealArm, real_point
 from postproc.stiffness.field import ContinuousField
 from postproc.stiffness.fieldfile import field_of
-from postproc.units import MM, UM
+from postproc.units import DEG, MM, UM
 from postproc.verification.interpreter import run
 from postproc.verification.moments import Clock, Moments, moments_of
 from postproc.verification.motion import joint_paths
@@ -50,10 +50,13 @@ RUNS = 8
 """So often the program is run to find what each joint does at its points."""
 STRAIGHT = 5.0 * UM
 """Largest bend of a straight cut between its compensated points."""
+LEFT_OF_MOTION = 0.5 * MM
+"""More than this of backlash and lag that is left over at a point is a fault of the program."""
+ROOM = 0.25 * DEG
+"""What compensation may take of a joint's margins [rad]: plans to be compensated keep more."""
 FAR = 0.5
 """From this share of extrapolation of the stiffness field on, a pose is far from the measured."""
 _STEPS = 30
-_FOLLOWS_MOTION = frozenset({"direction", "qd"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +71,15 @@ class Compensated:
     shift: FloatArray
     left: FloatArray
     reached: BoolArray
+
+
+def with_room(cell: Cell) -> Cell:
+    """Return the cell for a plan that will be compensated: shifted poses keep its margins."""
+    limits = cell.limits
+    more = replace(
+        limits, joint_margin=limits.joint_margin + ROOM, singularity=limits.singularity + ROOM
+    )
+    return replace(cell, limits=more)
 
 
 def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
@@ -91,7 +103,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     arm = RealArm.of(cell, file)
     plan = _in_pieces(plan, cell, arm)
     rows = _rows(plan, cell, arm.kinematics)
-    follows = bool(needs(arm.model) & _FOLLOWS_MOTION)
+    follows = arm.follows_motion
     commanded, solved = plan, None
     unsettled = np.zeros(len(plan))
     for _ in range(RUNS if follows else 1):
@@ -106,7 +118,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     if solved is None:
         raise ValueError("no run")
     findings = [
-        *_findings(plan, arm.kinematics, solved),
+        *_findings(plan, cell, arm.kinematics, solved),
         *_unsettled(plan, unsettled),
         *_left_out(arm.model, file),
         *_far(plan, file),
@@ -115,7 +127,6 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         commanded,
         compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
         issues=(*plan.issues, *findings),
-        settings={**plan.settings, "unsettled_mm": float(unsettled.max(initial=0.0)) / MM},
     )
 
 
@@ -304,9 +315,9 @@ def _shifted(
     )
 
 
-def _findings(plan: Plan, kinematics: Kinematics, solved: Compensated) -> list[Issue]:
+def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensated) -> list[Issue]:
     m = len(plan)
-    inside = kinematics.within_limits(solved.q[:m])
+    inside = kinematics.within_limits(solved.q[:m], cell.limits.joint_margin)
     good = solved.reached[:m] & inside & (solved.left[:m] < 100.0 * ACCURACY)
     findings = []
     for move in np.flatnonzero(~good):
@@ -348,7 +359,7 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
 
 def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
     """Return a finding for effects that depend on what no program knows beforehand."""
-    given = _FOLLOWS_MOTION | {"wrench"}
+    given = FOLLOWS_MOTION | {"wrench"}
     return [
         Issue(
             Severity.WARNING,

@@ -23,6 +23,8 @@ from postproc.stiffness.fieldfile import field_of
 from postproc.units import STANDARD_GRAVITY
 from postproc.verification.moments import Displacement, Moments, directions
 
+FOLLOWS_MOTION = frozenset({"direction", "qd"})
+"""Columns of a model that only the motion of the program tells."""
 _STIFFNESS = "stiffness_Nmm_per_rad"
 _CHUNK = 4000
 _STANDING = 1e-9
@@ -147,6 +149,11 @@ class RealArm:
         kinematics = build(cell.robot)
         model = compensation_model(kinematics, cell, file)
         return cls(cell, kinematics, model, carries_dead_load(file))
+
+    @property
+    def follows_motion(self) -> bool:
+        """Whether an effect depends on how the joints move: from which side, how fast."""
+        return bool(needs(self.model) & FOLLOWS_MOTION)
 
     def wrench(self, q: FloatArray, process: FloatArray) -> FloatArray:
         """Return the wrench (n, 6) of tool and process at joint angles (n, 6), robroot."""

@@ -2,7 +2,7 @@
 
 A load acts where the tool works. That is a question of the CAM file: the tags of a cut or a hole
 are met with the wrench of their operation, rapid tags with none. Each load case is one set of
-paths; in it a motion works if it is a path motion no faster than the fastest feed of the case.
+paths; in it a motion works if it is a path motion about as fast as the feeds of the case or slower.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.verification.moments import Displacement, moments_of
 from postproc.verification.motion import Paths, Shift
 
-_SAME_SPEED = 1.0 + 1e-3
+FASTER = 1.5
+"""A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""
+_STILL = 1e-5
+"""A joint motion shorter than this [rad] goes nowhere: what acted before it, still acts."""
 WORKING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
 """Tags at which the tool works."""
 
@@ -74,8 +77,8 @@ def real_paths(
     speed = paths.trace.column("speed")
     for number, wrench in enumerate(wrenches, 1):
         known = feed[(case == number) & np.isfinite(feed)]
-        limit = _SAME_SPEED * float(known.max(initial=0.0))
-        works = paths.trace.is_cp & (speed <= limit)
+        works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
+        works |= _stands(paths) & np.r_[False, works[:-1]]
         loaded = _in_part(
             paths, displacement(ends.under(wrench)), displacement(samples.under(wrench))
         )
@@ -93,6 +96,13 @@ def load_cases(toolpath: ToolPath, cell: Cell) -> tuple[list[FloatArray], IntArr
     case = 1 + which.reshape(-1)[np.where(known, operation, len(names))]
     case = np.where(np.isin(toolpath.kind, WORKING), case, 0)
     return list(distinct), case.astype(np.int32)
+
+
+def _stands(paths: Paths) -> BoolArray:
+    """Return (m,) joint motions that go nowhere, as at the head of a sub-program."""
+    step = np.full(len(paths), np.inf)
+    step[1:] = np.abs(np.diff(paths.q, axis=0)).max(axis=1)
+    return np.asarray(~paths.trace.is_cp & (step < _STILL))
 
 
 def _in_part(paths: Paths, at_ends: FloatArray, at_samples: FloatArray) -> FloatArray:
