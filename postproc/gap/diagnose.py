@@ -20,12 +20,15 @@ from postproc.model.arrays import BoolArray, FloatArray, IntArray
 
 Progress = Callable[[int, int, str], None]
 
+_REFINES = {"variable_stiffness": "joint_compliance"}
+"""An effect that refines another one comes after it: alone it would have to be that one too."""
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What one adopted effect does on sealed rows: 3D rms [m] without it and with it.
+    """What one adopted effect does on sealed rows: 3D rms [m] before and once it is added.
 
-    Both of the whole measured difference, everything else that was adopted in the model.
+    Both of the whole measured difference; the effects listed before it are in the model.
     """
 
     name: str
@@ -85,12 +88,12 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
         settled = settle(problem, prepared, bench, choice)
         say(3, 4, "sealed rows")
         base = fitted(problem, bench, (), sigma, problem.searchable & ~settled.outlier)
-        steps, total = _steps(problem, bench, settled, sigma, base)
-        worse = {step.name for step in steps if step.after > step.before}
+        worse = _worse(problem, bench, settled, sigma, base)
         if not worse:
             break
         refused |= dict.fromkeys(worse, "makes rows worse that were not fitted")
         start = start.without(refused)
+    steps, total = _steps(problem, bench, settled, sigma, base)
     choice = replace(settled.choice, refused=settled.choice.refused | refused)
     settled = replace(settled, choice=choice)
     answer = verdict(settled, sigma)
@@ -119,23 +122,61 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
 def _steps(
     problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit
 ) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
-    """Leave out one adopted effect at a time, refit on unsealed rows, compare on sealed ones."""
-    rows = problem.searchable & ~settled.outlier
+    """Add the adopted effects one by one, refit on unsealed rows, compare on sealed ones.
+
+    Each step adds the effect that removes most of what is left on unsealed rows, and says how far
+    the whole gap shrinks by that; the steps multiply to the whole shrinkage.
+    """
     test = problem.split.sealed & ~settled.outlier
     cluster = problem.split.cluster[test]
     names = {b.key: b.name for b in bench.blocks}
-    first = _left(problem.measured - base.point, test)
-    after = _left(settled.residual, test)
-    keys = settled.choice.keys
+    last = _left(settled.residual, test)
+    first = before = _left(problem.measured - base.point, test)
     steps = []
+    for key, part in _ordered(problem, bench, settled, sigma):
+        after = last if part is None else _left(problem.measured - part.point, test)
+        interval = shrink_interval(before, after, cluster)
+        steps.append(Step(names[key], _rms(before), _rms(after), interval))
+        before = after
+    return tuple(steps), (_rms(first), _rms(last), *shrink_interval(first, last, cluster))
+
+
+def _ordered(
+    problem: Problem, bench: Bench, settled: Settled, sigma: float
+) -> list[tuple[str, Fit | None]]:
+    """Return the adopted effects, most helpful next, each with the fit of it and those before.
+
+    The fit of them all is that of the diagnosis: None stands for it.
+    """
+    rows = problem.searchable & ~settled.outlier
+    names = {b.key: b.name for b in bench.blocks}
+    order: list[tuple[str, Fit | None]] = []
+    waiting = sorted(settled.choice.keys)
+    while len(waiting) > 1:
+        taken = tuple(key for key, _ in order)
+        coming = {names[key] for key in waiting}
+        free = [key for key in waiting if _REFINES.get(names[key]) not in coming]
+        fits = {key: fitted(problem, bench, (*taken, key), sigma, rows) for key in free}
+        best = min(free, key=lambda k: (_rms(_left(problem.measured - fits[k].point, rows)), k))
+        order.append((best, fits[best]))
+        waiting.remove(best)
+    return [*order, *((key, None) for key in waiting)]
+
+
+def _worse(problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit) -> set[str]:
+    """Return the adopted effects without which sealed rows come out better."""
+    rows = problem.searchable & ~settled.outlier
+    test = problem.split.sealed & ~settled.outlier
+    names = {b.key: b.name for b in bench.blocks}
+    after = _rms(_left(settled.residual, test))
+    keys = settled.choice.keys
+    found = set()
     for key in keys:
         rest = tuple(k for k in keys if k != key)
         part = fitted(problem, bench, rest, sigma, rows) if rest else base
-        before = _left(problem.measured - part.point, test)
-        interval = shrink_interval(before, after, cluster)
-        steps.append(Step(names[key], _rms(before), _rms(after), interval))
-    steps.sort(key=lambda step: -step.before)
-    return tuple(steps), (_rms(first), _rms(after), *shrink_interval(first, after, cluster))
+        if after > _rms(_left(problem.measured - part.point, test)):
+            found.add(names[key])
+    return found
 
 
 def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[float, float]]:

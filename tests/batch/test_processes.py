@@ -19,10 +19,14 @@ from .conftest import HEADER, call, holes, row
 
 
 def start(arguments, output):
-    """Start a batch in a process group of its own."""
+    """Start a batch in a process group of its own, which an interrupt can end.
+
+    A shell that starts the tests in the background hands down that interrupts are ignored.
+    """
     return subprocess.Popen(
         [sys.executable, "-m", "postproc", *call(["parts"], output, arguments)],
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
     )  # fmt: skip
 
 
