@@ -23,7 +23,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
 from pathlib import Path
 
 CELL = """\
@@ -137,26 +136,31 @@ def measure_kills(folder: Path, arguments: argparse.Namespace) -> None:
     whole = timed(folder, "parts", "whole", "--jobs", "2")["wall"]
     wanted = contents(folder / "whole")
     moments = random.Random(20)
-    equal = 0
-    for number in range(arguments.kills):
-        output = f"cut{number}"
+    equal = killed = tries = 0
+    while killed < arguments.kills:
+        tries += 1
+        output = f"cut{tries}"
         running = subprocess.Popen(
             command("parts", output, "--jobs", "2"),
             cwd=folder,
             stdout=subprocess.DEVNULL,
             start_new_session=True,
         )
-        with suppress(subprocess.TimeoutExpired):
-            running.wait(timeout=moments.uniform(0.1, 0.95 * whole))
-        was = "ended before" if running.returncode is not None else "killed"
-        with suppress(ProcessLookupError):
+        moment = moments.uniform(0.1, whole)
+        try:
+            running.wait(timeout=moment)
+        except subprocess.TimeoutExpired:
             os.killpg(running.pid, signal.SIGKILL)
-        running.wait()
+            running.wait()
+        else:
+            whole = min(whole, moment)  # it was done already: that counts as no kill
+            continue
+        killed += 1
         run = timed(folder, "parts", output, "--jobs", "2")
         same = contents(folder / output) == wanted
         equal += same
-        print(f"{number + 1}: {was}, {run['kept']} kept, {run['done']} redone, same: {same}")
-    print(f"{equal} of {arguments.kills} equal")
+        print(f"{moment:.2f} s: {run['kept']} kept, {run['done']} redone, same: {same}", flush=True)
+    print(f"{equal} of {killed} equal")
 
 
 def cloud_rows(holes: int) -> list[str]:
