@@ -17,12 +17,16 @@ from postproc.kinematics.model import Kinematics
 from postproc.model.arrays import FloatArray, IntArray
 from postproc.model.cell import Cell
 from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.units import MM
+from postproc.units import DEG, MM
 from postproc.verification.geometry import turn_between, turned
 from postproc.verification.trace import Rows
 
 LOOK = 20.0 * MM
-"""A line is looked at in steps no longer than this; shorter lines stay whole."""
+LOOK_TURN = 1.0 * DEG
+"""A line is looked at in steps no longer than ``LOOK`` [m], in which the tool turns by no more than
+``LOOK_TURN`` [rad]; lines below both stay whole."""
+SHORTEST = 1.0 * MM
+"""No piece [m] is much shorter."""
 MOST = 256
 """Pieces of one line at most."""
 BLEND_SHARE = 0.4
@@ -46,12 +50,16 @@ def in_pieces(
     """
     way = np.zeros(len(plan))
     way[1:] = np.linalg.norm(np.diff(plan.T_base_tcp[:, :3, 3], axis=0), axis=1)
+    turn = np.zeros(len(plan))
+    R = plan.T_base_tcp[:, :3, :3]
+    turn[1:] = turn_between(R[:-1], R[1:])[1]
+    steps = np.maximum(way / LOOK, turn / LOOK_TURN)
     is_cut = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
-    long = np.flatnonzero(is_cut & (way > LOOK))
+    long = np.flatnonzero(is_cut & (steps > 1.0) & (way > SHORTEST))
     if not len(long):
         return plan
-    looks = 2 ** np.ceil(np.log2(way[long] / LOOK)).astype(np.int64)
-    looks = np.minimum(looks, MOST)
+    looks = np.minimum(steps[long], np.maximum(way[long] / SHORTEST, 2.0))
+    looks = np.minimum(2 ** np.ceil(np.log2(looks)).astype(np.int64), MOST)
     _, q, reached = _between(plan, cell, kinematics, long, looks)
     moved = displacement(q, np.repeat(long, looks).astype(np.int32))
     pieces = np.ones(len(plan), dtype=np.int64)
