@@ -126,6 +126,29 @@ def _coloured(line: str, severity: str) -> str:
     return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
+def reading_options(function: Callable[P, R]) -> Callable[P, R]:
+    """Add the options that say how a CAM file is to be read."""
+    options = (
+        click.option(
+            "--format",
+            "form",
+            type=click.Choice(["auto", "apt", "csv", "delmia"]),
+            default="auto",
+            show_default=True,
+            help="Format of the CAM file.",
+        ),
+        click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt."),
+        click.option(
+            "--units", type=click.Choice(["mm", "inch"]), help="Where the CAM file names none."
+        ),
+        click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth."),
+        click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning."),
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
 def standard_options(
     function: Callable[Concatenate[Session, P], R],
 ) -> Callable[P, R]:

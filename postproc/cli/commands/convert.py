@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, reading_options, standard_options
 
 EPILOG = """\b
 Examples:
@@ -21,18 +21,7 @@ Examples:
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
 @click.option("--name", help="Program name; default: that of the input file.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["auto", "apt", "csv", "delmia"]),
-    default="auto",
-    show_default=True,
-    help="Format of the input.",
-)
-@click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
-@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where the input names none.")
-@click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth.")
-@click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning.")
+@reading_options
 @click.option(
     "--strategy",
     type=click.Choice(["smooth", "each", "global"]),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, reading_options, standard_options
 
 if TYPE_CHECKING:
     from postproc.model.cell import Cell
@@ -27,18 +27,7 @@ Examples:
 @click.argument("program", metavar="PROGRAM.src", type=click.Path())
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @click.option("--against", metavar="INPUT", help="The CAM file that the program was made from.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["auto", "apt", "csv", "delmia"]),
-    default="auto",
-    show_default=True,
-    help="Format of the CAM file.",
-)
-@click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
-@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where the CAM file names none.")
-@click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth.")
-@click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning.")
+@reading_options
 @click.option(
     "--tol-mm",
     default=0.01,
