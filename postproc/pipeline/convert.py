@@ -59,6 +59,7 @@ class ConvertRequest:
 class Conversion:
     """A finished conversion: the plan, the program files by name, findings and times.
 
+    ``cell``: with the strategy and the objective of the call, and what a model knows of the arm.
     ``expectation``: where the real tool and the commands are against the CAM points, None without
     a model of the arm.
     """
@@ -113,8 +114,11 @@ def convert(
     Raises:
         PostprocError: if the input, the cell or an option is wrong.
     """
+    from postproc.planning.settings import PlanOptions, settle
+
     clock = _Clock()
-    cell = shared_cell(request.cell)
+    wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
+    cell = settle(shared_cell(request.cell), wishes)[0]
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
     else:
@@ -133,14 +137,6 @@ def convert(
     name, files, issues, checked = _emit_checked(plan, cell, request, clock, model)
     expected = None if checked is None else checked.expectation
     return Conversion(cell, toolpath, plan, files, name, issues, clock.total(), expected)
-
-
-def _cell_of(request: ConvertRequest) -> Cell:
-    """Return the cell with the strategy and the objective of the call in it."""
-    from postproc.planning.settings import PlanOptions, settle
-
-    options = PlanOptions(strategy=request.strategy, objective=request.objective)
-    return settle(shared_cell(request.cell), options)[0]
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -190,12 +186,7 @@ def make_plan(
     from postproc.planning.planner import PlanOptions
     from postproc.planning.planner import plan as plan_toolpath
 
-    options = PlanOptions(
-        strategy=request.strategy,
-        objective=request.objective,
-        partial=request.partial,
-        name=request.name,
-    )
+    options = PlanOptions(partial=request.partial, name=request.name)
     room = cell
     if model is not None:
         from postproc.pipeline.compensate import with_room
@@ -333,6 +324,8 @@ def failures(conversion: Conversion) -> list[dict[str, Any]]:
 
 def document(conversion: Conversion) -> dict[str, Any]:
     """Return the ``postproc.convert/1`` document."""
+    from postproc.planning.grade import grade_counts
+
     plan = conversion.plan
     return {
         "schema": "postproc.convert/1",
@@ -341,6 +334,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "tags": len(conversion.toolpath),
         "points": len(plan),
         "failures": failures(conversion),
+        "grades": grade_counts(plan, conversion.cell),
         "stiffness": _stiffness(conversion),
         "compensation": _compensation(conversion),
         "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),

@@ -73,7 +73,7 @@ def plan(
         toolpath,
         cell,
         settings,
-        lambda here: _checker(toolpath, here, settings),
+        lambda here: checker_of(toolpath, here, settings),
         lambda part, here: _planned(part, here, settings, options, progress),
     )
 
@@ -89,7 +89,7 @@ def _planned(
     clock = _Clock(progress)
     if settings.free_order:
         toolpath = reordered(toolpath, ordered(problem_of(toolpath, cell, settings)))
-    checker = _checker(toolpath, cell, settings)
+    checker = checker_of(toolpath, cell, settings)
     problem = checker.problem
     clock.lap("place")
     chosen, issues, record = choose(checker, clock.step)
@@ -136,7 +136,7 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     )
 
 
-def _checker(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
+def checker_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
     """Return the checks of a toolpath in a cell without external axes."""
     problem = problem_of(toolpath, cell, settings)
     return Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))

@@ -1,33 +1,39 @@
 """The spin map: what every turn about the tool axis would mean at every tag.
 
 Spin by tag, each cell with a class (free, collision, singular, joint limit, unreachable) and the
-best stiffness that a branch gives there, with the chosen line on it. Every pose is checked, so a
-map of many tags takes longer than a plan.
+stiffness of the best posture that is free there, with the chosen line on it. A cell is free if any
+posture (branch, turns of the joints) can be run, strokes and all. Postures are checked best first,
+so that one check is enough for most cells; only cells without any free posture take them all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 
-from postproc.kinematics.model import build
-from postproc.kinematics.singular import wrist_distance
 from postproc.model.arrays import FloatArray, IntArray
 from postproc.model.cell import Cell
-from postproc.model.plan import Plan
-from postproc.model.toolpath import ToolPath
-from postproc.planning.candidates import sample
-from postproc.planning.feasible import Checker
-from postproc.planning.planner import problem_of
+from postproc.model.plan import MoveRole, Plan
+from postproc.planning.candidates import States, sample
+from postproc.planning.feasible import Checker, Reason
+from postproc.planning.grade import Grade, grades
+from postproc.planning.ladder import IndexArray
+from postproc.planning.place import Placement, cross_axes
+from postproc.planning.planner import checker_of
 from postproc.planning.settings import PlanOptions, settle
-from postproc.planning.stroke import strokes_of
+from postproc.planning.travel import cell_at
 from postproc.units import DEG, N_PER_MM
+
+Progress = Callable[[int, int, str], None]
+_CHUNK = 200
+_FULL_TURN = 2.0 * np.pi
 
 
 class SpinClass(IntEnum):
-    """Best that any branch offers at a spin."""
+    """Best that any posture offers at a spin."""
 
     FREE = 0
     COLLISION = 1
@@ -36,137 +42,197 @@ class SpinClass(IntEnum):
     UNREACHABLE = 4
 
 
-class Grade(IntEnum):
-    """Criteria classes of a chosen pose."""
-
-    GOOD = 0
-    ACCEPTABLE = 1
-    CRITICAL = 2
-    INVALID = 3
-
-
-ACCEPTABLE_LOSS = 0.05
-"""Loss of stiffness against the tag's own optimum above which a pose is no longer good."""
-CRITICAL_LOSS = 0.25
-NEAR_LIMIT = 5.0 * DEG
-"""A joint nearer than this to its margin makes a pose acceptable only, nearer than a fifth of it
-critical; likewise the wrist and its distance from straight."""
+_CLASS_OF = {
+    Reason.NONE: SpinClass.FREE,
+    Reason.COLLISION: SpinClass.COLLISION,
+    Reason.SINGULAR: SpinClass.SINGULAR,
+    Reason.JOINT_LIMIT: SpinClass.JOINT_LIMIT,
+    Reason.UNREACHABLE: SpinClass.UNREACHABLE,
+}
 
 
 @dataclass(frozen=True, slots=True)
 class SpinMap:
-    """Spins (S,) [rad] by tags (n,).
+    """Spins (S,) [rad] by the n tags of a plan.
 
-    ``classes`` (n, S) ``SpinClass``; ``stiffness`` (n, S) [N/m] of the best free branch, NaN where
-    none is free or the cell has no stiffness; ``chosen`` (n,) spin of the plan [rad] or NaN.
+    ``classes`` (n, S) ``SpinClass``; ``stiffness`` (n, S) [N/m] of the best free posture, NaN where
+    none is free or the cell has no stiffness; ``chosen`` (n,) spin of the plan [rad], within
+    half a turn of the middle of the map, NaN for tags without a move; ``grade`` (n,) ``Grade``.
     """
 
+    plan: Plan
     spins: FloatArray
-    tags: IntArray
     classes: IntArray
     stiffness: FloatArray
     chosen: FloatArray
+    grade: IntArray
 
-    def to_csv(self, toolpath: ToolPath) -> str:
-        """Return the map as text: one row a tag and spin, CR LF free, fixed digits."""
-        rows = ["tag,line,spin_deg,class,stiffness_N_per_mm,chosen_deg"]
-        for i, tag in enumerate(self.tags.tolist()):
-            name, line = toolpath.tag_name(tag), int(toolpath.line[tag])
-            chosen = _text(self.chosen[i] / DEG)
+    def __len__(self) -> int:
+        """Return the number of tags."""
+        return len(self.chosen)
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether any cell of the map has a stiffness."""
+        return bool(np.isfinite(self.stiffness).any())
+
+    @property
+    def loss(self) -> FloatArray:
+        """(n,) share of stiffness lost against the tag's best free spin of the map, NaN where none.
+
+        Below 0 where the chosen spin lies between those of the map and is better.
+        """
+        best = np.where(np.isfinite(self.stiffness), self.stiffness, -np.inf).max(axis=1)
+        return np.asarray(1.0 - self.plan.stiffness / np.where(best > 0.0, best, np.nan))
+
+    def to_csv(self) -> str:
+        """Return the map as text: one row a tag and spin, fixed digits.
+
+        Columns: tag, line (of the CAM file), spin_deg, class, stiffness_N_per_mm, chosen_deg,
+        grade, loss_percent; the last three are of the tag.
+        """
+        path, loss = self.plan.toolpath, self.loss
+        rows = ["tag,line,spin_deg,class,stiffness_N_per_mm,chosen_deg,grade,loss_percent"]
+        for i in range(len(self)):
+            head = f"{_quoted(path.tag_name(i))},{int(path.line[i])}"
+            grade = Grade(int(self.grade[i])).name.lower()
+            tail = f"{_text(self.chosen[i] / DEG)},{grade},{_text(100.0 * loss[i])}"
             for j, spin in enumerate((self.spins / DEG).tolist()):
                 kind = SpinClass(int(self.classes[i, j])).name.lower()
                 k = _text(self.stiffness[i, j] / N_PER_MM)
-                rows.append(f"{name},{line},{spin:.3f},{kind},{k},{chosen}")
+                rows.append(f"{head},{spin:z.3f},{kind},{k},{tail}")
         return "\n".join(rows) + "\n"
 
 
-def spin_map(
-    toolpath: ToolPath, cell: Cell, result: Plan | None = None, tags: IntArray | None = None
-) -> SpinMap:
-    """Return the spin map of tags (all by default), with the line of a plan where given.
+def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> SpinMap:
+    """Return the spin map of all tags of a plan, also of those that failed.
+
+    External axes stand where the plan has them; for a tag without a move as for the tag before.
+
+    Args:
+        result: the plan.
+        cell: its cell, with the strategy and the objective of the call.
+        progress: called with (done, total, what).
 
     Raises:
         CellError: as ``planner.plan``.
     """
-    from postproc.collision.scene import Scene
-
     cell, settings = settle(cell, PlanOptions())
-    problem = problem_of(toolpath, cell, settings)
-    scene = Scene.build(cell, problem.kinematics)
-    checker = Checker(problem, strokes_of(problem.toolpath, settings.approach), scene)
-    rows = np.arange(len(toolpath)) if tags is None else np.asarray(tags, dtype=np.int64)
-    classes, stiffness = _classes(checker, rows)
-    chosen = np.full(len(rows), np.nan)
-    if result is not None:
-        spin = np.full(len(toolpath), np.nan)
-        spin[result.tag] = result.spin
-        chosen = spin[rows]
-    return SpinMap(settings.spins, rows.astype(np.int32), classes, stiffness, chosen)
+    n, width = len(result.toolpath), len(settings.spins)
+    classes = np.full((n, width), SpinClass.UNREACHABLE, dtype=np.int32)
+    stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)
+    moves = _last_moves(result)
+    places = _places(result, cell, moves)
+    done = 0
+    for place in np.unique(places, axis=0):
+        here = cell_at(cell, place) if len(place) else cell
+        checker = checker_of(result.toolpath, here, settings)
+        tags = np.flatnonzero((places == place).all(axis=1))
+        for low in range(0, len(tags), _CHUNK):
+            if progress is not None:
+                progress(done, n, "spin map")
+            some = tags[low : low + _CHUNK]
+            classes[some], stiffness[some] = _cells(checker, some)
+            done += len(some)
+        served = tags[moves[tags] >= 0]
+        R_base_tcp = result.T_base_tcp[moves[served], :3, :3]
+        chosen[served] = _spin_of(checker.problem.placement, served, R_base_tcp)
+    middle = 0.5 * float(settings.spins[0] + settings.spins[-1])
+    chosen = chosen - _FULL_TURN * np.round((chosen - middle) / _FULL_TURN)
+    return SpinMap(result, settings.spins, classes, stiffness, chosen, grades(result, cell))
 
 
-def _classes(checker: Checker, tags: np.ndarray) -> tuple[IntArray, FloatArray]:
-    """Return class and best stiffness (n, S), every pose checked."""
+def _last_moves(result: Plan) -> IndexArray:
+    """Return for each tag (n,) the last move that works at it, else its last, else -1."""
+    last = np.full(len(result.toolpath), -1)
+    working = np.isin(result.role, (MoveRole.CUT, MoveRole.PLUNGE))
+    for rows in (np.flatnonzero(result.tag >= 0), np.flatnonzero((result.tag >= 0) & working)):
+        last[result.tag[rows]] = rows
+    return last
+
+
+def _places(result: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
+    """Return where the external axes stand (n, k) for each tag [m or rad]."""
+    axes = cell.external_axes
+    if not axes:
+        return np.zeros((len(moves), 0))
+    zero = np.array([np.clip(0.0, axis.q_min, axis.q_max) for axis in axes])
+    known = moves >= 0
+    if not known.any():
+        return np.tile(zero, (len(moves), 1))
+    before = np.maximum.accumulate(np.where(known, np.arange(len(moves)), -1))
+    source = np.where(before < 0, int(np.argmax(known)), before)
+    return np.asarray(result.external[moves[source]])
+
+
+def _spin_of(placement: Placement, tags: IndexArray, R_base_tcp: FloatArray) -> FloatArray:
+    """Return the turn (m,) [rad] about the tool axis of orientations (m, 3, 3) at tags."""
+    first, second = cross_axes(placement.tool_axis)
+    R_zero_tcp = np.swapaxes(placement.R_base_tcp[tags], 1, 2) @ R_base_tcp
+    turned = R_zero_tcp @ first
+    sense = float(np.cross(first, second) @ placement.tool_axis)
+    return np.asarray(np.arctan2(sense * (turned @ second), turned @ first))
+
+
+def _cells(checker: Checker, tags: IndexArray) -> tuple[IntArray, FloatArray]:
+    """Return class (t, S) and stiffness (t, S) of tags (t,)."""
+    problem, width = checker.problem, len(checker.problem.settings.spins)
+    states = sample(problem, tags, problem.settings.spins)
+    every = np.arange(len(states.q))
+    cell = states.tag_of(every) * width + states.column.astype(np.int64)
+    order = np.lexsort((every, states.cost, cell))
+    first = np.searchsorted(cell[order], cell[order], side="left")
+    rank = np.arange(len(order)) - first
+    classes = _without_state(checker, tags).ravel()
+    stiffness = np.full(len(classes), np.nan)
+    collided = np.zeros(int(states.config.max(initial=-1)) + 1, dtype=np.bool_)
+    for k in range(int(rank.max(initial=-1)) + 1):
+        rows = order[rank == k]
+        rows = rows[classes[cell[rows]] != SpinClass.FREE]
+        rows = rows[~collided[states.config[rows]]]
+        found = _verdicts(checker, states, tags, rows)
+        collided[states.config[rows[found == SpinClass.COLLISION]]] = True
+        classes[cell[rows]] = np.minimum(classes[cell[rows]], found)
+        free = rows[found == SpinClass.FREE]
+        stiffness[cell[free]] = states.index[free]
+    return classes.reshape(-1, width), stiffness.reshape(-1, width)
+
+
+def _verdicts(checker: Checker, states: States, tags: IndexArray, rows: IndexArray) -> IndexArray:
+    """Return the ``SpinClass`` (m,) of states (m,), checked with their strokes."""
+    reason = checker.states(
+        tags[states.tag_of(rows)],
+        states.q[rows].astype(np.float64),
+        states.spin_of(rows),
+        states.branch[rows].astype(np.int64),
+    ).reason
+    return np.array([_CLASS_OF[Reason(int(r))] for r in reason], dtype=np.int64)
+
+
+def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
+    """Return the class (t, S) by the postures that reach, limits and singularity rule out."""
     problem = checker.problem
     spins = problem.settings.spins
-    n, width = len(tags), len(spins)
-    which, turn = np.repeat(tags, width), np.tile(spins, n)
-    slots, valid = problem.kinematics.ik(
-        problem.placement.flange(problem.placement.tcp(which, turn))
-    )
-    classes = np.full((n * width, slots.shape[1]), SpinClass.UNREACHABLE, dtype=np.int32)
+    which, turn = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T_robroot_flange = problem.placement.flange(problem.placement.tcp(which, turn))
+    slots, valid = problem.kinematics.ik(T_robroot_flange)
+    valid &= problem.placement.given[which][:, None]
+    classes = np.full(valid.shape, SpinClass.UNREACHABLE, dtype=np.int32)
     middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
     q = problem.kinematics.nearest(slots[valid], middle)
-    best = np.where(
-        problem.within(q),
-        np.where(problem.regular(q), SpinClass.FREE, SpinClass.SINGULAR),
-        SpinClass.JOINT_LIMIT,
+    # a posture that nothing rules out counts for nothing here: it is checked as a state
+    classes[valid] = np.select(
+        [~problem.within(q), ~problem.regular(q)],
+        [SpinClass.JOINT_LIMIT, SpinClass.SINGULAR],
+        SpinClass.UNREACHABLE,
     )
-    classes[valid] = best
-    states = sample(problem, tags, spins)
-    stiffness = np.full((n, width), np.nan)
-    every = np.arange(len(states.q))
-    row, column = states.tag_of(every), states.column.astype(np.int64)
-    free = checker.states(
-        tags[row],
-        states.q.astype(np.float64),
-        states.spin_of(every),
-        states.branch.astype(np.int64),
-    ).good
-    flat = classes.reshape(n, width, -1)
-    flat[flat == SpinClass.FREE] = SpinClass.COLLISION
-    flat[row[free], column[free], states.branch[free]] = SpinClass.FREE
-    np.fmax.at(stiffness, (row[free], column[free]), states.index[free].astype(np.float64))
-    return flat.min(axis=2), stiffness
+    best: IntArray = classes.min(axis=1).reshape(len(tags), len(spins))
+    return best
 
 
-def grades(result: Plan, cell: Cell, best: FloatArray | None = None) -> IntArray:
-    """Return the ``Grade`` (n,) of every tag of a plan.
-
-    Args:
-        result: the plan.
-        cell: its cell.
-        best: (n,) best stiffness index each tag could have [N/m] (rows of a spin map's maximum);
-            None leaves stiffness out.
-    """
-    kinematics = build(cell.robot)
-    grade = np.full(len(result.toolpath), Grade.INVALID, dtype=np.int32)
-    q = result.q
-    margin = cell.limits.joint_margin
-    room = np.minimum(q - kinematics.q_min, kinematics.q_max - q).min(axis=1, initial=np.inf)
-    room = np.minimum(room - margin, wrist_distance(kinematics, q) - cell.limits.singularity)
-    smallest = np.full(len(grade), np.inf)
-    np.minimum.at(smallest, result.tag, room)
-    failed = [issue.tag_index for issue in result.errors if issue.tag_index is not None]
-    run = np.isfinite(smallest)
-    run[failed] = False
-    loss = np.zeros(len(grade))
-    if best is not None:
-        loss = np.nan_to_num(1.0 - result.stiffness / best)
-    grade[run] = Grade.GOOD
-    grade[run & ((smallest < NEAR_LIMIT) | (loss > ACCEPTABLE_LOSS))] = Grade.ACCEPTABLE
-    grade[run & ((smallest < 0.2 * NEAR_LIMIT) | (loss > CRITICAL_LOSS))] = Grade.CRITICAL
-    return grade
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
 
 
 def _text(value: float) -> str:
-    return "" if np.isnan(value) else f"{value:z.3f}"
+    return f"{value:z.3f}" if np.isfinite(value) else ""

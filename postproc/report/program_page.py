@@ -9,6 +9,7 @@ import numpy as np
 
 from postproc.errors import Severity
 from postproc.model.plan import MoveKind, MoveRole
+from postproc.planning.grade import grade_counts
 from postproc.planning.place import stand_ins
 from postproc.report.failing_poses import failing_poses
 from postproc.report.page import Page, escape, packed, packed_text
@@ -53,7 +54,7 @@ def program_page(
         for i in issues
         if i.severity is Severity.ERROR and i.tag_index is not None
     }
-    page = Page(f"{plan.name}: {cell.name}", _lead(plan, issues, failing))
+    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, issues, failing), _room(plan, cell)])
     moves = moves_of_tags(plan)
     columns = tag_columns(plan, cell, moves, scene, text)
     spins = spin_map(plan, cell, moves, scene)
@@ -114,6 +115,11 @@ def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[
     if plan.compensation_note:
         lines.append(plan.compensation_note)
     return lines
+
+
+def _room(plan: Plan, cell: Cell) -> str:
+    counts = ", ".join(f"{count} {name}" for name, count in grade_counts(plan, cell).items())
+    return f"Room to joint limits and straight wrist: {counts}."
 
 
 def time_span(seconds: float) -> str:

@@ -7,13 +7,28 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading_options, standard_options
+from postproc.cli.common import Progress, Session, answer, reading_options, standard_options
 
 EPILOG = """\b
 Examples:
   postproc convert part.cls --cell cell.toml -o out
   postproc convert holes.csv --cell cell.toml -o out --strategy smooth --report out/holes.html
+  postproc convert holes.csv --cell cell.toml -o out --spin-map map.html --spin-map map.csv
 """
+_SPIN_MAPS = (".html", ".png", ".csv")
+
+
+def _known_suffix(
+    context: click.Context, parameter: click.Parameter, files: tuple[str, ...]
+) -> tuple[str, ...]:
+    for name in files:
+        if Path(name).suffix.lower() not in _SPIN_MAPS:
+            raise click.BadParameter(
+                f"{name!r}: expected a name that ends in {', '.join(_SPIN_MAPS)}",
+                context,
+                parameter,
+            )
+    return files
 
 
 @click.command(epilog=EPILOG)
@@ -31,6 +46,15 @@ Examples:
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
+@click.option(
+    "--spin-map",
+    "spin_maps",
+    multiple=True,
+    metavar="FILE",
+    callback=_known_suffix,
+    help="Write what every turn about the tool axis would mean at every tag: .html, .png or .csv; "
+    "also when tags fail.",
+)
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Convert a CAM toolpath to DIR/NAME.src and DIR/NAME.dat.
@@ -58,14 +82,19 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     )
     with session.progress() as progress:
         conversion = convert(request, progress)
+        maps = _spin_maps(conversion, options["spin_maps"], progress)
     folder = Path(options["output"])
     contents = output_paths(conversion, folder)
     if options["report"]:
         contents[Path(options["report"])] = _page(conversion)
+    contents |= maps
     write_files(contents)
     session.issues(conversion.issues)
     session.document(document(conversion))
-    _summary(session, conversion, folder, options["report"])
+    _summary(session, conversion, folder)
+    for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
+        if path:
+            session.show(f"{name:<8} {path}")
     return answer(conversion.good)
 
 
@@ -78,7 +107,28 @@ def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
     return program_page(conversion.plan, cell, conversion.issues, text)
 
 
-def _summary(session: Session, conversion: Any, folder: Path, report: str | None) -> None:  # noqa: ANN401
+def _spin_maps(
+    conversion: Any,  # noqa: ANN401 - imported lazily
+    files: tuple[str, ...],
+    progress: Progress,
+) -> dict[Path, bytes]:
+    """Return the spin map in the form of each file's suffix."""
+    if not files:
+        return {}
+    from postproc.planning.spinmap import spin_map
+    from postproc.report.spin_map_page import spin_map_page
+    from postproc.report.spin_map_picture import draw
+
+    spins = spin_map(conversion.plan, conversion.cell, progress)
+    forms = {
+        ".html": lambda: spin_map_page(spins, conversion.cell.name),
+        ".png": lambda: draw(spins).png,
+        ".csv": lambda: spins.to_csv().encode(),
+    }
+    return {Path(name): forms[Path(name).suffix.lower()]() for name in files}
+
+
+def _summary(session: Session, conversion: Any, folder: Path) -> None:  # noqa: ANN401
     from postproc.pipeline.convert import document
 
     content = document(conversion)
@@ -96,5 +146,5 @@ def _summary(session: Session, conversion: Any, folder: Path, report: str | None
             f"lowest {figures['min_N_per_mm']:.0f} N/mm"
         )
     session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
-    if report:
-        session.show(f"page     {report}")
+    rooms = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
+    session.show(f"room     to limits and wrist: {rooms}")
