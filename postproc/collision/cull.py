@@ -21,23 +21,33 @@ _BATCH = 400_000
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
-    """Bodies placed for n configurations, in robroot.
-
-    ``q`` (n, 6 + k) the configurations; ``link`` (l, 3, 4, n) frames of the links; ``centre``
-    (b, 3, n), ``axes`` (b, 3, 3, n) and ``extent`` (b, 3, n) of the bodies' boxes: centre, axes as
-    columns, half size along the axes of robroot [m].
-    """
+class Frames:
+    """Links at n configurations ``q`` (n, 6 + k): ``link`` (l, 3, 4, n) their frames in robroot."""
 
     q: FloatArray
     link: FloatArray
-    centre: FloatArray
-    axes: FloatArray
-    extent: FloatArray
 
     def __len__(self) -> int:
         """Return the number of configurations."""
         return int(self.link.shape[-1])
+
+    @staticmethod
+    def of(q: FloatArray, link_frames: FloatArray) -> Frames:
+        """Return the frames of configurations (n, 6 + k), link frames (n, l, 4, 4) in robroot."""
+        return Frames(q, np.ascontiguousarray(np.moveaxis(link_frames[:, :, :3, :], 0, -1)))
+
+
+@dataclass(frozen=True, slots=True)
+class Placed(Frames):
+    """Bodies placed for n configurations, in robroot.
+
+    ``centre`` (b, 3, n), ``axes`` (b, 3, 3, n) and ``extent`` (b, 3, n) of the bodies' boxes:
+    centre, axes as columns, half size along the axes of robroot [m].
+    """
+
+    centre: FloatArray
+    axes: FloatArray
+    extent: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,17 +96,16 @@ class Culler:
         ends = np.append(starts[1:], len(first))
         self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
 
-    def place(self, q: FloatArray, link_frames: FloatArray) -> Placed:
-        """Return the bodies at configurations (n, 6 + k), link frames (n, l, 4, 4) in robroot."""
-        frames = np.ascontiguousarray(np.moveaxis(link_frames[:, :, :3, :], 0, -1))
-        n = frames.shape[-1]
+    def place(self, frames: Frames) -> Placed:
+        """Return the bodies where links stand."""
+        n = len(frames)
         bodies = len(self.shapes)
         centre = np.empty((bodies, 3, n))
         axes = np.empty((bodies, 3, 3, n))
         for link, members in enumerate(self._by_link):
             if not len(members):
                 continue
-            R, p = frames[link, :, :3], frames[link, :, 3]
+            R, p = frames.link[link, :, :3], frames.link[link, :, 3]
             # (3 rows of R, members, n): one product for each row of the rotation
             moved = np.matmul(self._centre[members], R) + p[:, None]
             centre[members] = np.moveaxis(moved, 0, 1)
@@ -106,7 +115,7 @@ class Culler:
         extent = np.abs(axes[:, :, 0]) * self._half[:, 0, None, None]
         extent += np.abs(axes[:, :, 1]) * self._half[:, 1, None, None]
         extent += np.abs(axes[:, :, 2]) * self._half[:, 2, None, None]
-        return Placed(q, frames, centre, axes, extent)
+        return Placed(frames.q, frames.link, centre, axes, extent)
 
     def bodies_near(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None = None
@@ -126,6 +135,28 @@ class Culler:
         limit = threshold[pair, row] if threshold.shape[1] > 1 else threshold[pair, 0]
         kept = np.flatnonzero(gap <= limit + SLACK)
         return Near(pair[kept], row[kept], np.maximum(gap[kept], 0.0))
+
+    def entries_near(self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray) -> Near:
+        """Return entries with their bounds, from the boxes of the two bodies alone.
+
+        Args:
+            near: entries (k).
+            R: (k, 3, 3) rotation from ``relative``.
+            p: (k, 3) origin from ``relative`` [m].
+            limit: (k,) [m]; entries farther apart than this get an infinite bound.
+        """
+        a, b = self.first[near.pair], self.second[near.pair]
+        A = np.swapaxes(self._axes[a], 1, 2)
+        R_boxes = A @ (R @ self._axes[b])
+        centre = np.einsum("kij,kj->ki", R, self._centre[b]) + p - self._centre[a]
+        gap = box_gap(
+            np.ascontiguousarray(np.moveaxis(R_boxes, 0, -1)),
+            np.einsum("kij,kj->ik", A, centre),
+            self._half[a].T,
+            self._half[b].T,
+        )
+        bound = np.where(gap <= limit + SLACK, np.maximum(gap, 0.0), np.inf)
+        return Near(near.pair, near.row, bound)
 
     def axis_aligned_bound(self, placed: Placed) -> FloatArray:
         """Return lower bounds (p, n) [m] of the distances, from axis-aligned boxes only."""
@@ -206,9 +237,9 @@ class Culler:
             hit[mine] = self.shapes[one].inside.contains(points[kept[mine]])
         return entry[kept[hit]]
 
-    def relative(self, placed: Placed, near: Near) -> tuple[FloatArray, FloatArray]:
+    def relative(self, frames: Frames, near: Near) -> tuple[FloatArray, FloatArray]:
         """Return rotation (k, 3, 3) and origin (k, 3) of the second body's frame in the first's."""
-        A = placed.link[self.links[self.first[near.pair]], :, :, near.row]
-        B = placed.link[self.links[self.second[near.pair]], :, :, near.row]
+        A = frames.link[self.links[self.first[near.pair]], :, :, near.row]
+        B = frames.link[self.links[self.second[near.pair]], :, :, near.row]
         R_a = np.swapaxes(A[:, :, :3], 1, 2)
         return R_a @ B[:, :, :3], np.einsum("kij,kj->ki", R_a, B[:, :, 3] - A[:, :, 3])

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
-from postproc.collision.cull import Culler, Near, Placed
+from postproc.collision.cull import Culler, Frames, Near, Placed
 from postproc.collision.exact import ExactTests
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.mesh import Mesh
@@ -127,12 +127,16 @@ class Engine:
         """Whether each body is closed, so that what lies inside it is seen."""
         return [shape.is_closed for shape in self._shapes]
 
-    def place(self, q: FloatArray) -> Placed:
-        """Return the bodies at configurations (n, 6 + k): joints [rad], external axes."""
+    def frames(self, q: FloatArray) -> Frames:
+        """Return the links at configurations (n, 6 + k): joints [rad], external axes."""
         frames = self.arm.link_frames(q[:, :JOINTS])
         if len(self.external):
             frames = np.concatenate([frames, self.external.frames(q[:, JOINTS:])], axis=1)
-        return self._culler.place(q, frames)
+        return Frames.of(q, frames)
+
+    def place(self, q: FloatArray) -> Placed:
+        """Return the bodies at configurations (n, 6 + k): joints [rad], external axes."""
+        return self._culler.place(self.frames(q))
 
     def bodies(self, near: Near) -> tuple[np.ndarray, np.ndarray]:
         """Return the first and second body (k,) of entries."""
@@ -157,12 +161,30 @@ class Engine:
         """
         near = self._culler.bodies_near(placed, threshold, wanted)
         near = near.take(np.lexsort((near.pair, near.row)))
-        R, p = self._culler.relative(placed, near)
+        limit = np.broadcast_to(threshold, (len(threshold), len(placed)))[near.pair, near.row]
+        return self._kept(near, *self._culler.relative(placed, near), limit, fine=fine)
+
+    def candidates_among(
+        self, frames: Frames, pair: np.ndarray, row: np.ndarray, threshold: FloatArray
+    ) -> Candidates:
+        """Return those of single pairs (k,) at configurations (k,) that may be nearer than (k,).
+
+        As ``candidates``, by pieces of surfaces too. Entries are in order of row, then pair.
+        """
+        near = Near(pair, row, np.zeros(len(pair)))
+        R, p = self._culler.relative(frames, near)
+        near = self._culler.entries_near(near, R, p, threshold)
+        kept = np.flatnonzero(np.isfinite(near.bound))
+        return self._kept(near.take(kept), R[kept], p[kept], threshold[kept], fine=True)
+
+    def _kept(
+        self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray, *, fine: bool
+    ) -> Candidates:
+        """Return entries with what pieces of surfaces tell of them, and which are nested."""
         nested = np.zeros(len(near), dtype=bool)
         nested[self._culler.nested(near, R, p)] = True
         if not fine or not len(near):
             return Candidates(near, R, p, nested)
-        limit = np.broadcast_to(threshold, (len(threshold), len(placed)))[near.pair, near.row]
         kept, bound = self._pieces.refine(near, R, p, limit)
         near.bound[kept] = bound
         kept = np.union1d(kept, np.flatnonzero(nested))

@@ -6,6 +6,10 @@ whole span. Cheap lower bounds of the distance settle most pairs, exact distance
 neither settles, the span is cut on both sides of the stretch that is proven, down to spans on
 which nothing moves farther than the resolution; there the ends are checked and decide.
 
+Motions that follow each other, as the samples of a LIN or CIRC do, are first looked at as a whole:
+all of them stay near the straight motion from the first start to the last end, by less than their
+largest deviation from it. Pairs that are free over all of that need no further look.
+
 So a motion said to be free is free at every sample taken and at its ends, and between them nothing
 is touched but by grazing contact in which no point moves farther than the resolution.
 """
@@ -20,7 +24,8 @@ from numpy.typing import NDArray
 
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
-from postproc.collision.engine import CHUNK, Engine
+from postproc.collision.engine import CHUNK, Candidates, Engine
+from postproc.collision.sweep import Sway
 from postproc.model.arrays import BoolArray, FloatArray
 
 RESOLUTION = 1e-3
@@ -109,50 +114,152 @@ class MotionCheck:
         self._engine = engine
         self._resolution = resolution
 
-    def run(self, q_from: FloatArray, q_to: FloatArray, contact: BoolArray) -> MotionHits:
-        """Check motions (m, 6) to (m, 6) [rad]; ``contact`` (m,): cutting solids may touch."""
-        parts = [self._run(q_from[rows], q_to[rows], contact[rows]) for rows in chunks(len(q_from))]
-        pair = np.concatenate([part[0] for part in parts] or [np.zeros(0, dtype=np.int64)])
-        share = np.concatenate([part[1] for part in parts] or [np.zeros(0)])
+    def run(
+        self,
+        q_from: FloatArray,
+        q_to: FloatArray,
+        contact: BoolArray,
+        track: NDArray[np.int64] | None = None,
+    ) -> MotionHits:
+        """Check motions (m, 6) to (m, 6) [rad]; ``contact`` (m,): cutting solids may touch.
+
+        ``track`` (m,): motions that stand together with the same number are looked at as one first.
+        """
+        pair = np.full(len(q_from), NO_PAIR, dtype=np.int64)
+        share = np.full(len(q_from), np.nan)
+        if track is None:
+            for rows in chunks(len(q_from)):
+                wanted = self._engine.wanted(contact[rows])
+                wanted = np.broadcast_to(wanted, (len(self._engine.table), rows.stop - rows.start))
+                found = self._run(q_from[rows], q_to[rows], wanted, is_first=True)
+                pair[rows], share[rows] = found
+            return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
+        starts = np.flatnonzero(np.diff(track, prepend=track[:1] - 1))
+        ends = np.append(starts[1:], len(track))
+        for tracks in chunks(len(starts)):
+            low, high = int(starts[tracks.start]), int(ends[tracks.stop - 1])
+            part = slice(low, high)
+            open_ = self._open_pieces(q_from[part], q_to[part], contact[part], starts[tracks] - low)
+            todo = low + np.flatnonzero(open_.any(axis=0))
+            for rows in chunks(len(todo)):
+                which = todo[rows]
+                found = self._run(q_from[which], q_to[which], open_[:, which - low], is_first=False)
+                pair[which], share[which] = found
         return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
 
-    def _run(
-        self, q_from: FloatArray, q_to: FloatArray, contact: BoolArray
-    ) -> tuple[NDArray[np.int64], FloatArray]:
+    def _open_pieces(
+        self,
+        q_from: FloatArray,
+        q_to: FloatArray,
+        contact: BoolArray,
+        starts: NDArray[np.int64],
+    ) -> BoolArray:
+        """Return pairs (p, m) of motions that are not free over the whole track.
+
+        Args:
+            q_from: (m, 6) [rad].
+            q_to: (m, 6) [rad].
+            contact: (m,) cutting solids may touch.
+            starts: (t,) first motion of each track.
+        """
         m = len(q_from)
+        count = np.diff(np.append(starts, m))
+        owner = np.repeat(np.arange(len(starts)), count)
+        a, b = q_from[starts], q_to[starts + count - 1]
+        step = np.arange(m) - starts[owner]
+        off = np.zeros((m, q_from.shape[1]))
+        for q, done in ((q_from, step), (q_to, step + 1)):
+            chord = a[owner] + (done / count[owner])[:, None] * (b - a)[owner]
+            np.maximum(off, np.abs(q - chord), out=off)
+        way = 0.5 * (b - a)
+        sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
         wanted = np.broadcast_to(self._engine.wanted(contact), (len(self._engine.table), m))
+        found, moves = self._near(a + way, sway, np.logical_or.reduceat(wanted, starts, axis=1))
+        gap = self._gaps(found, moves)
+        left = np.flatnonzero(gap <= moves + SLACK)
+        open_ = np.zeros((len(wanted), len(starts)), dtype=np.bool_)
+        open_[found.near.pair[left], found.near.row[left]] = True
+        return np.asarray(open_[:, owner] & wanted)
+
+    def _run(
+        self, q_from: FloatArray, q_to: FloatArray, wanted: BoolArray, *, is_first: bool
+    ) -> tuple[NDArray[np.int64], FloatArray]:
+        """Return pair and share (m,) of motions; ``wanted`` (p, m), ``is_first``: most pairs."""
+        m = len(q_from)
         spans = _Spans(np.arange(m), np.zeros(m), np.ones(m), wanted)
         pair, share = np.full(m, NO_PAIR, dtype=np.int64), np.full(m, np.nan)
         while len(spans):
             steps = [
-                self._step(q_from, q_to, spans.take(rows)) for rows in chunks(len(spans), CHUNK)
+                self._step(q_from, q_to, spans.take(rows), is_first=is_first)
+                for rows in chunks(len(spans), CHUNK)
             ]
+            is_first = False
             for found, _ in steps:
                 _note(pair, share, found)
             spans = _Spans.joined([rest for _, rest in steps])
             spans = spans.take(np.flatnonzero(pair[spans.motion] == NO_PAIR))
         return pair, share
 
-    def _step(self, q_from: FloatArray, q_to: FloatArray, spans: _Spans) -> tuple[_Found, _Spans]:
+    def _step(
+        self, q_from: FloatArray, q_to: FloatArray, spans: _Spans, *, is_first: bool
+    ) -> tuple[_Found, _Spans]:
         """Return collisions in the middle of spans, and the spans that are still open."""
-        engine = self._engine
         middle = 0.5 * (spans.start + spans.end)
-        way = (q_to - q_from)[spans.motion]
-        placed = engine.place(q_from[spans.motion] + middle[:, None] * way)
-        turn = np.abs(way) * (0.5 * (spans.end - spans.start))[:, None]
-        approach = engine.sweep.of_pairs(placed, turn)
-        margin = engine.table.margin[:, None]
-        found = engine.candidates(placed, approach + margin, spans.open, fine=True)
+        whole = (q_to - q_from)[spans.motion]
+        way = whole * (0.5 * (spans.end - spans.start))[:, None]
+        q, sway = q_from[spans.motion] + middle[:, None] * whole, Sway(np.abs(way), way)
+        if is_first:
+            found, moves = self._near(q, sway, spans.open)
+        else:
+            found, moves = self._near_among(q, sway, spans.open)
+        gap = self._gaps(found, moves)
         near = found.near
-        moves = approach[near.pair, near.row]
-        gap = near.bound - margin[near.pair, 0]
-        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.nested)
-        gap[unclear] = engine.distances(found, unclear) - margin[near.pair[unclear], 0]
         hit = gap <= 0.0
         rest = np.flatnonzero(~hit & (gap <= moves + SLACK) & (spans.end > spans.start)[near.row])
         hits = _Found(spans.motion[near.row[hit]], near.pair[hit], middle[near.row[hit]])
         proven = np.maximum(gap[rest] - SLACK, 0.0) / np.maximum(moves[rest], SLACK)
         return hits, self._cut(spans, near.row[rest], near.pair[rest], moves[rest], proven)
+
+    def _near(self, q: FloatArray, sway: Sway, wanted: BoolArray) -> tuple[Candidates, FloatArray]:
+        """Return pairs (k) that may meet around q (n, 6 + k), and how far each can approach [m].
+
+        For many wanted pairs (p, n) of each configuration.
+        """
+        engine = self._engine
+        placed = engine.place(q)
+        approach = engine.sweep.of_pairs(placed, sway)
+        found = engine.candidates(
+            placed, approach + engine.table.margin[:, None], wanted, fine=True
+        )
+        return found, approach[found.near.pair, found.near.row]
+
+    def _near_among(
+        self, q: FloatArray, sway: Sway, wanted: BoolArray
+    ) -> tuple[Candidates, FloatArray]:
+        """Return the same as ``_near``, for few wanted pairs (p, n) of each configuration."""
+        engine = self._engine
+        row, pair = np.nonzero(wanted.T)
+        frames = engine.frames(q)
+        approach = engine.sweep.of_entries(frames, pair, row, sway)
+        found = engine.candidates_among(frames, pair, row, approach + engine.table.margin[pair])
+        at = np.searchsorted(
+            row * len(wanted) + pair, found.near.row * len(wanted) + found.near.pair
+        )
+        return found, approach[at]
+
+    def _gaps(self, found: Candidates, moves: FloatArray) -> FloatArray:
+        """Return how far (k,) [m] pairs are apart beyond their margin: exactly, where it matters.
+
+        Args:
+            found: the pairs.
+            moves: (k,) [m] how far each can approach; a bound that proves a small share is enough.
+        """
+        near = found.near
+        margin = self._engine.table.margin[near.pair]
+        gap: FloatArray = near.bound - margin
+        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.nested)
+        gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
+        return gap
 
     def _cut(
         self,
@@ -233,7 +340,7 @@ def samples_of_curve(
         for rows in chunks(len(which)):
             placed = engine.place(q_middle[rows])
             turn = np.abs(q_middle[rows] - straight[rows])
-            off[rows] = engine.sweep.of_pairs(placed, turn).max(axis=0, initial=0.0)
+            off[rows] = engine.sweep.of_pairs(placed, Sway(turn)).max(axis=0, initial=0.0)
         added = off > resolution
         where = which[added] + 1
         share = np.insert(share, where, middle[added])

@@ -148,6 +148,7 @@ class Scene:
         q_to: ArrayLike,
         contact: ArrayLike | None = None,
         resolution: float = RESOLUTION,
+        track: ArrayLike | None = None,
     ) -> MotionHits:
         """Return for each straight joint motion whether anything collides on the way.
 
@@ -155,13 +156,17 @@ class Scene:
             q_from: (m, 6) [rad].
             q_to: (m, 6) [rad].
             contact: (m,) or bool, motions on which cutting solids may touch the workpiece.
+            track: (m,) numbers; motions that stand together with the same number, such as those
+                between the samples of a curve, are looked at as one first, which is faster where
+                most are free.
             resolution: [m]; contact that is grazed on a shorter way than this may pass.
         """
         start, end = self._rows(q_from), self._rows(q_to)
         touch = _contact(contact, len(start))
         if touch is None:
             touch = np.zeros(len(start), dtype=np.bool_)
-        return motion.MotionCheck(self._engine, resolution).run(start, end, touch)
+        together = None if track is None else np.asarray(track, dtype=np.int64)
+        return motion.MotionCheck(self._engine, resolution).run(start, end, touch, together)
 
     def check_motion(
         self,

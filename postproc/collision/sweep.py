@@ -1,25 +1,53 @@
 """How far bodies can move while the joints turn: the bound that no collision slips through.
 
 Let a body hang on link i and look at it from link a < i. Turning joint j by an angle moves every
-point x by no more than that angle times its distance from axis j, measured in the configuration
+point x by no more than that angle times its distance r_j from axis j, measured in the configuration
 the motion starts from; by the triangle inequality over the product of the turns,
 
-    |x(q + dq) - x(q)| <= sum over j = a+1 .. i of |dq_j| * distance of x from axis j at q.
+    |x(q + d) - x(q)| <= sum over j = a+1 .. i of |d_j| r_j(q).
 
-The distance of two bodies changes by no more than that. Adaptive checks with such bounds are due
-to Schwarzer, Saha and Latombe 2005.
+Joints that undo each other, as on a straight line of the tool, move a point far less than that.
+The velocity along s -> q + s d at the start is x' = sum of d_j (a_j x (x - p_j)), linear in d. The
+second derivative is no larger than the sum over all j, k of |d_j| |d_k| r_max(j, k), with r taken
+on the way, where r_j has grown to R_j = r_j(q) + sum over m > j of |d_m| r_m(q) at most. By Taylor
+
+    |x(q + d) - x(q)| <= |x'| + 1/2 sum over j, k of |d_j| |d_k| R_max(j, k).
+
+The smaller of the two counts. The distance of two bodies changes by no more than that. Adaptive
+checks with such bounds are due to Schwarzer, Saha and Latombe 2005.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from postproc.collision.arm import Arm, joint_axes
 from postproc.collision.bodies import LAST_LINK
-from postproc.collision.cull import Placed
+from postproc.collision.cull import Frames, Placed
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.shape import Shape
 from postproc.model.arrays import FloatArray
+
+
+class Sway(NamedTuple):
+    """Where joints may go from a configuration: to q + s way + rest, -1 <= s <= 1.
+
+    ``turn`` (n, 6 + k) largest way of each axis from there [rad or m], not negative, way and rest
+    together; ``way`` (n, 6 + k) the part that all axes go at once, None: each as it likes.
+    """
+
+    turn: FloatArray
+    way: FloatArray | None = None
+
+    def joints(
+        self, spread: Callable[[FloatArray], FloatArray]
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return turn and way of the joints, (6, n) spread over bodies."""
+        way = None if self.way is None else spread(self.way[:, :JOINTS].T)
+        return spread(self.turn[:, :JOINTS].T), way
 
 
 class SweepBound:
@@ -50,6 +78,7 @@ class SweepBound:
         # for the joints, world and part stand still
         links = np.where(links > LAST_LINK, 0, links)
         self._links = links
+        self._centre = np.stack([shape.centre for shape in shapes])
         self._reach = np.array([shape.reach for shape in shapes])
         self._own_radius = np.array(
             [self._radius(shape, int(link)) for shape, link in zip(shapes, links, strict=True)]
@@ -57,6 +86,13 @@ class SweepBound:
         is_second = links[second] > links[first]
         self._body = np.where(is_second, second, first)
         self._base = np.where(is_second, links[first], links[second])
+        self._moved = np.argsort(links, kind="stable")[int((links == 0).sum()) :]
+        self._place = np.zeros(len(links), dtype=np.int64)
+        self._place[self._moved] = np.arange(len(self._moved))
+        self._by_base = [
+            (int(base), np.flatnonzero((self._base == base) & (links[self._body] > base)))
+            for base in np.unique(self._base)
+        ]
 
     def _radius(self, shape: Shape, link: int) -> float:
         """Return the largest distance [m] of a body's vertices from the axis of its own link."""
@@ -65,50 +101,152 @@ class SweepBound:
         offset = shape.mesh.vertices - self._point[link - 1]
         return float(np.linalg.norm(np.cross(offset, self._direction[link - 1]), axis=1).max())
 
-    def radii(self, placed: Placed) -> FloatArray:
-        """Return (b, 6, n) [m]: the farthest any point of a body is from each axis.
-
-        0 for axes that do not move the body.
-        """
-        radii = np.zeros((len(self._links), 6, len(placed)))
-        for joint in range(6):
-            R, p = placed.link[joint + 1, :, :3], placed.link[joint + 1, :, 3]
-            axis = np.einsum("ijn,j->in", R, self._direction[joint])
-            point = np.einsum("ijn,j->in", R, self._point[joint]) + p
-            moved = np.flatnonzero(self._links > joint)
-            offset = placed.centre[moved] - point
-            cross = [
-                offset[:, 1] * axis[2] - offset[:, 2] * axis[1],
-                offset[:, 2] * axis[0] - offset[:, 0] * axis[2],
-                offset[:, 0] * axis[1] - offset[:, 1] * axis[0],
-            ]
-            square = cross[0] ** 2 + cross[1] ** 2 + cross[2] ** 2
-            radii[moved, joint] = np.sqrt(square) + self._reach[moved, None]
-            own = np.flatnonzero(self._links == joint + 1)
-            radii[own, joint] = np.minimum(radii[own, joint], self._own_radius[own, None])
-        return radii
-
-    def of_pairs(self, placed: Placed, turn: FloatArray) -> FloatArray:
+    def of_pairs(self, placed: Placed, sway: Sway) -> FloatArray:
         """Return (p, n) [m]: how much the distance of a pair can change while joints turn.
 
         Args:
             placed: the bodies in the configuration that the turns are counted from.
-            turn: (n, 6 + k) largest way of each axis from there [rad or m], not negative.
+            sway: where the joints may go.
         """
-        steps = self.radii(placed) * turn[:, :JOINTS].T
-        # from base link a count joints a+1 .. 6; joints behind the body's own link add nothing
-        total = np.cumsum(steps[:, ::-1], axis=1)[:, ::-1]
-        total = np.concatenate([total, np.zeros_like(total[:, :1])], axis=1)
-        moved: FloatArray = total[self._body, self._base]
+        changed = np.zeros((len(self._body), len(placed)))
+        if len(self._moved):
+            shape = (len(self._moved), len(placed))
+            axis, point = self._axes(placed)
+            by_base = self._bounds(
+                self._moved,
+                np.broadcast_to(axis[:, :, None], (JOINTS, 3, *shape)),
+                np.broadcast_to(point[:, :, None], (JOINTS, 3, *shape)),
+                np.moveaxis(placed.centre[self._moved], 0, 1),
+                sway.joints(lambda rows: np.broadcast_to(rows[:, None], (JOINTS, *shape))),
+            )
+            for base, pairs in self._by_base:
+                changed[pairs] = by_base[base][self._place[self._body[pairs]]]
         if len(self._external):
-            outside = self._outside(placed, turn[:, JOINTS:])
-            moved += outside[self._first] + outside[self._second]
-        return moved
+            outside = self._outside(placed, sway.turn[:, JOINTS:])
+            changed += outside[self._first] + outside[self._second]
+        return changed
 
-    def _outside(self, placed: Placed, turn: FloatArray) -> FloatArray:
+    def of_entries(
+        self, frames: Frames, pair: np.ndarray, row: np.ndarray, sway: Sway
+    ) -> FloatArray:
+        """Return (k,) [m] as ``of_pairs``, for single pairs (k,) at configurations (k,)."""
+        changed = np.zeros(len(pair))
+        order = np.argsort(self._links[self._body[pair]], kind="stable")
+        order = order[self._links[self._body[pair[order]]] > 0]
+        if len(order):
+            body, rows = self._body[pair[order]], row[order]
+            axis, point = self._axes(frames)
+            T = frames.link[self._links[body], :, :, rows]
+            centre = np.einsum("kij,kj->ik", T[:, :, :3], self._centre[body]) + T[:, :, 3].T
+            by_base = self._bounds(
+                body,
+                axis[:, :, rows, None],
+                point[:, :, rows, None],
+                centre[:, :, None],
+                sway.joints(lambda turn: turn[:, rows, None]),
+            )
+            changed[order] = by_base[self._base[pair[order]], np.arange(len(order)), 0]
+        if len(self._external):
+            outside = self._outside(frames, sway.turn[:, JOINTS:])
+            changed += outside[self._first[pair], row] + outside[self._second[pair], row]
+        return changed
+
+    def _axes(self, frames: Frames) -> tuple[FloatArray, FloatArray]:
+        """Return direction and point (6, 3, n) [m] of the joint axes in robroot."""
+        R, p = frames.link[1 : JOINTS + 1, :, :3], frames.link[1 : JOINTS + 1, :, 3]
+        axis = np.einsum("lijn,lj->lin", R, self._direction)
+        return axis, np.einsum("lijn,lj->lin", R, self._point) + p
+
+    def _bounds(
+        self,
+        body: np.ndarray,
+        axis: FloatArray,
+        point: FloatArray,
+        centre: FloatArray,
+        sway: tuple[FloatArray, FloatArray | None],
+    ) -> FloatArray:
+        """Return (6, b, n) [m]: how far bodies can move as seen from links 0 to 5.
+
+        Args:
+            body: (b,) moved bodies in the order of their links.
+            axis: (6, 3, b, n) directions of the joint axes.
+            point: (6, 3, b, n) a point of each [m].
+            centre: (3, b, n) [m] of the bodies' boxes.
+            sway: turn and way of the joints (6, b, n).
+        """
+        shape = centre.shape[1:]
+        turns, ways = sway
+        starts = np.searchsorted(self._links[body], np.arange(JOINTS + 1), side="right").tolist()
+        reach, own_radius = self._reach[body, None], self._own_radius[body, None]
+        result = np.zeros((JOINTS, *shape))
+        path = np.zeros(shape)
+        course = _Course(shape)
+        for joint in range(JOINTS - 1, -1, -1):
+            tail, own = slice(starts[joint], None), slice(starts[joint], starts[joint + 1])
+            u = _cross(axis[joint][:, tail], centre[:, tail] - point[joint][:, tail])
+            radius = np.sqrt(np.einsum("ibn,ibn->bn", u, u)) + reach[tail]
+            here = radius[: own.stop - own.start]
+            np.minimum(here, own_radius[own], out=here)
+            turn = turns[joint][tail]
+            result[joint] = path
+            result[joint][tail] += turn * radius
+            if ways is not None:
+                course.add(tail, axis[joint][:, tail], u, radius, turn, ways[joint][tail], path)
+                straight = course.bound(tail, reach)
+                np.minimum(result[joint][tail], straight, out=result[joint][tail])
+            path[tail] += turn * radius
+        return result
+
+    def _outside(self, frames: Frames, turn: FloatArray) -> FloatArray:
         """Return (b, n) [m]: how far bodies can move against robroot by external axes."""
-        outside = np.zeros((len(self._links), len(placed)))
+        outside = np.zeros((len(self._links), len(frames)))
+        R, p = frames.link[PART_LINK, :, :3], frames.link[PART_LINK, :, 3]
+        centre = np.einsum("ijn,bj->bin", R, self._centre[self._parts]) + p
         outside[self._in_world], outside[self._parts] = self._external.moves(
-            placed.q[:, JOINTS:], turn, placed.centre[self._parts], self._reach[self._parts]
+            frames.q[:, JOINTS:], turn, centre, self._reach[self._parts]
         )
         return outside
+
+
+class _Course:
+    """Velocity and Taylor's rest of bodies of which one joint after the other turns, 6 first."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self._velocity, self._spin = np.zeros((3, *shape)), np.zeros((3, *shape))
+        self._lever, self._rest = np.zeros(shape), np.zeros(shape)
+
+    def add(
+        self,
+        tail: slice,
+        axis: FloatArray,
+        u: FloatArray,
+        radius: FloatArray,
+        turn: FloatArray,
+        way: FloatArray,
+        path: FloatArray,
+    ) -> None:
+        """Let a joint move the bodies ``tail``, those behind it already having moved by ``path``.
+
+        What a joint may turn beside its way counts in full.
+        """
+        self._velocity[:, tail] += way * u
+        self._spin[:, tail] += way * axis
+        grown = turn * (radius + path[tail])
+        self._rest[tail] += turn * (self._lever[tail] + 0.5 * grown) + (turn - np.abs(way)) * radius
+        self._lever[tail] += grown
+
+    def bound(self, tail: slice, reach: FloatArray) -> FloatArray:
+        """Return how far any point of the bodies ``tail`` can have moved [m]."""
+        speed = np.einsum("ibn,ibn->bn", self._velocity[:, tail], self._velocity[:, tail])
+        rate = np.einsum("ibn,ibn->bn", self._spin[:, tail], self._spin[:, tail])
+        bound: FloatArray = np.sqrt(speed) + np.sqrt(rate) * reach[tail] + self._rest[tail]
+        return bound
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a x b of vectors along the first axis."""
+    cross = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.multiply(a[j], b[k], out=cross[i])
+        cross[i] -= a[k] * b[j]
+    return cross

@@ -64,10 +64,10 @@ class Verdict:
         self.reason[fresh & self.good] = reason
 
     def collide(self, rows: IndexArray, pairs: IndexArray) -> None:
-        """Note collisions of rows that are good so far."""
-        for row, pair in zip(rows.tolist(), pairs.tolist(), strict=True):
-            if self.reason[row] == Reason.NONE:
-                self.reason[row], self.pair[row] = Reason.COLLISION, pair
+        """Note collisions of rows that are good so far, the first of each row."""
+        fresh = np.nonzero(self.reason[rows] == Reason.NONE)[0]
+        fresh = fresh[np.unique(rows[fresh], return_index=True)[1]]
+        self.reason[rows[fresh]], self.pair[rows[fresh]] = Reason.COLLISION, pairs[fresh]
 
 
 @dataclass(slots=True)
@@ -255,9 +255,11 @@ class Checker:
         """Check straight joint moves (m, 6) to (m, 6) for collision."""
         verdict = Verdict.clean(len(q_from))
         if self.scene is not None and len(q_from):
-            row = np.repeat(np.arange(len(q_from)), 2)
-            q = np.stack([q_from, q_to], axis=1).reshape(-1, 6)
-            self._sweep(verdict, row, q, np.zeros(len(q_from), dtype=np.bool_))
+            hits = self.scene.check_paths(q_from, q_to)
+            self.swept += len(q_from)
+            self.pairs = hits.pairs
+            rows = np.nonzero(hits.hit)[0]
+            verdict.collide(rows, hits.pair[rows])
         return verdict
 
     def _shares(self, lines: Lines) -> tuple[IndexArray, FloatArray]:
@@ -285,7 +287,7 @@ class Checker:
             return
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
-        hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion])
+        hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion], track=motion)
         self.swept += len(start)
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from postproc.collision.scene import Scene
+from postproc.collision.sweep import Sway
 from postproc.kinematics.model import build
 from tests.collision.conftest import at, box_at, cell_of
 
@@ -33,7 +34,7 @@ def test_no_vertex_moves_farther_than_the_bound(plain, q, turn):
     scene, arm, _ = plain
     q, turn = np.array(q), np.array(turn)
     engine = scene._engine
-    bound = engine.sweep.of_pairs(engine.place(q[None]), turn[None])[:, 0]
+    bound = engine.sweep.of_pairs(engine.place(q[None]), Sway(turn[None]))[:, 0]
     rng = np.random.default_rng(1)
     away = q + turn * np.sign(rng.uniform(-1, 1, (24, 6))) * rng.choice([1.0, 0.3], (24, 6))
     bodies = {body.name: body for body in scene.bodies}
@@ -58,9 +59,55 @@ def test_the_bound_is_not_wasteful_for_one_joint(plain):
     for joint in range(6):
         turn = np.zeros(6)
         turn[joint] = 0.01
-        bound = engine.sweep.of_pairs(engine.place(CANNON[None]), turn[None])[pair, 0]
+        bound = engine.sweep.of_pairs(engine.place(CANNON[None]), Sway(turn[None]))[pair, 0]
         moved = (arm.link_frames(CANNON + turn) - arm.link_frames(CANNON))[6] @ points
         assert 0.75 * bound < np.linalg.norm(moved[:3], axis=0).max() <= bound
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(angles, min_size=6, max_size=6),
+    st.lists(st.floats(-0.5, 0.5), min_size=6, max_size=6),
+    st.sampled_from([0.0, 0.01, 0.2]),
+)
+def test_no_vertex_leaves_the_bound_of_a_common_way(plain, q, way, beside):
+    scene, arm, _ = plain
+    q, way = np.array(q), np.array(way)
+    engine = scene._engine
+    sway = Sway((np.abs(way) + beside)[None], way[None])
+    bound = engine.sweep.of_pairs(engine.place(q[None]), sway)[:, 0]
+    every = np.arange(len(bound))
+    entries = engine.sweep.of_entries(engine.frames(q[None]), every, 0 * every, sway)
+    assert np.allclose(entries, bound, rtol=1e-12, atol=1e-15)
+    assert (bound <= engine.sweep.of_pairs(engine.place(q[None]), Sway(sway.turn))[:, 0]).all()
+    rng = np.random.default_rng(1)
+    share = np.append(rng.uniform(-1, 1, 22), [-1.0, 1.0])
+    away = q + share[:, None] * way + beside * rng.choice([-1.0, 1.0], (24, 6))
+    bodies = {body.name: body for body in scene.bodies}
+    start, frames = arm.link_frames(q), arm.link_frames(away)
+    for (one, two), limit in zip(scene.pairs, bound, strict=True):
+        a, b = bodies[one], bodies[two]
+        low, high = sorted((a, b), key=lambda body: max(body.link, 0))
+        base, link = max(low.link, 0), max(high.link, 0)
+        points = np.column_stack([high.vertices, np.ones(len(high.vertices))]).T
+        before = np.linalg.inv(start[base]) @ start[link] @ points
+        after = np.linalg.inv(frames[:, base]) @ frames[:, link] @ points
+        moved = np.linalg.norm((after - before)[:, :3], axis=1).max()
+        assert moved <= limit + 1e-12
+
+
+def test_the_bound_of_a_straight_line_in_space_is_hardly_longer_than_the_line(plain):
+    scene, arm, _ = plain
+    engine = scene._engine
+    pair = scene.pairs.index(("tool head", "workpiece block"))
+    share = np.array([-1.0, 1.0]) * 0.025
+    low, high = line(arm, 1.0)(0.5 + 0.5 * share)
+    way = 0.5 * (high - low)
+    placed = engine.place(0.5 * (high + low)[None])
+    bound = engine.sweep.of_pairs(placed, Sway(np.abs(way)[None], way[None]))[pair, 0]
+    loose = engine.sweep.of_pairs(placed, Sway(np.abs(way)[None]))[pair, 0]
+    assert 0.025 <= bound < 1.15 * 0.025
+    assert loose > 1.3 * bound
 
 
 def motions(count, seed):
@@ -118,6 +165,40 @@ def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of):
     assert path.pair[0] == whole.pair[0]
     assert not scene.check_motion(start[:1]).any
     assert len(scene.check_paths(start[:0], end[:0]).hit) == 0
+
+
+def polylines(count, seed, pieces=5):
+    """Motions (count * pieces) that follow each other near straight ways, and their numbers."""
+    start, end = motions(count, seed)
+    rng = np.random.default_rng(seed)
+    share = np.linspace(0.0, 1.0, pieces + 1)[:, None]
+    size = np.linalg.norm(end - start, axis=1)[:, None, None]
+    bent = 0.1 * size * np.sin(np.pi * share) * rng.normal(0.0, 1.0, (count, 1, 6))
+    q = start[:, None] + share * (end - start)[:, None] + bent
+    return q[:, :-1].reshape(-1, 6), q[:, 1:].reshape(-1, 6), np.repeat(np.arange(count), pieces)
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_motions_looked_at_together_give_the_same_answer(busy_cell, arm_of, contact):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end, track = polylines(240, seed=12)
+    touch = (track % 2 == 0) if contact else None
+    alone = scene.check_paths(start, end, touch)
+    together = scene.check_paths(start, end, touch, track=track)
+    assert np.array_equal(together.hit, alone.hit)
+    assert np.array_equal(together.pair == -1, ~alone.hit)
+    sampled = densely(scene, start, end, 40, None if touch is None else np.tile(touch, 40))
+    assert not (sampled.any(axis=0) & ~together.hit).any()
+    assert 0.1 < alone.hit.mean() < 0.9
+
+
+def test_motions_with_one_number_need_not_join(busy_cell, arm_of):
+    """The whole is wide enough for them wherever they are."""
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end = motions(150, seed=13)
+    alone = scene.check_paths(start, end)
+    together = scene.check_paths(start, end, track=np.arange(150) // 3)
+    assert np.array_equal(together.hit, alone.hit)
 
 
 def test_resolution_must_be_above_zero(plain):
