@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.errors import CellError, EmitError, Issue, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, EmitError, Issue, Severity, SourceRef, fold
 from postproc.pipeline.cellcache import shared_cell
 from postproc.units import MM, N_PER_MM
 
@@ -52,6 +52,7 @@ class ConvertRequest:
     strategy: str | None = None
     objective: str | None = None
     model: str | None = None
+    pins: str | None = None
     partial: bool = False
 
 
@@ -124,6 +125,8 @@ def convert(
     else:
         quiet = {**cell.krl.options, "cam_lines": False}
         cell = replace(cell, krl=replace(cell.krl, options=quiet))
+    if request.pins:
+        cell = with_pins(cell, toolpath, request.pins)
     model = None
     if request.model:
         from postproc.model.modelfile import load_model
@@ -159,6 +162,34 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
             SourceRef(request.source),
         )
     return toolpath
+
+
+def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
+    """Return the cell with the pins of a file added to its own; those of the file count first.
+
+    Raises:
+        DataError: as ``read_pins``; PIN007 if no tag has the name.
+        ReadError: as ``read_pins``.
+    """
+    from difflib import get_close_matches
+
+    from postproc.readers.pins import read_pins
+
+    pins = read_pins(path)
+    names = {toolpath.tag_name(tag) for tag in range(len(toolpath))}
+    for pin in pins:
+        if pin.tag not in names:
+            near = get_close_matches(pin.tag, sorted(names), 1)
+            raise DataError(
+                "PIN007",
+                f"no tag of {toolpath.path} is named {pin.tag!r}",
+                pin.source,
+                hint=f"the nearest is {near[0]}" if near else "inspect --json counts the tags",
+            )
+    options = cell.optimize.options
+    own = options.get("pins", {})
+    merged = {**(own if isinstance(own, Mapping) else {}), **{p.tag: p.spin_deg for p in pins}}
+    return replace(cell, optimize=replace(cell.optimize, options={**options, "pins": merged}))
 
 
 def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:

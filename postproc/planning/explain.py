@@ -16,6 +16,7 @@ from postproc.planning.moves import Chosen
 from postproc.planning.place import NO_POSE
 from postproc.planning.problem import Problem
 from postproc.planning.remedy import remedy
+from postproc.units import DEG
 
 WORDS = {
     Reason.UNREACHABLE: "unreachable",
@@ -85,7 +86,11 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> 
     low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
     reasons = evidence.reason[low:high]
     first = np.unique(evidence.states.config[low:high], return_index=True)[1]
-    counts = dict(zip(COUNTED, evidence.states.refused[row].tolist(), strict=True))
+    pin, same = pinned(checker.problem, tag), 1
+    if pin:  # all columns hold the one turn; the first of them was looked at
+        same = evidence.states.spins.shape[-1]
+        first = first[evidence.states.column[low:high][first] % same == 0]
+    counts = dict(zip(COUNTED, (evidence.states.refused[row] // same).tolist(), strict=True))
     for reason in COUNTED:
         counts[reason] = counts[reason] + int((reasons[first] == reason).sum())
     counts[Reason.COLLISION] = int((reasons[first] == Reason.COLLISION).sum())
@@ -93,11 +98,18 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> 
     order = (Reason.COLLISION, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
     main = next((reason for reason in order if counts[reason]), Reason.UNREACHABLE)
     parts = [f"{counts[r]} {WORDS[r]}" for r in (*COUNTED, Reason.COLLISION) if counts[r]]
-    detail = f"none of {evidence.states.tried} poses can be run ({', '.join(parts)})"
+    tried = evidence.states.tried // same
+    detail = f"{pin}none of {tried} poses can be run ({', '.join(parts)})"
     pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
     if main is Reason.COLLISION and len(pairs):
         detail += f"; {_most_frequent(checker, pairs)}"
     return failure(checker.problem, tag, main, detail, remedy(checker, tag, main) if help_ else "")
+
+
+def pinned(problem: Problem, tag: int) -> str:
+    """Return ``pinned to a turn of ... deg: `` for a pinned tag, else nothing."""
+    spin = problem.settings.pins.get(problem.toolpath.tag_name(tag))
+    return "" if spin is None else f"pinned to a turn of {spin / DEG:g} deg: "
 
 
 def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
@@ -111,7 +123,10 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
 def _no_way(checker: Checker, evidence: Evidence, row: int) -> Issue:
     reason, pair = evidence.step_reason.get(row, (Reason.SINGULAR, -1))
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
-    detail = f"no cut from tag {before} to here keeps one arm configuration"
+    pin = pinned(checker.problem, int(evidence.tags[row]))
+    detail = f"{pin}no cut from tag {before} to here keeps one arm configuration"
+    if other := pinned(checker.problem, int(evidence.tags[row - 1])):
+        detail += f"; tag {before} is {other.rstrip(': ')}"
     if reason is Reason.COLLISION and 0 <= pair < len(checker.pairs):
         detail += f"; {checker.pairs[pair][0]} hits {checker.pairs[pair][1]}"
     return failure(checker.problem, int(evidence.tags[row]), reason, detail)

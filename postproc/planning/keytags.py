@@ -46,17 +46,18 @@ def arc_length(toolpath: ToolPath) -> FloatArray:
 def key_tags(toolpath: ToolPath, settings: Settings) -> BoolArray:
     """Return (n,) the key tags of a toolpath.
 
-    Both ends of every stretch; then the tags named in the cell, or, where none are named, corners
-    of the path and of the tool axis, and a tag every ``key_every``.
+    Both ends of every stretch and pinned tags; then the tags named in the cell, or, where none are
+    named, corners of the path and of the tool axis, and a tag every ``key_every``.
     """
     n = len(toolpath)
     number = stretches(toolpath)
     keys = np.ones(n, dtype=np.bool_)
     keys[1:-1] = (number[1:-1] != number[:-2]) | (number[1:-1] != number[2:])
+    named = {*settings.key_tags, *settings.pins}
+    if named:
+        keys |= np.array([toolpath.tag_name(tag) in named for tag in range(n)])
     if settings.key_tags:
-        named = set(settings.key_tags)
-        is_named = np.array([toolpath.tag_name(tag) in named for tag in range(n)])
-        return np.asarray(keys | is_named)
+        return keys
     keys[1:-1] |= _corners(np.asarray(toolpath.points), settings.key_corner)
     way, axes = arc_length(toolpath), np.asarray(toolpath.axes)
     last = 0

@@ -28,7 +28,9 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     free = _free_spins(checker, tag, T)
     if free.any():
         best = spins[free][np.argmin(np.abs(spins[free]))]
-        return f"a turn of {best / DEG:.0f} deg about the tool axis would do: widen range_deg"
+        name = checker.problem.toolpath.tag_name(tag)
+        how = "pin it there" if name in checker.problem.settings.pins else "widen range_deg"
+        return f"a turn of {best / DEG:.0f} deg about the tool axis would do: {how}"
     first, second = cross_axes(checker.problem.placement.tool_axis)
     names = {0: "x", 1: "y", 2: "z"}
     for tilt in TILTS:

@@ -44,6 +44,7 @@ def _known_suffix(
 )
 @click.option("--objective", help="axial, normal, radial, process; default: the cell's.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
+@click.option("--pins", metavar="FILE.csv", help="Turns that tags must have: tag,spin_deg.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
 @click.option(
@@ -78,6 +79,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         strategy=options["strategy"],
         objective=options["objective"],
         model=options["model"],
+        pins=options["pins"],
         partial=options["partial"],
     )
     with session.progress() as progress:
