@@ -11,7 +11,8 @@ paper's holds, free of singularities elsewhere.
 
 Interpolation can lose much of the stiffness that the key tags gained. The loss of every tag against
 its own optimum is therefore measured, and key tags are added where it exceeds the bound, as well
-as where an interpolated pose cannot be run.
+as where an interpolated pose cannot be run. Key tags themselves only take poses within the bound,
+unless no cut that can be run joins such poses.
 """
 
 from __future__ import annotations
@@ -34,11 +35,16 @@ from postproc.planning.place import Placement, cross_axes, rounded_spin, transpo
 from postproc.planning.problem import Problem
 
 _FULL_TURN = 2.0 * np.pi
-_ROUNDS = 40
+_ROUNDS = 60
+_FEW = 8
+"""After so many rounds every tag beyond the bound becomes a key tag, not only the worst ones."""
+_FREE = 30
+"""After so many rounds the bound no longer rules out poses of key tags."""
 _WORTH = 0.98
 _PATIENCE = 4
-"""Key tags for less loss are added until so many rounds in turn did not lower the excess over the
-bound to the share ``_WORTH`` of the least so far."""
+"""Then key tags for less loss are added until so many rounds in turn did not lower the excess over
+the bound to the share ``_WORTH`` of the least so far."""
+_ROUNDING = 1e-6
 
 
 def smooth(
@@ -50,33 +56,78 @@ def smooth(
     keys = key_tags(problem.toolpath, problem.settings)
     first_keys = int(keys.sum())
     best, least, stale = _best_index(checker), np.inf, 0
+    released = np.zeros(n, dtype=np.bool_)
     for round_ in range(_ROUNDS):
         step(int(keys.sum()), n, "smooth")
         tags = np.nonzero(keys)[0]
-        hunt = Hunt.of(checker, tags, each=not problem.settings.refine)
-        if not problem.settings.refine:
-            hunt.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
-        hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
+        released |= round_ >= _FREE
+        hunt = _hunt(checker, tags, np.where(released, np.nan, best))
         found = hunt.run(steps=False)
-        chosen, failing = _filled(checker, hunt.chosen(found), tags, last=round_ == _ROUNDS - 1)
+        key = hunt.chosen(found)
+        chosen, failing = _filled(checker, key, tags, last=round_ == _ROUNDS - 1)
         loss = _loss(problem, chosen, best)
+        stuck = _stuck(hunt, key, failing, released)
+        if stuck.any():
+            released |= stuck
+            continue
         excess = float(np.nansum(np.maximum(loss - problem.settings.loss_bound, 0.0)))
-        stale = 0 if excess < _WORTH * least else stale + 1
+        stale = 0 if excess < _WORTH * least or round_ < _FREE else stale + 1
         least = min(excess, least)
-        added = _more_keys(problem, keys, failing, loss if stale < _PATIENCE else np.zeros(n))
+        shown = loss if stale < _PATIENCE else np.zeros(n)
+        added = _more_keys(problem, keys, failing, shown, every=round_ >= _FEW)
         if not added.any():
             break
         keys |= added
     record = {
-        **hunt.record(found, hunt.chosen(found)),
+        **hunt.record(found, key),
         "key_tags": tags.tolist(),
         "loss": np.where(chosen.good, loss, np.nan).tolist(),
         "travel_rad2": travel(chosen),
     }
-    issues = [*explained(checker, hunt.evidence(hunt.chosen(found))), _report(problem, loss, tags)]
+    issues = [*explained(checker, hunt.evidence(key)), _report(problem, loss, tags)]
     if len(tags) > first_keys:
         record["key_tags_added"] = len(tags) - first_keys
     return chosen, issues, record
+
+
+def _hunt(checker: Checker, tags: IndexArray, best: FloatArray) -> Hunt:
+    """Return the search over the key tags (k,).
+
+    Key tags are chosen together, travel counted, and would pay any stiffness for it. So poses that
+    lose more than the bound are ruled out.
+
+    Args:
+        checker: of the problem.
+        tags: (k,).
+        best: (n,) best index of each tag [N/m]; NaN: nothing is ruled out.
+    """
+    problem = checker.problem
+    hunt = Hunt.of(checker, tags, each=not problem.settings.refine)
+    if not problem.settings.refine:
+        hunt.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
+    hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
+    owner = hunt.states.tag_of(np.arange(len(hunt.states.q)))
+    least = (1.0 - problem.settings.loss_bound - _ROUNDING) * best[tags]
+    ruled_out = ~hunt.pinned[owner] & (hunt.states.index < least[owner])
+    hunt.ladder.cost[ruled_out] = np.inf
+    return hunt
+
+
+def _stuck(hunt: Hunt, key: Chosen, failing: BoolArray, released: BoolArray) -> BoolArray:
+    """Return (n,) key tags, not released yet, between which no cut can be run.
+
+    Those on both sides of such a cut; where they were released before, the next ones beyond.
+    """
+    tags = hunt.tags
+    result = np.zeros_like(released)
+    adjacent = np.append(False, np.diff(tags) == 1)
+    chain = hunt.ladder.rule == Rule.CHAIN
+    bad = chain & (key.entry | ~key.good | (adjacent & failing[tags]))
+    held = np.flatnonzero(~released[tags])
+    for k in np.flatnonzero(bad[1:]) + 1:
+        before, behind = held[held < k], held[held >= k]
+        result[tags[np.append(before[-1:], behind[:1])]] = True
+    return result
 
 
 def interpolated_spin(
@@ -212,9 +263,12 @@ def _loss(problem: Problem, chosen: Chosen, best: FloatArray) -> FloatArray:
 
 
 def _more_keys(
-    problem: Problem, keys: BoolArray, failing: BoolArray, loss: FloatArray
+    problem: Problem, keys: BoolArray, failing: BoolArray, loss: FloatArray, *, every: bool
 ) -> BoolArray:
-    """Return the tags to make key: between two key tags the middle failing or the worst one."""
+    """Return the tags to make key: between two key tags the middle failing or the worst one.
+
+    ``every``: not only the worst one but all beyond the bound.
+    """
     added = np.zeros_like(keys)
     lossy = np.nan_to_num(loss, nan=0.0) > problem.settings.loss_bound
     at = np.nonzero(keys)[0]
@@ -222,6 +276,8 @@ def _more_keys(
         bad = a + 1 + np.nonzero(failing[a + 1 : b])[0]
         if len(bad):
             added[bad[len(bad) // 2]] = True
+        elif every:
+            added[a + 1 : b] |= lossy[a + 1 : b]
         elif lossy[a + 1 : b].any():
             added[a + 1 + int(np.nanargmax(loss[a + 1 : b]))] = True
         elif failing[b] and b > a + 1:
@@ -243,6 +299,6 @@ def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
     return Issue(
         Severity.WARNING,
         "PLN305",
-        f"{text}; more key tags do not bring it under the bound of {100.0 * bound:.0f} %",
+        f"{text}; no cuts that can be run keep it under the bound of {100.0 * bound:.0f} %",
         hint='strategy "each" keeps every tag at its optimum, "global" weighs it against travel',
     )

@@ -76,6 +76,38 @@ def test_key_tags_are_added_where_too_much_is_lost(make_cell, make_path):
 
 
 @pytest.mark.usefixtures("no_scene")
+def test_key_tags_keep_the_bound_too(make_cell, make_path):
+    """By the paper's index the optima lie at two peaks, and travel alone would stay at one."""
+    toolpath = line(make_path, 1680, 555, 508)
+    losses = {}
+    for bound in (5.0, 20.0, 100.0):
+        cell = paper_cell(make_cell, 214, 116, "seed", {"loss_bound_percent": bound})
+        result = plan(toolpath, cell)
+        assert not result.errors
+        losses[bound] = np.nanmax(result.settings["loss"])
+    assert losses[5.0] <= 0.05 + 1e-6
+    assert losses[20.0] <= 0.2 + 1e-6
+    assert losses[100.0] > 0.3
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_bound_that_no_cut_can_keep_is_said_and_the_cut_still_runs(make_cell, make_path):
+    """The best poses along this line lie in arm configurations that no cut joins."""
+    n = 30
+    points = np.stack([np.full(n, 2.145), np.linspace(-0.65, 0.65, n), np.full(n, 0.713)], axis=1)
+    toolpath = make_path(points, [0.088, -0.960, 0.266], feed=np.full(n, 0.02))
+    cell = paper_cell(make_cell, 214, 116, "compliance", {"loss_bound_percent": 2.0})
+    wishes = replace(cell.optimize, objective="axial", range=(-np.pi, np.pi))
+    cell = replace(cell, optimize=wishes, limits=Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf))
+    result = plan(toolpath, cell)
+    assert not result.errors
+    assert len(set(result.branch.tolist())) == 1
+    assert np.nanmax(result.settings["loss"]) > 0.02
+    said = next(issue for issue in result.issues if issue.code == "PLN305")
+    assert "no cuts that can be run keep it under the bound of 2 %" in said.message
+
+
+@pytest.mark.usefixtures("no_scene")
 def test_global_beats_smooth(make_cell, make_path):
     toolpath = line(make_path, 1680, 555, 508)
     cell = paper_cell(make_cell, 214, 116, "compliance", AS_THE_PAPER)
