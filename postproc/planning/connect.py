@@ -1,8 +1,8 @@
 """How the tool gets from one stretch to the next without touching anything.
 
-Straight in joint space if that is free; else by backing off along the tool axes first; else by a
-random tree in joint space from both ends (RRT-connect, Kuffner and LaValle 2000) with a fixed
-seed, shortened afterwards. Checks are asked for in batches: one call costs far more than one row.
+Straight in joint space if that is free; else by backing off along the tool axes first; else through
+the points of a way found for another connection; else by a random tree in joint space from both
+ends, shortened afterwards. Checks are asked for in batches: one call costs far more than one row.
 """
 
 from __future__ import annotations
@@ -14,14 +14,16 @@ import numpy as np
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.feasible import Checker, Lines
 from postproc.planning.ladder import IndexArray
+from postproc.planning.tree import ROUNDS, rrt_connect
 
 BACK_OFF = (0.05, 0.1, 0.2, 0.4)
 """Heights [m] by which both ends back off along their tool axes, tried in turn."""
-_SEED = 20220115
-_BATCH = 48
-_ROUNDS = 60
-_STEP = 0.35
-_AROUND = 1.2
+_LONGER = 1.2
+"""The points of a way serve another connection if its way gets no longer than this times."""
+_HOPELESS = 5
+"""After so many trees that found no way ..."""
+_FEW = 6
+"""... the next ones grow no more often than this."""
 
 
 @dataclass(slots=True)
@@ -73,12 +75,48 @@ def detours(
             return ways
         found = _by_backing_off(checker, ends.take(rows), spin, branch, height)
         ways.update({int(rows[row]): way for row, way in found.items()})
-    for row in range(len(ends)):
-        if row not in ways:
-            points = rrt_connect(checker, ends.q_from[row], ends.q_to[row])
-            if points is not None:
-                ways[row] = Detour(points, np.zeros(len(points), dtype=np.bool_), False)
+    rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+    for row, points in _by_trees(checker, ends, rows).items():
+        ways[row] = Detour(points, np.zeros(len(points), dtype=np.bool_), False)
     return ways
+
+
+def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:
+    """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
+
+    What is in the way of one connection is mostly in the way of many: the points of every way found
+    are offered to the connections that are left, there and back, before the next tree grows.
+    """
+    ways: dict[int, FloatArray] = {}
+    failures = 0
+    while len(rows):
+        row, rows = int(rows[0]), rows[1:]
+        rounds = ROUNDS if failures < _HOPELESS else _FEW
+        way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], rounds)
+        if way is None:
+            failures += 1
+            continue
+        ways[row] = way
+        if not len(way) or not len(rows):
+            continue
+        limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
+        for points in (way, way[::-1]):
+            start, end = ends.q_from[rows], ends.q_to[rows]
+            good = _length(start, points, end) <= limit
+            for a, b in ((start, points[:1]), (points[-1:], end)):
+                near = np.nonzero(good)[0]
+                a, b = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
+                good[near] = checker.joint_moves(a[near], b[near]).good
+            ways.update((taken, points) for taken in rows[good].tolist())
+            rows = rows[~good]
+    return ways
+
+
+def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the lengths (m,) [rad] of ways from starts (m, 6) through points to ends (m, 6)."""
+    inner = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    outer = np.linalg.norm(way[0] - start, axis=1) + np.linalg.norm(end - way[-1], axis=1)
+    return np.asarray(inner + outer)
 
 
 def _by_backing_off(
@@ -140,89 +178,3 @@ def free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArra
     if checker.joint_moves(start[None], goal[None]).good[0]:
         return np.zeros((0, 6))
     return rrt_connect(checker, start, goal)
-
-
-def rrt_connect(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
-    """Return the joints (k, 6) between start and goal of a free way, None if none was found."""
-    problem = checker.problem
-    margin = problem.cell.limits.joint_margin
-    low = np.minimum(start, goal) - _AROUND
-    high = np.maximum(start, goal) + _AROUND
-    low = np.maximum(low, np.asarray(problem.kinematics.q_min) + margin)
-    high = np.minimum(high, np.asarray(problem.kinematics.q_max) - margin)
-    rng = np.random.default_rng(_SEED)
-    trees = (_Tree(start), _Tree(goal))
-    for round_ in range(_ROUNDS):
-        one, two = trees[round_ % 2], trees[1 - round_ % 2]
-        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)))
-        met = two.meet(checker, one, new)
-        if met is not None:
-            way = [*one.way(met[0]), *two.way(met[1])[::-1]]
-            return _shortened(checker, np.array(way[::-1] if round_ % 2 else way))[1:-1]
-    return None
-
-
-class _Tree:
-    """Configurations reached from one end."""
-
-    def __init__(self, root: FloatArray) -> None:
-        self.nodes = np.asarray(root, dtype=np.float64)[None]
-        self.parent = [-1]
-
-    def grow(self, checker: Checker, targets: FloatArray) -> IndexArray:
-        """Add nodes a step towards targets where that is free; return their numbers."""
-        near = self.nearest(targets)
-        way = targets - self.nodes[near]
-        size = np.linalg.norm(way, axis=1, keepdims=True)
-        ends = self.nodes[near] + way * np.minimum(1.0, _STEP / np.maximum(size, 1e-9))
-        hopeful = np.nonzero(checker.free_poses(ends))[0]
-        good = checker.joint_moves(self.nodes[near[hopeful]], ends[hopeful]).good
-        free = hopeful[good]
-        first = len(self.nodes)
-        self.nodes = np.concatenate([self.nodes, ends[free]])
-        self.parent += near[free].tolist()
-        return np.arange(first, len(self.nodes))
-
-    def meet(self, checker: Checker, other: _Tree, new: IndexArray) -> tuple[int, int] | None:
-        """Return a new node of the other tree and the own node joined to it by a free move."""
-        if not len(new):
-            return None
-        near = self.nearest(other.nodes[new])
-        middle = 0.5 * (other.nodes[new] + self.nodes[near])
-        hopeful = np.nonzero(checker.free_poses(middle))[0]
-        start, end = other.nodes[new[hopeful]], self.nodes[near[hopeful]]
-        good = hopeful[checker.joint_moves(start, end).good]
-        if not len(good):
-            return None
-        gap = np.linalg.norm(other.nodes[new[good]] - self.nodes[near[good]], axis=1)
-        best = good[int(np.argmin(gap))]
-        return int(new[best]), int(near[best])
-
-    def way(self, node: int) -> list[FloatArray]:
-        """Return the nodes from the root to this one."""
-        nodes = []
-        while node >= 0:
-            nodes.append(self.nodes[node])
-            node = self.parent[node]
-        return nodes[::-1]
-
-    def nearest(self, targets: FloatArray) -> IndexArray:
-        """Return the number (m,) of the node nearest to each target (m, 6)."""
-        square = ((targets[:, None] - self.nodes[None]) ** 2).sum(axis=2)
-        return np.asarray(np.argmin(square, axis=1))
-
-
-def _shortened(checker: Checker, way: FloatArray) -> FloatArray:
-    """Leave out nodes that straight joint moves can skip: fewest moves first, then shortest."""
-    k = len(way)
-    a, b = np.triu_indices(k, 1)
-    free = checker.joint_moves(way[a], way[b]).good | (b == a + 1)
-    best, before = [(0, 0.0)] + [(k + 1, 0.0)] * (k - 1), [0] * k
-    for i, j in sorted(zip(a[free].tolist(), b[free].tolist(), strict=True)):
-        cost = (best[i][0] + 1, best[i][1] + float(np.linalg.norm(way[j] - way[i])))
-        if cost < best[j]:
-            best[j], before[j] = cost, i
-    kept = [k - 1]
-    while kept[-1] > 0:
-        kept.append(before[kept[-1]])
-    return way[kept[::-1]]

@@ -1,0 +1,113 @@
+"""Ways round obstacles: every move of them is free, and trees are not grown for nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.frames import transform
+from postproc.model.cell import MeshPlacement
+from postproc.planning import connect
+from postproc.planning.connect import Ends, free_way
+from postproc.planning.feasible import Checker
+from postproc.planning.planner import PlanOptions, problem_of
+from postproc.planning.settings import settle
+from postproc.planning.stroke import strokes_of
+from postproc.planning.tree import ROUNDS, rrt_connect
+
+
+def solid(name, size, x, y, z):
+    return MeshPlacement(name, transform(np.eye(3), [x, y, z]), size=np.array(size))
+
+
+@pytest.fixture
+def checker_of(make_cell, make_path):
+    """Return a function that gives the checks of two tags in a cell with obstacles."""
+    from postproc.collision.scene import Scene
+
+    def make(*obstacles):
+        cell = make_cell(obstacles=obstacles)
+        rod = solid("rod", [0.05, 0.05, 0.4], 0.0, 0.0, 0.2)
+        cell = replace(cell, tool=replace(cell.tool, meshes=(rod,)))
+        path = make_path([[1.9, 0.0, 0.9], [1.9, 0.1, 0.9]], [-1.0, 0.0, 0.0])
+        cell, settings = settle(cell, PlanOptions())
+        problem = problem_of(path, cell, settings)
+        return Checker(problem, strokes_of(path, 0.05), Scene.build(cell, problem.kinematics))
+
+    return make
+
+
+POST = ("post", [0.1, 0.1, 1.6], 2.15, 0.0, 2.2)
+
+
+def swings(count):
+    """Connections past a post, to and fro, each a little higher than the one before."""
+    side = np.where(np.arange(count) % 2 == 0, 1.0, -1.0)
+    q = np.deg2rad(np.tile([0.0, -90.0, 90.0, 0.0, 20.0, 0.0], (count, 1)))
+    q[:, 1] += 0.01 * np.arange(count)
+    start, end = q.copy(), q.copy()
+    start[:, 0], end[:, 0] = 0.5 * side, -0.5 * side
+    tag = np.zeros(count, dtype=np.int64)
+    # too low to back off anywhere: the tool stands at the tag only in name
+    return Ends(tag, tag + 1, np.full(count, np.nan), np.full(count, np.nan), start, end)
+
+
+def legs(ends, ways, samples=60):
+    """Return configurations along all moves of the ways."""
+    share = np.linspace(0.0, 1.0, samples)[:, None, None]
+    nodes = [np.vstack([ends.q_from[r], way, ends.q_to[r]]) for r, way in ways.items()]
+    start = np.concatenate([n[:-1] for n in nodes])
+    end = np.concatenate([n[1:] for n in nodes])
+    return (start + share * (end - start)).reshape(-1, 6)
+
+
+def test_a_way_found_once_serves_the_connections_beside_it(checker_of, monkeypatch):
+    checker = checker_of(solid(*POST))
+    ends = swings(24)
+    assert not checker.joint_moves(ends.q_from, ends.q_to).good.any()
+    assert checker.free_poses(np.vstack([ends.q_from, ends.q_to])).all()
+    grown = []
+
+    def counted(*args):
+        grown.append(args)
+        return rrt_connect(*args)
+
+    monkeypatch.setattr(connect, "rrt_connect", counted)
+    ways = connect._by_trees(checker, ends, np.arange(24))
+    assert sorted(ways) == list(range(24))
+    assert all(len(way) for way in ways.values())
+    assert checker.free_poses(legs(ends, ways)).all()
+    assert len(grown) <= 6
+    again = connect._by_trees(checker, ends, np.arange(24))
+    assert all(np.array_equal(again[row], way) for row, way in ways.items())
+
+
+def test_ways_lent_are_not_much_longer(checker_of):
+    checker = checker_of(solid(*POST))
+    ends = swings(24)
+    lent = connect._by_trees(checker, ends, np.arange(24))
+    for row in range(0, 24, 5):
+        own = rrt_connect(checker, ends.q_from[row], ends.q_to[row])
+        lengths = [
+            np.linalg.norm(
+                np.diff(np.vstack([ends.q_from[row], way, ends.q_to[row]]), axis=0), axis=1
+            ).sum()
+            for way in (own, lent[row])
+        ]
+        assert lengths[1] < 2.0 * lengths[0]
+
+
+def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatch):
+    checker = checker_of(solid(*POST))
+    asked = []
+    monkeypatch.setattr(connect, "rrt_connect", lambda *args: asked.append(args[3]))
+    assert connect._by_trees(checker, swings(9), np.arange(9)) == {}
+    assert asked == [ROUNDS] * 5 + [connect._FEW] * 4
+
+
+def test_a_free_way_needs_no_points(checker_of):
+    checker = checker_of()
+    ends = swings(1)
+    assert free_way(checker, ends.q_from[0], ends.q_to[0]).shape == (0, 6)
