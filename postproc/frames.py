@@ -79,6 +79,13 @@ def rotation_about(axis: ArrayLike, angle: ArrayLike) -> FloatArray:
     return R
 
 
+def rotation_from_vector(vector: ArrayLike) -> FloatArray:
+    """Return (..., 3, 3) from axis times angle (..., 3) [rad]; exactly 1 for zero."""
+    v = np.asarray(vector, dtype=np.float64)
+    angle = np.linalg.norm(v, axis=-1)
+    return rotation_about(v / np.maximum(angle, 1e-15)[..., None], angle)
+
+
 def skew(vector: ArrayLike) -> FloatArray:
     """Return (..., 3, 3) with ``skew(a) @ b == cross(a, b)``."""
     v = np.asarray(vector, dtype=np.float64)

@@ -25,6 +25,9 @@ SixPositive = Annotated[list[Positive], Field(min_length=6, max_length=6)]
 AngleRange = Annotated[
     list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=2, max_length=2)
 ]
+TiltAngles = Annotated[
+    list[Annotated[float, Field(ge=-45.0, le=45.0)]], Field(min_length=2, max_length=2)
+]
 LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
@@ -239,11 +242,34 @@ class OptimizeTable(Table):
         default={}, description="tag id to the turn about the tool axis it must have [deg]"
     )
 
+    lead_deg: TiltAngles = Field(
+        default=[0.0, 0.0],
+        description="milling: allowed lead angle, the tilt of the tool axis in the feed direction, "
+        "positive leans the holder forward [deg]; holes are never tilted",
+    )
+    side_tilt_deg: TiltAngles = Field(
+        default=[0.0, 0.0],
+        description="milling: allowed side tilt (lean) of the tool axis across the feed direction, "
+        "positive leans the holder to the right [deg]",
+    )
+    tilt_step_deg: Annotated[float, Field(ge=0.5, le=45.0)] = Field(
+        default=5.0, description="step of lead and side tilt in the search [deg]"
+    )
+
     @model_validator(mode="after")
     def _ordered(self) -> OptimizeTable:
         low, high = self.range_deg
         if low > high:
             raise ValueError(f"range_deg: {low:g} is above {high:g}")
+        for key in ("lead_deg", "side_tilt_deg"):
+            low, high = getattr(self, key)
+            if low > high:
+                raise ValueError(f"{key}: {low:g} is above {high:g}")
+            if not low <= 0.0 <= high:
+                raise ValueError(
+                    f"{key}: 0 must lie in the range, found [{low:g}, {high:g}]: points without a "
+                    "feed direction and holes are not tilted"
+                )
         if isinstance(self.objective, dict) and not any(w > 0 for w in self.objective.values()):
             raise ValueError("objective: a table of weights needs at least one above 0")
         return self

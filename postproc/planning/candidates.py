@@ -1,4 +1,4 @@
-"""Candidate states of every tag: spin about the tool axis, IK branch, turns of the joints.
+"""Candidate states of every tag: spin about the tool axis, tilt of it, IK branch, turns of joints.
 
 What cannot be reached, is over a joint limit or near a singular wrist is left out and counted, so
 that a tag without any state can say why.
@@ -16,6 +16,7 @@ from postproc.model.arrays import FloatArray
 from postproc.planning.costs import StateContext, state_costs
 from postproc.planning.ladder import IndexArray
 from postproc.planning.problem import Problem
+from postproc.planning.tilt import UPRIGHT
 
 BRANCHES = 8
 _CHUNK = 2000
@@ -29,13 +30,14 @@ class States:
     Args:
         offsets: (n+1,).
         q: (N, 6) [rad], single precision: good to place a state, exact joints are solved anew.
-        column: (N,) index of the spin in the tag's list; branch: (N,) 0..7.
-        config: (N,) number of (tag, spin, branch): turn copies share it, and what collides.
+        column: (N,) number of the attitude: that of the tilt times S plus that of the spin;
+            branch: (N,) 0..7.
+        config: (N,) number of (tag, column, branch): turn copies share it, and what collides.
         cost: (N,) of the objectives, the best of each tag is 0.
         index: (N,) stiffness along the objective's direction [N/m], NaN without.
-        spins: (S,) or (n, S) [rad].
+        spins: (S,) or (n, S) [rad]; tilts: (T, 2) lead and side [rad].
         refused: (n, 3) configurations out of reach, over a limit, near a singularity.
-        tried: configurations per tag.
+        tried: (n,) configurations of each tag.
     """
 
     offsets: IndexArray
@@ -46,8 +48,9 @@ class States:
     cost: FloatArray
     index: NDArray[np.float32]
     spins: FloatArray
+    tilts: FloatArray
     refused: IndexArray
-    tried: int
+    tried: IndexArray
 
     def __len__(self) -> int:
         """Return the number of tags."""
@@ -60,9 +63,15 @@ class States:
 
     def spin_of(self, states: IndexArray) -> FloatArray:
         """Return the spin (m,) [rad] of states (m,)."""
+        turn = self.column[states] % self.spins.shape[-1]
         if self.spins.ndim == 1:
-            return np.asarray(self.spins[self.column[states]])
-        return np.asarray(self.spins[self.tag_of(states), self.column[states]])
+            return np.asarray(self.spins[turn])
+        return np.asarray(self.spins[self.tag_of(states), turn])
+
+    def attitude_of(self, states: IndexArray) -> FloatArray:
+        """Return spin, lead and side tilt (m, 3) [rad] of states (m,)."""
+        tilt = self.tilts[self.column[states] // self.spins.shape[-1]]
+        return np.column_stack([self.spin_of(states), tilt])
 
 
 def sample(
@@ -71,6 +80,7 @@ def sample(
     spins: FloatArray,
     branch: IndexArray | None = None,
     near: FloatArray | None = None,
+    tilts: FloatArray = UPRIGHT,
 ) -> States:
     """Return the states of tags (n,).
 
@@ -81,14 +91,16 @@ def sample(
         branch: (n,) keep this branch only; None: all eight.
         near: (n, 6) keep only the turns nearest to these joints; None: all turns (or the
             principal ones, by the setting ``turns``).
+        tilts: (T, 2) lead and side [rad], none at all first; tags that may not tilt take only that.
     """
-    width = spins.shape[-1]
+    width = spins.shape[-1] * len(tilts)
     size = max(1, _CHUNK // width)
     parts = [
         _chunk(
             problem,
             tags[low : low + size],
             spins if spins.ndim == 1 else spins[low : low + size],
+            tilts,
             None if branch is None else branch[low : low + size],
             None if near is None else near[low : low + size],
         )
@@ -109,8 +121,9 @@ def sample(
         cost=_joined([part.cost for part in parts], np.zeros(0)),
         index=_joined([part.index for part in parts], np.zeros(0, np.float32)),
         spins=spins,
+        tilts=tilts,
         refused=_joined([part.refused for part in parts], np.zeros((0, 3), np.int64)),
-        tried=width * (BRANCHES if branch is None else 1),
+        tried=_joined([part.tried for part in parts], np.zeros(0, np.int64)),
     )
 
 
@@ -125,59 +138,73 @@ class _Part:
     cost: FloatArray
     index: NDArray[np.float32]
     refused: IndexArray
+    tried: IndexArray
 
 
 def _chunk(
     problem: Problem,
     tags: IndexArray,
     spins: FloatArray,
+    tilts: FloatArray,
     branch: IndexArray | None,
     near: FloatArray | None,
 ) -> _Part:
-    n, width = len(tags), spins.shape[-1]
-    which = np.repeat(tags, width)
-    turn = np.broadcast_to(spins, (n, width)).ravel()
-    T_base_tcp = problem.placement.tcp(which, turn)
+    n = len(tags)
+    row, column, attitude = _attitudes(problem, tags, spins, tilts)
+    which = tags[row]
+    T_base_tcp = problem.placement.tcp(which, attitude)
     slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
     valid &= problem.placement.given[which][:, None]
     if branch is not None:
         kept = np.zeros_like(valid)
-        kept[np.arange(len(which)), np.repeat(branch, width)] = True
+        kept[np.arange(len(which)), branch[row]] = True
         valid &= kept
     pose, slot = np.nonzero(valid)
     q = slots[pose, slot]
     low, high = _turn_range(problem, q)
     inside = np.asarray((low <= high).all(axis=1))
     good = inside & problem.regular(q)
+    tried = n_of(row, n) * (BRANCHES if branch is None else 1)
     refused = np.stack(
         [
-            n_of(np.zeros(0, np.int64), n)
-            + width * (BRANCHES if branch is None else 1)
-            - n_of(pose // width, n),
-            n_of(pose[~inside] // width, n),
-            n_of(pose[inside & ~good] // width, n),
+            tried - n_of(row[pose], n),
+            n_of(row[pose[~inside]], n),
+            n_of(row[pose[inside & ~good]], n),
         ],
         axis=1,
     )
     pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
     if near is not None:
-        q, source = _nearest(problem, q, near[pose // width])
+        q, source = _nearest(problem, q, near[row[pose]])
     else:
         q, source = _copies(q, low, high, all_turns=problem.settings.turns)
-    cost, index = _costs(problem, which[pose], turn[pose], T_base_tcp[pose], q, source)
-    row = pose[source] // width
-    _subtract_best(cost, row)
+    cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
+    owner = row[pose[source]]
+    _subtract_best(cost, owner)
     return _Part(
-        counts=n_of(row, n),
+        counts=n_of(owner, n),
         configs=len(pose),
         q=q.astype(np.float32),
-        column=(pose[source] % width).astype(np.int16),
+        column=column[pose[source]].astype(np.int16),
         branch=slot[source].astype(np.int8),
         config=source.astype(np.int64),
         cost=cost,
         index=index.astype(np.float32),
         refused=refused,
+        tried=tried,
     )
+
+
+def _attitudes(
+    problem: Problem, tags: IndexArray, spins: FloatArray, tilts: FloatArray
+) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """Return row of ``tags`` (m,), column (m,) and attitude (m, 3) of all poses to look at."""
+    n, turns = len(tags), spins.shape[-1]
+    use = np.ones((n, len(tilts), turns), dtype=np.bool_)
+    use[:, 1:] = problem.placement.may_tilt[tags][:, None, None]
+    row, tilt, turn = np.nonzero(use)
+    spin = np.broadcast_to(spins, (n, turns))[row, turn]
+    return row, tilt * turns + turn, np.column_stack([spin, tilts[tilt]])
 
 
 def n_of(rows: IndexArray, n: int) -> IndexArray:
@@ -241,7 +268,7 @@ def _costs(
     weights = problem.settings.weights
     if not weights.states or not len(q):
         return np.zeros(len(q)), np.full(len(q), np.nan)
-    shared = all(part.is_stiffness for _, _, part in weights.states)
+    shared = all(part.is_stiffness or part.is_of_pose for _, _, part in weights.states)
     first = np.searchsorted(source, np.arange(len(tag))) if shared else source
     if shared:
         present = np.isin(np.arange(len(tag)), source)
@@ -271,6 +298,7 @@ def evaluate(
         R_robroot_tcp=R_robroot_base @ T_base_tcp[:, :3, :3],
         normal=problem.normal[tag],
         c_joint=None if problem.c_joint is None else problem.c_joint(q),
+        tilt=problem.tilt_of(tag, T_base_tcp),
     )
     return state_costs(problem.settings.weights, context)
 

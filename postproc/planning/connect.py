@@ -65,7 +65,7 @@ class Detour:
 
 
 def detours(
-    checker: Checker, ends: Ends, spin: FloatArray, branch: IndexArray
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
 ) -> dict[int, Detour]:
     """Return free ways round for connections (m,) by row; rows without one are missing."""
     ways: dict[int, Detour] = {}
@@ -73,7 +73,7 @@ def detours(
         rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
         if not len(rows):
             return ways
-        found = _by_backing_off(checker, ends.take(rows), spin, branch, height)
+        found = _by_backing_off(checker, ends.take(rows), attitude, branch, height)
         ways.update({int(rows[row]): way for row, way in found.items()})
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
     for row, points in _by_trees(checker, ends, rows).items():
@@ -120,12 +120,14 @@ def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_backing_off(
-    checker: Checker, ends: Ends, spin: FloatArray, branch: IndexArray, height: float
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: float
 ) -> dict[int, Detour]:
     up_from, from_free = _lifted(
-        checker, ends.tag_from, ends.height_from, ends.q_from, spin, branch, height
+        checker, ends.tag_from, ends.height_from, ends.q_from, attitude, branch, height
     )
-    up_to, to_free = _lifted(checker, ends.tag_to, ends.height_to, ends.q_to, spin, branch, height)
+    up_to, to_free = _lifted(
+        checker, ends.tag_to, ends.height_to, ends.q_to, attitude, branch, height
+    )
     options = (
         (from_free & to_free, up_from, up_to, (True, True)),
         (from_free, up_from, ends.q_to, (True, False)),
@@ -149,14 +151,14 @@ def _lifted(
     tag: IndexArray,
     base: FloatArray,
     q: FloatArray,
-    spin: FloatArray,
+    attitude: FloatArray,
     branch: IndexArray,
     height: float,
 ) -> tuple[FloatArray, BoolArray]:
     """Return the joints (m, 6) ``height`` above where the tool stands, and if the way is free."""
     problem = checker.problem
-    low = problem.placement.tcp(tag, spin[tag], base)
-    high = problem.placement.tcp(tag, spin[tag], base + height)
+    low = problem.placement.tcp(tag, attitude[tag], base)
+    high = problem.placement.tcp(tag, attitude[tag], base + height)
     solved, reached = problem.solve(high, branch[tag], q)
     solved = np.where(reached[:, None], solved, q)
     good = reached & problem.within(solved) & problem.regular(solved)

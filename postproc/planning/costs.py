@@ -17,16 +17,21 @@ from postproc.errors import CellError, SourceRef
 from postproc.kinematics.model import Kinematics
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell
+from postproc.model.tilt import TiltRange
 from postproc.planning.ladder import IndexArray
 from postproc.registry import Registry
 from postproc.units import DEG
 
 TRAVEL = "travel"
+TILT = "tilt"
 TRAVEL_UNIT = 10.0 * DEG
 """Joint change that costs 1 at weight 1."""
 DEFAULT_TRAVEL = 0.1
 """Weight of travel beside a stiffness objective: mean stiffness falls by 0.4 %, the largest joint
 step from 181 to 1.3 degrees on a milling line of the paper's kind."""
+DEFAULT_TILT = 0.1
+"""Weight of tilt, where the cell allows any: 5 degrees must gain 2.5 % of stiffness, 10 degrees
+10 %, 15 degrees 22 %, or be the only way."""
 
 
 @dataclass(slots=True)
@@ -39,6 +44,7 @@ class StateContext:
         R_robroot_tcp: (N, 3, 3).
         normal: (N, 3) unit, robroot: across tool axis and path.
         c_joint: (6,) or (N, 6) [rad/(N*m)], None without stiffness.
+        tilt: (N,) angle of the tool axis to that of the CAM data [rad], None where all is upright.
     """
 
     kinematics: Kinematics
@@ -49,6 +55,7 @@ class StateContext:
     R_robroot_tcp: FloatArray
     normal: FloatArray
     c_joint: FloatArray | None
+    tilt: FloatArray | None = None
     _jacobian: FloatArray | None = field(default=None, init=False)
 
     @property
@@ -81,11 +88,13 @@ class Objective:
     """One named wish: a function of states (N,) and how to read its values.
 
     ``is_stiffness``: the value is an index k [N/m], larger is better, and joint stiffness is
-    needed; otherwise the value is a cost, lower is better.
+    needed; otherwise the value is a cost, lower is better. ``is_of_pose``: a cost that is the same
+    for all turns of the joints that give a pose.
     """
 
     function: Function
     is_stiffness: bool = False
+    is_of_pose: bool = False
 
     def __call__(self, context: StateContext) -> FloatArray:
         """Return (N,) values."""
@@ -95,11 +104,13 @@ class Objective:
 REGISTRY: Registry[Objective] = Registry("objectives", "postproc.planning.objectives")
 
 
-def objective(name: str, *, is_stiffness: bool = False) -> Callable[[Function], Function]:
+def objective(
+    name: str, *, is_stiffness: bool = False, is_of_pose: bool = False
+) -> Callable[[Function], Function]:
     """Return a decorator that registers a function as a built-in objective."""
 
     def add(function: Function) -> Function:
-        REGISTRY.register(name)(Objective(function, is_stiffness))
+        REGISTRY.register(name)(Objective(function, is_stiffness, is_of_pose))
         return function
 
     return add
@@ -127,14 +138,17 @@ def weights_of(cell: Cell) -> Weights:
     """Return what ``[optimize] objective`` asks for.
 
     A name means that objective with weight 1 beside travel with ``DEFAULT_TRAVEL``; a table is
-    taken as it is, with the same travel unless it names ``travel``. Without joint stiffness the
-    stiffness objectives are left out, with a note.
+    taken as it is, with the same travel unless it names ``travel``. Where the cell allows a tilt of
+    the tool axis, ``tilt`` stands beside them with ``DEFAULT_TILT`` unless it is named. Without
+    joint stiffness the stiffness objectives are left out, with a note.
 
     Raises:
         CellError: PLN202 for an objective that does not exist.
     """
     asked = cell.optimize.objective
     table: Mapping[str, float] = {asked: 1.0} if isinstance(asked, str) else asked
+    if TiltRange.of(cell):
+        table = {TILT: DEFAULT_TILT, **table}
     known = dict(REGISTRY)
     states, notes = [], []
     for name, weight in sorted(table.items()):
@@ -154,7 +168,7 @@ def weights_of(cell: Cell) -> Weights:
         elif weight > 0.0:
             states.append((name, float(weight), known[name]))
     travel = float(table.get(TRAVEL, DEFAULT_TRAVEL))
-    if not states and travel == 0.0:
+    if travel == 0.0 and all(name == TILT for name, _, _ in states):
         travel = DEFAULT_TRAVEL
     return Weights(tuple(states), travel, tuple(notes))
 

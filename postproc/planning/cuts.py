@@ -20,6 +20,9 @@ LARGEST_CIRC = 120.0 * DEG
 _CUT = 200
 _FLAT = 1e-6
 _SAME_AXIS = 1e-6
+TILTED_PIECE = 15.0 * DEG
+"""Longest piece of an arc on which the tool is tilted: the tilt goes round with the arc, while the
+controller turns the tool about one axis from the start to the end of a piece."""
 
 
 def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Moves]:
@@ -35,7 +38,7 @@ def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Move
     feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
     cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)) & chosen.good
     entered = np.nonzero(cuts & chosen.entry)[0]
-    T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.spin)
+    T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)
     parts = [moves(entered, ARRIVE, MoveKind.PTP, MoveRole.ENTRY, T[entered], chosen.q[entered])]
     lines = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.LINEAR))[0]
     parts.append(
@@ -66,12 +69,18 @@ def _arcs(
     circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.settings.arcs == "circ")
     chord = 2.0 * np.arccos(np.clip(1.0 - problem.settings.chord / radius, -1.0, 1.0))
     widest = np.where(circular, LARGEST_CIRC, np.clip(chord, 1e-3, LARGEST_CIRC))
+    tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))
+    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
+    widest = np.where(tilted, np.minimum(widest, TILTED_PIECE), widest)
     pieces = np.maximum(1, np.ceil(sweep / widest - 1e-9)).astype(np.int64)
     row = np.repeat(np.arange(len(tags)), pieces)
     piece = np.arange(len(row)) - (np.cumsum(pieces) - pieces)[row]
     share = (piece + 1) / pieces[row]
     last = piece == pieces[row] - 1
-    poses = arc_poses(start[row], end[row], centre[row], normal[row], sweep[row], share)
+    poses = arc_poses(
+        *(start[row], end[row], centre[row], normal[row], sweep[row], share),
+        (tilts[0][row], tilts[1][row]),
+    )
     poses[last] = end[row[last]]
     q_from, q_to = leaves[tags - 1][row], chosen.q[tags][row]
     q = q_from + share[:, None] * (q_to - q_from)

@@ -89,6 +89,6 @@ def _at(
     problem: Problem, chosen: Chosen, tags: IndexArray, height: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return poses and joints of tags at a height above them."""
-    T_base_tcp = problem.placement.tcp(tags, chosen.spin[tags], height)
+    T_base_tcp = problem.placement.tcp(tags, chosen.attitude[tags], height)
     q, _ = problem.solve(T_base_tcp, chosen.branch[tags], chosen.q[tags])
     return T_base_tcp, q

@@ -98,7 +98,7 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> 
     order = (Reason.COLLISION, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
     main = next((reason for reason in order if counts[reason]), Reason.UNREACHABLE)
     parts = [f"{counts[r]} {WORDS[r]}" for r in (*COUNTED, Reason.COLLISION) if counts[r]]
-    tried = evidence.states.tried // same
+    tried = int(evidence.states.tried[row]) // same
     detail = f"{pin}none of {tried} poses can be run ({', '.join(parts)})"
     pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
     if main is Reason.COLLISION and len(pairs):

@@ -79,6 +79,7 @@ class Lines:
         q_from: (m, 6); q_to: (m, 6) [rad].
         branch: (m,); contact: (m,) the tool may touch the workpiece.
         centre, normal, radius, sweep: of an arc; sweep 0 means straight.
+        tilts: (m, 3) [rad] by which the tool is tilted at start and end of arcs, as ``arc_poses``.
     """
 
     T_from: FloatArray
@@ -91,6 +92,7 @@ class Lines:
     normal: FloatArray | None = None
     radius: FloatArray | None = None
     sweep: FloatArray | None = None
+    tilts: tuple[FloatArray, FloatArray] | None = None
 
     def __len__(self) -> int:
         """Return the number of motions."""
@@ -126,20 +128,20 @@ class Checker:
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
 
     def states(
-        self, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
+        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
     ) -> Verdict:
         """Check poses at tags, with the whole stroke where the tag has one.
 
         Args:
             tags: (m,) indices.
             q: (m, 6) [rad].
-            spin: (m,) [rad].
+            attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
             branch: (m,).
         """
         verdict = self.poses(tags, q)
         rows = np.nonzero(self.strokes.is_stroke[tags] & verdict.good)[0]
         if len(rows):
-            self._stroke(verdict, rows, tags[rows], q[rows], spin[rows], branch[rows])
+            self._stroke(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
         return verdict
 
     def poses(self, tags: IndexArray, q: FloatArray) -> Verdict:
@@ -155,11 +157,11 @@ class Checker:
         rows: IndexArray,
         tags: IndexArray,
         q: FloatArray,
-        spin: FloatArray,
+        attitude: FloatArray,
         branch: IndexArray,
     ) -> None:
         """Check free way from the top to the start of the feed, then the feed down to the depth."""
-        heights, T, joints = self._stroke_ends(verdict, rows, tags, q, spin, branch)
+        heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
         for start, end, touch in ((0, 1, False), (1, 2, True)):
             moving = (heights[start] - heights[end] > 1e-9) & verdict.good[rows]
             kept = np.nonzero(moving)[0]
@@ -177,12 +179,12 @@ class Checker:
             verdict.pair[rows[kept[bad]]] = part.pair[bad]
 
     def stroke_ends(
-        self, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
+        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
     ) -> Verdict:
         """Check reach, limits and singularity at the ends of strokes; arguments as ``states``."""
         verdict = Verdict.clean(len(tags))
         rows = np.nonzero(self.strokes.is_stroke[tags])[0]
-        self._stroke_ends(verdict, rows, tags[rows], q[rows], spin[rows], branch[rows])
+        self._stroke_ends(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
         return verdict
 
     def _stroke_ends(
@@ -191,7 +193,7 @@ class Checker:
         rows: IndexArray,
         tags: IndexArray,
         q: FloatArray,
-        spin: FloatArray,
+        attitude: FloatArray,
         branch: IndexArray,
     ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
         """Return heights (m,), poses and joints at the top, where the feed starts, at the depth."""
@@ -200,7 +202,7 @@ class Checker:
         poses: list[FloatArray] = []
         joints: list[FloatArray] = []
         for k, height in enumerate(heights):
-            poses.append(self.problem.placement.tcp(tags, spin, height))
+            poses.append(self.problem.placement.tcp(tags, attitude, height))
             if k and np.array_equal(height, heights[k - 1]):
                 joints.append(joints[-1])
                 continue
@@ -319,5 +321,6 @@ def _poses(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
             lines.normal[which],
             lines.sweep[which],
             share[round_],
+            None if lines.tilts is None else (lines.tilts[0][which], lines.tilts[1][which]),
         )
     return poses

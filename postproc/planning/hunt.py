@@ -16,6 +16,7 @@ from postproc.planning.ladder import NONE, IndexArray, Ladder, Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.problem import Problem
 from postproc.planning.search import Found, search
+from postproc.planning.tilt import beside_in_grid, strays
 
 TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""
@@ -66,7 +67,7 @@ class Hunt:
     failures: IndexArray
     stroked: BoolArray
     step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
-    table: IndexArray | None = None
+    cells: IndexArray | None = None
 
     @classmethod
     def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> Hunt:
@@ -80,11 +81,11 @@ class Hunt:
         """
         problem = checker.problem
         spins, pinned = pinned_spins(problem, tags)
-        states = sample(problem, tags, spins)
+        states = sample(problem, tags, spins, tilts=problem.tilts)
         cost = states.cost
         every = np.arange(len(cost))
         if pinned.any():
-            cost[pinned[states.tag_of(every)] & (states.column > 0)] = np.inf
+            cost[pinned[states.tag_of(every)] & (states.column % spins.shape[-1] > 0)] = np.inf
         if each:
             cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
         rule = step_rules(problem)[tags]
@@ -117,7 +118,7 @@ class Hunt:
         branch = self.states.branch[fresh].astype(np.int64)
         q = self.states.q[fresh].astype(np.float64)
         rungs = self.states.tag_of(fresh)
-        verdict = self.checker.states(self.tags[rungs], q, self.states.spin_of(fresh), branch)
+        verdict = self.checker.states(self.tags[rungs], q, self.states.attitude_of(fresh), branch)
         self.reason[fresh], self.pair[fresh] = verdict.reason, verdict.pair
         self.seen[self.states.config[fresh]] = True
         return np.asarray(self.reason[states] == Reason.NONE)
@@ -133,7 +134,7 @@ class Hunt:
         verdict = check_chain(
             self.checker,
             (self.tags[rungs[chain] - 1], self.tags[rungs[chain]]),
-            (self.states.spin_of(a), self.states.spin_of(b)),
+            (self.states.attitude_of(a), self.states.attitude_of(b)),
             (self.states.q[a].astype(np.float64), self.states.q[b].astype(np.float64)),
             self.states.branch[b].astype(np.int64),
         )
@@ -184,7 +185,7 @@ class Hunt:
         verdict = self.checker.stroke_ends(
             self.tags[self.states.tag_of(rows)],
             self.states.q[rows].astype(np.float64),
-            self.states.spin_of(rows),
+            self.states.attitude_of(rows),
             self.states.branch[rows].astype(np.int64),
         )
         bad = rows[~verdict.good]
@@ -204,44 +205,63 @@ class Hunt:
         return np.asarray(copies)
 
     def _around(self, states: IndexArray, reach: int) -> IndexArray:
-        """Return one state of every configuration near to states: same branch, spin and tag."""
-        width, n = self.states.spins.shape[-1], len(self.tags)
-        if self.table is None:
-            self.table = np.full(n * width * 8, NONE, dtype=np.int64)
-            every = np.arange(len(self.states.q))[::-1]
-            self.table[self._cell(every)] = every
+        """Return one state of every configuration near to states, of the same branch.
+
+        Those with the same tilt, of tags and spins near by, and those of the tilts next to it.
+        """
+        turns, n = self.states.spins.shape[-1], len(self.tags)
+        if self.cells is None:
+            self.cells = self._cell(np.arange(len(self.states.q)))
         along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)
         rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
-        column = self.states.column[states].astype(np.int64)[:, None, None] + around[None, None, :]
+        tilt, turn = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], turns)
         inside = (rung >= 0) & (rung < n)
         branch = self.states.branch[states].astype(np.int64)[:, None, None]
-        places = (np.clip(rung, 0, n - 1) * width + column % width) * 8 + branch
-        found = self.table[np.unique(places[np.broadcast_to(inside, places.shape)])]
-        return np.asarray(found[found != NONE])
+        column = tilt * turns + (turn + around[None, None, :]) % turns
+        places = self._place(np.clip(rung, 0, n - 1), column, branch)
+        near = [places[np.broadcast_to(inside, places.shape)]]
+        which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt[:, 0, 0]])
+        rung, column = self.states.tag_of(states)[which], other * turns + turn[which, 0, 0]
+        near.append(self._place(rung, column, branch[which, 0, 0]))
+        wanted = np.unique(np.concatenate(near))
+        found = np.minimum(np.searchsorted(self.cells, wanted), len(self.cells) - 1)
+        return np.asarray(found[self.cells[found] == wanted])
 
     def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Return the steps that leave or enter the same states as failing ones, in their branch."""
+        """Return the steps that leave or enter the same states as failing ones.
+
+        In their branch, and to or from the tilt that the failing step has.
+        """
         more: set[tuple[int, int]] = set()
         for a, b in steps:
             rung = int(self.states.tag_of(np.array([b]))[0])
             before = np.arange(self.states.offsets[rung - 1], self.states.offsets[rung])
             now = np.arange(self.states.offsets[rung], self.states.offsets[rung + 1])
             branch = self.states.branch[a]
-            for state in now[self._open(now, branch, self.states.q[a])].tolist():
+            for state in now[self._open(now, branch, a, b)].tolist():
                 more.add((a, state))
-            for state in before[self._open(before, branch, self.states.q[b])].tolist():
+            for state in before[self._open(before, branch, b, a)].tolist():
                 more.add((state, b))
         return sorted(more - set(steps))
 
-    def _open(self, states: IndexArray, branch: int, q: FloatArray) -> BoolArray:
-        near = np.abs(self.states.q[states] - q).max(axis=1) <= np.pi
-        alive = np.isfinite(self.ladder.cost[states])
-        return np.asarray(near & alive & (self.states.branch[states] == branch))
+    def _open(self, states: IndexArray, branch: int, end: int, like: int) -> BoolArray:
+        """Return which states a step with ``end`` may join, of the same tilt as ``like``."""
+        near = np.abs(self.states.q[states] - self.states.q[end]).max(axis=1) <= np.pi
+        near &= np.isfinite(self.ladder.cost[states])
+        tilt = self.states.column // self.states.spins.shape[-1]
+        return np.asarray(
+            near & (self.states.branch[states] == branch) & (tilt[states] == tilt[like])
+        )
 
     def _cell(self, states: IndexArray) -> IndexArray:
-        width = self.states.spins.shape[-1]
-        rung, column = self.states.tag_of(states), self.states.column[states].astype(np.int64)
-        return np.asarray((rung * width + column) * 8 + self.states.branch[states])
+        column = self.states.column[states].astype(np.int64)
+        branch = self.states.branch[states].astype(np.int64)
+        return self._place(self.states.tag_of(states), column, branch)
+
+    def _place(self, rung: IndexArray, column: IndexArray, branch: IndexArray) -> IndexArray:
+        """Return numbers of configurations that rise with rung, then column, then branch."""
+        width = self.states.spins.shape[-1] * len(self.states.tilts)
+        return np.asarray((rung * width + column) * 8 + branch)
 
     def chosen(self, found: Found) -> Chosen:
         """Return the poses of all tags with exact joints."""
@@ -249,13 +269,13 @@ class Hunt:
         n = len(self.tags)
         good = found.path != NONE
         rows = found.path[good]
-        spin, q = np.zeros(n), np.zeros((n, 6))
+        attitude, q = np.zeros((n, 3)), np.zeros((n, 6))
         branch = np.zeros(n, dtype=np.int64)
-        spin[good] = self.states.spin_of(rows)
+        attitude[good] = self.states.attitude_of(rows)
         branch[good] = self.states.branch[rows]
-        T = problem.placement.tcp(self.tags[good], spin[good])
+        T = problem.placement.tcp(self.tags[good], attitude[good])
         q[good], _ = problem.solve(T, branch[good], self.states.q[rows].astype(np.float64))
-        return Chosen(spin, branch, q, good, self.ladder.broken.copy())
+        return Chosen(attitude, branch, q, good, self.ladder.broken.copy())
 
     def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
         """Return what the search did, for the record of the plan."""
@@ -285,14 +305,14 @@ class Hunt:
 def check_chain(
     checker: Checker,
     tags: tuple[IndexArray, IndexArray],
-    spins: tuple[FloatArray, FloatArray],
+    attitudes: tuple[FloatArray, FloatArray],
     joints: tuple[FloatArray, FloatArray],
     branch: IndexArray,
 ) -> Verdict:
-    """Check cuts (m,) from tags to tags."""
+    """Check cuts (m,) from tags to tags, in attitudes (m, 3)."""
     problem, top = checker.problem, checker.strokes.top
-    T_from = problem.placement.tcp(tags[0], spins[0], top[tags[0]])
-    T_to = problem.placement.tcp(tags[1], spins[1])
+    T_from = problem.placement.tcp(tags[0], attitudes[0], top[tags[0]])
+    T_to = problem.placement.tcp(tags[1], attitudes[1])
     q_from, _ = problem.solve(T_from, branch, joints[0])
     q_to, _ = problem.solve(T_to, branch, joints[1])
     lines = Lines(T_from, T_to, q_from, q_to, branch, np.ones(len(branch), dtype=np.bool_))
@@ -303,7 +323,37 @@ def check_chain(
         lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
         lines.radius = arcs.radius[number]
         lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
-    return checker.lines(lines)[0]
+    stray = _strays(problem, tags, attitudes, lines)
+    verdict = checker.lines(lines)[0]
+    # As for a turn that could go either way round: the tool cannot turn so on this way.
+    verdict.refuse(np.flatnonzero(stray), Reason.SINGULAR)
+    return verdict
+
+
+def _strays(
+    problem: Problem,
+    tags: tuple[IndexArray, IndexArray],
+    attitudes: tuple[FloatArray, FloatArray],
+    lines: Lines,
+) -> BoolArray:
+    """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
+    place = problem.placement
+    stray = np.zeros(len(lines), dtype=np.bool_)
+    tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
+    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
+    if not tilted.any():
+        return stray
+    lines.tilts = tilts[0], tilts[1]
+    rows = np.flatnonzero(tilted if lines.sweep is None else tilted & (lines.sweep == 0.0))
+    ends = tags[0][rows], tags[1][rows]
+    stray[rows] = strays(
+        (lines.T_from[rows, :3, :3], lines.T_to[rows, :3, :3]),
+        (-place.axis_base(ends[0]), -place.axis_base(ends[1])),
+        (place.feed[ends[0]], place.feed[ends[1]]),
+        place.tool_axis,
+        problem.settings.tilt,
+    )
+    return stray
 
 
 def travel(chosen: Chosen) -> float:

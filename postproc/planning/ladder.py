@@ -7,11 +7,13 @@ motion) a step must keep the group and no coordinate may move more than half a t
 The search is exact dynamic programming. Edges are never stored: the costs of all steps between
 two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
-on and stops as soon as the values agree again up to a constant.
+on and stops as soon as the values agree again up to a constant. Between two wide rungs the matrix
+is worked out in blocks, a chain's group by group, so that memory stays bounded.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -25,6 +27,8 @@ IndexArray = NDArray[np.int64]
 
 NONE = -1
 """No state: the rung is empty."""
+WIDE = 4_000_000
+"""Largest matrix of steps that is worked out at once."""
 _SAME = 1e-11
 _HALF_TURN = np.pi + 1e-9
 
@@ -168,15 +172,34 @@ class Ladder:
         if i == 0 or high == low or after == before or i in self._cut:
             self.broken[i] = True
             return cost.copy()
-        steps = self._steps(i, slice(before, after), slice(low, high))
-        back = steps.argmin(axis=1)
-        self.back[low:high] = back
-        value: FloatArray = steps[np.arange(high - low), back] + cost
+        value = np.full(high - low, np.inf)
+        for a, b in self._blocks(i, np.arange(before, after), np.arange(low, high)):
+            steps = self._steps(i, a, b)
+            back = steps.argmin(axis=1)
+            self.back[b] = a[back] - before
+            value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
         self.broken[i] = not value.min() < np.inf
         return cost.copy() if self.broken[i] else value
 
-    def _steps(self, i: int, before: slice, now: slice) -> FloatArray:
-        """Return value + step cost (m now, m before)."""
+    def _blocks(
+        self, i: int, before: IndexArray, now: IndexArray
+    ) -> Iterator[tuple[IndexArray, IndexArray]]:
+        """Return states before and now whose steps are worked out at once; every state now once."""
+        if len(before) * len(now) <= WIDE:
+            yield before, now
+            return
+        groups = [(before, now)]
+        if self.rule[i] == Rule.CHAIN:
+            of_before, of_now = self.group[before], self.group[now]
+            shared = np.intersect1d(of_before, of_now).tolist()
+            groups = [(before[of_before == group], now[of_now == group]) for group in shared]
+        for a, b in groups:
+            size = max(1, WIDE // len(a))
+            for low in range(0, len(b), size):
+                yield a, b[low : low + size]
+
+    def _steps(self, i: int, before: IndexArray, now: IndexArray) -> FloatArray:
+        """Return value + step cost (m now, m before) of states, both rising."""
         w = float(self.weight[i])
         a, b = self.position[before], self.position[now]
         d = a.shape[1]
@@ -193,10 +216,12 @@ class Ladder:
         if self.rule[i] == Rule.CHAIN:
             self._keep_chain(steps, before, now)
         for state, to in self._forbidden.get(i, ()):
-            steps[to - now.start, state - before.start] = np.inf
+            row, column = int(np.searchsorted(now, to)), int(np.searchsorted(before, state))
+            if row < len(now) and now[row] == to and column < len(before):
+                steps[row, column] = np.inf if before[column] == state else steps[row, column]
         return steps
 
-    def _keep_chain(self, steps: FloatArray, before: slice, now: slice) -> None:
+    def _keep_chain(self, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
         """Take out the steps that a chain may not do."""
         a, b = self.position[before], self.position[now]
         steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.frames import rotation_about, rotation_angle, transform
+from postproc.frames import rotation_about, rotation_angle, rotation_from_vector, transform
 from postproc.model.arrays import FloatArray
 
 
@@ -33,7 +33,7 @@ def rotation_vector(R_a: FloatArray, R_b: FloatArray) -> tuple[FloatArray, Float
 def line_poses(T_a: FloatArray, T_b: FloatArray, share: FloatArray) -> FloatArray:
     """Return the poses (m, 4, 4) at ``share`` (m,) 0..1 of straight motions from T_a to T_b."""
     p = T_a[:, :3, 3] + share[:, None] * (T_b[:, :3, 3] - T_a[:, :3, 3])
-    return transform(_turned(T_a, T_b, share), p)
+    return transform(turned_between(T_a[:, :3, :3], T_b[:, :3, :3], share), p)
 
 
 def arc_poses(
@@ -43,8 +43,12 @@ def arc_poses(
     normal: FloatArray,
     sweep: FloatArray,
     share: FloatArray,
+    tilts: tuple[FloatArray, FloatArray] | None = None,
 ) -> FloatArray:
     """Return the poses (m, 4, 4) at ``share`` of arcs or helices from T_a to T_b.
+
+    A tilt of the tool goes round with the arc: what lead is at its start stays lead. The rest of
+    the orientation turns as along a line.
 
     Args:
         T_a: (m, 4, 4) start poses.
@@ -53,11 +57,21 @@ def arc_poses(
         normal: (m, 3) unit, counterclockwise.
         sweep: (m,) [rad].
         share: (m,) 0..1.
+        tilts: (m, 3) [rad] by which the tool is tilted at start and end, axis times angle; None:
+            it is not.
     """
-    return transform(
-        _turned(T_a, T_b, share),
-        arc_points(T_a[:, :3, 3], T_b[:, :3, 3], centre, normal, sweep, share),
-    )
+    R_a, R_b = T_a[:, :3, :3], T_b[:, :3, :3]
+    if tilts is None or not (tilts[0].any() or tilts[1].any()):
+        R = turned_between(R_a, R_b, share)
+    else:
+        back = rotation_about(normal, -sweep)
+        start, end = tilts[0], np.einsum("mij,mj->mi", back, tilts[1])
+        along = rotation_about(normal, sweep * share)
+        tilt = np.einsum("mij,mj->mi", along, start + share[:, None] * (end - start))
+        first, last = (rotation_from_vector(-w) for w in tilts)
+        upright = turned_between(first @ R_a, last @ R_b, share)
+        R = rotation_from_vector(tilt) @ upright
+    return transform(R, arc_points(T_a[:, :3, 3], T_b[:, :3, 3], centre, normal, sweep, share))
 
 
 def arc_points(
@@ -93,7 +107,8 @@ def path_length(
     return np.asarray(np.where(sweep > 0.0, np.maximum(radius * sweep, straight), straight))
 
 
-def _turned(T_a: FloatArray, T_b: FloatArray, share: FloatArray) -> FloatArray:
-    axis, angle = rotation_vector(T_a[:, :3, :3], T_b[:, :3, :3])
-    R: FloatArray = T_a[:, :3, :3] @ rotation_about(axis, angle * share)
+def turned_between(R_a: FloatArray, R_b: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the orientations (m, 3, 3) at ``share`` (m,) of the turn from R_a to R_b."""
+    axis, angle = rotation_vector(R_a, R_b)
+    R: FloatArray = R_a @ rotation_about(axis, angle * share)
     return R

@@ -15,15 +15,21 @@ from postproc.planning.ladder import IndexArray
 class Chosen:
     """The pose chosen for every tag.
 
-    ``good`` (n,): the tag can be run; ``entry`` (n,): it is entered anew, by a joint move, rather
-    than from the tag before. Columns of tags that are not good hold no meaning.
+    ``attitude`` (n, 3): spin, lead and side tilt [rad]; ``good`` (n,): the tag can be run;
+    ``entry`` (n,): it is entered anew, by a joint move, rather than from the tag before. Columns of
+    tags that are not good hold no meaning.
     """
 
-    spin: FloatArray
+    attitude: FloatArray
     branch: IndexArray
     q: FloatArray
     good: BoolArray
     entry: BoolArray
+
+    @property
+    def spin(self) -> FloatArray:
+        """(n,) turn about the CAM tool axis [rad]."""
+        return self.attitude[:, 0]
 
 
 @dataclass(slots=True)

@@ -1,5 +1,8 @@
 """Where the tool stands at each tag: the tool axis is given, the turn about it (spin) is free.
 
+A pose of a tag is a function of its *attitude* (3,) [rad]: spin, lead, side tilt. The tip stays on
+the CAM point whatever the attitude; the spin counts about the CAM axis, then the tool is tilted.
+
 Spin 0 is the input's own orientation where it gave one. Otherwise a direction fixed to the part,
 projected on the plane across the tool axis, tells where the tool frame's first cross axis points;
 the part axis that stays best clear of all tool axes is taken. Where every part axis comes close to
@@ -16,11 +19,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.errors import PlanError
-from postproc.frames import inverse, rotation_about, transform
+from postproc.frames import inverse, rotation_about, rotation_from_vector, transform
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
 from postproc.model.toolpath import ToolPath
 from postproc.planning.ladder import IndexArray
+from postproc.planning.tilt import tilt_vectors
 
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""
@@ -31,7 +35,7 @@ _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
 @dataclass(frozen=True, slots=True)
 class Placement:
-    """Poses of all tags as functions of the spin.
+    """Poses of all tags as functions of the attitude.
 
     Args:
         R_base_tcp: (n, 3, 3) orientation at spin 0; p_base_tcp: (n, 3) [m].
@@ -39,6 +43,8 @@ class Placement:
         tool_axis: (3,) unit, TCP axes, out of the tool into the part.
         reference: what spin 0 is, in words.
         given: (n,) tags whose pose the input gives; at others stands that of a tag beside them.
+        feed: (n, 3) unit feed direction across the tool axis, workpiece frame; NaN at tags that
+            may not tilt.
     """
 
     R_base_tcp: FloatArray
@@ -48,30 +54,61 @@ class Placement:
     tool_axis: FloatArray
     reference: str
     given: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+    feed: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def __post_init__(self) -> None:
-        """Take all tags as given where nothing else is said."""
+        """Take all tags as given and none as free to tilt where nothing else is said."""
         if len(self.given) != len(self.p_base_tcp):
             object.__setattr__(self, "given", np.ones(len(self.p_base_tcp), dtype=np.bool_))
+        if len(self.feed) != len(self.p_base_tcp):
+            object.__setattr__(self, "feed", np.full(self.p_base_tcp.shape, np.nan))
 
     def __len__(self) -> int:
         """Return the number of tags."""
         return len(self.p_base_tcp)
 
+    @property
+    def may_tilt(self) -> BoolArray:
+        """(n,) tags whose tool axis may leave that of the CAM data."""
+        return np.isfinite(self.feed[:, 0])
+
     def axis_base(self, tags: IndexArray) -> FloatArray:
-        """Return the tool axis (m, 3) in the workpiece frame, into the part."""
+        """Return the CAM tool axis (m, 3) in the workpiece frame, into the part."""
         axis: FloatArray = self.R_base_tcp[tags] @ self.tool_axis
         return axis
 
-    def rotation(self, tags: IndexArray, spin: FloatArray) -> FloatArray:
-        """Return R_base_tcp (m, 3, 3) of tags (m,) at spins (m,) [rad]."""
-        R: FloatArray = self.R_base_tcp[tags] @ rotation_about(self.tool_axis, spin)
-        return R
+    def tilts(self, tags: IndexArray, attitude: FloatArray) -> FloatArray:
+        """Return by what (m, 3) [rad] attitudes tilt the tool: axis times angle, workpiece frame.
 
-    def tcp(self, tags: IndexArray, spin: FloatArray, lift: FloatArray | float = 0.0) -> FloatArray:
-        """Return T_base_tcp (m, 4, 4); ``lift`` [m] backs the tool off along its axis."""
-        away = -self.axis_base(tags) * np.asarray(lift, dtype=np.float64)[..., None]
-        return transform(self.rotation(tags, spin), self.p_base_tcp[tags] + away)
+        Zero at tags that may not tilt, and where ``attitude`` (m,) is the spin alone.
+        """
+        if attitude.ndim == 1 or not attitude[:, 1:].any():
+            return np.zeros((len(tags), 3))
+        return tilt_vectors(-self.axis_base(tags), self.feed[tags], attitude[:, 1:])
+
+    def rotation(self, tags: IndexArray, attitude: FloatArray) -> FloatArray:
+        """Return R_base_tcp (m, 3, 3) of tags (m,) at attitudes (m, 3) or spins (m,) [rad]."""
+        spin = attitude if attitude.ndim == 1 else attitude[:, 0]
+        R: FloatArray = self.R_base_tcp[tags] @ rotation_about(self.tool_axis, spin)
+        tilts = self.tilts(tags, attitude)
+        return rotation_from_vector(tilts) @ R if tilts.any() else R
+
+    def tcp(
+        self, tags: IndexArray, attitude: FloatArray, lift: FloatArray | float = 0.0
+    ) -> FloatArray:
+        """Return T_base_tcp (m, 4, 4); ``lift`` [m] backs the tool off along its axis.
+
+        Args:
+            tags: (m,) indices.
+            attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
+            lift: (m,) or one for all.
+        """
+        axis = self.axis_base(tags)
+        tilts = self.tilts(tags, attitude)
+        if tilts.any():
+            axis = np.einsum("mij,mj->mi", rotation_from_vector(tilts), axis)
+        away = -axis * np.asarray(lift, dtype=np.float64)[..., None]
+        return transform(self.rotation(tags, attitude), self.p_base_tcp[tags] + away)
 
     def flange(self, T_base_tcp: FloatArray) -> FloatArray:
         """Return T_robroot_flange (m, 4, 4) of TCP poses in the workpiece frame."""

@@ -30,6 +30,7 @@ from postproc.planning.settings import PlanOptions, Settings, settle
 from postproc.planning.station import plan_stations
 from postproc.planning.strategy import choose
 from postproc.planning.stroke import strokes_of
+from postproc.planning.tilt import UPRIGHT, feed_directions, tilt_grid
 from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
@@ -125,6 +126,13 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     """Return the planning problem of a toolpath in a cell."""
     toolpath, placement = place_given(toolpath, cell)
     served = as_served(toolpath, cell)
+    tilts = UPRIGHT
+    if settings.tilt:
+        axis = placement.axis_base(np.arange(len(placement)))
+        feed = feed_directions(served, axis)
+        feed[~placement.given] = np.nan
+        placement = replace(placement, feed=feed)
+        tilts = tilt_grid(settings.tilt, len(settings.spins), int(placement.may_tilt.sum()))
     return Problem(
         served,
         cell,
@@ -133,6 +141,7 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
         settings,
         path_normals(toolpath, placement),
         stiffness_of(cell),
+        tilts,
     )
 
 
@@ -250,11 +259,12 @@ def _stiffness(problem: Problem, chosen: Chosen) -> tuple[FloatArray, FloatArray
     tags = np.nonzero(chosen.good)[0]
     if problem.settings.weights.main is None or not len(tags):
         return index, initial
-    for result, spin in ((index, chosen.spin[tags]), (initial, np.zeros(len(tags)))):
-        T = problem.placement.tcp(tags, spin)
+    upright = np.zeros((len(tags), 3))
+    for result, attitude in ((index, chosen.attitude[tags]), (initial, upright)):
+        T = problem.placement.tcp(tags, attitude)
         q, reached = problem.solve(T, chosen.branch[tags], chosen.q[tags])
         rows = np.nonzero(reached)[0]
-        result[tags[rows]] = evaluate(problem, tags[rows], spin[rows], T[rows], q[rows])[1]
+        result[tags[rows]] = evaluate(problem, tags[rows], attitude[rows, 0], T[rows], q[rows])[1]
     return index, initial
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.frames import apply
+from postproc.frames import angle_between, apply
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import wrist_distance
 from postproc.model.arrays import BoolArray, FloatArray
@@ -16,6 +16,7 @@ from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.planning.ladder import IndexArray
 from postproc.planning.place import Placement, cross_axes
 from postproc.planning.settings import Settings
+from postproc.planning.tilt import UPRIGHT
 from postproc.stiffness.cartesian import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]
@@ -28,6 +29,7 @@ class Problem:
 
     ``normal`` (n, 3) unit, robroot: across tool axis and path, per tag. ``c_joint``: joint
     compliance (m, 6) [rad/(N*m)] of configurations (m, 6), None without stiffness.
+    ``tilts`` (T, 2): lead and side [rad] to search at tags that may tilt, none at all first.
     """
 
     toolpath: ToolPath
@@ -37,6 +39,7 @@ class Problem:
     settings: Settings
     normal: FloatArray
     c_joint: Compliance | None
+    tilts: FloatArray = field(default_factory=lambda: UPRIGHT)
 
     def __len__(self) -> int:
         """Return the number of tags."""
@@ -52,6 +55,13 @@ class Problem:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)
         return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
+
+    def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
+        """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""
+        if len(self.tilts) == 1:
+            return None
+        axis = T_base_tcp[:, :3, :3] @ self.placement.tool_axis
+        return angle_between(axis, self.placement.axis_base(tags))
 
     def solve(
         self, T_base_tcp: FloatArray, branch: IndexArray, q_near: FloatArray

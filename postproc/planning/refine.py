@@ -1,4 +1,4 @@
-"""Spins between the grid: the sum of state costs and travel made as small as it locally gets.
+"""Attitudes between the grid: state costs and travel made as small as they locally get.
 
 The grid search finds the right valley; inside it the cost is smooth. One Newton step for all tags
 at once is a tridiagonal system, because a tag meets only its two neighbours. A step is halved until
@@ -18,7 +18,7 @@ from postproc.planning.problem import Problem
 from postproc.units import DEG
 
 REFINED_GRID = 0.001 * DEG
-"""Refined spins are rounded to this, far coarser than what differs between machines."""
+"""Refined angles are rounded to this, far coarser than what differs between machines."""
 _PROBE = 0.25 * DEG
 _ROUNDS = 12
 _ENOUGH = 1e-7
@@ -26,13 +26,14 @@ _ENOUGH = 1e-7
 
 @dataclass(slots=True)
 class Course:
-    """A spin and a branch for each of n tags, with the joints that follow [rad].
+    """An attitude and a branch for each of n tags, with the joints that follow [rad].
 
-    ``weight`` (n,): of the squared joint change into each tag, 0 where it is free.
+    ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
+    each tag, 0 where it is free.
     """
 
     tags: IndexArray
-    spin: FloatArray
+    attitude: FloatArray
     branch: IndexArray
     q: FloatArray
     weight: FloatArray
@@ -41,39 +42,79 @@ class Course:
         """Return the weighted sum of squared joint changes along joints (n, 6)."""
         return float((self.weight[1:] * (np.diff(q, axis=0) ** 2).sum(axis=1)).sum())
 
+    def tcp(self, problem: Problem, attitude: FloatArray) -> FloatArray:
+        """Return T_base_tcp (n, 4, 4) of the tags in other attitudes (n, 3)."""
+        return problem.placement.tcp(self.tags, attitude)
 
-def refine(
-    problem: Problem, course: Course, free: BoolArray, low: FloatArray, high: FloatArray
-) -> Course:
-    """Return the course with the spins of ``free`` (n,) tags moved to a local optimum.
+
+@dataclass(slots=True)
+class Room:
+    """Where the tags of a course may move: ``free`` (n, 3), ``low`` and ``high`` (n, 3) [rad].
+
+    One column for each angle of the attitude.
+    """
+
+    free: BoolArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Angle:
+    """One angle of the attitude that is moved, the others held: column, largest step [rad]."""
+
+    column: int
+    bound: float
+
+    def moved(self, attitude: FloatArray, step: FloatArray | float) -> FloatArray:
+        """Return attitudes (n, 3) with the angle moved."""
+        result = attitude.copy()
+        result[:, self.column] += step
+        return result
+
+
+def refine(problem: Problem, course: Course, room: Room) -> Course:
+    """Return the course with the attitudes of free tags moved to a local optimum.
+
+    One angle after the other, the spin last: it mostly ends at a bound of reach, where tags would
+    no longer tilt together.
 
     Args:
         problem: what is asked.
         course: a course on the grid.
-        free: (n,) tags that may move.
-        low: (n,) smallest spin [rad].
-        high: (n,) largest.
+        room: which tags may move, and how far.
     """
-    spin, q = course.spin.copy(), course.q.copy()
-    movable = free.copy()
-    cost = _costs(problem, course, spin, q)
+    bounds = (problem.settings.step, problem.settings.tilt.step, problem.settings.tilt.step)
+    angles = [_Angle(column, 0.5 * bound) for column, bound in enumerate(bounds)]
+    tilts = [angle for angle in angles[1:] if room.free[:, angle.column].any()]
+    for angle in [*tilts, angles[0]]:
+        course = _refined(problem, course, room, angle)
+    return course
+
+
+def _refined(problem: Problem, course: Course, room: Room, angle: _Angle) -> Course:
+    """Return the course with one angle of the attitudes moved to a local optimum."""
+    attitude, q, at = course.attitude.copy(), course.q.copy(), angle.column
+    free, low, high = room.free[:, at], room.low[:, at], room.high[:, at]
+    cost = _costs(problem, course, attitude, q)
     total = float(cost.sum()) + course.travel(q)
     for _ in range(_ROUNDS):
-        step = _newton(problem, course, spin, q, cost, movable)
-        step = np.clip(spin + step, low, high) - spin
-        taken = _descend(problem, course, spin, q, step, total)
+        step = _newton(problem, course, angle, (attitude, q, cost), free)
+        step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
+        taken = _descend(problem, course, angle, (attitude, q), step, total)
         if taken is None:
             break
         gain = total - taken[3]
-        spin, q, cost, total = taken
+        attitude, q, cost, total = taken
         if gain < _ENOUGH * max(1.0, abs(total)):
             break
-    rounded = np.where(free, np.round(spin / REFINED_GRID) * REFINED_GRID, course.spin)
-    rounded = np.clip(rounded, low, high)
+    rounded = course.attitude.copy()
+    fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
+    rounded[:, at] = np.clip(fine, low, high)
     solved, good = _joints(problem, course, rounded, q)
     return Course(
         course.tags,
-        np.where(good, rounded, course.spin),
+        np.where(good[:, None], rounded, course.attitude),
         course.branch,
         np.where(good[:, None], solved, course.q),
         course.weight,
@@ -83,16 +124,17 @@ def refine(
 def _descend(
     problem: Problem,
     course: Course,
-    spin: FloatArray,
-    q: FloatArray,
+    angle: _Angle,
+    now: tuple[FloatArray, FloatArray],
     step: FloatArray,
     total: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """Return spin, joints, costs and sum after the largest halved step that lowers the sum."""
+    """Return attitude, joints, costs, sum after the largest halved step that lowers the sum."""
+    attitude, q = now
     for share in (1.0, 0.5, 0.25, 0.1, 0.03):
-        moved = spin + share * step
+        moved = angle.moved(attitude, share * step)
         solved, good = _joints(problem, course, moved, q)
-        moved = np.where(good, moved, spin)
+        moved = np.where(good[:, None], moved, attitude)
         solved = np.where(good[:, None], solved, q)
         cost = _costs(problem, course, moved, solved)
         new = float(cost.sum()) + course.travel(solved)
@@ -104,17 +146,17 @@ def _descend(
 def _newton(
     problem: Problem,
     course: Course,
-    spin: FloatArray,
-    q: FloatArray,
-    cost: FloatArray,
+    angle: _Angle,
+    now: tuple[FloatArray, FloatArray, FloatArray],
     movable: BoolArray,
 ) -> FloatArray:
     """Return the Newton step (n,) [rad], 0 where a tag cannot move."""
-    sides = [_joints(problem, course, spin + side, q) for side in (-_PROBE, _PROBE)]
+    attitude, q, cost = now
+    sides = [_joints(problem, course, angle.moved(attitude, d), q) for d in (-_PROBE, _PROBE)]
     moving = movable & sides[0][1] & sides[1][1]
     below, above = (np.where(moving[:, None], solved, q) for solved, _ in sides)
-    cost_below = _costs(problem, course, spin - _PROBE, below)
-    cost_above = _costs(problem, course, spin + _PROBE, above)
+    cost_below = _costs(problem, course, angle.moved(attitude, -_PROBE), below)
+    cost_above = _costs(problem, course, angle.moved(attitude, _PROBE), above)
     slope = np.where(moving, (cost_above - cost_below) / (2.0 * _PROBE), 0.0)
     bend = np.where(moving, (cost_above - 2.0 * cost + cost_below) / _PROBE**2, 0.0)
     rate = (above - below) / (2.0 * _PROBE)
@@ -132,21 +174,20 @@ def _newton(
     gradient[~moving] = 0.0
     beside[~(moving[1:] & moving[:-1])] = 0.0
     step = tridiagonal(diagonal, beside, -gradient)
-    bound = 0.5 * problem.settings.step
-    return np.clip(step, -bound, bound)
+    return np.clip(step, -angle.bound, angle.bound)
 
 
 def _joints(
-    problem: Problem, course: Course, spin: FloatArray, q: FloatArray
+    problem: Problem, course: Course, attitude: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    solved, reached = problem.solve(problem.placement.tcp(course.tags, spin), course.branch, q)
+    solved, reached = problem.solve(course.tcp(problem, attitude), course.branch, q)
     solved = np.where(reached[:, None], solved, q)
     return solved, reached & problem.within(solved) & problem.regular(solved)
 
 
-def _costs(problem: Problem, course: Course, spin: FloatArray, q: FloatArray) -> FloatArray:
-    T_base_tcp = problem.placement.tcp(course.tags, spin)
-    return evaluate(problem, course.tags, spin, T_base_tcp, q)[0]
+def _costs(problem: Problem, course: Course, attitude: FloatArray, q: FloatArray) -> FloatArray:
+    T_base_tcp = course.tcp(problem, attitude)
+    return evaluate(problem, course.tags, attitude[:, 0], T_base_tcp, q)[0]
 
 
 def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:

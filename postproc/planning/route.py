@@ -69,7 +69,7 @@ def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArra
     q = chosen.q.copy()
     tags = np.nonzero(checker.strokes.is_stroke & chosen.good)[0]
     if len(tags):
-        top = problem.placement.tcp(tags, chosen.spin[tags], checker.strokes.top[tags])
+        top = problem.placement.tcp(tags, chosen.attitude[tags], checker.strokes.top[tags])
         q[tags], _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
     return q, q
 
@@ -79,7 +79,7 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
     kind = np.asarray(problem.toolpath.kind)
     tags = np.nonzero(np.isin(kind, (MotionKind.RAPID, MotionKind.JOINT)) & chosen.good)[0]
     role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.RAPID)
-    T = problem.placement.tcp(tags, chosen.spin[tags])
+    T = problem.placement.tcp(tags, chosen.attitude[tags])
     return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
 
 
@@ -143,7 +143,7 @@ def _decide(
     rest = np.nonzero(~as_line)[0]
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
     stuck = np.nonzero(~verdict.good)[0]
-    found = detours(checker, ends.take(rest[stuck]), chosen.spin, chosen.branch)
+    found = detours(checker, ends.take(rest[stuck]), chosen.attitude, chosen.branch)
     for i in [i for i in range(len(stuck)) if i not in found]:
         row = int(rest[stuck[i]])
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
@@ -172,8 +172,8 @@ def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
     place = checker.problem.placement
     a, b = ends.tag_from[rows], ends.tag_to[rows]
     lines = Lines(
-        place.tcp(a, chosen.spin[a], ends.height_from[rows]),
-        place.tcp(b, chosen.spin[b], ends.height_to[rows]),
+        place.tcp(a, chosen.attitude[a], ends.height_from[rows]),
+        place.tcp(b, chosen.attitude[b], ends.height_to[rows]),
         ends.q_from[rows],
         ends.q_to[rows],
         chosen.branch[b],

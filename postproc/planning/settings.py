@@ -10,8 +10,10 @@ import numpy as np
 from postproc.errors import CellError, SourceRef
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell
+from postproc.model.tilt import TiltRange
 from postproc.planning.costs import Weights, weights_of
 from postproc.planning.place import spin_values
+from postproc.planning.tilt import MOST_COLUMNS, coarsest
 from postproc.units import DEG, MM, PERCENT
 
 STRATEGIES = ("global", "smooth", "each")
@@ -44,6 +46,7 @@ class Settings:
     weights: Weights
     spins: FloatArray
     step: float
+    tilt: TiltRange
     refine: bool
     turns: bool
     key_every: float
@@ -64,7 +67,8 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
     """Return the cell with the call's choices in it, and all settings.
 
     Raises:
-        CellError: PLN202 for an unknown objective, PLN204 for an unknown strategy.
+        CellError: PLN202 for an unknown objective, PLN204 for an unknown strategy, PLN207 for more
+            turns times tilts than a tag can hold.
     """
     changes = {
         key: value
@@ -81,11 +85,14 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
             SourceRef(cell.path),
         )
     extra, motion = _Extra(chosen.options), _Extra(cell.motion.options)
+    spins, tilt = spin_values(chosen.step, *chosen.range), TiltRange.of(cell)
+    _require_room(cell, len(spins), tilt)
     return cell, Settings(
         strategy=chosen.strategy,
         weights=weights_of(cell),
-        spins=spin_values(chosen.step, *chosen.range),
+        spins=spins,
         step=chosen.step,
+        tilt=tilt,
         refine=extra.flag("refine", default=True),
         turns=extra.flag("turns", default=True),
         key_every=extra.number("key_every_mm", 100.0) * MM,
@@ -101,6 +108,18 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
         blend=cell.motion.approximation,
         pins=extra.pins(),
     )
+
+
+def _require_room(cell: Cell, spins: int, tilt: TiltRange) -> None:
+    tilts = coarsest(tilt)
+    if tilts > 1 and spins * tilts > MOST_COLUMNS:
+        raise CellError(
+            "PLN207",
+            f"[optimize] step_deg = {cell.optimize.step / DEG:g} gives {spins} turns times at "
+            f"least {tilts} tilts at every milling tag, expected at most {MOST_COLUMNS} in all",
+            SourceRef(cell.path),
+            hint="raise step_deg: turns between the steps are found by refine",
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,8 @@ The paper interpolates the first roll angle of the inverse rotation (Eqs. 28-37)
 that angle wraps, where the tool is vertical, and by the signs printed. Here the turn is measured
 against a cross direction that is carried along the path by the smallest rotation from tool axis to
 tool axis (parallel transport), unwrapped, and interpolated over arc length: the same where the
-paper's holds, free of singularities elsewhere.
+paper's holds, free of singularities elsewhere. Where the cell allows a tilt of the tool axis, lead
+and side tilt run linearly over arc length as well.
 
 Interpolation can lose much of the stiffness that the key tags gained. The loss of every tag against
 its own optimum is therefore measured, and key tags are added where it exceeds the bound, as well
@@ -179,10 +180,10 @@ def _filled(
     """
     problem = checker.problem
     n = len(problem)
-    spin, q = np.zeros(n), np.zeros((n, 6))
+    attitude, q = np.zeros((n, 3)), np.zeros((n, 6))
     branch = np.zeros(n, dtype=np.int64)
     good = np.zeros(n, dtype=np.bool_)
-    spin[tags], q[tags], branch[tags], good[tags] = key.spin, key.q, key.branch, key.good
+    attitude[tags], q[tags], branch[tags], good[tags] = key.attitude, key.q, key.branch, key.good
     way = arc_length(problem.toolpath)
     failing = np.zeros(n, dtype=np.bool_)
     for k in range(1, len(tags)):
@@ -195,27 +196,30 @@ def _filled(
             continue
         span = np.arange(a, b + 1)
         known = np.isin(span, (a, b))
-        spin[inner] = interpolated_spin(problem.placement, span, way[span], spin[span], known)[1:-1]
+        turn = interpolated_spin(problem.placement, span, way[span], attitude[span, 0], known)
         branch[inner] = key.branch[k]
         share = (way[inner] - way[a]) / max(way[b] - way[a], 1e-12)
+        tilt = attitude[a, 1:] + share[:, None] * (attitude[b, 1:] - attitude[a, 1:])
+        tilt[~problem.placement.may_tilt[inner]] = 0.0
+        attitude[inner] = np.column_stack([turn[1:-1], tilt])
         q[inner] = q[a] + share[:, None] * (q[b] - q[a])
         good[inner] = True
     inner = np.setdiff1d(np.nonzero(good)[0], tags)
     if len(inner):
-        T = problem.placement.tcp(inner, spin[inner])
+        T = problem.placement.tcp(inner, attitude[inner])
         solved, reached = problem.solve(T, branch[inner], q[inner])
         q[inner] = np.where(reached[:, None], solved, q[inner])
         fine = reached & problem.within(q[inner]) & problem.regular(q[inner])
         rows = inner[fine]
-        fine[fine] = checker.states(rows, q[rows], spin[rows], branch[rows]).good
+        fine[fine] = checker.states(rows, q[rows], attitude[rows], branch[rows]).good
         failing[inner[~fine]] = True
     entry = np.zeros(n, dtype=np.bool_)
     entry[:1] = True
     entry[tags] = key.entry
-    _check_cuts(checker, Chosen(spin, branch, q, good & ~failing, entry), failing)
+    _check_cuts(checker, Chosen(attitude, branch, q, good & ~failing, entry), failing)
     good &= ~failing
     entry[1:] |= ~good[:-1]
-    return Chosen(spin, branch, q, good, entry), failing & (not last)
+    return Chosen(attitude, branch, q, good, entry), failing & (not last)
 
 
 def _check_cuts(checker: Checker, chosen: Chosen, failing: BoolArray) -> None:
@@ -230,7 +234,7 @@ def _check_cuts(checker: Checker, chosen: Chosen, failing: BoolArray) -> None:
     verdict = check_chain(
         checker,
         (b - 1, b),
-        (chosen.spin[b - 1], chosen.spin[b]),
+        (chosen.attitude[b - 1], chosen.attitude[b]),
         (chosen.q[b - 1], chosen.q[b]),
         chosen.branch[b],
     )
@@ -256,7 +260,7 @@ def _loss(problem: Problem, chosen: Chosen, best: FloatArray) -> FloatArray:
     loss = np.full(len(best), np.nan)
     tags = np.nonzero(chosen.good & np.isfinite(best))[0]
     if len(tags):
-        T = problem.placement.tcp(tags, chosen.spin[tags])
+        T = problem.placement.tcp(tags, chosen.attitude[tags])
         index = evaluate(problem, tags, chosen.spin[tags], T, chosen.q[tags])[1]
         loss[tags] = 1.0 - index / best[tags]
     return loss

@@ -146,7 +146,7 @@ def _costs(
     for g in range(len(values)):
         problem = make_checker(cell_at(cell, values[g])).problem
         rule = step_rules(problem)
-        states = sample(problem, tags, settings.spins)
+        states = sample(problem, tags, settings.spins, tilts=problem.tilts)
         rows = states.tag_of(np.arange(len(states.q)))
         index = states.index if settings.weights.main else np.ones(len(rows), dtype=np.float32)
         np.maximum.at(quality[:, g], rows, np.log(np.maximum(index.astype(np.float64), 1e-30)))

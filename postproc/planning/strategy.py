@@ -15,7 +15,7 @@ from postproc.planning.keytags import arc_length
 from postproc.planning.ladder import Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.problem import Problem
-from postproc.planning.refine import Course, refine
+from postproc.planning.refine import Course, Room, refine
 
 Step = Callable[[int, int, str], None]
 _REVERTS = 6
@@ -50,31 +50,43 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     if len(tags) == 0:
         return chosen
     linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
+    grid = Course(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
+    names = problem.toolpath.tag_name
+    free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
+    room = _room(problem, grid, free)
+    for _ in range(_REVERTS):
+        course = _slowed(problem, refine(problem, grid, room), room)
+        bad = _failing(checker, course, np.asarray(room.free.any(axis=1)))
+        if not bad.any():
+            break
+        room.free &= ~bad[:, None]
+    else:
+        course = grid
+    attitude, q = chosen.attitude.copy(), chosen.q.copy()
+    attitude[tags], q[tags] = course.attitude, course.q
+    return Chosen(attitude, chosen.branch, q, chosen.good, chosen.entry)
+
+
+def _room(problem: Problem, grid: Course, free: BoolArray) -> Room:
+    """Return where the tags may move: ``free`` (n,) in spin, and in tilt where a cut has any."""
     low, high = problem.cell.optimize.range
     if high - low >= 2.0 * np.pi - 1e-9:
         low, high = -np.inf, np.inf
-    grid = Course(tags, chosen.spin[tags], chosen.branch[tags], chosen.q[tags], linked)
-    names = problem.toolpath.tag_name
-    free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
-    low_, high_ = np.full(len(tags), low), np.full(len(tags), high)
-    low_, high_ = np.minimum(low_, grid.spin), np.maximum(high_, grid.spin)
-    for _ in range(_REVERTS):
-        course = _slowed(problem, refine(problem, grid, free, low_, high_), free, low_, high_)
-        bad = _failing(checker, course, free)
-        if not bad.any():
-            break
-        free &= ~bad
-    else:
-        course = grid
-    result = Chosen(chosen.spin.copy(), chosen.branch, chosen.q.copy(), chosen.good, chosen.entry)
-    result.spin[tags], result.q[tags] = course.spin, course.q
-    return result
+    allowed = problem.settings.tilt
+    limits = np.array([(low, high), allowed.lead, allowed.side])
+    chain = (step_rules(problem)[grid.tags] == Rule.CHAIN) & (grid.weight > 0.0)
+    cut = np.cumsum(~chain)
+    tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
+    tilted &= problem.placement.may_tilt[grid.tags]
+    return Room(
+        np.column_stack([free, tilted & any(allowed.lead), tilted & any(allowed.side)]),
+        np.minimum(limits[:, 0], grid.attitude),
+        np.maximum(limits[:, 1], grid.attitude),
+    )
 
 
-def _slowed(
-    problem: Problem, course: Course, free: BoolArray, low: FloatArray, high: FloatArray
-) -> Course:
-    """Return the course with its spins spread where an axis would be too fast at the feed.
+def _slowed(problem: Problem, course: Course, room: Room) -> Course:
+    """Return the course with its turns spread where an axis would be too fast at the feed.
 
     The weight of travel is raised on the steps that are too fast, so that the turn spreads over
     the tags around them.
@@ -87,8 +99,8 @@ def _slowed(
         if not fast.any():
             break
         heavier = np.where(fast, _HEAVIER * course.weight, course.weight)
-        heavy = Course(course.tags, course.spin, course.branch, course.q, heavier)
-        course = refine(problem, heavy, free, low, high)
+        heavy = Course(course.tags, course.attitude, course.branch, course.q, heavier)
+        course = refine(problem, heavy, room)
     return course
 
 
@@ -108,7 +120,7 @@ def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
     moved = np.nonzero(free)[0]
     bad = np.zeros(len(course.tags), dtype=np.bool_)
     verdict = checker.states(
-        course.tags[moved], course.q[moved], course.spin[moved], course.branch[moved]
+        course.tags[moved], course.q[moved], course.attitude[moved], course.branch[moved]
     )
     bad[moved[~verdict.good]] = True
     rule = step_rules(checker.problem)[course.tags]
@@ -120,7 +132,7 @@ def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
         verdict = check_chain(
             checker,
             (course.tags[a], course.tags[b]),
-            (course.spin[a], course.spin[b]),
+            (course.attitude[a], course.attitude[b]),
             (course.q[a], course.q[b]),
             course.branch[b],
         )

@@ -1,7 +1,8 @@
 """The executed path against the CAM file.
 
 Every point of the file (the bottom of a hole, else the tag itself) must be an end point of a
-motion, in the file's order, within the tolerance; the tool's axis there must be the file's. How
+motion, in the file's order, within the tolerance; the tool's axis there must be the file's, or
+tilted against it as the cell allows (see ``tilt``). How
 the program gets from one point to the next is judged by what the file asks for:
 
 - a rapid: any way will do (collisions are another check);
@@ -24,28 +25,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.frames import angle_between
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
 from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.units import DEG, MM, MM_PER_MIN
-from postproc.verification.checks import Result, speed_shares
-from postproc.verification.elements import Arc, Followed, Line, follow
+from postproc.units import DEG, MM
+from postproc.verification.checks import Result
+from postproc.verification.elements import Followed, element_to, follow
+from postproc.verification.feeds import AT_MOST, Feeds
 from postproc.verification.holes import check_holes
 from postproc.verification.matching import Wanted, match, wanted_of
 from postproc.verification.moments import Displacement
-from postproc.verification.real import RealPaths, feeds_of, real_paths
+from postproc.verification.real import RealPaths, real_paths
 from postproc.verification.report import Expectation
+from postproc.verification.tilt import Tilts, check_between
 from postproc.verification.trace import Finding, Rows, Way
 
-FEED_TOLERANCE = 1e-3
-"""Share by which a feed may differ from the file's."""
 AXIS_LIMIT = 0.95
 """A feed that would need more than this share of an axis's speed may be programmed lower."""
 SHIFTED_AXIS_LIMIT = 0.9
 """The same for a program whose points are shifted: axes need a little more or less speed there."""
-AT_MOST = 20
-"""So many findings of one kind are listed one by one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +65,9 @@ class Comparison:
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
     may be meant; ``is_cut`` (m,): motions that cut;
-    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad]; ``real``: the paths that were compared;
-    ``nominal_error`` (n,) [m] of the commanded point, None without a model of the arm.
+    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed tilt; ``tilt`` (n,)
+    [rad] that was used of it; ``real``: the paths that were compared; ``nominal_error`` (n,) [m] of
+    the commanded point, None without a model of the arm.
     """
 
     wanted: Wanted
@@ -77,6 +76,7 @@ class Comparison:
     is_cut: BoolArray
     position_error: FloatArray
     axis_error: FloatArray
+    tilt: FloatArray
     real: RealPaths
     nominal_error: FloatArray | None = None
 
@@ -126,14 +126,18 @@ def compare(
         np.zeros(len(paths), dtype=np.bool_),
         np.zeros(n),
         np.zeros(n),
+        np.zeros(n),
         real,
         None if displacement is None else np.zeros(n),
     )
-    _points(result, comparison, toolpath, tolerances)
+    tilts = Tilts.of(toolpath, cell)
+    _points(result, comparison, toolpath, tolerances, tilts)
     path_tolerance = tolerances.path if tolerances.path is not None else _chord(cell)
     limit = AXIS_LIMIT if displacement is None else SHIFTED_AXIS_LIMIT
-    feeds = _Feeds(result, toolpath, cell, limit)
-    _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
+    feeds = Feeds(result, toolpath, cell, limit)
+    motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
+    if tilts.allowed:
+        check_between(result, tilts, toolpath, motions, comparison.tilt)
     check_holes(result, real, wanted, served, comparison.is_cut, tolerances.position, feeds)
     feeds.report()
     return comparison
@@ -154,7 +158,11 @@ def _chord(cell: Cell) -> float:
 
 
 def _points(
-    result: Result, comparison: Comparison, toolpath: ToolPath, tolerances: Tolerances
+    result: Result,
+    comparison: Comparison,
+    toolpath: ToolPath,
+    tolerances: Tolerances,
+    tilts: Tilts,
 ) -> None:
     paths, wanted, served = result.paths, comparison.wanted, comparison.served
     found = np.flatnonzero(served >= 0)
@@ -166,10 +174,15 @@ def _points(
         if comparison.nominal_error is not None:
             off = paths.end_point[motion] - wanted.point[found]
             comparison.nominal_error[found] = np.linalg.norm(off, axis=1)
-        comparison.axis_error[found] = angle_between(paths.end_axis[motion], wanted.axis[found])
+        error, tilt = tilts.judge(found, paths.end_axis[motion])
+        comparison.axis_error[found], comparison.tilt[found] = error, tilt
         _measure_points(result, comparison, found)
+        if tilts.allowed:
+            most = int(found[int(tilt.argmax())])
+            value = float(comparison.tilt[most] / DEG)
+            result.measure("tilt", value, "deg", int(served[most]))
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
-    _missed(result, comparison, toolpath, tolerances.position)
+    _missed(result, comparison, toolpath, tolerances.position, tilts)
 
 
 def _measure_points(result: Result, comparison: Comparison, found: Rows) -> None:
@@ -194,7 +207,9 @@ def _wrong_axes(
         )
 
 
-def _missed(result: Result, comparison: Comparison, toolpath: ToolPath, tolerance: float) -> None:
+def _missed(
+    result: Result, comparison: Comparison, toolpath: ToolPath, tolerance: float, tilts: Tilts
+) -> None:
     """Report tags that no motion goes to, with how far off the program is there."""
     served, wanted, paths = comparison.served, comparison.wanted, result.paths
     lost = np.flatnonzero(served < 0)
@@ -216,7 +231,8 @@ def _missed(result: Result, comparison: Comparison, toolpath: ToolPath, toleranc
             off = paths.end_point[nearest] - wanted.point[row]
             comparison.nominal_error[row] = float(np.linalg.norm(off))
         comparison.position_error[row] = float(gap.min())
-        comparison.axis_error[row] = float(angle_between(paths.end_axis[nearest], wanted.axis[row]))
+        error, _ = tilts.judge(np.array([row]), paths.end_axis[nearest : nearest + 1])
+        comparison.axis_error[row] = float(error[0])
         if number < AT_MOST:
             kind, text = _how(wanted, row, visited, nearest, tolerance)
             result.finding(kind, nearest, f"tag {_tag(toolpath, row)}: {text}" + _more(len(lost)))
@@ -266,9 +282,9 @@ def _elements(
     comparison: Comparison,
     toolpath: ToolPath,
     tolerance: float,
-    feeds: _Feeds,
-) -> None:
-    """Check lines and arcs between served tags."""
+    feeds: Feeds,
+) -> dict[int, tuple[int, ...]]:
+    """Check lines and arcs between served tags; return the motions that cut towards each tag."""
     served, kind = comparison.served, comparison.wanted.kind
     rows = np.flatnonzero(np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)))
     rows = rows[rows > 0]
@@ -280,10 +296,12 @@ def _elements(
     comparison.is_cut[served[rows[direct]]] = True
     feeds.expect_rows(rows[direct], served[rows[direct]])
     worst = _bent(result, comparison, toolpath, rows[direct], tolerance)
+    motions: dict[int, tuple[int, ...]] = {}
+    motions |= {row: (int(served[row]),) for row in rows[direct].tolist()}
     faults = 0
     for row in rows[~direct & (step > 0)].tolist():
         done = follow(
-            _element(toolpath, row),
+            element_to(toolpath, row),
             comparison.real.of(row),
             int(served[row - 1]) + 1,
             int(served[row]),
@@ -291,6 +309,7 @@ def _elements(
             comparison.real.of(row - 1),
         )
         comparison.is_cut[list(done.covered)] = True
+        motions[row] = done.covered
         feeds.expect(row, done.covered)
         if worst is None or done.deviation > worst.deviation:
             worst = done
@@ -301,6 +320,7 @@ def _elements(
                 result.finding("path", done.motion, f"to tag {_tag(toolpath, row)}: {text}")
     if worst is not None:
         result.measure("path", worst.deviation / MM, "mm", worst.motion)
+    return motions
 
 
 def _bent(
@@ -337,81 +357,3 @@ def _bent(
         text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
         result.finding("path", motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
     return Followed(float(off[place]), motion)
-
-
-def _element(toolpath: ToolPath, row: int) -> Line | Arc:
-    start, end = np.asarray(toolpath.points[row - 1]), np.asarray(toolpath.points[row])
-    number = int(toolpath.arc[row])
-    if toolpath.kind[row] != MotionKind.ARC or number < 0:
-        return Line(start, end)
-    arcs = toolpath.arcs
-    return Arc(start, end, arcs.centre[number], arcs.normal[number], float(arcs.sweep[number]))
-
-
-class _Feeds:
-    """Collects which feed each motion should have, and compares."""
-
-    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell, limit: float) -> None:
-        self._result = result
-        self._limit = limit
-        self._cell = cell
-        self._feed = feeds_of(toolpath, cell)
-        self._speed = result.paths.trace.column("speed")
-        self._motions: list[Rows] = []
-        self._wanted: list[FloatArray] = []
-
-    def expect_rows(self, rows: Rows, motions: Rows) -> None:
-        """Expect the feed of each tag (r,) at one motion (r,)."""
-        self._motions.append(np.asarray(motions, dtype=np.int32))
-        self._wanted.append(self._feed[rows])
-
-    def expect(self, row: int, motions: tuple[int, ...]) -> None:
-        """Expect the feed of a tag at all these motions."""
-        if motions:
-            self.expect_rows(np.full(len(motions), row), np.array(motions, dtype=np.int32))
-
-    def report(self) -> None:
-        """Compare and report the worst."""
-        if not self._motions:
-            return
-        motions, wanted = np.concatenate(self._motions), np.concatenate(self._wanted)
-        known = np.isfinite(wanted) & (wanted > 0.0)
-        motions, wanted = motions[known], wanted[known]
-        if not len(motions):
-            return
-        have = self._speed[motions]
-        error = np.abs(have / wanted - 1.0)
-        row = int(error.argmax())
-        self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
-        bad = np.flatnonzero(error > FEED_TOLERANCE)
-        forced = self._forced(motions[bad], have[bad] / wanted[bad])
-        self._list(motions, have, wanted, bad[forced], is_error=False)
-        self._list(motions, have, wanted, bad[~forced], is_error=True)
-
-    def _forced(self, motions: Rows, share: FloatArray) -> BoolArray:
-        """Return which motions (b,) are slow because an axis could not follow the asked feed.
-
-        Args:
-            motions: (b,) motions.
-            share: (b,) programmed feed over asked feed.
-        """
-        paths = self._result.paths
-        needed = np.zeros(len(paths))
-        if len(motions) and len(paths.row):
-            np.maximum.at(needed, paths.row, speed_shares(paths, self._cell).max(axis=1))
-        return (share < 1.0) & (needed[motions] > self._limit * share)
-
-    def _list(
-        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, *, is_error: bool
-    ) -> None:
-        why = "" if is_error else ": an axis could not follow"
-        error = np.abs(have / wanted - 1.0)
-        for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
-            more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
-            self._result.finding(
-                "feed",
-                int(motions[place]),
-                f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
-                f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}{why}",
-                is_error,
-            )

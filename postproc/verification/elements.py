@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.model.arrays import FloatArray
+from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.units import MM
 from postproc.verification.motion import Paths
 from postproc.verification.trace import Way
@@ -97,6 +98,16 @@ class Arc:
         lift = height - (rise + share * (rise_end - rise))
         outside = np.maximum(np.maximum(-angle, angle - self.sweep), 0.0) * radius
         return np.sqrt(off**2 + lift**2 + outside**2), angle * radius
+
+
+def element_to(toolpath: ToolPath, row: int) -> Line | Arc:
+    """Return the line or arc of a toolpath that ends at tag ``row``."""
+    start, end = np.asarray(toolpath.points[row - 1]), np.asarray(toolpath.points[row])
+    number = int(toolpath.arc[row])
+    if toolpath.kind[row] != MotionKind.ARC or number < 0:
+        return Line(start, end)
+    arcs = toolpath.arcs
+    return Arc(start, end, arcs.centre[number], arcs.normal[number], float(arcs.sweep[number]))
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,6 +88,7 @@ def _as_in_file(found: Comparison, order: IntArray) -> Comparison:
         latest=found.latest[back],
         position_error=found.position_error[back],
         axis_error=found.axis_error[back],
+        tilt=found.tilt[back],
         real=replace(found.real, case=found.real.case[back]),
         nominal_error=None if nominal is None else nominal[back],
     )

@@ -99,7 +99,8 @@ class VerifyReport:
         worst: the worst value of each measure.
         position_error: largest distance of a CAM point from where the program goes, with a model
             from where the real tool is expected [m]; axis_error: largest angle of the tool axis
-            there [rad]; both None without a CAM file.
+            there beyond the allowed tilt [rad]; tilt: largest that was used of it [rad]; all None
+            without a CAM file.
         tags: CAM points; matched: those that were passed, in order.
         expectation: real and commanded tool beside each other, None without a model.
         run: what was judged.
@@ -113,6 +114,7 @@ class VerifyReport:
     worst: Mapping[str, Worst] = field(default_factory=dict)
     position_error: float | None = None
     axis_error: float | None = None
+    tilt: float | None = None
     tags: int | None = None
     matched: int | None = None
     expectation: Expectation | None = None
@@ -136,6 +138,7 @@ class VerifyReport:
             "matched": self.matched,
             "max_position_error_mm": _in_unit(position, MM),
             "max_axis_error_deg": _in_unit(axis, DEG),
+            "max_tilt_deg": _in_unit(self.tilt, DEG),
             **({} if self.expectation is None else self.expectation.to_dict()),
             "violations": [item.to_dict() for item in self.violations],
             "warnings": [item.to_dict() for item in self.warnings],

@@ -202,11 +202,12 @@ def _report(
 ) -> VerifyReport:
     violations, warnings = split_findings(result.findings)
     paths = result.paths
-    position = axis = tags = matched = real = None
+    position = axis = tilt = tags = matched = real = None
     if comparison is not None:
         position = float(np.max(comparison.position_error, initial=0.0))
         real = comparison.expectation()
         axis = float(np.max(comparison.axis_error, initial=0.0))
+        tilt = float(np.max(comparison.tilt, initial=0.0))
         tags, matched = len(comparison.served), int((comparison.served >= 0).sum())
     return VerifyReport(
         program=name,
@@ -217,6 +218,7 @@ def _report(
         worst=result.worst,
         position_error=position,
         axis_error=axis,
+        tilt=tilt,
         tags=tags,
         matched=matched,
         expectation=real,

@@ -1,4 +1,4 @@
-"""Wishes about the joints: away from limits, away from singular poses, near the reference spin."""
+"""Wishes about the pose: away from limits and singular poses, near the reference spin, upright."""
 
 from __future__ import annotations
 
@@ -35,3 +35,11 @@ def spin(context: StateContext) -> FloatArray:
     """Return the squared turn about the tool axis against the reference, in units of 10 degrees."""
     turn = np.mod(context.spin + np.pi, 2.0 * np.pi) - np.pi
     return np.asarray((turn / TRAVEL_UNIT) ** 2)
+
+
+@objective("tilt", is_of_pose=True)
+def tilt(context: StateContext) -> FloatArray:
+    """Return the squared angle of the tool axis to that of the CAM data, in units of 10 degrees."""
+    if context.tilt is None:
+        return np.zeros(len(context.q))
+    return np.asarray((context.tilt / TRAVEL_UNIT) ** 2)
