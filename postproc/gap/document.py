@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from postproc.gap.diagnose import Finding
 from postproc.gap.effect import State
-from postproc.gap.next_poses import next_measurements
+from postproc.gap.next_pose import NextPose
 from postproc.gap.problem import FRAMES
 from postproc.gap.registration import moved_by
 from postproc.gap.robot_model import effect_of
@@ -22,8 +23,13 @@ SCHEMA = "postproc.diagnosis/1"
 _Z90 = 1.6449
 
 
-def document(finding: Finding) -> dict[str, Any]:
-    """Return the JSON object of the contract."""
+def document(finding: Finding, proposed: Sequence[NextPose] = ()) -> dict[str, Any]:
+    """Return the JSON object of the contract.
+
+    Args:
+        finding: the diagnosis.
+        proposed: what to measure next.
+    """
     problem, kept = finding.problem, finding.kept
     gap = np.linalg.norm(problem.measured - baseline(finding), axis=1)[kept]
     rest = np.linalg.norm(finding.residual, axis=1)[kept]
@@ -60,7 +66,7 @@ def document(finding: Finding) -> dict[str, Any]:
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()
         ],
-        "next_measurements": next_measurements(finding),
+        "next_measurements": [pose.entry() for pose in proposed],
         "rows": {
             "total": len(problem),
             "sealed": int(problem.split.sealed.sum()),

@@ -34,7 +34,7 @@ def register(samples: Samples, measured: FloatArray, given: States) -> Registrat
         raise DataError("GAP003", f"a registration needs {_FEWEST} rows, there are {len(samples)}")
     start = samples.arm.p_flange_point
     point = np.asarray(start)
-    T = _rigid(evaluate(samples, given)[0], measured, np.ones(len(samples)))
+    T = rigid(evaluate(samples, given)[0], measured)
     weight = np.ones(len(samples))
     rest = np.zeros(len(samples))
     for _ in range(_STEPS):
@@ -96,11 +96,10 @@ def _step(
     return step[:3], step[3:6], step[6:]
 
 
-def _rigid(points: FloatArray, measured: FloatArray, weight: FloatArray) -> FloatArray:
-    """Return the rigid motion (4, 4) that takes points to measured ones (Kabsch)."""
-    share = (weight / weight.sum())[:, None]
-    a, b = np.sum(share * points, axis=0), np.sum(share * measured, axis=0)
-    u, _, vt = np.linalg.svd((share * (points - a)).T @ (measured - b))
+def rigid(points: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return the rigid motion (4, 4) that takes points (n, 3) to measured ones (Kabsch 1976)."""
+    a, b = points.mean(axis=0), measured.mean(axis=0)
+    u, _, vt = np.linalg.svd((points - a).T @ (measured - b))
     sign = np.diag([1.0, 1.0, float(np.sign(np.linalg.det(u @ vt)))])
     R = (u @ sign @ vt).T
     return transform(R, b - R @ a)

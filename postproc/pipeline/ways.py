@@ -26,28 +26,51 @@ def with_free_ways(
         The plan; names of postures left out; the way of one pass: 1-based numbers of postures,
         negative to pass without reading; and the numbers to pass on the way back to the first.
     """
-    n = len(plan)
+    if are_free is None:
+        return plan, (), tuple(range(1, len(plan) + 1)), ()
+    kept, _, way, back = free_ways(plan.q, are_free)
+    lost = np.setdiff1d(np.arange(len(plan)), kept)
+    part = plan.rows(kept) if len(lost) else plan
+    return part, tuple(plan.name(int(i)) for i in lost), way, back
+
+
+def free_ways(
+    q: FloatArray, are_free: AreFree, via: FloatArray | None = None
+) -> tuple[IntArray, FloatArray, tuple[int, ...], tuple[int, ...]]:
+    """Return ways through postures (n, 6) in their order, each straight where that is free.
+
+    Args:
+        q: postures to stop at [rad].
+        are_free: whether straight ways are free.
+        via: (m, 6) further postures that ways may go through.
+
+    Returns:
+        The postures kept (k,), those of the largest connected group; all postures (j, 6) that ways
+        lead through, those kept first; the way: numbers of the latter from 1, negative to pass
+        without stopping; and the numbers to pass on the way back to the first.
+    """
+    n = len(q)
+    everything = np.arange(n, dtype=np.int32)
     straight = tuple(range(1, n + 1))
-    if are_free is None or n < 2:
-        return plan, (), straight, ()
-    ring = np.column_stack([np.arange(n), np.roll(np.arange(n), -1)])
-    free = are_free(plan.q[ring[:, 0]], plan.q[ring[:, 1]])
-    if bool(np.all(free)):
-        return plan, (), straight, ()
-    pairs = np.unique(np.sort(np.vstack([ring, _near(plan.q)]), axis=1), axis=0)
-    open_ = pairs[are_free(plan.q[pairs[:, 0]], plan.q[pairs[:, 1]])]
-    kept = _largest_group(open_, n)
-    lost = np.setdiff1d(np.arange(n), kept)
-    number = np.full(n, -1)
-    number[kept] = np.arange(len(kept))
-    inside = open_[np.isin(open_, kept).all(axis=1)]
-    part = plan.rows(kept)
-    before = _predecessors(number[inside], part.q)
+    if n < 2:
+        return everything, q, straight, ()
+    ring = np.column_stack([everything, np.roll(everything, -1)])
+    if bool(np.all(are_free(q[ring[:, 0]], q[ring[:, 1]]))):
+        return everything, q, straight, ()
+    nodes = q if via is None else np.vstack([q, via])
+    pairs = np.unique(np.sort(np.vstack([ring, _near(nodes)]), axis=1), axis=0)
+    open_ = pairs[are_free(nodes[pairs[:, 0]], nodes[pairs[:, 1]])]
+    group = _largest_group(open_, len(nodes), n)
+    number = np.full(len(nodes), -1)
+    number[group] = np.arange(len(group))
+    inside = open_[np.isin(open_, group).all(axis=1)]
+    kept = group[group < n]
+    before = _predecessors(number[inside], nodes[group])
     way = [1]
     for i in range(1, len(kept)):
         way += [-(k + 1) for k in _between(before, i - 1, i)] + [i + 1]
     back = tuple(k + 1 for k in _between(before, len(kept) - 1, 0))
-    return part, tuple(plan.name(int(i)) for i in lost), tuple(way), back
+    return kept, nodes[group], tuple(way), back
 
 
 def _near(q: FloatArray) -> IntArray:
@@ -60,11 +83,12 @@ def _near(q: FloatArray) -> IntArray:
     return np.column_stack([first, np.asarray(near)[:, 1:].reshape(-1)]).astype(np.int32)
 
 
-def _largest_group(pairs: IntArray, n: int) -> IntArray:
+def _largest_group(pairs: IntArray, n: int, stops: int) -> IntArray:
+    """Return the nodes of the group that holds most of the first ``stops``."""
     from scipy.sparse.csgraph import connected_components
 
     label = connected_components(_graph(pairs, np.ones(len(pairs)), n), directed=False)[1]
-    return np.flatnonzero(label == np.bincount(label).argmax()).astype(np.int32)
+    return np.flatnonzero(label == np.bincount(label[:stops]).argmax()).astype(np.int32)
 
 
 def _predecessors(pairs: IntArray, q: FloatArray) -> IntArray:

@@ -27,9 +27,13 @@ ORIENTATION = ("a_deg", "b_deg", "c_deg")
 DIRECTION = tuple(f"dir{i}" for i in range(1, 7))
 SPEED = tuple(f"qd{i}_deg_s" for i in range(1, 7))
 WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+EXPECTED = ("expected_x_mm", "expected_y_mm", "expected_z_mm")
+PLANNED = (*EXPECTED, "why")
+"""Columns of a table to fill in that say what was planned: not measured, no conditions."""
 KNOWN = (
     *("id", "group", "time_s", "temp_C"),
     *(*JOINTS, *POSITION, *ORIENTATION, *DIRECTION, *SPEED, *WRENCH),
+    *PLANNED,
 )
 _LARGEST = {"deg": 7200.0, "mm": 1e6}
 """No reading is beyond these; a value that is has another unit or a lost decimal point."""

@@ -255,12 +255,25 @@ def _shown(value: Any) -> str:  # noqa: ANN401 - a number or nested lists
 def _next(content: dict[str, Any]) -> str:
     rows = [
         (
+            item.get("id", k + 1),
             " ".join(f"{v:.2f}" for v in item["q_deg"]),
+            " ".join("-0+"[side + 1] for side in item["approach"]) if "approach" in item else "-",
+            " ".join(f"{v:.0f}" for v in item["force_N"]) if "force_N" in item else "-",
+            " ".join(f"{v:.1f}" for v in item["expected_mm"]),
             item["why"],
-            item.get("separation_sigma", "-"),
+            _separated(item),
         )
-        for item in content["next_measurements"]
+        for k, item in enumerate(content["next_measurements"])
     ]
     if not rows:
         return "<p>Nothing is ambiguous on these rows.</p>"
-    return table(("A1 to A6 [deg]", "why", "separation of all [sigma]"), rows)
+    head = (
+        *("row", "A1 to A6 [deg]", "approach", "load [N]", "expected at [mm]"),
+        *("why", "separation of all [sigma]"),
+    )
+    return table(head, rows)
+
+
+def _separated(item: dict[str, Any]) -> str:
+    ways = item.get("separation_if_sigma", {})
+    return "; ".join(f"{value:g} if {name}" for name, value in ways.items()) or "-"

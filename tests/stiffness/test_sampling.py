@@ -235,6 +235,25 @@ def test_the_way_goes_round_what_is_not_free(plan):
     assert np.all(wall(plan.q[ring[:-1]], plan.q[ring[1:]]))
 
 
+def test_the_way_may_go_through_postures_that_are_not_read():
+    from postproc.pipeline.ways import free_ways
+
+    left, right = np.zeros((1, 6)), np.zeros((1, 6))
+    left[0, :2], right[0, :2] = (-0.5, -1.2), (0.5, -1.2)
+    doors = np.zeros((3, 6))
+    doors[:, 0], doors[:, 1] = (0.1, -0.5, 0.5), (-1.4, -0.9, -0.9)
+    alone, _, way, _ = free_ways(np.vstack([left, right]), wall)
+    assert len(alone) == 1
+    assert way == (1,)
+    kept, q, way, back = free_ways(np.vstack([left, right]), wall, doors)
+    assert kept.tolist() == [0, 1]
+    assert [k > 0 for k in way] == [True, False, False, True]
+    ring = q[np.abs([*way, *back, way[0]]) - 1]
+    np.testing.assert_array_equal(ring[[0, 3]], np.vstack([left, right]))
+    np.testing.assert_array_equal(ring[[1, 2]], doors[1:])
+    assert np.all(wall(ring[:-1], ring[1:]))
+
+
 def test_postures_without_any_free_way_are_left_out(plan):
     from postproc.pipeline.ways import with_free_ways
 
@@ -248,11 +267,12 @@ def test_postures_without_any_free_way_are_left_out(plan):
 def test_passing_moves_take_no_reading(sampling):
     from dataclasses import replace
 
-    from postproc.pipeline.sample import motion_plan
+    from postproc.pipeline.drive import motion_plan
+    from postproc.pipeline.sample import drive_of
 
     n = len(sampling.plan)
     way = (1, -3, *range(2, n + 1))
-    made = motion_plan(replace(sampling, way=way, back=(4, 2)))
+    made = motion_plan(drive_of(replace(sampling, way=way, back=(4, 2))))
     assert len(made) == 3 * (n + 1) + 2 * 2
     assert int(np.sum(made.dwell > 0.0)) == 3 * n
     np.testing.assert_allclose(made.q[1], sampling.plan.q[2])

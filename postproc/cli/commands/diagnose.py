@@ -13,11 +13,12 @@ EPILOG = """\b
 Examples:
   postproc diagnose measured.csv --cell cell.toml -o out
   postproc diagnose tracker.csv --cell cell.toml --register --json
+  postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
 """
 
 
 @click.command(epilog=EPILOG)
-@click.argument("measurements", metavar="MEAS.csv")
+@click.argument("measurements", metavar="MEAS.csv...", nargs=-1, required=True)
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
 @click.option("--model", metavar="MODEL.toml", help="What the simulation knows already.")
 @click.option(
@@ -27,13 +28,22 @@ Examples:
     help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
 )
 @click.option("--tol-mm", type=float, help="Exit 1 if the gap (rms) is larger than this.")
-@click.option("-o", "--output", metavar="DIR", help="Write DIR/report.html and DIR/model.toml.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="DIR",
+    help="Folder of the report, the model and what to measure next.",
+)
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Tell where a robot misses its model, which effect causes it, and how far that shrinks it.
 
     Names an effect only when the rows show it on poses that were not fitted; names all of a set
     that cannot be told apart; says "unexplained" rather than blame the nearest effect it knows.
+
+    Writes report.html and model.toml, and, where further readings would tell more,
+    next_measurements.csv to fill in with next_measurements.src and .dat that drive to the poses.
+    Several measurement files count as one campaign.
     """
     from postproc.files import write_files
     from postproc.gap.diagnose import diagnose
@@ -43,15 +53,20 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.kinematics.model import build
     from postproc.model.cellfile import load_cell
     from postproc.model.modelfile import load_model, save_model
-    from postproc.readers.measurements import read_measurements
+    from postproc.pipeline.measure_next import files as next_files
+    from postproc.pipeline.measure_next import keep_readings, measure_next
+    from postproc.readers.campaign import read_campaign
 
+    if options["output"]:
+        keep_readings(Path(options["output"]))
     cell = load_cell(options["cell"])
     model = load_model(options["model"]) if options["model"] else None
-    rows = read_measurements(options["measurements"])
+    rows = read_campaign(options["measurements"])
     problem = pose_problem(rows, build(cell.robot), cell, model, options["registered"])
     with session.progress() as progress:
         finding = diagnose(problem, progress)
-    content = document(finding)
+    following = measure_next(finding, cell)
+    content = document(finding, following.poses)
     if options["output"]:
         from postproc.report.diagnosis_page import diagnosis_page
 
@@ -60,7 +75,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             folder / "report.html": diagnosis_page(finding, content, cell),
             folder / "model.toml": save_model(model_file(finding, model)),
         }
-        write_files(files)
+        more = next_files(following, finding, cell)
+        write_files(files | {folder / name: content for name, content in more.items()})
     session.document(content)
     for line in summary(content):
         session.show(line)
