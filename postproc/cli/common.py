@@ -58,9 +58,11 @@ class Session:
             click.echo(line)
 
     def issues(self, issues: tuple[Issue, ...] | list[Issue], at_most: int = 20) -> None:
-        """Print findings, one line each, on stderr; severities in colour on a terminal."""
+        """Print findings on stderr, what would help on a following line; severities in colour."""
         for issue in issues[:at_most]:
             self.say(_coloured(str(issue), str(issue.severity)))
+            if issue.hint:
+                self.say(f"    hint: {issue.hint}")
         if len(issues) > at_most:
             self.say(f"... and {len(issues) - at_most} more")
 

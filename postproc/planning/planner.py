@@ -97,7 +97,7 @@ def _planned(
     clock.lap("search")
     routed, dropped = _routed(checker, chosen, partial=options.partial)
     clock.lap("route")
-    issues = [*_notes(checker), *issues, *dropped, *routed.issues]
+    issues = [*_notes(checker), *_tilt_note(problem, chosen), *issues, *dropped, *routed.issues]
     result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
     return replace(
         result,
@@ -119,7 +119,7 @@ def _as_used(problem: Problem) -> dict[str, object]:
         "turns": settings.turns,
         "refine": settings.refine,
         "spin_reference": problem.placement.reference,
-    }
+    } | ({"tilts_deg": np.round(problem.tilts / DEG, 6).tolist()} if settings.tilt else {})
 
 
 def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
@@ -202,6 +202,21 @@ def _notes(checker: Checker) -> list[Issue]:
             )
         )
     return notes + list(checker.scene.issues if checker.scene is not None else ())
+
+
+def _tilt_note(problem: Problem, chosen: Chosen) -> list[Issue]:
+    """Return how much of the allowed tilt is used."""
+    may = problem.placement.may_tilt & chosen.good
+    if not may.any():
+        return []
+    tilts = chosen.attitude[may, 1:] / DEG
+    tilted = int((tilts != 0.0).any(axis=1).sum())
+    low, high = np.round(tilts.min(axis=0), 3) + 0.0, np.round(tilts.max(axis=0), 3) + 0.0
+    text = (
+        f"{tilted} of {len(tilts)} milling tags are tilted: lead {low[0]:g} to {high[0]:g} deg, "
+        f"side tilt {low[1]:g} to {high[1]:g} deg, {len(problem.tilts)} tilts searched"
+    )
+    return [Issue(Severity.NOTE, "PLN306", text)]
 
 
 def _is_coaxial(problem: Problem) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from postproc.frames import rotation_about
@@ -9,6 +11,7 @@ from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.feasible import Checker, Reason
 from postproc.planning.ladder import IndexArray
 from postproc.planning.place import cross_axes, spin_values
+from postproc.planning.tilt import feed_directions
 from postproc.units import DEG, MM
 
 TILTS = (2.0 * DEG, 5.0 * DEG, 10.0 * DEG, 15.0 * DEG, 30.0 * DEG)
@@ -19,9 +22,10 @@ _STEP = 10.0 * DEG
 def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     """Return what would help a tag, in words, empty if nothing tried does.
 
-    Tried in turn: any spin at all, tilts of the tool axis, shifts of the workpiece; the smallest
-    that gives a pose within reach and limits is named. Spins and tilts are checked for collision as
-    well; shifts move the workpiece away from what it stands on, so only reach is checked.
+    Tried in turn: any spin at all, lead and side tilt where the tool mills, any tilt of the tool
+    axis, shifts of the workpiece; the smallest that gives a pose within reach and limits is named.
+    Spins and tilts are checked for collision as well; shifts move the workpiece away from what it
+    stands on, so only reach is checked.
     """
     spins = spin_values(_STEP, -np.pi, np.pi)
     T = _poses(checker, tag, spins, np.eye(3))
@@ -31,6 +35,8 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
         name = checker.problem.toolpath.tag_name(tag)
         how = "pin it there" if name in checker.problem.settings.pins else "widen range_deg"
         return f"a turn of {best / DEG:.0f} deg about the tool axis would do: {how}"
+    if text := _lead_or_side(checker, tag):
+        return text
     first, second = cross_axes(checker.problem.placement.tool_axis)
     names = {0: "x", 1: "y", 2: "z"}
     for tilt in TILTS:
@@ -43,6 +49,27 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     if reason is Reason.COLLISION:
         return "no tilt up to 30 deg is free of collision here: move the workpiece or the obstacle"
     return _shift(checker, tag, spins)
+
+
+def _lead_or_side(checker: Checker, tag: int) -> str:
+    """Return the smallest lead or side tilt that helps a milling tag, in its turns."""
+    problem = checker.problem
+    place, spins, allowed = problem.placement, problem.settings.spins, problem.settings.tilt
+    feed = feed_directions(problem.toolpath, place.axis_base(np.arange(len(place))))
+    if not np.isfinite(feed[tag]).all():
+        return ""
+    free_to_tilt = replace(place, feed=feed)
+    words = (("lead angle", "lead_deg", allowed.lead), ("side tilt", "side_tilt_deg", allowed.side))
+    for size in TILTS:
+        for column, (word, key, (low, high)) in enumerate(words, start=1):
+            for tilt in (size, -size):
+                attitude = np.zeros((len(spins), 3))
+                attitude[:, 0], attitude[:, column] = spins, tilt
+                T = free_to_tilt.tcp(np.full(len(spins), tag), attitude)
+                if _free_spins(checker, tag, T).any():
+                    way = f"widen {key}" if not low <= tilt <= high else "lower tilt_step_deg"
+                    return f"a {word} of {tilt / DEG:.0f} deg would do: {way} in [optimize]"
+    return ""
 
 
 def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:

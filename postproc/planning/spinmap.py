@@ -4,6 +4,8 @@ Spin by tag, each cell with a class (free, collision, singular, joint limit, unr
 stiffness of the best posture that is free there, with the chosen line on it. A cell is free if any
 posture (branch, turns of the joints) can be run, strokes and all. Postures are checked best first,
 so that one check is enough for most cells; only cells without any free posture take them all.
+The tool axis is that of the CAM data: a tag that the plan tilts may be run where its cell is not
+free.
 """
 
 from __future__ import annotations

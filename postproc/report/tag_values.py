@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from postproc.frames import angle_between
 from postproc.model.plan import MoveRole
+from postproc.model.tilt import TiltRange
 from postproc.model.toolpath import MotionKind
 from postproc.report.page import packed
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
@@ -71,6 +73,7 @@ def tag_columns(
     """
     columns = [
         TagColumn("spin", "turn", "deg", _of_moves(plan.spin, moves) / DEG),
+        TagColumn("tilt", "tilt", "deg", _tilt(plan, cell, moves) / DEG),
         TagColumn("stiffness", "stiffness", "N/mm", plan.stiffness / N_PER_MM, "low"),
         TagColumn("feed", "feed", "mm/min", _feed(plan, moves) / MM_PER_MIN),
         TagColumn("clearance", "clearance", "mm", _clearance(plan, moves, scene) / MM, "low"),
@@ -84,6 +87,16 @@ def _of_moves(values: FloatArray, moves: IndexArray) -> FloatArray:
     result = np.full(len(moves), np.nan)
     known = moves >= 0
     result[known] = values[moves[known]]
+    return result
+
+
+def _tilt(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
+    """Return the angle [rad] of the tool axis to the CAM data's, NaN in cells without tilt."""
+    result = np.full(len(moves), np.nan)
+    if TiltRange.of(cell):
+        known = np.flatnonzero(moves >= 0)
+        axis = plan.T_base_tcp[moves[known], :3, :3] @ np.asarray(cell.tool.axis)
+        result[known] = angle_between(-axis, plan.toolpath.axes[known])
     return result
 
 
