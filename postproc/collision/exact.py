@@ -31,28 +31,29 @@ class ExactTests:
         """Pickle the meshes only."""
         return (ExactTests, (self._meshes,))
 
-    def _objects(self) -> tuple[list[Any], list[Any]]:
-        """Return this thread's objects: two of each mesh, one that stands and one that moves."""
+    def _objects(self, bodies: np.ndarray) -> tuple[list[Any], list[Any]]:
+        """Return this thread's objects, one of each mesh that stands and one that moves.
+
+        There are some of the given bodies at least.
+        """
         if getattr(self._local, "process", None) != os.getpid():
             self._local.process = os.getpid()
             self._local.standing = [None] * len(self._meshes)
             self._local.moving = [None] * len(self._meshes)
-        return self._local.standing, self._local.moving
+        standing, moving = self._local.standing, self._local.moving
+        for body in np.unique(bodies).tolist():
+            if standing[body] is None:
+                standing[body], moving[body] = self._build(self._meshes[body])
+        return standing, moving
 
-    def _pair(self, first: int, second: int) -> tuple[Any, Any]:
+    def _build(self, mesh: Mesh) -> tuple[Any, Any]:
         import fcl
 
-        standing, moving = self._objects()
-        for body in (first, second):
-            if standing[body] is None:
-                mesh = self._meshes[body]
-                model = fcl.BVHModel()
-                model.beginModel(len(mesh.vertices), len(mesh.faces))
-                model.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
-                model.endModel()
-                standing[body] = fcl.CollisionObject(model)
-                moving[body] = fcl.CollisionObject(model)
-        return standing[first], moving[second]
+        model = fcl.BVHModel()
+        model.beginModel(len(mesh.vertices), len(mesh.faces))
+        model.addSubModel(np.array(mesh.vertices), np.array(mesh.faces))
+        model.endModel()
+        return fcl.CollisionObject(model), fcl.CollisionObject(model)
 
     def collide(
         self,
@@ -80,18 +81,19 @@ class ExactTests:
 
         request, result = fcl.CollisionRequest(num_max_contacts=1), fcl.CollisionResult()
         margins = [0.0] * len(first) if margin is None else margin.tolist()
+        standing, moving = self._objects(np.concatenate([first, second]))
         found, done = [], -1
         rows = zip(first.tolist(), second.tolist(), group.tolist(), margins, strict=True)
         for k, (a, b, g, m) in enumerate(rows):
             if g == done:
                 continue
-            one, two = self._pair(a, b)
+            one, two = standing[a], moving[b]
             two.setRotation(R[k])
             two.setTranslation(p[k])
-            if m > 0.0:
+            meets = fcl.collide(one, two, request, result) > 0
+            if m > 0.0 and not meets:
+                # a distance costs far more, most of all where surfaces meet
                 meets = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult()) <= m
-            else:
-                meets = fcl.collide(one, two, request, result) > 0
             if meets:
                 found.append(k)
                 done = g
@@ -104,8 +106,9 @@ class ExactTests:
         import fcl
 
         distances = np.empty(len(first))
+        standing, moving = self._objects(np.concatenate([first, second]))
         for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
-            one, two = self._pair(a, b)
+            one, two = standing[a], moving[b]
             two.setRotation(R[k])
             two.setTranslation(p[k])
             distances[k] = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult())
