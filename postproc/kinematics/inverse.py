@@ -17,9 +17,10 @@ Degenerate poses keep all their branches:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm, wrapped
@@ -63,7 +64,10 @@ class _Pose(NamedTuple):
 
 
 class _Arm(NamedTuple):
-    """Solution of the first three joints: axis 1 (2, n), the others (2, 2, n) elbow, overhead."""
+    """Solution of the first three joints: axis 1 (2, n), the others (2, 2, n) elbow, overhead.
+
+    For one branch of each pose all are (n,).
+    """
 
     cos_1: FloatArray
     sin_1: FloatArray
@@ -97,6 +101,36 @@ class OpwSolver:
             self._solve_block(self._pose(T_robroot_flange[block]), q[block], valid[block])
         return q, valid
 
+    def solve_in(
+        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return one branch of each pose: q (n, 6) and valid (n,), as ``solve`` has in the slots.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+            slot: (n,) branches 0..7.
+        """
+        count = len(T_robroot_flange)
+        q = np.empty((count, 6))
+        valid = np.empty(count, dtype=np.bool_)
+        for block in blocks(count, CHUNK):
+            pose, s = self._pose(T_robroot_flange[block]), slot[block]
+            forward, elbow = np.where(s & 1, -1.0, 1.0), np.where(s & 2, 1.0, -1.0)
+            arm = self._first_three(pose, forward, elbow)
+            wrist = self._wrist(pose, arm)
+            is_upper = (s >= 4) != (self.arm.geometry.signs[4] > 0)
+            theta = (
+                np.arctan2(arm.sin_1, arm.cos_1),
+                arm.theta_2,
+                arm.theta_3,
+                *(np.where(is_upper, *pair) for pair in zip(wrist, _flipped(*wrist), strict=True)),
+            )
+            for joint, values in enumerate(theta):
+                q[block, joint] = self._signed(joint, values)
+            valid[block] = arm.reached
+            q[block][~arm.reached] = np.nan
+        return q, valid
+
     def _pose(self, T: FloatArray) -> _Pose:
         """Return the pose of the end in the foot frame by components."""
         R_foot_robroot = self.arm.T_robroot_foot[:3, :3].T
@@ -116,25 +150,35 @@ class OpwSolver:
 
     def _solve_block(self, pose: _Pose, q: FloatArray, valid: BoolArray) -> None:
         count = len(pose.x)
-        arm = self._first_three(pose)
+        arm = self._first_three(pose, np.array([[1.0], [-1.0]]), np.array([[[-1.0]], [[1.0]]]))
         theta = np.empty((6, 2, 2, 2, count))  # joint, wrist, elbow, overhead, pose
         theta[0] = np.arctan2(arm.sin_1, arm.cos_1)
         theta[1] = arm.theta_2
         theta[2] = arm.theta_3
-        self._wrist(pose, arm, theta)
-        g = self.arm.geometry
+        lower = 1 if self.arm.geometry.signs[4] > 0 else 0  # wrist slot 1: A5 below straight
+        wrist = self._wrist(pose, arm)
+        for joint, upper, under in zip((3, 4, 5), wrist, _flipped(*wrist), strict=True):
+            theta[joint, 1 - lower], theta[joint, lower] = upper, under
         for joint in range(6):
-            values = theta[joint]
-            if g.offsets[joint] != 0.0:
-                values = wrapped(values + g.offsets[joint])
-            by_slot = values.reshape(8, count)
-            q[:, :, joint] = by_slot.T if g.signs[joint] > 0 else -by_slot.T
+            q[:, :, joint] = self._signed(joint, theta[joint]).reshape(8, count).T
         valid[:, :4] = arm.reached.reshape(4, count).T
         valid[:, 4:] = valid[:, :4]
         if not valid.all():
             q[~valid] = np.nan
 
-    def _first_three(self, pose: _Pose) -> _Arm:
+    def _signed(self, joint: int, theta: FloatArray) -> FloatArray:
+        """Return the angles of a joint as its axis counts them."""
+        g = self.arm.geometry
+        if g.offsets[joint] != 0.0:
+            theta = wrapped(theta + g.offsets[joint])
+        return theta if g.signs[joint] > 0 else -theta
+
+    def _first_three(self, pose: _Pose, forward: FloatArray, elbow: FloatArray) -> _Arm:
+        """Solve the first three joints.
+
+        ``forward``: 1 or -1 overhead; ``elbow``: 1 where A3 stands above the stretched arm, else
+        -1; (2, 1) and (2, 1, 1) for all branches, (n,) for one of each pose.
+        """
         g, forearm, stretch = self.arm.geometry, self.arm.forearm, self.arm.stretch
         x, y, z = (
             p - g.c4 * r for p, r in zip(pose[9:], (pose.r13, pose.r23, pose.r33), strict=True)
@@ -142,10 +186,9 @@ class OpwSolver:
         square = x * x + y * y
         radius_square = square - g.b * g.b
         reach = np.sqrt(np.maximum(radius_square, 0.0))
-        side = np.stack([reach, -reach])
+        side = forward * reach
         free = square < ON_AXIS * ON_AXIS
         over = np.where(free, 1.0, square)
-        forward = np.array([[1.0], [-1.0]])
         cos_1 = np.where(free, forward * np.cos(g.offsets[0]), (side * x + g.b * y) / over)
         sin_1 = np.where(free, -forward * np.sin(g.offsets[0]), (side * y - g.b * x) / over)
         u, v = side - g.a1, z - g.c1
@@ -155,7 +198,7 @@ class OpwSolver:
         )
         cosine = np.clip(cosine, -1.0, 1.0)
         bend = np.sqrt(1.0 - cosine * cosine)
-        sine = np.stack([-bend, bend]) * g.signs[2]  # elbow slot 1: A3 above the stretched arm
+        sine = elbow * bend * g.signs[2]
         along, across = g.c2 + forearm * cosine, forearm * sine
         sin_2, cos_2 = u * along - v * across, v * along + u * across
         length = np.hypot(along, across)
@@ -172,8 +215,11 @@ class OpwSolver:
             reached=np.broadcast_to(reached, sine.shape),
         )
 
-    def _wrist(self, pose: _Pose, arm: _Arm, theta: FloatArray) -> None:
-        """Solve the last three joints; axis 6 follows from axis 4 so that its error cancels."""
+    def _wrist(self, pose: _Pose, arm: _Arm) -> Columns:
+        """Solve the last three joints, A5 above straight before its sign is applied.
+
+        Axis 6 follows from axis 4 so that its error cancels.
+        """
         c1, s1, c23, s23 = arm.cos_1, arm.sin_1, arm.cos_23, arm.sin_23
         a1, a2, a3 = (c1 * r + s1 * t for r, t in zip(pose.row_1, pose.row_2, strict=True))
         b1, b2, y4 = (c1 * t - s1 * r for r, t in zip(pose.row_1, pose.row_2, strict=True))
@@ -192,13 +238,12 @@ class OpwSolver:
         c4, s4 = x4 / length, y4 / length
         y6 = c4 * b1 - s4 * (c23 * a1 - s23 * pose.r31)
         x6 = c4 * b2 - s4 * (c23 * a2 - s23 * pose.r32)
-        theta_4 = np.arctan2(s4, c4)
-        theta_5 = np.arctan2(sin_5, cos_5)
-        theta_6 = np.arctan2(y6, x6)
-        lower = 1 if self.arm.geometry.signs[4] > 0 else 0  # wrist slot 1: A5 below straight
-        theta[3, 1 - lower], theta[3, lower] = theta_4, _half_turned(theta_4)
-        theta[4, 1 - lower], theta[4, lower] = theta_5, -theta_5
-        theta[5, 1 - lower], theta[5, lower] = theta_6, _half_turned(theta_6)
+        return np.arctan2(s4, c4), np.arctan2(sin_5, cos_5), np.arctan2(y6, x6)
+
+
+def _flipped(theta_4: FloatArray, theta_5: FloatArray, theta_6: FloatArray) -> Columns:
+    """Return the same wrist the other way round."""
+    return _half_turned(theta_4), -theta_5, _half_turned(theta_6)
 
 
 def _half_turned(angle: FloatArray) -> FloatArray:

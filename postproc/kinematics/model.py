@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from postproc.errors import KinematicsError
 from postproc.kinematics.chain import SerialChain
@@ -27,6 +27,12 @@ class Solver(Protocol):
 
     def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return q (n, 8, 6) principal values and valid (n, 8) for poses (n, 4, 4)."""
+        ...
+
+    def solve_in(
+        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return q (n, 6) and valid (n,) in one branch slot (n,) of each pose."""
         ...
 
 
@@ -109,6 +115,23 @@ class Kinematics:
             return self.solver.solve(T)
         q, valid = np.full((len(T), 8, 6), np.nan), np.zeros((len(T), 8), dtype=np.bool_)
         q[is_number], valid[is_number] = self.solver.solve(T[is_number])
+        return q, valid
+
+    def ik_in(
+        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return one branch of each pose: q (n, 6) and valid (n,), as ``ik`` gives it.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+            slot: (n,) branches 0..7.
+        """
+        T = np.asarray(T_robroot_flange, dtype=np.float64)
+        is_number = np.isfinite(T).all(axis=(1, 2))
+        if is_number.all():
+            return self.solver.solve_in(T, slot)
+        q, valid = np.full((len(T), 6), np.nan), np.zeros(len(T), dtype=np.bool_)
+        q[is_number], valid[is_number] = self.solver.solve_in(T[is_number], slot[is_number])
         return q, valid
 
     def slot(self, q: ArrayLike) -> IntArray:

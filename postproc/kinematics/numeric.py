@@ -10,9 +10,10 @@ than eight) the one found first, a fixed order, is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.model import Solver
@@ -118,6 +119,14 @@ class NumericSolver:
             self._solve_block(T_robroot_flange[block], q[block])
         return q, np.isfinite(q[:, :, 0])
 
+    def solve_in(
+        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return q (n, 6) and found (n,) in the branches (n,), as ``solve`` has in the slots."""
+        q, valid = self.solve(T_robroot_flange)
+        rows = np.arange(len(slot))
+        return q[rows, slot], valid[rows, slot]
+
     def _features(self, T: FloatArray) -> FloatArray:
         """Return position, rotation and 1 (n, 13), the first two scaled to count alike."""
         p = 2.0 * T[:, :3, 3] / self.branches.size
@@ -169,6 +178,19 @@ class PolishedSolver:
             solution, is_found = newton(self.chain, T_robroot_flange[r], q[r, s])
             q[r, s] = np.where(is_found[:, None], wrapped(solution), np.nan)
             valid[r, s] = is_found
+        return q, valid
+
+    def solve_in(
+        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return q (n, 6) and valid (n,) in the branches (n,), as ``solve`` has in the slots."""
+        q, valid = self.nominal.solve_in(T_robroot_flange, slot)
+        rows = np.flatnonzero(valid)
+        for block in blocks(len(rows), 4 * CHUNK):
+            r = rows[block]
+            solution, is_found = newton(self.chain, T_robroot_flange[r], q[r])
+            q[r] = np.where(is_found[:, None], wrapped(solution), np.nan)
+            valid[r] = is_found
         return q, valid
 
 

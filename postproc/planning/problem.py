@@ -71,10 +71,8 @@ class Problem:
         Every joint takes the turn nearest to ``q_near``, whether or not within limits; the
         second value says where the pose is within reach.
         """
-        slots, valid = self.kinematics.ik(self.placement.flange(T_base_tcp))
-        rows = np.arange(len(slots))
-        q = nearest_turn(slots[rows, branch], q_near)
-        return q, valid[rows, branch]
+        q, valid = self.kinematics.ik_in(self.placement.flange(T_base_tcp), branch)
+        return nearest_turn(q, q_near), valid
 
     def within(self, q: FloatArray) -> BoolArray:
         """Return (m,) whether all joints keep the margin of the cell from their limits."""

@@ -195,6 +195,27 @@ def test_results_do_not_depend_on_how_poses_are_grouped():
     assert KR500.ik(np.zeros((0, 4, 4)))[0].shape == (0, 8, 6)
 
 
+@pytest.mark.parametrize("kinematics", [KR500, skewed_arm()], ids=["kr500", "skewed"])
+def test_one_branch_is_the_same_as_all_of_them(kinematics):
+    rng = np.random.default_rng(9)
+    q = rng.uniform(-2.5, 2.5, (4000, 6))
+    q[:500, 4] = 0.0
+    T = kinematics.fk(q)
+    T[-500:, :3, 3] *= 1.6
+    T[-1, 0, 0] = np.nan
+    branches, valid = kinematics.ik(T)
+    assert not valid[-500:].all()
+    for slot in range(8):
+        one, reached = kinematics.ik_in(T, np.full(len(T), slot))
+        np.testing.assert_array_equal(one, branches[:, slot])
+        np.testing.assert_array_equal(reached, valid[:, slot])
+    mixed = rng.integers(0, 8, len(T))
+    one, reached = kinematics.ik_in(T, mixed)
+    np.testing.assert_array_equal(one, branches[np.arange(len(T)), mixed])
+    np.testing.assert_array_equal(reached, valid[np.arange(len(T)), mixed])
+    assert kinematics.ik_in(T[:0], mixed[:0])[0].shape == (0, 6)
+
+
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
 def test_a_pose_that_is_no_number_has_no_branch_and_spoils_no_other(wrong):
     T = KR500.fk(np.random.default_rng(8).uniform(-2.0, 2.0, (4, 6)))

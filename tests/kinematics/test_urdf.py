@@ -108,6 +108,13 @@ def test_an_arm_that_stands_askew_with_turned_flange_is_recognised(tmp_path):
     assert valid[np.arange(len(q)), arm.slot(q)].all()
 
 
+def check_single_branches(arm, T, branches):
+    for slot in range(8):
+        one, valid = arm.ik_in(T, np.full(len(T), slot))
+        np.testing.assert_allclose(one, branches[:, slot], rtol=0.0, atol=1e-9)
+        np.testing.assert_array_equal(valid, np.isfinite(branches[:, slot, 0]))
+
+
 def test_a_calibrated_arm_with_slightly_wrong_axes_is_polished(tmp_path):
     chain = build(load_robot("kuka_kr500_r2830")).chain
     placements = chain.placements.copy()
@@ -126,6 +133,7 @@ def test_a_calibrated_arm_with_slightly_wrong_axes_is_polished(tmp_path):
     own = np.arange(len(q)), arm.slot(q)
     assert valid[own].mean() > 0.99
     assert np.nanquantile(apart(branches[own], q), 0.99) < 1e-6
+    check_single_branches(arm, arm.fk(q), branches)
 
 
 def test_an_arm_with_three_parallel_axes_is_solved_numerically(tmp_path):
@@ -146,6 +154,7 @@ def test_an_arm_with_three_parallel_axes_is_solved_numerically(tmp_path):
         np.isin(valid.sum(axis=1), (2, 4, 6, 8)).mean() > 0.95
     )  # this kind of arm solves in pairs
     assert (wrist_distance(arm, branches[row, slot]) >= 0.0).all()
+    check_single_branches(arm, T[:20], branches[:20])
 
 
 def test_numeric_solutions_are_repeatable(tmp_path):
