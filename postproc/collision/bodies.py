@@ -107,7 +107,8 @@ def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Issue]]:
 
 
 def _link_name(link: int, placement: MeshPlacement, count: int) -> str:
-    if count == 1:
+    is_named = re.fullmatch(r"link( \d+)?", placement.name) is None
+    if count == 1 and not is_named:
         return f"link {link}"
     return f"link {link} {_own_name(placement, 'link')}".rstrip()
 

@@ -93,7 +93,7 @@ class Culler:
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
         self._by_link = [np.flatnonzero(links == link) for link in range(int(links.max()) + 1)]
         starts = np.flatnonzero(np.diff(first, prepend=-1))
-        ends = np.append(starts[1:], len(first))
+        ends = np.append(starts, len(first))[1:]  # a scene may hold no pair at all
         self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
 
     def place(self, frames: Frames) -> Placed:
