@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from postproc.gap.designs import designs, transfers
 from postproc.gap.diagnose import Finding
 from postproc.gap.effect import State
 from postproc.gap.next_pose import NextPose
@@ -77,7 +78,10 @@ def document(finding: Finding, proposed: Sequence[NextPose] = ()) -> dict[str, A
 
 def effects(finding: Finding) -> list[dict[str, Any]]:
     """Return every candidate tried, adopted ones first in their order, then by probability."""
-    adopted = [_adopted(finding, name) for name in finding.adopted]
+    elsewhere = _elsewhere(finding)
+    adopted = [
+        _adopted(finding, name) | {"transfer": elsewhere.get(name, [])} for name in finding.adopted
+    ]
     others = []
     for effect in finding.problem.effects:
         name = effect.name
@@ -142,6 +146,23 @@ def _adopted(finding: Finding, name: str) -> dict[str, Any]:
         "confounded_with": [t for t in evidence.twins],
         "wins": round(evidence.wins, 3),
         "action": effect.action,
+    }
+
+
+def _elsewhere(finding: Finding) -> dict[str, list[dict[str, Any]]]:
+    """Return for each adopted effect what it brings on designs that it was not fitted to."""
+    problem = finding.problem
+    label = designs(problem.samples, problem.measurements.group)
+    searched = np.flatnonzero(problem.searchable)
+    keys = (*finding.choice.keys, *finding.choice.suspects)
+    found = transfers(finding.bench, label.rows(searched), keys)
+    return {
+        key.split(":")[0]: [
+            {"design": name, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[name], 1)}
+            for k, name in enumerate(label.names)
+            if name in by
+        ]
+        for key, by in found.items()
     }
 
 

@@ -52,6 +52,11 @@ def _causes(content: dict[str, Any]) -> list[str]:
         if item["confounded_with"]:
             line += f" These rows cannot tell it from {', '.join(item['confounded_with'])}."
         lines += [line, f"  What to do: {effect_of(item['name']).action}."]
+        worse = [d["design"] for d in item["transfer"] if d["gain_nats"] < 0.0]
+        if worse:
+            lines.append(
+                f"  Careful: fitted without {', '.join(worse)}, it makes those rows worse."
+            )
     return lines
 
 

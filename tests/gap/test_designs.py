@@ -1,0 +1,129 @@
+"""Designs in one campaign, and what an effect brings on one that it was not fitted to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.gap.choice import Bench
+from postproc.gap.dataset import make_samples
+from postproc.gap.designs import Designs, designs, transfers
+from postproc.gap.effect import REGISTRY
+from postproc.gap.linear import block_of
+from postproc.gap.robot_model import RobotModel
+
+
+@pytest.fixture
+def arm(cell, kinematics):
+    return RobotModel.of(kinematics, cell).arm
+
+
+def random_q(rng, n):
+    return rng.uniform(
+        np.radians([-60, -115, 10, -170, 20, -170]),
+        np.radians([60, -15, 120, 170, 100, 170]),
+        (n, 6),
+    )
+
+
+def grid_q(kinematics, q_start, rng, n):
+    """Other places at the very orientation of a pose."""
+    T = np.repeat(kinematics.fk(q_start[None]), 8 * n, axis=0)
+    T[:, :3, 3] += rng.uniform(-0.25, 0.25, (8 * n, 3))
+    q, good = kinematics.ik(T)
+    return q[:, 0][good[:, 0]][:n] if good[:, 0].sum() >= n else q[good][:n]
+
+
+def test_labels_of_the_file_are_designs_where_few_hold_most_rows(arm):
+    rng = np.random.default_rng(1)
+    samples = make_samples(arm, random_q(rng, 100))
+    found = designs(samples, ["mon"] * 60 + ["tue"] * 38 + ["odd"] * 2)
+    assert found.source == "group"
+    assert found.names == ("mon", "tue")
+    assert np.bincount(found.label).tolist() == [62, 38]
+    # a label for each tag says nothing of designs
+    assert designs(samples, [f"T{k // 3}" for k in range(100)]).source == ""
+    assert len(designs(samples)) == 1
+
+
+def test_grids_at_one_orientation_sweeps_and_varied_poses(arm, kinematics):
+    rng = np.random.default_rng(2)
+    start = random_q(rng, 2)
+    start[:, 3:] = [[0.4, 0.9, 0.2], [-0.6, 0.8, 1.0]]
+    start[:, :3] = [[0.1, -1.2, 1.3], [0.2, -1.1, 1.4]]
+    grids = [grid_q(kinematics, q, rng, 25) for q in start]
+    assert [len(g) for g in grids] == [25, 25]
+    sweep = np.tile(start[0], (20, 1))
+    sweep[:, 1] += np.linspace(0.0, 0.5, 20)
+    q = np.concatenate([*grids, random_q(rng, 30), sweep])
+    found = designs(make_samples(arm, q))
+    truth = np.repeat([0, 1, 2, 3], [25, 25, 30, 20])
+    names = [found.names[found.label[np.flatnonzero(truth == k)[0]]] for k in range(4)]
+    assert len(set(names)) == 4
+    assert names[2:] == ["varied poses", "sweep of A2"]
+    for k in range(4):
+        share = np.mean(found.label[truth == k] == found.names.index(names[k]))
+        # the first row of a sweep may belong to what came before
+        assert share >= 0.95
+
+
+def test_repeats_of_one_pose_are_no_design(arm):
+    rng = np.random.default_rng(3)
+    q = random_q(rng, 60)
+    q[:20] = q[0] + rng.normal(0.0, 1e-5, (20, 6))
+    assert len(designs(make_samples(arm, q))) == 1
+
+
+def bench_of(arm, rng, n, always=()):
+    samples = make_samples(arm, random_q(rng, n))
+    known = dict(REGISTRY)
+    blocks = tuple(
+        block_of(known[name], samples, known[name].prepare(samples))
+        for name in ("base_frame", "tool_frame", "joint_offset", "gear_coupling")
+    )
+    y = blocks[2].X @ rng.normal(0.0, 1.0, 6) + rng.normal(0.0, 2e-5, (n, 3))
+    return Bench(samples, y, np.full(n, 1.0 / 2e-5), np.zeros(n, dtype=np.int32), blocks, always)
+
+
+@pytest.mark.parametrize("always", [(), ("base_frame", "tool_frame")])
+def test_transfer_is_what_ridge_regression_does_on_the_design_left_out(arm, always):
+    bench = bench_of(arm, np.random.default_rng(4), 90, always)
+    label = Designs(np.repeat([0, 1, 2], 30), ("a", "b", "c"), "group")
+    found = transfers(bench, label, ("joint_offset", "gear_coupling"))
+    by_key = {b.key: b for b in bench.blocks}
+
+    def left(keys, k):
+        """Fit to the others, adapt the frames to this one: stacked rows and plain lstsq."""
+        keys = (*always, *keys)
+        X = np.concatenate([by_key[key].X for key in keys], axis=2) / 2e-5
+        y = bench.y / 2e-5
+        out, here = label.label != k, label.label == k
+        p = X.shape[2]
+        A = np.vstack([X[out].reshape(-1, p), np.eye(p)])
+        theta = np.linalg.lstsq(A, np.append(y[out].ravel(), np.zeros(p)), rcond=None)[0]
+        frames = sum(by_key[key].X.shape[2] for key in always)
+        r = y[here].ravel() - X[here].reshape(-1, p)[:, frames:] @ theta[frames:]
+        B = np.vstack([X[here].reshape(-1, p)[:, :frames], np.eye(frames)])
+        r = np.append(r, np.zeros(frames))
+        if frames:
+            r = r - B @ np.linalg.lstsq(B, r, rcond=None)[0]
+        return float(r @ r)
+
+    for key in found:
+        rest = tuple(k for k in found if k != key)
+        for k, name in enumerate(label.names):
+            expected = 0.5 * (left(rest, k) - left(("joint_offset", "gear_coupling"), k))
+            assert found[key][name] == pytest.approx(expected, rel=1e-6, abs=1e-4)
+    assert min(found["joint_offset"].values()) > 100.0
+    assert max(found["gear_coupling"].values()) < 10.0
+
+
+def test_what_holds_in_one_design_only_makes_the_other_worse(arm):
+    bench = bench_of(arm, np.random.default_rng(5), 120)
+    label = Designs(np.repeat([0, 1], 60), ("a", "b"), "group")
+    flipped = bench.y.copy()
+    flipped[60:] *= -1.0
+    wrong = Bench(bench.samples, flipped, bench.weight, bench.fold, bench.blocks, ())
+    found = transfers(wrong, label, ("joint_offset",))
+    assert max(found["joint_offset"].values()) < -100.0
+    assert transfers(bench, Designs(np.zeros(120, int), ("all",), ""), ("joint_offset",)) == {}
