@@ -33,8 +33,12 @@ REASONS = {
     "PLN103": "singular",
     "PLN104": "collision",
     "PLN105": "speed",
+    "PLN205": "speed",
+    "PLN206": "unreachable",
 }
-"""Finding code of a failing tag to the reason of the JSON document."""
+"""Finding code of a failing tag to the reason of the JSON document. A tag without a feed has no
+speed, one without a Cartesian target no place to reach. Findings about the whole program, and not
+about a tag, have the reason ``check``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +148,7 @@ def convert(
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
+    from postproc.pipeline.joint_targets import with_joint_targets
     from postproc.readers.base import ReadOptions, read
 
     options = ReadOptions(
@@ -161,7 +166,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
             "no motion in this file, expected at least one point",
             SourceRef(request.source),
         )
-    return toolpath
+    return with_joint_targets(toolpath, cell)
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:

@@ -28,7 +28,10 @@ from postproc.planning.tilt import tilt_vectors
 
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""
-NO_POSE = "only joint angles of another robot are given; a Cartesian target is needed"
+NO_POSE = (
+    "only joint angles are given, and nothing in the file proves that they are of the cell's arm; "
+    "a Cartesian target is needed"
+)
 _CLEAR = 0.1
 _ACROSS = {0: (1, 2), 1: (2, 0), 2: (0, 1)}
 
