@@ -18,7 +18,7 @@ import numpy as np
 from postproc.errors import Issue, Severity
 from postproc.frames import inverse
 from postproc.kinematics.model import build
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.cell import Cell
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, ToolPath
@@ -117,7 +117,7 @@ def plan_stations(
         plan_here: part of the toolpath and such a cell to a plan.
     """
     values = stations_of(cell)
-    units, cost = _costs(toolpath, cell, settings, values, make_checker)
+    units, cost, reach = _costs(toolpath, cell, settings, values, make_checker)
     search = _Stations(toolpath, cell, values, units, cost)
     for _ in range(_ROUNDS):
         runs, again = search.runs(), False
@@ -129,7 +129,8 @@ def plan_stations(
         if not again:
             break
     plans = [search.done[run] for run in runs]
-    return _joined(toolpath, cell, values, runs, plans, make_checker)
+    result = _joined(toolpath, cell, values, runs, plans, make_checker)
+    return replace(result, issues=_told(result, cell, units, reach))
 
 
 def _costs(
@@ -138,8 +139,8 @@ def _costs(
     settings: Settings,
     values: FloatArray,
     make_checker: MakeChecker,
-) -> tuple[list[tuple[int, int]], FloatArray]:
-    """Return units of tags that keep a station, and their cost (u, g) at every station."""
+) -> tuple[list[tuple[int, int]], FloatArray, BoolArray]:
+    """Return units of tags that keep a station, their cost (u, g), and reach (n, g) of the tags."""
     n, tags = len(toolpath), np.arange(len(toolpath))
     quality = np.full((n, len(values)), -np.inf)
     rule = np.zeros(n, dtype=np.int64)
@@ -157,7 +158,27 @@ def _costs(
     starts = np.unique(np.concatenate([[0], starts])) if n else starts
     ends = np.append(starts[1:], n)
     cost = np.add.reduceat(loss, starts, axis=0) if n else np.zeros((0, len(values)))
-    return list(zip(starts.tolist(), ends.tolist(), strict=True)), np.minimum(cost, UNREACHED)
+    units = list(zip(starts.tolist(), ends.tolist(), strict=True))
+    return units, np.minimum(cost, UNREACHED), np.isfinite(quality)
+
+
+def _told(
+    result: Plan, cell: Cell, units: list[tuple[int, int]], reach: BoolArray
+) -> tuple[Issue, ...]:
+    """Return the findings; those of a cut that no single station reaches all along say so."""
+    names = " or ".join(axis.name for axis in cell.external_axes)
+    hint = f"cuts keep their place of {names}: lift the tool somewhere on the way"
+    told = list(result.issues)
+    for low, high in units:
+        part = reach[low:high]
+        if high - low == 1 or part.all(axis=0).any() or not part.any(axis=1).all():
+            continue
+        first, last = (result.toolpath.tag_name(tag) for tag in (low, high - 1))
+        text = f"the cut from tag {first} to {last} needs {names} to move within it"
+        for i, issue in enumerate(told):
+            if issue.severity is Severity.ERROR and issue.tag_index in range(low, high):
+                told[i] = replace(issue, message=f"{issue.message}; {text}", hint=hint)
+    return tuple(told)
 
 
 def _cheapest(cost: FloatArray, change: FloatArray) -> IndexArray:

@@ -130,3 +130,23 @@ def test_free_order_along_a_rail(make_cell, make_path):
     assert np.allclose(tip, [0.006, 0.0, 0.0], atol=1e-9)
     given = plan(shuffled, replace(make_cell(), external_axes=(rail,)))
     assert result.settings["stations"] < given.settings["stations"]
+
+
+def test_a_cut_longer_than_the_reach_says_what_it_needs(make_cell, make_path):
+    """Every point of it is in reach from somewhere, all of it from nowhere."""
+    n = 45
+    points = np.stack([np.full(n, 1.9), np.linspace(-4.4, 4.4, n), np.full(n, 1.0)], axis=1)
+    kind = np.full(n, MotionKind.LINEAR)
+    kind[0] = MotionKind.RAPID
+    cell = make_cell(external_axes=(RAIL,))
+    toolpath = make_path(points, [-1.0, 0, 0], kind, feed=np.full(n, 0.05))
+    result = plan(toolpath, cell)
+    assert result.errors
+    for issue in result.errors:
+        assert "the cut from tag 0 to 44 needs E1 to move within it" in issue.message
+        assert issue.hint == "cuts keep their place of E1: lift the tool somewhere on the way"
+    away = replace(toolpath, points=points + np.array([9.0, 0.0, 0.0]))
+    assert not any("E1" in issue.message for issue in plan(away, cell).errors)
+    lifted = kind.copy()
+    lifted[22] = MotionKind.RAPID
+    assert not plan(replace(toolpath, kind=lifted), cell).errors
