@@ -33,11 +33,13 @@ COLUMN_NAMES = {
 class Arm:
     """The nominal arm with the point that is measured, and what is assumed of its inside.
 
-    ``p_flange_point`` (3,) [m]: tool centre point or reflector in the flange.
+    ``p_flange_point`` (3,) [m]: tool centre point or reflector in the flange, what is measured;
+    ``p_flange_tcp`` (3,) [m]: tool centre point, where the outside wrench acts.
     """
 
     kinematics: Kinematics
     p_flange_point: FloatArray
+    p_flange_tcp: FloatArray
     reference: ArmReference
 
     def link_constants(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -47,7 +49,7 @@ class Arm:
             next_origin (7, 3): origin of frame k+1 in frame k (the last: the measured point);
             next_axis (6, 3): axis of joint k+1 in frame k; R_6_flange (3, 3).
         """
-        frames, flange, axes, _ = _geometry(self, np.zeros((1, 6)))
+        frames, flange, axes = _geometry(self, np.zeros((1, 6)))
         F = frames[0]
         origins = np.zeros((7, 3))
         next_axis = np.zeros((6, 3))
@@ -65,8 +67,8 @@ class Samples:
     """Rows with the geometry of the arm at ``q`` (n, 6) [rad]; a column not logged is None.
 
     frames: (n, 7, 4, 4) robroot and links 1..6; axes: (n, 3, 6) joint axes; point: (n, 3)
-    nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; wrench (n, 6) ON the tool at the
-    point [N, N*m]; temperature in degrees Celsius.
+    nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; tcp: (n, 3) tool centre point;
+    wrench (n, 6) ON the tool at the tool centre point [N, N*m]; temperature in degrees Celsius.
     """
 
     arm: Arm
@@ -74,6 +76,7 @@ class Samples:
     frames: FloatArray
     axes: FloatArray
     point: FloatArray
+    tcp: FloatArray
     direction: FloatArray | None = None
     qd: FloatArray | None = None
     wrench: FloatArray | None = None
@@ -88,8 +91,7 @@ class Samples:
     @property
     def jacobian(self) -> FloatArray:
         """(n, 3, 6) motion of the point per joint angle [m/rad]."""
-        arm = self.point[:, None, :] - self.frames[:, 1:, :3, 3]
-        return np.asarray(np.swapaxes(np.cross(np.swapaxes(self.axes, 1, 2), arm), 1, 2))
+        return self._motion_of(self.point)
 
     def has(self, name: str) -> bool:
         """Return whether a column was logged."""
@@ -108,15 +110,15 @@ class Samples:
 
     def at(self, q: FloatArray) -> Samples:
         """Return the same rows in another pose."""
-        frames, flange, axes, point = _geometry(self.arm, q)
-        del flange
-        return replace(self, q=q, frames=frames, axes=axes, point=point)
+        frames, flange, axes = _geometry(self.arm, q)
+        point, tcp = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_tcp))
+        return replace(self, q=q, frames=frames, axes=axes, point=point, tcp=tcp)
 
     def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
         picked: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[index]
-            for name in ("q", "frames", "axes", "point", *COLUMN_NAMES)
+            for name in ("q", "frames", "axes", "point", "tcp", *COLUMN_NAMES)
         }
         extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
         return replace(self, **picked, extra=extra)
@@ -130,11 +132,19 @@ class Samples:
         return replace(self, **mixed)
 
     def load_torque(self) -> FloatArray:
-        """Return (n, 6) the torque of the outside wrench on each joint [N*m]."""
+        """Return (n, 6) the torque of the outside wrench on each joint [N*m].
+
+        The reflector that is measured may sit elsewhere than the load.
+        """
         wrench = self.column("wrench")
-        force = np.einsum("nij,ni->nj", self.jacobian, wrench[:, :3])
+        force = np.einsum("nij,ni->nj", self._motion_of(self.tcp), wrench[:, :3])
         moment = np.einsum("nij,ni->nj", self.axes, wrench[:, 3:])
         return np.asarray(force + moment)
+
+    def _motion_of(self, point: FloatArray) -> FloatArray:
+        """Return (n, 3, 6) the motion of points (n, 3) of the tool per joint angle [m/rad]."""
+        arm = point[:, None, :] - self.frames[:, 1:, :3, 3]
+        return np.asarray(np.swapaxes(np.cross(np.swapaxes(self.axes, 1, 2), arm), 1, 2))
 
     def weight_torque(self, points: FloatArray, link: int, gravity: FloatArray) -> FloatArray:
         """Return (n, 6) the torque per kilogram of masses at ``points`` on the joints [N*m/kg].
@@ -153,8 +163,9 @@ class Samples:
 def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: ANN401
     """Return samples at joint angles (n, 6) [rad] with the columns that were logged."""
     q = np.asarray(q, dtype=np.float64)
-    frames, _, axes, point = _geometry(arm, q)
-    return Samples(arm, q, frames, axes, point, **columns)
+    frames, flange, axes = _geometry(arm, q)
+    point, tcp = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_tcp))
+    return Samples(arm, q, frames, axes, point, tcp, **columns)
 
 
 def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:
@@ -171,9 +182,10 @@ def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:
     )
 
 
-def _geometry(arm: Arm, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _geometry(arm: Arm, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return frames (n, 7, 4, 4), flange (n, 4, 4) and joint axes (n, 3, 6), robroot."""
     kin = arm.kinematics
     frames = np.asarray(kin.link_frames(q))
     flange = np.asarray(kin.fk(q))
     axes = np.asarray(kin.jacobian(q))[:, 3:, :]
-    return frames, flange, axes, apply(flange, arm.p_flange_point)
+    return frames, flange, axes

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from postproc.gap.along import Along, program
 from postproc.gap.designs import designs, transfers
 from postproc.gap.diagnose import Finding
 from postproc.gap.effect import State
 from postproc.gap.next_pose import NextPose
+from postproc.gap.orientation import orientation
 from postproc.gap.problem import FRAMES
 from postproc.gap.registration import moved_by
 from postproc.gap.robot_model import effect_of
@@ -24,12 +26,15 @@ SCHEMA = "postproc.diagnosis/1"
 _Z90 = 1.6449
 
 
-def document(finding: Finding, proposed: Sequence[NextPose] = ()) -> dict[str, Any]:
+def document(
+    finding: Finding, proposed: Sequence[NextPose] = (), path: Along | None = None
+) -> dict[str, Any]:
     """Return the JSON object of the contract.
 
     Args:
         finding: the diagnosis.
         proposed: what to measure next.
+        path: where the rows lie on a program.
     """
     problem, kept = finding.problem, finding.kept
     gap = np.linalg.norm(problem.measured - baseline(finding), axis=1)[kept]
@@ -45,7 +50,7 @@ def document(finding: Finding, proposed: Sequence[NextPose] = ()) -> dict[str, A
             "p95_mm": _mm(float(np.quantile(gap, 0.95))),
             "max_mm": _mm(float(gap.max())),
         },
-        "where": where(finding),
+        "where": where(finding) | ({"program": program(finding, path)} if path else {}),
         "effects": effects(finding),
         "adopted": list(finding.adopted),
         "shrinkage": _total_shrinkage(finding),
@@ -63,6 +68,7 @@ def document(finding: Finding, proposed: Sequence[NextPose] = ()) -> dict[str, A
             ],
             "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple],
         },
+        "orientation": orientation(finding),
         "outliers": [ids[i] for i in np.flatnonzero(finding.outlier)],
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()

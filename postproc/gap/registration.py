@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.errors import DataError
 from postproc.frames import apply, inverse, rotation_about, transform
-from postproc.gap.dataset import Arm, Samples
+from postproc.gap.dataset import Samples
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import Registration
@@ -72,8 +72,7 @@ def moved_by(registration: Registration, states: States) -> Registration:
 
 
 def _at_point(samples: Samples, point: FloatArray) -> Samples:
-    arm = Arm(samples.arm.kinematics, point, samples.arm.reference)
-    return replace(samples, arm=arm).at(samples.q)
+    return replace(samples, arm=replace(samples.arm, p_flange_point=point)).at(samples.q)
 
 
 def _step(

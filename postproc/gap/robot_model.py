@@ -33,8 +33,9 @@ States = Mapping[str, State]
 
 def arm_of(kinematics: Kinematics, cell: Cell, p_flange_point: FloatArray | None = None) -> Arm:
     """Return the nominal arm of a cell; without a point the tool centre point is measured."""
-    point = cell.tool.T_flange_tcp[:3, 3] if p_flange_point is None else p_flange_point
-    return Arm(kinematics, np.asarray(point), reference_of(kinematics, cell))
+    tcp = np.asarray(cell.tool.T_flange_tcp[:3, 3])
+    point = tcp if p_flange_point is None else np.asarray(p_flange_point)
+    return Arm(kinematics, point, tcp, reference_of(kinematics, cell))
 
 
 def nominal_point(samples: Samples) -> FloatArray:

@@ -22,6 +22,12 @@ def summary(content: dict[str, Any]) -> list[str]:
         lines.append(f"Explained: the {rest['rms_mm']:.3f} mm that remain look like noise.")
     else:
         lines += _unexplained(rest)
+    if content["orientation"]:
+        witness = content["orientation"]
+        lines.append(
+            f"Measured orientations, which no fit has seen: {witness['rms_before_deg']:.4f} deg rms"
+            f" off before, {witness['rms_after_deg']:.4f} with what was adopted."
+        )
     if content["outliers"]:
         shown = ", ".join(content["outliers"][:8])
         lines.append(f"Measuring faults left out ({len(content['outliers'])}): {shown}")

@@ -22,14 +22,14 @@ import numpy as np
 from postproc.emitters.kuka_krl import emit
 from postproc.errors import DataError, EmitError, Issue, Severity, SourceRef
 from postproc.frames import inverse
-from postproc.gap.robot_model import RobotModel, effect_of
+from postproc.gap.robot_model import RobotModel
 from postproc.kinematics.model import Kinematics
 from postproc.model.arrays import BoolArray, FloatArray, IntArray
 from postproc.model.cell import Cell
 from postproc.model.modelfile import ModelFile, load_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.pipeline.pieces import in_pieces
-from postproc.pipeline.real_arm import FOLLOWS_MOTION, RealArm, real_point
+from postproc.pipeline.real_arm import RealArm, left_out, real_point
 from postproc.stiffness.field import ContinuousField
 from postproc.stiffness.fieldfile import field_of
 from postproc.units import DEG, MM, UM
@@ -359,16 +359,14 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
 
 def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
     """Return a finding for effects that depend on what no program knows beforehand."""
-    given = FOLLOWS_MOTION | {"wrench"}
     return [
         Issue(
             Severity.WARNING,
             "CMP003",
-            f"{name} is not compensated: a program does not know {', '.join(sorted(missing))}",
+            f"{name} is not compensated: a program does not know {', '.join(missing)}",
             source=file.source(name),
         )
-        for name in model.states
-        if (missing := set(effect_of(name).needs) - given)
+        for name, missing in left_out(model).items()
     ]
 
 

@@ -71,6 +71,16 @@ def needs(model: RobotModel) -> frozenset[str]:
     return frozenset(column for name in model.states for column in effect_of(name).needs)
 
 
+def left_out(model: RobotModel) -> dict[str, tuple[str, ...]]:
+    """Return the effects that move nothing in a program, with the columns no program knows."""
+    given = FOLLOWS_MOTION | {"wrench"}
+    return {
+        name: tuple(sorted(missing))
+        for name in model.states
+        if (missing := set(effect_of(name).needs) - given)
+    }
+
+
 def loads(
     q: FloatArray,
     cell: Cell,

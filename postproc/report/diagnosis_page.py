@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from postproc.gap.along import Along
 from postproc.gap.dataset import Samples
 from postproc.gap.diagnose import Finding
 from postproc.gap.robot_model import effect_of
@@ -25,13 +26,19 @@ _MOST_POINTS = 1500
 _BINS = 12
 
 
-def diagnosis_page(finding: Finding, content: dict[str, Any], cell: Cell | None = None) -> bytes:
+def diagnosis_page(
+    finding: Finding,
+    content: dict[str, Any],
+    cell: Cell | None = None,
+    path: Along | None = None,
+) -> bytes:
     """Return the page as bytes.
 
     Args:
         finding: the diagnosis.
         content: its document, as printed by ``--json``.
         cell: whose robot is drawn; None: the points alone.
+        path: where the rows lie on a program.
     """
     title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
     page = Page(title, [headline(content)])
@@ -41,6 +48,8 @@ def diagnosis_page(finding: Finding, content: dict[str, Any], cell: Cell | None 
     page.section("Effects, on rows that were not fitted", _effects(content))
     page.section("Gap before and after", _before_after(finding), "half")
     page.section("Gap along the campaign", _along(finding), "half")
+    if path is not None:
+        page.section("Gap along the program", _program(finding, content, path))
     page.section("Where: joints, direction, conditions", _where(content), "half")
     for part in parts(finding):
         page.section(f"{part.name}: the data against the cause", _against(finding, part), "half")
@@ -140,6 +149,39 @@ def _space(page: Page, finding: Finding, cell: Cell | None) -> None:
     )
     arm = None if cell is None else build(cell.robot)
     add_rows(page, "Where: the gap over the workspace", view, cell, arm)
+
+
+def _program(finding: Finding, content: dict[str, Any], path: Along) -> str:
+    """Return the gap over the way along the program, and its worst stretches."""
+    before, after = _sizes(finding)
+    on = path.on[finding.kept]
+    way = path.way[finding.kept][on] / MM
+    order = np.argsort(way, kind="stable")
+    lines = [
+        Series(name, way[order], values[on][order], marks=True)
+        for name, values in (("before", before), ("after", after))
+    ]
+    chart = line_chart(lines, "way along the program [mm]", "distance [mm]", size=(1120, 260))
+    entry = content["where"]["program"]
+    worst = sorted(entry["stretches"], key=lambda s: (-s["rms_mm"], s["from_mm"]))[:12]
+    rows = [
+        (
+            item["operation"] or "-",
+            f"{item['from_mm']:.0f} to {item['to_mm']:.0f}",
+            item["line"],
+            item["n"],
+            f"{item['rms_mm']:.3f}",
+            f"{item['max_mm']:.3f}",
+            f"{item['left_rms_mm']:.3f}",
+        )
+        for item in worst
+    ]
+    beside = f"<p>{entry['rows_beside']} rows do not lie on it.</p>" if entry["rows_beside"] else ""
+    head = (
+        *("worst stretches: operation", "way [mm]", "line", "rows"),
+        *("rms [mm]", "largest [mm]", "left [mm]"),
+    )
+    return chart + beside + table(head, rows)
 
 
 def _where(content: dict[str, Any]) -> str:

@@ -56,6 +56,7 @@ class Truth:
     places: np.ndarray = field(default_factory=lambda: PLACES.copy())
     axes: np.ndarray = field(default_factory=lambda: AXES.copy())
     tcp: np.ndarray = field(default_factory=lambda: PLACES[5] + R_FLANGE @ P_TCP)
+    reflector: np.ndarray = field(default_factory=lambda: np.zeros(3))
     offsets: np.ndarray = field(default_factory=lambda: np.zeros(6))
     base: tuple[np.ndarray, np.ndarray] = (np.zeros(3), np.zeros(3))
     joint: list[Callable] = field(default_factory=list)
@@ -104,6 +105,8 @@ def solve(truth: Truth, data: Mapping[str, np.ndarray]) -> np.ndarray:
     p = move(parts[6], truth.tcp)
     w, arm, o = levers(truth, parts, p)
     now = {"actual": actual, "parts": parts, "p": p, "w": w, "arm": arm, "o": o, "truth": truth}
+    # what is measured may sit beside the tool point, where the loads act
+    p = move(parts[6], truth.tcp + R_FLANGE @ truth.reflector)
     p = p + sum((f(data, now) for f in truth.point), np.zeros_like(p))
     angles, shift = truth.base
     size = np.linalg.norm(angles) + 1e-300

@@ -184,14 +184,19 @@ def test_effects_of_the_motion_settle_at_the_points_across_sub_programs(tmp_path
     assert code in (0, 1)
 
 
-def test_an_effect_that_no_program_knows_is_named(job):
+def test_an_effect_that_no_program_knows_is_named(job, run, bench, tmp_path):
     table = (
         "[effects.thermal_drift]\nreference_temp_C = 20.0\ngrowth_per_K = [0, 0, 0, 0]\n"
         "joint_deg_per_K = [0, 0.0001, 0, 0, 0, 0]\ntilt_deg_per_K = [0, 0]\n"
     )
-    _, _, _, err = job("holes.csv", HOLES, STIFF + table)
+    source, program, document, err = job("holes.csv", HOLES, STIFF + table)
     assert "thermal_drift is not compensated" in err
     assert "CMP003" in err
+    assert [w["code"] for w in document["warnings"] if "temperature" in w["text"]] == ["CMP003"]
+    asked = ["verify", program, "--cell", bench, "--against", source, "--json"]
+    code, _, err = run(*asked, "--model", tmp_path / "model.toml")
+    assert code == 0
+    assert "thermal_drift is not counted: a program does not know temperature" in err
 
 
 def test_partial_programs_are_compensated_too(tmp_path, bench, run):

@@ -16,7 +16,7 @@ import numpy as np
 from tools.blind.beyond import OUTSIDE, kind_of, make
 from tools.blind.campaign import DESIGNS, Plan, Rows, drive
 from tools.blind.chain import JOINTS, Array, Geometry, columns, embed, sweep
-from tools.blind.effects import LIBRARY
+from tools.blind.effects import LIBRARY, place_reflector
 from tools.blind.robots import CLASSES, RobotClass
 from tools.blind.world import Hidden, simulate
 
@@ -266,7 +266,7 @@ def _with_background(case: Case, names: tuple[str, ...], rng: np.random.Generato
         )
     if case.registered:
         place = Hidden(
-            "reflector", {"shift": rng.uniform(-0.06, 0.06, 3)}, 1.0, LIBRARY["tool_frame"].change
+            "reflector", {"shift": rng.uniform(-0.06, 0.06, 3)}, 1.0, place_reflector
         )
         case = replace(case, entries=(*case.entries, Entry(place, "setup")))
     return case

@@ -75,6 +75,11 @@ def _tool_frame(state: State, x: dict[str, Array], s: float) -> None:
     state.tool = state.tool + s * x["shift"]
 
 
+def place_reflector(state: State, x: dict[str, Array], s: float) -> None:
+    """Measure a point beside the tool point; the loads stay there."""
+    state.reflector = state.reflector + s * x["shift"]
+
+
 def _draw_offset(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
     return {"offset": rng.normal(0, 1.5e-4, 6) * some(rng, 2, 6)}
 

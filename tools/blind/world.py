@@ -32,7 +32,8 @@ class State:
     """What the effects change before the equilibrium is sought.
 
     Args:
-        geometry, theta: of every row; tool: (n, 3) tool point in the flange.
+        geometry, theta: of every row; tool: (n, 3) tool point in the flange, where loads act;
+            reflector: (3,) place of what is measured beside it, flange axes.
         give: (n, m) compliance of each screw [rad/(N*m)]; hardening: share by which a spring is
             stiffer at its reference torque; reference: (m,) that torque [N*m].
         load_gives: 1 if the arm gives under outside loads; weight: share of the links' own weight
@@ -49,6 +50,7 @@ class State:
     reference: Array
     hardening: float = 0.0
     load_gives: float = 0.0
+    reflector: Array = field(default_factory=lambda: np.zeros(3))
     weight: float = 0.0
     mass: Array = field(default_factory=lambda: np.zeros(6))
     com: Array = field(default_factory=lambda: np.zeros((6, 3)))
@@ -104,7 +106,7 @@ def simulate(robot: RobotClass, rows: Rows, hidden: Sequence[Hidden]) -> Outcome
     for effect in hidden:
         effect.change(state, effect.parameters, effect.strength)
     poses, theta = settle(state.geometry, state.theta, lambda p, t: _deflection(state, p, t))
-    point = poses.tool_point(state.tool)
+    point = poses.tool_point(state.tool + state.reflector)
     for displace in state.after:
         point = point + displace(point)
     return Outcome(point, theta[:, JOINTS], poses)

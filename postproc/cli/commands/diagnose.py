@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, reading_options, standard_options
+
+if TYPE_CHECKING:
+    from postproc.gap.along import Along
+    from postproc.gap.diagnose import Finding
+    from postproc.model.cell import Cell
 
 EPILOG = """\b
 Examples:
   postproc diagnose measured.csv --cell cell.toml -o out
   postproc diagnose tracker.csv --cell cell.toml --register --json
+  postproc diagnose measured.csv --cell cell.toml --program part.cls -o out
   postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
 """
 
@@ -27,6 +33,8 @@ Examples:
     is_flag=True,
     help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
 )
+@click.option("--program", metavar="INPUT", help="CAM file: tell where along it the gap lies.")
+@reading_options
 @click.option("--tol-mm", type=float, help="Exit 1 if the gap (rms) is larger than this.")
 @click.option(
     "-o",
@@ -66,13 +74,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     with session.progress() as progress:
         finding = diagnose(problem, progress)
     following = measure_next(finding, cell)
-    content = document(finding, following.poses)
+    path = _path(options, finding, cell)
+    content = document(finding, following.poses, path)
     if options["output"]:
         from postproc.report.diagnosis_page import diagnosis_page
 
         folder = Path(options["output"])
         files = {
-            folder / "report.html": diagnosis_page(finding, content, cell),
+            folder / "report.html": diagnosis_page(finding, content, cell, path),
             folder / "model.toml": save_model(model_file(finding, model)),
         }
         more = next_files(following, finding, cell)
@@ -82,3 +91,21 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         session.show(line)
     tolerance = options["tol_mm"]
     return answer(tolerance is None or content["gap"]["rms_mm"] <= tolerance)
+
+
+def _path(options: dict[str, Any], finding: Finding, cell: Cell) -> Along | None:
+    if not options["program"]:
+        return None
+    from postproc.gap.along import along
+    from postproc.pipeline.convert import ConvertRequest, read_toolpath
+
+    request = ConvertRequest(
+        source=options["program"],
+        cell=options["cell"],
+        format=options["form"],
+        dialect=options["dialect"],
+        units=options["units"],
+        columns=options["columns"],
+        recover=options["recover"],
+    )
+    return along(finding, read_toolpath(request, cell), cell)

@@ -68,7 +68,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     if options["model"] and not options["against"]:
         raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
     cell = load_cell(options["cell"])
-    displacement = _displacement(options["model"], cell)
+    displacement = _displacement(session, options["model"], cell)
     toolpath = None
     if options["against"]:
         from postproc.pipeline.convert import ConvertRequest, read_toolpath
@@ -105,13 +105,16 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(report.ok)
 
 
-def _displacement(path: str | None, cell: Cell) -> Displacement | None:
+def _displacement(session: Session, path: str | None, cell: Cell) -> Displacement | None:
     if path is None:
         return None
     from postproc.model.modelfile import load_model
-    from postproc.pipeline.real_arm import displacement_of
+    from postproc.pipeline.real_arm import RealArm, left_out
 
-    return displacement_of(cell, load_model(path))
+    arm = RealArm.of(cell, load_model(path))
+    for name, missing in left_out(arm.model).items():
+        session.say(f"{name} is not counted: a program does not know {', '.join(missing)}")
+    return arm.displacement
 
 
 def _show(session: Session, report: VerifyReport) -> None:

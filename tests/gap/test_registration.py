@@ -1,0 +1,67 @@
+"""Registration of a tracker and a reflector that sits beside the loaded tool point."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.frames import apply, rotation_from_abc, transform
+from postproc.gap.diagnose import diagnose
+from postproc.gap.document import model_file
+from postproc.gap.predict import predict
+from postproc.gap.problem import pose_problem
+from postproc.model.modelfile import ModelFile
+from postproc.readers.measurements import read_measurements
+
+REFLECTOR = np.array([0.05, -0.08, 0.1])
+NOISE = 1.2e-5
+TRACKER = transform(rotation_from_abc(np.array([2.0, 0.3, -0.2])), np.array([3.0, -1.0, 0.4]))
+
+
+@pytest.fixture
+def loaded(world, tmp_path):
+    """Rows of a soft arm that is loaded at the tool point and measured beside it."""
+
+    def make(seed, reflector=REFLECTOR, move=TRACKER, n=150):
+        rng = np.random.default_rng(seed)
+        truth = world.Truth(reflector=np.array(reflector))
+        c = 1.0 / (world.K0 * np.array([1.3, 0.8, 1.2, 0.7, 1.1, 0.9]))
+        truth.joint.append(lambda data, now: c * world.load_torque(data, now))
+        data = world.campaign(rng, n, 0)
+        points = apply(move, world.solve(truth, data)) + rng.normal(0.0, NOISE, (n, 3))
+        path = tmp_path / f"rows{seed}.csv"
+        path.write_text(world.csv(data, points))
+        k = [float(v) for v in 1e3 / c]
+        table = {"joint_compliance": {"stiffness_Nmm_per_rad": k}}
+        return read_measurements(path), ModelFile(table)
+
+    return make
+
+
+def test_a_load_acts_at_the_tool_point_and_not_at_the_reflector(loaded, kinematics, cell):
+    rows, model = loaded(1)
+    assert predict(rows, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
+
+
+def test_tracker_and_reflector_are_found(loaded, kinematics, cell):
+    from postproc.gap.dataset import samples_of
+    from postproc.gap.registration import register
+    from postproc.gap.robot_model import RobotModel
+
+    rows, model = loaded(2)
+    robot = RobotModel.of(kinematics, cell, model)
+    found = register(samples_of(robot.arm, rows), np.asarray(rows.position), robot.states)
+    tcp = cell.tool.T_flange_tcp[:3, 3]
+    np.testing.assert_allclose(found.p_flange_point - tcp, REFLECTOR, atol=5e-6)
+    np.testing.assert_allclose(found.T_measured_robroot, TRACKER, atol=1e-5)
+
+
+def test_stiffness_of_a_registered_campaign_serves_another_reflector(loaded, kinematics, cell):
+    rows, model = loaded(3)
+    finding = diagnose(pose_problem(rows, kinematics, cell, None, True))
+    assert finding.adopted == ("joint_compliance",)
+    assert finding.verdict == "explained"
+    there, _ = loaded(4, reflector=-REFLECTOR, move=np.linalg.inv(TRACKER))
+    fitted = model_file(finding, None)
+    assert predict(there, kinematics, cell, fitted, True).rms < 1.25 * 3.0**0.5 * NOISE
+    assert predict(there, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
