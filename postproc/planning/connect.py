@@ -24,6 +24,8 @@ _HOPELESS = 5
 """After so many trees that found no way ..."""
 _FEW = 6
 """... the next ones grow no more often than this."""
+GIVE_UP = 40
+"""After so many no more are grown: what is left is walled in."""
 
 
 @dataclass(slots=True)
@@ -67,7 +69,10 @@ class Detour:
 def detours(
     checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
 ) -> dict[int, Detour]:
-    """Return free ways round for connections (m,) by row; rows without one are missing."""
+    """Return free ways round for connections (m,) by row; rows without one are missing.
+
+    Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
+    """
     ways: dict[int, Detour] = {}
     for height in BACK_OFF:
         rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
@@ -89,7 +94,7 @@ def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, Float
     """
     ways: dict[int, FloatArray] = {}
     failures = 0
-    while len(rows):
+    while len(rows) and failures < GIVE_UP:
         row, rows = int(rows[0]), rows[1:]
         rounds = ROUNDS if failures < _HOPELESS else _FEW
         way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], rounds)

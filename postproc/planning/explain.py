@@ -26,7 +26,9 @@ WORDS = {
     Reason.SPEED: "speed",
 }
 HELPED = 20
-"""For so many failing tags a remedy is looked for."""
+"""At so many failing tags a remedy is looked for."""
+ALIKE = 50
+"""So many tags at most that fail one after the other for the same reason share a remedy."""
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 
 
@@ -65,12 +67,42 @@ class Evidence:
     chosen: Chosen
 
 
+class _Remedies:
+    """What would help failing tags: looked for once in a neighbourhood, and not too often.
+
+    Each search tries hundreds of poses; thousands of tags that fail alike need no more than a few.
+    """
+
+    def __init__(self, checker: Checker) -> None:
+        self._checker = checker
+        self._searches = 0
+        self._first, self._row = -1, -1
+        self._reason, self._text = Reason.NONE, ""
+
+    def hint(self, row: int, tag: int, reason: Reason) -> str:
+        """Return what would help the tag of a row; ask for rows in growing order."""
+        beside = row == self._row + 1 and reason is self._reason and row < self._first + ALIKE
+        self._row = row
+        if beside:
+            return self._text
+        self._first, self._reason, self._text = row, reason, ""
+        if self._searches == HELPED:
+            self._text = f"what would help was looked for at {HELPED} tags before this one only"
+            return self._text
+        self._searches += 1
+        found = remedy(self._checker, tag, reason)
+        if found:
+            self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} near by: {found}"
+        return found
+
+
 def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
     issues = []
     good, entry = evidence.chosen.good, evidence.chosen.entry
-    for count, row in enumerate(np.nonzero(~good)[0].tolist()):
-        issues.append(_no_pose(checker, evidence, row, help_=count < HELPED))
+    remedies = _Remedies(checker)
+    for row in np.nonzero(~good)[0].tolist():
+        issues.append(_no_pose(checker, evidence, row, remedies))
     cut_off = (evidence.rule == Rule.CHAIN) & entry & good
     cut_off[1:] &= good[:-1]
     cut_off[:1] = False
@@ -79,13 +111,13 @@ def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
     return issues
 
 
-def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> Issue:
+def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Issue:
     tag = int(evidence.tags[row])
     if not checker.problem.placement.given[tag]:
         return no_pose(checker.problem.toolpath, tag)
     low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
     reasons = evidence.reason[low:high]
-    first = np.unique(evidence.states.config[low:high], return_index=True)[1]
+    first = np.flatnonzero(np.diff(evidence.states.config[low:high], prepend=-1))
     pin, same = pinned(checker.problem, tag), 1
     if pin:  # all columns hold the one turn; the first of them was looked at
         same = evidence.states.spins.shape[-1]
@@ -103,7 +135,7 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, *, help_: bool) -> 
     pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
     if main is Reason.COLLISION and len(pairs):
         detail += f"; {_most_frequent(checker, pairs)}"
-    return failure(checker.problem, tag, main, detail, remedy(checker, tag, main) if help_ else "")
+    return failure(checker.problem, tag, main, detail, remedies.hint(row, tag, main))
 
 
 def pinned(problem: Problem, tag: int) -> str:

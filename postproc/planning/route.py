@@ -11,7 +11,7 @@ from postproc.frames import inverse
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind, MotionKind
-from postproc.planning.connect import Detour, Ends, detours, free_way
+from postproc.planning.connect import GIVE_UP, Detour, Ends, detours, free_way
 from postproc.planning.cuts import cut_moves
 from postproc.planning.drill import ARRIVE, LEAVE, hole_moves
 from postproc.planning.explain import failure
@@ -24,6 +24,9 @@ from postproc.planning.speeds import Timed, timed
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
 _HOME = -1000
+_NOT_SEARCHED = (
+    f"after {GIVE_UP} connections without a free way only backing off along the tool axis was tried"
+)
 
 
 @dataclass(slots=True)
@@ -144,11 +147,12 @@ def _decide(
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
     stuck = np.nonzero(~verdict.good)[0]
     found = detours(checker, ends.take(rest[stuck]), chosen.attitude, chosen.branch)
-    for i in [i for i in range(len(stuck)) if i not in found]:
+    for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
         row = int(rest[stuck[i]])
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
         detail = _blocked(checker, verdict, int(stuck[i]), name)
-        issues.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail))
+        hint = _NOT_SEARCHED if count >= GIVE_UP else ""
+        issues.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 

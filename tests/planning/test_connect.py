@@ -105,6 +105,9 @@ def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatc
     monkeypatch.setattr(connect, "rrt_connect", lambda *args: asked.append(args[3]))
     assert connect._by_trees(checker, swings(9), np.arange(9)) == {}
     assert asked == [ROUNDS] * 5 + [connect._FEW] * 4
+    asked.clear()
+    assert connect._by_trees(checker, swings(60), np.arange(60)) == {}
+    assert len(asked) == connect.GIVE_UP
 
 
 def test_a_free_way_needs_no_points(checker_of):

@@ -10,6 +10,7 @@ import pytest
 
 from postproc.model.cell import Workpiece
 from postproc.model.toolpath import Cycle, MotionKind
+from postproc.planning import explain
 from postproc.planning.planner import plan
 from postproc.units import DEG, MM
 
@@ -44,3 +45,30 @@ def test_more_spin(make_cell, make_path):
     issue = plan(toolpath, narrow).errors
     if issue:
         assert "widen range_deg" in issue[0].hint
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
+    make_cell, make_path, monkeypatch
+):
+    n = explain.ALIKE * explain.HELPED + 30
+    points = np.column_stack([np.full(n, 3.6), np.linspace(-0.1, 0.1, n), np.full(n, 1.0)])
+    cycles = (Cycle("drill", 0.0, 0.0, 0.0, feed=0.002),)
+    toolpath = make_path(points, FRONT, MotionKind.HOLE, cycle=np.zeros(n, int), cycles=cycles)
+    asked = []
+
+    def counted(checker, tag, reason):
+        asked.append(tag)
+        return f"remedy of {tag}"
+
+    monkeypatch.setattr(explain, "remedy", counted)
+    issues = plan(toolpath, make_cell()).errors
+    assert len(issues) == n
+    assert asked == list(range(0, explain.ALIKE * explain.HELPED, explain.ALIKE))
+    hints = [issue.hint for issue in issues]
+    for tag in asked:
+        name = toolpath.tag_name(tag)
+        assert hints[tag] == f"remedy of {tag}"
+        near = f"at tag {name} near by: remedy of {tag}"
+        assert hints[tag + 1 : tag + explain.ALIKE] == [near] * (explain.ALIKE - 1)
+    assert all(f"at {explain.HELPED} tags before" in hint for hint in hints[-30:])
