@@ -1,15 +1,21 @@
 """Measure planning: time, memory and cost against known optima; strategies side by side.
 
-    python tools/bench_planning.py search  --workloads DIR [--sizes 200 1000 10000] [--hard]
-                                           [--panel-triangles 20000] [--peer PYTHON]
-    python tools/bench_planning.py scale   --workloads DIR
+    python tools/bench_planning.py search  --workloads DIR [--sizes 1000 10000]
+                                           [--kinds base turns hard] [--panel-triangles 20000]
+                                           [--peer PYTHON]
+    python tools/bench_planning.py scale   --workloads DIR [--strokes]
     python tools/bench_planning.py compare [--nx FILE]
 
-``search`` runs the workloads with their scene (spin 36 x 10 degrees, all branches, collision) and
-compares the cost of the best sequence with the published optima. ``--panel-triangles`` subdivides
-the panel, same shape, until it has at least so many. ``--peer`` names an interpreter that has
+``search`` runs the workloads with their scene (spin 36 x 10 deg, all branches, collision) twice:
+with the poses at the holes checked, of which the optima are published, and with whole strokes of
+50 mm swept, which is what ``postproc convert`` does. Printed are wall and CPU time of all of
+planning (scene, search, refinement, detours, times), that of the search and of the route, peak
+memory, how many states were checked, the cost of the best sequence on the grid, how far it is from
+the optimum of poses alone [%], and the cost after refinement. With swept strokes the hard scene's
+optimum is out of reach: more states collide. ``--panel-triangles`` subdivides the panel, same
+shape, until it has at least so many. ``--peer`` names an interpreter that has
 ``tesseract-robotics``: its ladder planner runs on the same files beside (``bench_tesseract.py``).
-``scale`` repeats the largest workload.
+``scale`` repeats the largest workload, up to 100,000 tags.
 ``compare`` plans milling lines with each strategy.
 
 Every case runs in a process of its own, so that its peak memory is its own.
@@ -188,25 +194,24 @@ def case(*arguments: str) -> dict[str, float]:
 
 def table_search(arguments: argparse.Namespace) -> None:
     """Print the table of workloads."""
-    print("poses at the holes only, as the published optima; then whole strokes of 50 mm, swept")
-    head = ("scene", "tags", "wall s", "cpu s", "search s", "MB", "checked", "rounds")
-    print(("{:>7}" * 8 + "{:>10}" * 3).format(*head, "grid", "optimum", "refined"))
-    kinds = ["base", "turns", *(["hard"] if arguments.hard else [])]
+    head = ("checked", "scene", "tags", "wall s", "cpu s", "search", "route", "MB", "states")
+    more = ("failed", "grid", "off %", "refined")
+    print(("{:>9}" + "{:>7}" * 8).format(*head) + ("{:>7}" + "{:>10}{:>7}{:>10}").format(*more))
     for strokes in (False, True):
-        for kind in kinds:
+        for kind in arguments.kinds:
             for size in arguments.sizes:
                 flags = ["--kind", kind, "--size", str(size)] + ["--strokes"] * strokes
                 flags += ["--panel-triangles", str(arguments.panel_triangles)]
                 r = case("--workloads", str(arguments.workloads), *flags)
-                best = OPTIMA.get((kind, size), float("nan"))
+                off = 100.0 * (r["grid_rad2"] / OPTIMA.get((kind, size), float("nan")) - 1.0)
                 print(
-                    f"{kind:>7}{size:>7}{r['wall_s']:>7.2f}{r['cpu_s']:>7.2f}"
-                    f"{r['stages']['search']:>7.2f}{r['mb']:>7.0f}{r['checked']:>7.0f}"
-                    f"{r['rounds']:>7.0f}{r['grid_rad2']:>10.4f}{best:>10.4f}"
+                    f"{'strokes' if strokes else 'poses':>9}{kind:>7}{size:>7}"
+                    f"{r['wall_s']:>7.2f}{r['cpu_s']:>7.2f}{r['stages']['search']:>7.2f}"
+                    f"{r['stages']['route']:>7.2f}{r['mb']:>7.0f}{r['checked']:>7.0f}"
+                    f"{r['errors']:>7.0f}{r['grid_rad2']:>10.4f}{off:>7.3f}"
                     f"{r['refined_rad2']:>10.4f}",
                     flush=True,
                 )
-
     if arguments.peer:
         _peer_rows(arguments)
 
@@ -233,9 +238,14 @@ def table_scale(arguments: argparse.Namespace) -> None:
     """Print time and memory over the number of tags."""
     for size, repeat in ((1000, 1), (10000, 1), (10000, 3), (10000, 10)):
         flags = ["--kind", "base", "--size", str(size), "--repeat", str(repeat)]
+        flags += ["--strokes"] * arguments.strokes
         r = case("--workloads", str(arguments.workloads), *flags)
         per = 1e3 * r["cpu_s"] / r["tags"]
-        print(f"{r['tags']:>7} tags {r['cpu_s']:>8.2f} s cpu {per:.3f} ms a tag {r['mb']:.0f} MB")
+        print(
+            f"{r['tags']:>7} tags {r['wall_s']:>8.2f} s wall {r['cpu_s']:>8.2f} s cpu "
+            f"{per:.3f} ms a tag {r['mb']:.0f} MB",
+            flush=True,
+        )
 
 
 def seed_line(x: float, y: float, z: float) -> ToolPath:
@@ -344,8 +354,9 @@ def main() -> None:
     for name in ("search", "scale", "one"):
         part = parts.add_parser(name)
         part.add_argument("--workloads", type=Path, required=True)
+    kinds = ["base", "turns", "hard"]
     parts.choices["search"].add_argument("--sizes", type=int, nargs="+", default=[200, 1000, 10000])
-    parts.choices["search"].add_argument("--hard", action="store_true")
+    parts.choices["search"].add_argument("--kinds", nargs="+", choices=kinds, default=kinds)
     parts.choices["search"].add_argument("--peer", metavar="PYTHON")
     one = parts.choices["one"]
     for part in (parts.choices["search"], one):
@@ -353,7 +364,8 @@ def main() -> None:
     one.add_argument("--kind", default="base")
     one.add_argument("--size", type=int, default=200)
     one.add_argument("--repeat", type=int, default=1)
-    one.add_argument("--strokes", action="store_true")
+    for part in (parts.choices["scale"], one):
+        part.add_argument("--strokes", action="store_true")
     parts.add_parser("compare").add_argument("--nx")
     arguments = parser.parse_args()
     {
