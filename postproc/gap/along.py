@@ -57,7 +57,8 @@ def along(finding: Finding, toolpath: ToolPath, cell: Cell) -> Along:
     """
     samples = finding.problem.samples
     T_part_robroot = inverse(cell.workpiece.T_robroot_base)
-    points = apply(T_part_robroot, samples.tcp)
+    T_part_flange = T_part_robroot @ samples.arm.kinematics.fk(samples.q)
+    points = apply(T_part_flange, cell.tool.T_flange_tcp[:3, 3])
     pieces = _Pieces.of(toolpath)
     way, tag, distance = pieces.nearest(points)
     far = distance > REACH

@@ -34,12 +34,12 @@ class Arm:
     """The nominal arm with the point that is measured, and what is assumed of its inside.
 
     ``p_flange_point`` (3,) [m]: tool centre point or reflector in the flange, what is measured;
-    ``p_flange_tcp`` (3,) [m]: tool centre point, where the outside wrench acts.
+    ``p_flange_load`` (3,) [m]: where the outside wrench acts, in the flange.
     """
 
     kinematics: Kinematics
     p_flange_point: FloatArray
-    p_flange_tcp: FloatArray
+    p_flange_load: FloatArray
     reference: ArmReference
 
     def link_constants(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -67,8 +67,8 @@ class Samples:
     """Rows with the geometry of the arm at ``q`` (n, 6) [rad]; a column not logged is None.
 
     frames: (n, 7, 4, 4) robroot and links 1..6; axes: (n, 3, 6) joint axes; point: (n, 3)
-    nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; tcp: (n, 3) tool centre point;
-    wrench (n, 6) ON the tool at the tool centre point [N, N*m]; temperature in degrees Celsius.
+    nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; load_point: (n, 3) where the wrench
+    acts; wrench (n, 6) ON the tool there [N, N*m]; temperature in degrees Celsius.
     """
 
     arm: Arm
@@ -76,7 +76,7 @@ class Samples:
     frames: FloatArray
     axes: FloatArray
     point: FloatArray
-    tcp: FloatArray
+    load_point: FloatArray
     direction: FloatArray | None = None
     qd: FloatArray | None = None
     wrench: FloatArray | None = None
@@ -111,14 +111,14 @@ class Samples:
     def at(self, q: FloatArray) -> Samples:
         """Return the same rows in another pose."""
         frames, flange, axes = _geometry(self.arm, q)
-        point, tcp = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_tcp))
-        return replace(self, q=q, frames=frames, axes=axes, point=point, tcp=tcp)
+        point, load = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_load))
+        return replace(self, q=q, frames=frames, axes=axes, point=point, load_point=load)
 
     def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
         picked: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[index]
-            for name in ("q", "frames", "axes", "point", "tcp", *COLUMN_NAMES)
+            for name in ("q", "frames", "axes", "point", "load_point", *COLUMN_NAMES)
         }
         extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
         return replace(self, **picked, extra=extra)
@@ -137,7 +137,7 @@ class Samples:
         The reflector that is measured may sit elsewhere than the load.
         """
         wrench = self.column("wrench")
-        force = np.einsum("nij,ni->nj", self._motion_of(self.tcp), wrench[:, :3])
+        force = np.einsum("nij,ni->nj", self._motion_of(self.load_point), wrench[:, :3])
         moment = np.einsum("nij,ni->nj", self.axes, wrench[:, 3:])
         return np.asarray(force + moment)
 
@@ -164,8 +164,8 @@ def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: A
     """Return samples at joint angles (n, 6) [rad] with the columns that were logged."""
     q = np.asarray(q, dtype=np.float64)
     frames, flange, axes = _geometry(arm, q)
-    point, tcp = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_tcp))
-    return Samples(arm, q, frames, axes, point, tcp, **columns)
+    point, load = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_load))
+    return Samples(arm, q, frames, axes, point, load, **columns)
 
 
 def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:

@@ -68,6 +68,7 @@ def document(
             ],
             "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple],
         },
+        "registration": _registration(finding),
         "orientation": orientation(finding),
         "outliers": [ids[i] for i in np.flatnonzero(finding.outlier)],
         "not_testable": [
@@ -79,6 +80,17 @@ def document(
             "sealed": int(problem.split.sealed.sum()),
             "searched": int(problem.searchable.sum()),
         },
+    }
+
+
+def _registration(finding: Finding) -> dict[str, Any] | None:
+    """Return what was fitted first, None if nothing was."""
+    fitted = finding.problem.registration
+    if fitted is None:
+        return None
+    return {
+        "point_in_flange_mm": np.round(fitted.p_flange_point / MM, 4).tolist(),
+        "loads_at": "reflector" if fitted.loads_at_point else "tool point",
     }
 
 

@@ -29,7 +29,7 @@ def carried_torque(samples: Samples) -> FloatArray:
 def load_moment(samples: Samples, at: FloatArray) -> FloatArray:
     """Return (n, 3) moment of the outside wrench about points (n, 3), robroot [N*m]."""
     wrench = samples.column("wrench")
-    return np.asarray(np.cross(samples.tcp - at, wrench[:, :3]) + wrench[:, 3:])
+    return np.asarray(np.cross(samples.load_point - at, wrench[:, :3]) + wrench[:, 3:])
 
 
 def weight_moment(samples: Samples, at: FloatArray, beyond: int) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.frames import apply
 from postproc.gap.dataset import samples_of
-from postproc.gap.registration import register
+from postproc.gap.load_place import register_loaded
 from postproc.gap.robot_model import RobotModel, evaluate
 from postproc.kinematics.model import Kinematics
 from postproc.model.arrays import FloatArray
@@ -60,7 +60,7 @@ def predict(
     if registered:
         robot = RobotModel.of(kinematics, cell, model)
         samples = samples_of(robot.arm, measurements)
-        fixed = register(samples, measured, robot.usable(samples))
+        fixed = register_loaded(samples, measured, robot.usable(samples))
         effects = model.effects if model is not None else {}
         text = model.text if model is not None else None
         model = ModelFile(effects, fixed, text=text)

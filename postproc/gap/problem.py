@@ -12,7 +12,8 @@ from postproc.frames import apply, inverse
 from postproc.gap.dataset import COLUMN_NAMES, Samples, samples_of
 from postproc.gap.effect import REGISTRY, Effect, Setting
 from postproc.gap.linear import Block, block_of
-from postproc.gap.registration import in_robroot, register
+from postproc.gap.load_place import register_loaded
+from postproc.gap.registration import in_robroot
 from postproc.gap.robot_model import RobotModel, States, evaluate
 from postproc.gap.split import Split, split
 from postproc.kinematics.model import Kinematics
@@ -105,7 +106,7 @@ def pose_problem(
     measured = np.asarray(measurements.position)
     registration = None
     if registered:
-        registration = register(samples, measured, given)
+        registration = register_loaded(samples, measured, given)
         arm = RobotModel.of(
             kinematics, cell, ModelFile(registration=registration), measured_point=True
         ).arm

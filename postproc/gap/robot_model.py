@@ -31,11 +31,12 @@ _SETTLED = 1e-10
 States = Mapping[str, State]
 
 
-def arm_of(kinematics: Kinematics, cell: Cell, p_flange_point: FloatArray | None = None) -> Arm:
-    """Return the nominal arm of a cell; without a point the tool centre point is measured."""
+def arm_of(kinematics: Kinematics, cell: Cell, seen: Registration | None = None) -> Arm:
+    """Return the nominal arm of a cell; without a registration the tool point is measured."""
     tcp = np.asarray(cell.tool.T_flange_tcp[:3, 3])
-    point = tcp if p_flange_point is None else np.asarray(p_flange_point)
-    return Arm(kinematics, point, tcp, reference_of(kinematics, cell))
+    point = tcp if seen is None else np.asarray(seen.p_flange_point)
+    load = point if seen is not None and seen.loads_at_point else tcp
+    return Arm(kinematics, point, load, reference_of(kinematics, cell))
 
 
 def nominal_point(samples: Samples) -> FloatArray:
@@ -186,8 +187,7 @@ class RobotModel:
             DataError: GAP002 unknown effect, MOD004 to MOD006 wrong table.
         """
         registration = model.registration if model else None
-        point = registration.p_flange_point if registration and measured_point else None
-        arm = arm_of(kinematics, cell, point)
+        arm = arm_of(kinematics, cell, registration if measured_point else None)
         states = {}
         for name in model.effects if model else ():
             states[name] = _effect_in(model, name).read(model, arm) if model else State(np.zeros(0))

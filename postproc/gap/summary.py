@@ -15,6 +15,10 @@ def summary(content: dict[str, Any]) -> list[str]:
         f" (95 % within {gap['p95_mm']:.3f}, largest {gap['max_mm']:.3f});"
         f" noise {content['noise_mm']:.3f} mm per axis, {_from(content)}."
     ]
+    if content["registration"] and content["registration"]["loads_at"] == "reflector":
+        lines.append(
+            "The loads act at the reflector, not at the cell's tool point: so say the rows."
+        )
     lines += _causes(content)
     if content["verdict"] == "no_gap":
         lines.append("No gap: what is measured cannot be told from noise.")

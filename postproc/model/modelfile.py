@@ -79,12 +79,14 @@ class Registration:
     """Where the measuring device stands and which point of the tool it saw.
 
     ``T_measured_robroot`` (4, 4) [m]: robot root in the measured frame. ``p_flange_point`` (3,)
-    [m]: the reflector in the flange. ``rms`` [m] of the fit, NaN if unknown.
+    [m]: the reflector in the flange. ``rms`` [m] of the fit, NaN if unknown. ``loads_at_point``:
+    the loads of the campaign acted at the reflector, not at the tool point of the cell.
     """
 
     T_measured_robroot: FloatArray
     p_flange_point: FloatArray
     rms: float = float("nan")
+    loads_at_point: bool = False
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -244,14 +246,20 @@ def _registration(text: TomlText) -> Registration | None:
     place = text.source(("registration",))
     if not isinstance(table, dict):
         raise DataError("MOD006", "registration must be a table", place)
-    known = ("robroot_xyz_mm", "robroot_abc_deg", "point_in_flange_mm", "rms_mm")
+    known = ("robroot_xyz_mm", "robroot_abc_deg", "point_in_flange_mm", "rms_mm", "loads_at_point")
     _check_keys(text, ("registration",), known)
     xyz, abc, point = (_vector(text, key) for key in known[:3])
     rms = _numbers(table.get("rms_mm", math.nan))
     if rms is None or rms.shape != ():
         raise DataError("MOD006", "registration.rms_mm: expected one number", place)
+    loads_at_point = table.get("loads_at_point", False)
+    if not isinstance(loads_at_point, bool):
+        raise DataError("MOD006", "registration.loads_at_point: expected true or false", place)
     return Registration(
-        transform_from_kuka(xyz, abc), si("point_in_flange_mm", point), float(rms) * MM
+        transform_from_kuka(xyz, abc),
+        si("point_in_flange_mm", point),
+        float(rms) * MM,
+        loads_at_point,
     )
 
 
@@ -277,6 +285,8 @@ def _registration_table(registration: Registration) -> dict[str, Any]:
     }
     if math.isfinite(registration.rms):
         table["rms_mm"] = round(registration.rms / MM, 9)
+    if registration.loads_at_point:
+        table["loads_at_point"] = True
     return table
 
 

@@ -7,10 +7,11 @@ import pytest
 
 from postproc.frames import apply, rotation_from_abc, transform
 from postproc.gap.diagnose import diagnose
-from postproc.gap.document import model_file
+from postproc.gap.document import document, model_file
 from postproc.gap.predict import predict
 from postproc.gap.problem import pose_problem
-from postproc.model.modelfile import ModelFile
+from postproc.gap.summary import summary
+from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.readers.measurements import read_measurements
 
 REFLECTOR = np.array([0.05, -0.08, 0.1])
@@ -22,9 +23,12 @@ TRACKER = transform(rotation_from_abc(np.array([2.0, 0.3, -0.2])), np.array([3.0
 def loaded(world, tmp_path):
     """Rows of a soft arm that is loaded at the tool point and measured beside it."""
 
-    def make(seed, reflector=REFLECTOR, move=TRACKER, n=150):
+    def make(seed, reflector=REFLECTOR, move=TRACKER, n=150, loads_there=False):
         rng = np.random.default_rng(seed)
         truth = world.Truth(reflector=np.array(reflector))
+        if loads_there:
+            truth.tcp = truth.tcp + world.R_FLANGE @ truth.reflector
+            truth.reflector = np.zeros(3)
         c = 1.0 / (world.K0 * np.array([1.3, 0.8, 1.2, 0.7, 1.1, 0.9]))
         truth.joint.append(lambda data, now: c * world.load_torque(data, now))
         data = world.campaign(rng, n, 0)
@@ -65,3 +69,30 @@ def test_stiffness_of_a_registered_campaign_serves_another_reflector(loaded, kin
     fitted = model_file(finding, None)
     assert predict(there, kinematics, cell, fitted, True).rms < 1.25 * 3.0**0.5 * NOISE
     assert predict(there, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
+
+
+def test_rows_tell_that_the_loads_act_at_the_reflector(loaded, kinematics, cell, tmp_path):
+    rows, model = loaded(5, loads_there=True)
+    assert predict(rows, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
+    problem = pose_problem(rows, kinematics, cell, None, True)
+    finding = diagnose(problem)
+    assert finding.adopted == ("joint_compliance",)
+    assert finding.verdict == "explained"
+    assert document(finding)["registration"]["loads_at"] == "reflector"
+    assert any("act at the reflector" in line for line in summary(document(finding)))
+    path = tmp_path / "model.toml"
+    path.write_bytes(save_model(model_file(finding, None)))
+    kept = load_model(path)
+    assert kept.registration.loads_at_point
+    assert predict(rows, kinematics, cell, kept).rms < 1.1 * 3.0**0.5 * NOISE
+
+
+@pytest.mark.parametrize("seed", range(6, 12))
+def test_loads_stay_at_the_tool_point_without_proof(loaded, kinematics, cell, seed):
+    problem = pose_problem(loaded(seed)[0], kinematics, cell, None, True)
+    assert not problem.registration.loads_at_point
+    # so small a distance cannot be seen, and does not matter
+    near = pose_problem(
+        loaded(seed, reflector=[0.003, 0, 0], loads_there=True)[0], kinematics, cell, None, True
+    )
+    assert not near.registration.loads_at_point
