@@ -39,6 +39,8 @@ _ROOM = 0.5
 """Tool points [m] beyond the measured ones; none is lower than those, there may be a floor."""
 _LATER = 600.0
 """When it will be measured, after the last row [s]."""
+_OF_THE_POSE = ("neighbouring poses", "position", *(f"q{i}" for i in range(1, 7)))
+"""Conditions of the rest that cannot be varied at one pose."""
 _SEED = 17
 
 
@@ -229,8 +231,10 @@ def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
     _, first = np.unique(problem.split.cluster[np.argsort(-size, kind="stable")], return_index=True)
     order = np.argsort(-size, kind="stable")[np.sort(first)]
     rows = problem.samples.rows(order)
-    clearest = finding.tests[0].name if finding.tests else "the pose"
-    sides: list[tuple[float | None, str]] = [(None, f"vary only {clearest}")]
+    clear = [test.name for test in finding.tests if test.p_value < 1e-3]
+    vary = next((name for name in clear if name not in _OF_THE_POSE), "")
+    what = f"vary only {vary}" if vary else "and poses around it"
+    sides: list[tuple[float | None, str]] = [(None, what)]
     if not rows.has("direction"):
         sides = [(side, f"from both sides: approach {side:+.0f}") for side in (1.0, -1.0)]
     good = np.ones(len(rows), dtype=bool)
@@ -240,6 +244,7 @@ def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
     found = []
     for side, what in sides:
         moved = rows if side is None else _approached(rows, side)
+        moved = moved if vary == "temperature" else _as_it_is(moved)
         found += _poses(finding, moved, f"largest unexplained rest; measure again, {what}")
     return [pose for k in range(len(rows)) for pose in found[k :: len(rows)]]
 
@@ -251,6 +256,13 @@ def _from(rows: Samples, side: float | None) -> FloatArray:
 
 def _approached(rows: Samples, side: float) -> Samples:
     return replace(rows, direction=np.full(rows.q.shape, side))
+
+
+def _as_it_is(rows: Samples) -> Samples:
+    """Return rows to be measured at whatever temperature the arm has."""
+    if rows.temperature is None:
+        return rows
+    return replace(rows, temperature=np.full(len(rows), rows.temperature[-1]))
 
 
 def _far(block: Block, pool: Samples) -> FloatArray:

@@ -299,6 +299,21 @@ def test_play_that_nobody_logged_is_asked_for_from_both_sides(world, cell, tmp_p
     assert all(sorted(both) == [-1.0, 1.0] for both in sides.values())
 
 
+def test_where_the_rest_is_largest_is_measured_again(world, cell, tmp_path):
+    campaign = Campaign(world, 43, "step", 1.0)
+    rows = read_measurements(campaign.write(tmp_path / "rows.csv"))
+    finding = diagnose(pose_problem(rows, build(cell.robot), cell))
+    assert finding.verdict == "unexplained"
+    poses = [pose for pose in next_poses(finding, Reach()) if not pose.separations]
+    assert poses
+    size = np.linalg.norm(finding.residual, axis=1)
+    for pose in poses:
+        same = np.abs(rows.q - pose.q).max(axis=1) < 1e-9
+        assert size[same].max() > np.median(size)
+        assert pose.temperature is None
+        assert not [name for name in ("position", "neighbouring", "q2") if name in pose.why]
+
+
 def test_nothing_is_asked_where_nothing_is_in_doubt(world, cell, tmp_path):
     campaign = Campaign(world, 61, "backlash", 1.0)
     rows = read_measurements(campaign.write(tmp_path / "rows.csv"))
