@@ -224,7 +224,8 @@ def _separations(duels: list[_Duel]) -> dict[str, float]:
 def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
     """Return the poses with the largest unexplained rest, one a cluster, to be measured again.
 
-    Where nobody logged the approach, from both sides: play in the gears is then seen at once.
+    Where the rest follows the approach, or nobody logged it, from both sides: play in the gears is
+    then seen at once.
     """
     problem = finding.problem
     size = np.linalg.norm(finding.residual, axis=1) * finding.kept
@@ -235,7 +236,7 @@ def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
     vary = next((name for name in clear if name not in _OF_THE_POSE), "")
     what = f"vary only {vary}" if vary else "and poses around it"
     sides: list[tuple[float | None, str]] = [(None, what)]
-    if not rows.has("direction"):
+    if vary == "approach" or not rows.has("direction"):
         sides = [(side, f"from both sides: approach {side:+.0f}") for side in (1.0, -1.0)]
     good = np.ones(len(rows), dtype=bool)
     for side, _ in sides:
