@@ -106,12 +106,14 @@ class Placement:
             attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
             lift: (m,) or one for all.
         """
-        axis = self.axis_base(tags)
-        tilts = self.tilts(tags, attitude)
-        if tilts.any():
-            axis = np.einsum("mij,mj->mi", rotation_from_vector(tilts), axis)
-        away = -axis * np.asarray(lift, dtype=np.float64)[..., None]
-        return transform(self.rotation(tags, attitude), self.p_base_tcp[tags] + away)
+        R, p = self.rotation(tags, attitude), self.p_base_tcp[tags]
+        if np.any(lift):
+            axis = self.axis_base(tags)
+            tilts = self.tilts(tags, attitude)
+            if tilts.any():
+                axis = np.einsum("mij,mj->mi", rotation_from_vector(tilts), axis)
+            p = p - axis * np.asarray(lift, dtype=np.float64)[..., None]
+        return transform(R, p)
 
     def flange(self, T_base_tcp: FloatArray) -> FloatArray:
         """Return T_robroot_flange (m, 4, 4) of TCP poses in the workpiece frame."""

@@ -54,12 +54,16 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     names = problem.toolpath.tag_name
     free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
     room = _room(problem, grid, free)
+    known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
     for _ in range(_REVERTS):
         course = _slowed(problem, refine(problem, grid, room), room)
-        bad = _failing(checker, course, np.asarray(room.free.any(axis=1)))
+        passed &= (course.attitude == known.attitude).all(axis=1)
+        passed &= (course.q == known.q).all(axis=1)
+        bad = _failing(checker, course, np.asarray(room.free.any(axis=1)), passed)
         if not bad.any():
             break
         room.free &= ~bad[:, None]
+        known, passed = course, ~bad
     else:
         course = grid
     attitude, q = chosen.attitude.copy(), chosen.q.copy()
@@ -115,9 +119,13 @@ def _feed_times(problem: Problem, course: Course) -> FloatArray:
     return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
 
 
-def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
-    """Return (n,) the tags of a course that fail, by themselves or by a cut into or out of them."""
-    moved = np.nonzero(free)[0]
+def _failing(checker: Checker, course: Course, free: BoolArray, passed: BoolArray) -> BoolArray:
+    """Return (n,) the tags of a course that fail, by themselves or by a cut into or out of them.
+
+    ``free`` (n,): tags that may have been moved off the grid; ``passed`` (n,): tags that stand as
+    they did when they were found good, as were the cuts between two of them.
+    """
+    moved = np.nonzero(free & ~passed)[0]
     bad = np.zeros(len(course.tags), dtype=np.bool_)
     verdict = checker.states(
         course.tags[moved], course.q[moved], course.attitude[moved], course.branch[moved]
@@ -126,7 +134,7 @@ def _failing(checker: Checker, course: Course, free: BoolArray) -> BoolArray:
     rule = step_rules(checker.problem)[course.tags]
     b = np.nonzero((rule == Rule.CHAIN) & (course.weight > 0.0))[0]
     b = b[(b > 0)]
-    b = b[free[b] | free[b - 1]]
+    b = b[(free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])]
     if len(b):
         a = b - 1
         verdict = check_chain(

@@ -10,9 +10,11 @@ import pytest
 from postproc.collision.scene import Scene
 from postproc.model.cell import MeshPlacement
 from postproc.model.toolpath import Cycle, MotionKind
+from postproc.planning import strategy
 from postproc.planning.feasible import Checker
 from postproc.planning.hunt import Hunt
 from postproc.planning.planner import problem_of
+from postproc.planning.refine import Course
 from postproc.planning.settings import PlanOptions, settle
 from postproc.planning.stroke import strokes_of
 from postproc.units import DEG
@@ -59,3 +61,42 @@ def test_lazy_equals_eager(make_cell, make_path, seed):
     assert np.array_equal(lazy.ladder.broken, eager.ladder.broken)
     if bad.any():
         assert found.checked <= len(every)
+
+
+def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
+    """Poses put back on the grid move their neighbours: what was found good may not be any more."""
+    check, rounds = strategy._failing, []
+    monkeypatch.setattr(
+        strategy, "_failing", lambda *given: rounds.append(len(rounds)) or check(*given)
+    )
+    repeated = 0
+    for seed in range(0, 50, 3):
+        checker = crowded(make_cell, make_path, seed)
+        rounds.clear()
+        chosen = strategy.choose(checker, lambda *_: None)[0]
+        good = np.nonzero(chosen.good)[0]
+        again = checker.states(good, chosen.q[good], chosen.attitude[good], chosen.branch[good])
+        assert again.good.all()
+        repeated += len(rounds) > 1
+    assert repeated > 0
+
+
+def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_path):
+    checker = crowded(make_cell, make_path, 3)
+    hunt = Hunt.of(checker, np.arange(5), each=False)
+    every = np.arange(len(hunt.states.q))
+    bad = every[~hunt.check_states(every)]
+    tags = hunt.states.tag_of(bad)
+    first = bad[np.unique(tags, return_index=True)[1]]
+    tags = hunt.states.tag_of(first)
+    assert len(tags) > 2
+    course = Course(
+        tags,
+        hunt.states.attitude_of(first),
+        hunt.states.branch[first].astype(np.int64),
+        hunt.states.q[first].astype(np.float64),
+        np.zeros(len(tags)),
+    )
+    passed = np.arange(len(tags)) % 2 == 0
+    free = np.ones(len(tags), dtype=np.bool_)
+    assert np.array_equal(strategy._failing(checker, course, free, passed), ~passed)
