@@ -232,7 +232,7 @@ class Checker:
         q = lines.q_from[row] + share[:, None] * (lines.q_to - lines.q_from)[row]
         if inner.any():
             which = row[inner]
-            T = _poses(lines, which, share[inner])
+            T = poses_between(lines, which, share[inner])
             solved, reached = self.problem.solve(T, lines.branch[which], q[inner])
             verdict.refuse(which[~reached], Reason.UNREACHABLE)
             solved = np.where(reached[:, None], solved, q[inner])
@@ -306,7 +306,8 @@ def _bulge(row: IndexArray, q: FloatArray) -> FloatArray:
     return bulge
 
 
-def _poses(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
+def poses_between(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
+    """Return T_base_tcp (k, 4, 4) at ``share`` (k,) of motions ``row`` (k,)."""
     T_a, T_b = lines.T_from[row], lines.T_to[row]
     if lines.sweep is None or lines.centre is None or lines.normal is None:
         return line_poses(T_a, T_b, share)

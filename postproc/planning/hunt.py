@@ -11,7 +11,7 @@ from postproc.model.toolpath import MotionKind
 from postproc.planning.candidates import States, sample
 from postproc.planning.costs import TRAVEL_UNIT
 from postproc.planning.explain import Evidence
-from postproc.planning.feasible import Checker, Lines, Reason, Verdict
+from postproc.planning.feasible import Checker, Lines, Reason, Verdict, poses_between
 from postproc.planning.ladder import NONE, IndexArray, Ladder, Rule
 from postproc.planning.moves import Chosen
 from postproc.planning.problem import Problem
@@ -28,6 +28,10 @@ _WIDEST = 8
 """How many spins and tags around a failing pose are looked at, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
+_NARROW = 3
+"""How often steps into a tag may fail before those between other tilts are looked at too."""
+_LOOKS = np.arange(1.0, 8.0) / 8.0
+"""Where on a cut the tilt of the tool is looked at."""
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -68,6 +72,7 @@ class Hunt:
     stroked: BoolArray
     step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
     cells: IndexArray | None = None
+    fanned: dict[int, int] = field(default_factory=dict)
 
     @classmethod
     def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> Hunt:
@@ -124,9 +129,13 @@ class Hunt:
         return np.asarray(self.reason[states] == Reason.NONE)
 
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
-        """Return whether steps (m,) can be run as CP motions; joint moves always can."""
+        """Return whether steps (m,) can be run as CP motions; joint moves always can.
+
+        Between tags that do not follow each other it is for others to say what lies between.
+        """
         rungs = self.states.tag_of(after)
-        chain = np.nonzero(self.ladder.rule[rungs] == Rule.CHAIN)[0]
+        follows = self.tags[rungs] == self.tags[np.maximum(rungs - 1, 0)] + 1
+        chain = np.nonzero((self.ladder.rule[rungs] == Rule.CHAIN) & follows)[0]
         good = np.ones(len(after), dtype=np.bool_)
         if not len(chain):
             return good
@@ -230,28 +239,31 @@ class Hunt:
     def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Return the steps that leave or enter the same states as failing ones.
 
-        In their branch, and to or from the tilt that the failing step has.
+        In their branch; at first those with the tilt of the failing step, where that is not enough
+        (``_NARROW``) those with any.
         """
         more: set[tuple[int, int]] = set()
         for a, b in steps:
             rung = int(self.states.tag_of(np.array([b]))[0])
+            self.fanned[rung] = self.fanned.get(rung, 0) + 1
             before = np.arange(self.states.offsets[rung - 1], self.states.offsets[rung])
             now = np.arange(self.states.offsets[rung], self.states.offsets[rung + 1])
             branch = self.states.branch[a]
-            for state in now[self._open(now, branch, a, b)].tolist():
+            narrow = self.fanned[rung] <= _NARROW
+            for state in now[self._open(now, branch, a, b if narrow else None)].tolist():
                 more.add((a, state))
-            for state in before[self._open(before, branch, b, a)].tolist():
+            for state in before[self._open(before, branch, b, a if narrow else None)].tolist():
                 more.add((state, b))
         return sorted(more - set(steps))
 
-    def _open(self, states: IndexArray, branch: int, end: int, like: int) -> BoolArray:
-        """Return which states a step with ``end`` may join, of the same tilt as ``like``."""
+    def _open(self, states: IndexArray, branch: int, end: int, like: int | None) -> BoolArray:
+        """Return which states a step with ``end`` may join, of the tilt of ``like`` if given."""
         near = np.abs(self.states.q[states] - self.states.q[end]).max(axis=1) <= np.pi
         near &= np.isfinite(self.ladder.cost[states])
-        tilt = self.states.column // self.states.spins.shape[-1]
-        return np.asarray(
-            near & (self.states.branch[states] == branch) & (tilt[states] == tilt[like])
-        )
+        if like is not None:
+            turns = self.states.spins.shape[-1]
+            near &= self.states.column[states] // turns == self.states.column[like] // turns
+        return np.asarray(near & (self.states.branch[states] == branch))
 
     def _cell(self, states: IndexArray) -> IndexArray:
         column = self.states.column[states].astype(np.int64)
@@ -344,13 +356,19 @@ def _strays(
     if not tilted.any():
         return stray
     lines.tilts = tilts[0], tilts[1]
-    rows = np.flatnonzero(tilted if lines.sweep is None else tilted & (lines.sweep == 0.0))
-    ends = tags[0][rows], tags[1][rows]
+    rows, k = np.flatnonzero(tilted), len(_LOOKS)
+    T = poses_between(lines, np.repeat(rows, k), np.tile(_LOOKS, len(rows)))
+    axis = -(T[:, :3, :3] @ place.tool_axis).reshape(len(rows), k, 3)
+    around = np.zeros((len(rows), 3))
+    if lines.normal is not None and lines.sweep is not None:
+        around = lines.normal[rows] * lines.sweep[rows, None]
+    first, last = tags[0][rows], tags[1][rows]
     stray[rows] = strays(
-        (lines.T_from[rows, :3, :3], lines.T_to[rows, :3, :3]),
-        (-place.axis_base(ends[0]), -place.axis_base(ends[1])),
-        (place.feed[ends[0]], place.feed[ends[1]]),
-        place.tool_axis,
+        axis,
+        _LOOKS,
+        (-place.axis_base(first), -place.axis_base(last)),
+        (place.feed[first], place.feed[last]),
+        around,
         problem.settings.tilt,
     )
     return stray

@@ -26,8 +26,8 @@ from postproc.errors import Issue, Severity
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.planning.candidates import evaluate
 from postproc.planning.costs import TRAVEL_UNIT
-from postproc.planning.explain import explained
-from postproc.planning.feasible import Checker
+from postproc.planning.explain import explained, failure
+from postproc.planning.feasible import Checker, Reason
 from postproc.planning.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
 from postproc.planning.keytags import arc_length, key_tags, stretches
 from postproc.planning.ladder import NONE, IndexArray, Rule
@@ -63,7 +63,7 @@ def smooth(
         tags = np.nonzero(keys)[0]
         released |= round_ >= _FREE
         hunt = _hunt(checker, tags, np.where(released, np.nan, best))
-        found = hunt.run(steps=False)
+        found = hunt.run()
         key = hunt.chosen(found)
         chosen, failing = _filled(checker, key, tags, last=round_ == _ROUNDS - 1)
         loss = _loss(problem, chosen, best)
@@ -86,6 +86,7 @@ def smooth(
         "travel_rad2": travel(chosen),
     }
     issues = [*explained(checker, hunt.evidence(key)), _report(problem, loss, tags)]
+    issues += _given_up(problem, chosen, issues)
     if len(tags) > first_keys:
         record["key_tags_added"] = len(tags) - first_keys
     return chosen, issues, record
@@ -287,6 +288,15 @@ def _more_keys(
         elif failing[b] and b > a + 1:
             added[(a + b) // 2] = True
     return added & ~keys
+
+
+def _given_up(problem: Problem, chosen: Chosen, issues: list[Issue]) -> list[Issue]:
+    """Return a finding for every tag without a pose that none of ``issues`` is about."""
+    said = {issue.tag_index for issue in issues}
+    lost = [tag for tag in np.flatnonzero(~chosen.good).tolist() if tag not in said]
+    detail = "the pose between two key tags, or the cut to it, cannot be run"
+    hint = 'strategies "global" and "each" look for a pose of this tag'
+    return [failure(problem, tag, Reason.SINGULAR, detail, hint) for tag in lost]
 
 
 def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:

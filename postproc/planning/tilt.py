@@ -9,10 +9,10 @@ import itertools
 
 import numpy as np
 
+from postproc.frames import rotation_from_vector
 from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.tilt import PLUNGING, SHARPEST, TiltRange
 from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.planning.motion import turned_between
 from postproc.units import DEG
 
 UPRIGHT: FloatArray = np.zeros((1, 2))
@@ -25,7 +25,6 @@ MOST_COLUMNS = 2000
 """Most turns times tilts at a tag: 32 arm configurations each must fit into one rung."""
 MOST_POSES = 1_000_000
 """Most turns times tilts of all tags that tilt, unless the coarsest grid has more."""
-_SHARES = np.arange(1.0, 6.0) / 6.0
 _CUTS = (MotionKind.LINEAR, MotionKind.ARC)
 
 
@@ -116,36 +115,37 @@ def lead_and_side(axis: FloatArray, holder: FloatArray, feed: FloatArray) -> Flo
 
 
 def strays(
-    R: tuple[FloatArray, FloatArray],
+    axis: FloatArray,
+    share: FloatArray,
     holder: tuple[FloatArray, FloatArray],
     feed: tuple[FloatArray, FloatArray],
-    tool_axis: FloatArray,
+    around: FloatArray,
     allowed: TiltRange,
 ) -> BoolArray:
-    """Return (m,) the lines on whose way the tool axis leaves the allowed tilt by ``BETWEEN``.
+    """Return (m,) the cuts on whose way the tool axis leaves the allowed tilt by ``BETWEEN``.
 
     Args:
-        R: orientations (m, 3, 3) at the two ends; the controller turns about one axis.
-        holder: (m, 3) CAM axes there, to the holder.
+        axis: (m, k, 3) tool axes on the way, to the holder.
+        share: (k,) where.
+        holder: (m, 3) CAM axes at the two ends, to the holder.
         feed: (m, 3) feed directions there; where one is NaN that of the other end counts.
-        tool_axis: (3,) TCP axes, out of the tool.
+        around: (m, 3) by what the feed direction goes round, axis times sweep; 0 for a line.
         allowed: lead and side tilt.
     """
-    starts, ends = (np.where(np.isfinite(a), a, b) for a, b in (feed, feed[::-1]))
-    m, k = len(starts), len(_SHARES)
-    row, share = np.repeat(np.arange(m), k), np.tile(_SHARES, m)
-    axis = -(turned_between(R[0][row], R[1][row], share) @ tool_axis)
-    middle = _between(holder[0][row], holder[1][row], share)
-    found = lead_and_side(axis, middle, _between(starts[row], ends[row], share))
+    last = np.einsum("mij,mj->mi", rotation_from_vector(-around), feed[1])
+    starts, ends = (np.where(np.isfinite(a), a, b) for a, b in ((feed[0], last), (last, feed[0])))
+    turned = rotation_from_vector(share[:, None] * around[:, None])
+    ahead = np.einsum("mkij,mkj->mki", turned, _between(starts, ends, share))
+    found = lead_and_side(axis, _between(*holder, share), ahead)
     low = np.array([allowed.lead[0], allowed.side[0]]) - BETWEEN
     high = np.array([allowed.lead[1], allowed.side[1]]) + BETWEEN
-    outside = ~((found >= low) & (found <= high)).all(axis=1)
-    return np.asarray(outside.reshape(m, k).any(axis=1))
+    return np.asarray(~((found >= low) & (found <= high)).all(axis=(1, 2)))
 
 
 def _between(a: FloatArray, b: FloatArray, share: FloatArray) -> FloatArray:
-    mixed = a + share[:, None] * (b - a)
-    unit: FloatArray = mixed / np.maximum(np.linalg.norm(mixed, axis=1, keepdims=True), 1e-12)
+    """Return unit vectors (m, k, 3) from a (m, 3) to b (m, 3)."""
+    mixed = a[:, None] + share[:, None] * (b - a)[:, None]
+    unit: FloatArray = mixed / np.maximum(np.linalg.norm(mixed, axis=2, keepdims=True), 1e-12)
     return unit
 
 
