@@ -16,8 +16,9 @@ from postproc.kinematics.singular import wrist_distance
 from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 from postproc.model.arrays import FloatArray
 from postproc.model.cell import Cell, Provenance
+from postproc.model.tilt import TiltRange
 from postproc.model.tomltext import Location, TomlText, load_toml
-from postproc.planning.costs import weights_of
+from postproc.planning.settings import PlanOptions, settle
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _SOFTEST_USUAL = 1e4
@@ -180,14 +181,21 @@ def _home(context: _Context) -> Iterator[Issue]:
 def _options(context: _Context) -> Iterator[Issue]:
     cell = context.cell
     try:
-        weights = weights_of(cell)
+        _, settings = settle(cell, PlanOptions())
     except CellError as problem:
-        yield context.issue(Severity.ERROR, problem.code, problem.message, "optimize", "objective")
+        key = "step_deg" if problem.code == "PLN207" else "objective"
+        yield context.issue(Severity.ERROR, problem.code, problem.message, "optimize", key)
     else:
-        asked = {name for name, _, _ in weights.states}
+        asked = {name for name, _, _ in settings.weights.states}
         if "process" in asked and not cell.process.wrench_tcp[:3].any():
             text = "objective process needs a force: force_N is zero"
             yield context.issue(Severity.ERROR, "CEL115", text, "optimize", "objective")
+    if tilt := TiltRange.of(cell):
+        lead, side = (
+            f"{low / DEG:g} to {high / DEG:g} deg" for low, high in (tilt.lead, tilt.side)
+        )
+        text = f"milling may tilt the tool axis: lead {lead}, side tilt {side}"
+        yield context.issue(Severity.NOTE, "CEL119", text, "optimize")
     if np.isnan(cell.motion.feed):
         text = "no feed_mm_min: CAM data without a feed are refused"
         yield context.issue(Severity.NOTE, "CEL116", text, "motion")

@@ -165,3 +165,15 @@ def test_keys_are_checked(job, run, tmp_path):
         assert code == 2
         assert "CEL004" in errors
         assert words in errors
+
+
+def test_check_says_what_is_allowed(job, run):
+    code, answer, _ = run("check", job(TILT), "--json")
+    assert code == 0
+    notes = {item["code"]: item["text"] for item in answer["findings"]}
+    assert notes["CEL119"].endswith("lead 0 to 0 deg, side tilt 0 to 12 deg")
+    fine = job("lead_deg = [-5, 5]").read_text().replace("step_deg = 15", "step_deg = 0.5")
+    (cell := job("")).write_text(fine)
+    code, answer, _ = run("check", cell, "--json")
+    assert code == 1
+    assert "PLN207" in {item["code"] for item in answer["findings"]}

@@ -128,3 +128,24 @@ def test_empty_and_single_rungs():
     ladder.solve()
     assert ladder.path().tolist() == [0, NONE, 1]
     assert ladder.broken.tolist() == [True, True, True]
+
+
+@pytest.mark.parametrize("wide", [1, 7, 60])
+@pytest.mark.parametrize("seed", range(10))
+def test_wide_rungs_in_blocks_give_the_same(monkeypatch, seed, wide):
+    rng = np.random.default_rng(seed)
+    whole = random_ladder(rng, rungs=20, most=25, least=1)
+    blocks = Ladder(
+        whole.offsets, whole.position, whole.cost, whole.group, whole.rule, whole.weight
+    )
+    steps = [(int(whole.offsets[i]), int(whole.offsets[i + 1])) for i in range(3, 15)]
+    paths = []
+    for ladder, largest in ((whole, 10**9), (blocks, wide)):
+        monkeypatch.setattr("postproc.planning.ladder.WIDE", largest)
+        ladder.solve()
+        ladder.forbid(steps)
+        ladder.remove(ladder.path()[4:5])
+        paths.append(ladder.path())
+    assert np.array_equal(*paths)
+    assert np.array_equal(whole.broken, blocks.broken)
+    assert whole.total(paths[0]) == pytest.approx(blocks.total(paths[1]), abs=1e-12)
