@@ -135,7 +135,8 @@ class Hunt:
         """
         rungs = self.states.tag_of(after)
         follows = self.tags[rungs] == self.tags[np.maximum(rungs - 1, 0)] + 1
-        chain = np.nonzero((self.ladder.rule[rungs] == Rule.CHAIN) & follows)[0]
+        is_cut = step_rules(self.checker.problem)[self.tags[rungs]] == Rule.CHAIN
+        chain = np.nonzero(is_cut & (self.ladder.rule[rungs] == Rule.CHAIN) & follows)[0]
         good = np.ones(len(after), dtype=np.bool_)
         if not len(chain):
             return good

@@ -15,6 +15,7 @@ import pytest
 from postproc.frames import rotation_x, transform
 from postproc.model.cell import Limits, Tool
 from postproc.model.toolpath import MotionKind
+from postproc.planning.feasible import Reason
 from postproc.planning.keytags import key_tags, stretches
 from postproc.planning.planner import PlanOptions, plan
 from postproc.planning.settings import settle
@@ -144,3 +145,24 @@ def test_which_tags_are_key(make_cell, make_path):
     assert {5, 6} <= set(np.nonzero(key_tags(split, settings))[0].tolist())
     kind[7] = MotionKind.RAPID
     assert stretches(replace(toolpath, kind=kind)).tolist() == [0] * 7 + [1] * 8
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_no_tag_is_given_up_in_silence(make_cell, make_path, monkeypatch):
+    """Where a cut between key tags cannot be run, its tag fails; it is not left out."""
+    import postproc.planning.smooth as module
+
+    real = module.check_chain
+
+    def refusing(checker, tags, attitudes, joints, branch):
+        verdict = real(checker, tags, attitudes, joints, branch)
+        verdict.refuse(np.flatnonzero(tags[1] == 3), Reason.SINGULAR)
+        return verdict
+
+    monkeypatch.setattr(module, "check_chain", refusing)
+    points = np.stack([np.full(6, 1.9), np.linspace(-0.1, 0.1, 6), np.ones(6)], axis=1)
+    cell = make_cell(optimize={"strategy": "smooth"})
+    result = plan(make_path(points, [-1.0, 0.0, 0.0]), cell)
+    missing = set(range(6)) - set(result.tag.tolist())
+    assert missing == {3}
+    assert [issue.tag_index for issue in result.errors] == [3]
