@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.choice import Bench
+from postproc.gap.bench import Bench
 from postproc.gap.dataset import Rows, Samples
 from postproc.gap.linear import Gram
 from postproc.model.arrays import FloatArray, IntArray

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.choice import Bench, Choice
+from postproc.gap.bench import Bench
+from postproc.gap.choice import Choice
 from postproc.gap.fit import Fit
 from postproc.gap.linear import Gram, block_of
 from postproc.gap.problem import Problem

@@ -8,7 +8,7 @@ give way by more than the noise.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,15 +16,16 @@ from postproc.gap.dataset import Samples
 from postproc.gap.effect import REGISTRY
 from postproc.gap.registration import in_robroot, register
 from postproc.gap.robot_model import States, columns, evaluate
-from postproc.model.arrays import FloatArray
+from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.modelfile import Registration
 
 NEAR = 5e-3
 """A reflector within this [m] of the tool point makes no difference worth asking for."""
 SURE = 6.0
 """Nats that the reflector has to be ahead: without proof it is the tool point."""
-_RIDGE = 1e-6
 _FAULT = 4.0
+_MAD_OF_CHI3 = 1.538
+_FRAMES = ("base_frame", "tool_frame")
 
 
 def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Registration:
@@ -45,30 +46,59 @@ def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Re
         return first
     at_point = _with_load_at(samples, place)
     y = in_robroot(first, measured)
-    left = [_left(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
+    models = [_Library.of(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
+    left = [model.left(1e-5) for model in models]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
-    square = [float(np.sum(size[sound] ** 2)) for size in left]
-    if 1.5 * int(sound.sum()) * np.log(square[0] / max(square[1], 1e-30)) < SURE:
+    sigma = min(float(np.median(size[sound])) for size in left) / _MAD_OF_CHI3
+    here, there = (model.evidence(max(sigma, 1e-6), sound) for model in models)
+    if there < here + SURE:
         return first
     return replace(register(at_point, measured, given), loads_at_point=True)
 
 
-def _left(samples: Samples, y: FloatArray, given: States) -> FloatArray:
-    """Return what all effects of the library together leave of each row (n,) [m]."""
-    point, actual = evaluate(samples, given)
-    parts = []
-    for name, effect in REGISTRY:
-        if effect.kind == "suspect" or not all(samples.has(column) for column in effect.needs):
-            continue
-        setting = given[name].setting if name in given else effect.prepare(samples)
-        typical = np.array([p.typical for p in effect.parameters(samples.arm, setting)])
-        parts.append(columns(actual, effect.basis(actual, setting)) * typical)
-    A = np.concatenate(parts, axis=2)
-    flat = A.reshape(-1, A.shape[2])
-    H = flat.T @ flat
-    H += _RIDGE * float(np.trace(H)) / len(H) * np.eye(len(H))
-    theta = np.linalg.solve(H, flat.T @ (y - point).ravel())
-    return np.asarray(np.linalg.norm(y - point - A @ theta, axis=1))
+@dataclass(frozen=True, slots=True)
+class _Library:
+    """Gap y (n, 3) [m] and the columns (n, 3, p) of the effects of the library, by name."""
+
+    y: FloatArray
+    columns: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, samples: Samples, y: FloatArray, given: States) -> _Library:
+        point, actual = evaluate(samples, given)
+        parts = {}
+        for name, effect in REGISTRY:
+            if effect.kind == "suspect" or not all(samples.has(c) for c in effect.needs):
+                continue
+            setting = given[name].setting if name in given else effect.prepare(samples)
+            typical = np.array([p.typical for p in effect.parameters(samples.arm, setting)])
+            parts[name] = columns(actual, effect.basis(actual, setting)) * typical
+        return cls(y - point, parts)
+
+    def left(self, sigma: float) -> FloatArray:
+        """Return what the most probable numbers leave of each row (n,) [m], noise sigma [m]."""
+        A = np.concatenate(list(self.columns.values()), axis=2)
+        flat = A.reshape(-1, A.shape[2])
+        H = flat.T @ flat + sigma**2 * np.eye(flat.shape[1])
+        theta = np.linalg.solve(H, flat.T @ self.y.ravel())
+        return np.asarray(np.linalg.norm(self.y - A @ theta, axis=1))
+
+    def evidence(self, sigma: float, sound: BoolArray) -> float:
+        """Return the log evidence [nats] on some rows, of what is the simplest that will do.
+
+        The frames alone, with a give under the loads, or everything: a place that is right needs
+        little beside it, a wrong one much.
+        """
+        ladders = (_FRAMES, (*_FRAMES, "joint_compliance"), tuple(self.columns))
+        return max(self._evidence(names, sigma, sound) for names in ladders)
+
+    def _evidence(self, names: tuple[str, ...], sigma: float, sound: BoolArray) -> float:
+        A = np.concatenate([self.columns[name] for name in names], axis=2)
+        flat = A[sound].reshape(-1, A.shape[2]) / sigma
+        y = self.y[sound].ravel() / sigma
+        L = np.linalg.cholesky(flat.T @ flat + np.eye(flat.shape[1]))
+        z = np.linalg.solve(L, flat.T @ y)
+        return float(0.5 * (z @ z - y @ y) - np.sum(np.log(np.diag(L))))
 
 
 def _with_load_at(samples: Samples, place: FloatArray) -> Samples:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from postproc.frames import apply
@@ -32,11 +34,11 @@ def load_moment(samples: Samples, at: FloatArray) -> FloatArray:
     return np.asarray(np.cross(samples.load_point - at, wrench[:, :3]) + wrench[:, 3:])
 
 
-def weight_moment(samples: Samples, at: FloatArray, beyond: int) -> FloatArray:
-    """Return (n, 3) moment about points (n, 3) of the weight of the links after ``beyond``."""
+def weight_moment(samples: Samples, at: FloatArray, links: Iterable[int]) -> FloatArray:
+    """Return (n, 3) moment about points (n, 3) of the weight of some links [N*m]."""
     reference = samples.arm.reference
     moment = np.zeros((len(samples), 3))
-    for link in range(max(beyond, 1), 7):
+    for link in links:
         com = apply(samples.frames[:, link], reference.link_com[link - 1])
         moment += np.cross(com - at, reference.link_mass[link - 1] * reference.gravity)
     return moment

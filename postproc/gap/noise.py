@@ -37,14 +37,27 @@ class Noise:
         return self.freedom >= 9
 
 
-def repeats(samples: Samples, y: FloatArray, usable: BoolArray | None = None) -> Noise:
+def repeats(
+    samples: Samples,
+    y: FloatArray,
+    usable: BoolArray | None = None,
+    hat_root: FloatArray | None = None,
+) -> Noise:
     """Return the noise of rows that were measured again under the same conditions.
 
     A repeat from another side, at another load, speed or temperature (by more than 0.3 K) is not
     pure and does not count. A group whose spread is far beyond the usual one holds a fault and is
     judged by its median spread.
+
+    Args:
+        samples: rows.
+        y: (n, 3) gap [m].
+        usable: (n,) rows that are no faults.
+        hat_root: (n, 3, p) of the fit whose residuals ``y`` are. Then other temperatures count
+            too, which the fit of temperature and time has taken out, and what that fit took of
+            the differences between repeats is no freedom of theirs.
     """
-    keys = _conditions(samples)
+    keys = _conditions(samples, hat_root is not None)
     groups: dict[bytes, list[int]] = {}
     for row, key in enumerate(keys):
         if usable is None or usable[row]:
@@ -55,7 +68,7 @@ def repeats(samples: Samples, y: FloatArray, usable: BoolArray | None = None) ->
             values = y[rows]
             square = float(np.sum((values - values.mean(axis=0)) ** 2))
             sums.append(square)
-            freedom.append(3 * (len(rows) - 1))
+            freedom.append(3.0 * (len(rows) - 1) - _taken(hat_root, rows))
             spread.append(square / freedom[-1])
     if not sums:
         return Noise(float("nan"), 0, 0)
@@ -63,10 +76,18 @@ def repeats(samples: Samples, y: FloatArray, usable: BoolArray | None = None) ->
     kept = [k for k, value in enumerate(spread) if value <= limit]
     total = sum(freedom[k] for k in kept)
     sigma = float(np.sqrt(sum(sums[k] for k in kept) / total))
-    return Noise(sigma, total, total // 3)
+    return Noise(sigma, int(total), int(total) // 3)
 
 
-def _conditions(samples: Samples) -> FloatArray:
+def _taken(hat_root: FloatArray | None, rows: Sequence[int]) -> float:
+    """Return the degrees of freedom that a fit took of the differences between some rows."""
+    if hat_root is None:
+        return 0.0
+    part = hat_root[rows]
+    return float(np.sum((part - part.mean(axis=0)) ** 2))
+
+
+def _conditions(samples: Samples, warm: bool) -> FloatArray:
     """Return one rounded row of conditions per measurement."""
     parts = [np.round(samples.q / _SAME_POSE)]
     if samples.direction is not None:
@@ -75,7 +96,7 @@ def _conditions(samples: Samples) -> FloatArray:
         parts.append(np.round(samples.wrench / 5.0))
     if samples.qd is not None:
         parts.append(np.round(samples.qd / (0.1 * DEG)))
-    if samples.temperature is not None:
+    if samples.temperature is not None and not warm:
         parts.append(np.round(samples.temperature[:, None] / 0.3))
     return np.ascontiguousarray(np.concatenate(parts, axis=1) + 0.0)
 
@@ -84,11 +105,14 @@ def _conditions(samples: Samples) -> FloatArray:
 class Saturated:
     """What is left when everything known and suspected is fitted at once.
 
-    residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; sigma [m] per
+    residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; raw: (n, 3) [m]
+    as the fit leaves it; hat_root: (n, 3, p) whose products are the hat matrix; sigma [m] per
     axis; freedom: degrees of freedom left; outlier: (n,) rows that are faults.
     """
 
     residual: FloatArray
+    raw: FloatArray
+    hat_root: FloatArray
     sigma: float
     freedom: float
     outlier: BoolArray
@@ -109,13 +133,14 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
     n = len(y)
     X = np.concatenate([block.X for block in blocks], axis=2)
     use = np.ones(n, dtype=bool)
-    result = Saturated(y, sigma, 3.0 * n, ~use)
+    result = Saturated(y, y, X[:, :, :0], sigma, 3.0 * n, ~use)
     for _ in range(rounds):
         A = X[use].reshape(-1, X.shape[2])
         inverse = np.linalg.inv(A.T @ A + sigma**2 * np.eye(X.shape[2]))
         theta = inverse @ (A.T @ y[use].ravel())
         raw = y - X @ theta
-        hat = np.einsum("nip,pq,njq->nij", X, inverse, X, optimize=True)
+        root = X @ np.linalg.cholesky(inverse)
+        hat = np.einsum("nip,njp->nij", root, root)
         freedom = 3.0 * use.sum() - float(np.einsum("nii->", hat[use]))
         free = np.eye(3) - hat * use[:, None, None]
         free[~use] = np.eye(3) + hat[~use]
@@ -127,7 +152,7 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
         bad = norm > limit
         if bad.sum() > _MOST_OUTLIERS * n:
             bad = norm > np.sort(norm)[-int(_MOST_OUTLIERS * n) - 1]
-        result = Saturated(out, new_sigma, freedom, bad)
+        result = Saturated(out, raw, root, new_sigma, freedom, bad)
         settled = bool(np.array_equal(bad, ~use)) and abs(new_sigma / sigma - 1.0) < 0.02
         use, sigma = ~bad, new_sigma
         if settled:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.linear import Gram
+from postproc.gap.linear import Block, Gram
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
 PRIOR_SUSPECT = 6.0
 """Price of calling for a cause outside of the library."""
+CLEAR = 6.0
+"""Nats by which a model must beat another (odds 400 to 1)."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
 _MERGES = 3
@@ -32,8 +34,10 @@ class Search:
 
     @property
     def best(self) -> Subset:
-        """The most probable subset, always-on blocks left out."""
-        return max(self.scores, key=lambda s: (self.scores[s], -len(s), s))
+        """The subset of fewest effects among the most probable, always-on blocks left out."""
+        top = max(self.scores.values())
+        close = [s for s, score in self.scores.items() if score > top - CLEAR]
+        return min(close, key=lambda s: (len(s), -self.scores[s], s))
 
     def score(self, subset: Iterable[str]) -> float:
         """Return (and keep) the score of a subset."""
@@ -42,6 +46,16 @@ class Search:
             evidence = self.gram.evidence((*self.always, *key))
             self.scores[key] = evidence - sum(self.price[k] for k in key)
         return self.scores[key]
+
+    def knowing(self, block: Block) -> Search:
+        """Return the same search with one more block that it may score."""
+        price = PRIOR_SUSPECT if block.suspect else PRIOR_LIBRARY
+        return replace(
+            self,
+            scores=dict(self.scores),
+            names=self.names | {block.key: block.name},
+            price=self.price | {block.key: price},
+        )
 
     def legal(self, subset: Iterable[str]) -> bool:
         """Return whether no effect is there in two variants."""
@@ -78,8 +92,9 @@ def search(
     out = set(always) | set(barred)
     blocks = [block for block in gram.blocks if block.key not in out]
     names = {block.key: block.name for block in blocks}
-    price = {b.key: PRIOR_SUSPECT if b.suspect else PRIOR_LIBRARY for b in blocks}
-    state = Search(gram, tuple(always), names, price, {})
+    state = Search(gram, tuple(always), {}, {}, {})
+    for block in blocks:
+        state = state.knowing(block)
     keys = sorted(names)
     for size in range(exhaustive + 1):
         for subset in itertools.combinations(keys, size):
@@ -90,7 +105,7 @@ def search(
     for start in dict.fromkeys(starts):
         _climb(state, start, keys)
     for _ in range(_MERGES):
-        here = state.best
+        here = max(state.scores, key=lambda s: (state.scores[s], s))
         around = [s for s in (*_merged(here, keys), *_parted(here, keys)) if state.legal(s)]
         better = max(around, key=state.score, default=here)
         if state.score(better) <= state.score(here) + 1e-9:
@@ -109,7 +124,7 @@ def _best_of_size(state: Search, sizes: Iterable[int]) -> list[Subset]:
 
 
 def _climb(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -> Subset:
-    """Add, drop or exchange one block at a time while it helps."""
+    """Add, drop or exchange one block at a time while it helps; return where that ends."""
     here = start
     for _ in range(steps):
         around = list(_neighbours(here, keys))

@@ -7,7 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.choice import Bench, Choice, is_companion
+from postproc.gap.bench import Bench
+from postproc.gap.choice import Choice
+from postproc.gap.evidence import COMPANION_GAIN, is_companion
 from postproc.gap.fit import Fit, Free, fit
 from postproc.gap.noise import Noise
 from postproc.gap.problem import FRAMES, Problem
@@ -17,8 +19,10 @@ from postproc.gap.waves import Context
 from postproc.gap.workbench import Prepared
 from postproc.model.arrays import BoolArray, FloatArray
 
-STRUCTURE = 0.8
+STRUCTURE = 1.0
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
+INEXACT = 0.04
+"""The same against the largest effect: its formula is not exact, and that is no other cause."""
 GEOMETRY = (*FRAMES, "joint_offset", "link_geometry", "gravity_sag")
 _SURE = 1e-4
 _F_RATIO = 1.35
@@ -44,34 +48,43 @@ class Settled:
 
 def settle(problem: Problem, prepared: Prepared, bench: Bench, choice: Choice) -> Settled:
     """Return what stands of a choice after its residual has been looked at."""
-    level = prepared.noise
-    everything = (*choice.keys, *choice.suspects)
+    level, silent = prepared.noise, choice.silent
+    everything = (*choice.keys, *choice.suspects, *silent)
     outlier = _faults(problem, bench, everything, prepared)
     rows = problem.searchable & ~outlier
     full = fitted(problem, bench, everything, level.sigma, rows)
-    residual = problem.measured - full.point
-    tests, structure = _tested(problem, bench, everything, residual, level, outlier)
+    tests, structure = _tested(
+        problem, bench, everything, problem.measured - full.point, level, outlier
+    )
     kept = choice.keys
-    if structure > STRUCTURE * level.sigma:
+    if structure > bearable(choice, level.sigma):
         kept = tuple(k for k in kept if _stands_clear(bench, choice, k, structure))
     gone = [k for k in choice.keys if k not in kept]
     nuisance = choice.suspects
-    if gone:
+    if gone or nuisance:
+        full = fitted(problem, bench, (*kept, *nuisance, *silent), level.sigma, rows)
+        rest = problem.measured - _point_without(problem, full, bench, nuisance)
+        tests, left = _tested(problem, bench, (*kept, *silent), rest, level, outlier)
+        structure = max(left, structure)
+        reasons = {_name(bench, k): "what is left may be imitating it" for k in gone}
+        choice = replace(choice, keys=kept, refused=choice.refused | reasons)
+    if silent:
         full = fitted(problem, bench, (*kept, *nuisance), level.sigma, rows)
-    if not gone and not nuisance:
-        return Settled(choice, full, residual, tests, structure, outlier, ())
-    reasons = {_name(bench, k): "what is left may be imitating it" for k in gone}
-    choice = replace(choice, keys=kept, refused=choice.refused | reasons)
     residual = problem.measured - _point_without(problem, full, bench, nuisance)
-    tests, left = _tested(problem, bench, kept, residual, level, outlier)
-    return Settled(choice, full, residual, tests, max(left, structure), outlier, nuisance)
+    return Settled(choice, full, residual, tests, structure, outlier, nuisance)
 
 
 def verdict(settled: Settled, sigma: float) -> str:
     """Return ``explained``, ``no_gap`` or ``unexplained``."""
-    if settled.choice.suspects or settled.structure > STRUCTURE * sigma:
+    if settled.choice.suspects or settled.structure > bearable(settled.choice, sigma):
         return "unexplained"
     return "explained" if settled.choice.keys else "no_gap"
+
+
+def bearable(choice: Choice, sigma: float) -> float:
+    """Return the structured rest, 3D rms [m], up to which the adopted effects explain the gap."""
+    largest = max((choice.evidence[k].unique for k in choice.keys), default=0.0)
+    return max(STRUCTURE * sigma, INEXACT * largest)
 
 
 def fitted(
@@ -136,7 +149,7 @@ def _tested(
 def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
     """Return whether an effect is far larger than the structure that nothing explains."""
     if is_companion(bench, choice.keys, key):
-        return not choice.evidence[key].twins
+        return choice.evidence[key].gain > COMPANION_GAIN
     ratio = 0.5 if _name(bench, key) in GEOMETRY else 2.0
     return choice.evidence[key].unique > ratio * structure
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.choice import Bench, Choice, choose
+from postproc.gap.bench import Bench
+from postproc.gap.choice import Choice, choose
 from postproc.gap.dataset import Samples
 from postproc.gap.effect import REGISTRY
 from postproc.gap.linear import Block, block_of
@@ -72,7 +73,7 @@ def chosen(bench: Bench) -> tuple[Bench, Choice]:
 
 def without_waves(bench: Bench, choice: Choice) -> list[Block]:
     """Return the chosen blocks but the waves."""
-    inside = {*choice.keys, *choice.suspects, *bench.always}
+    inside = {*choice.keys, *choice.suspects, *choice.silent, *bench.always}
     return [b for b in bench.blocks if b.key in inside and b.name != WAVES]
 
 
@@ -87,9 +88,12 @@ def _weights(rest: Saturated, sigma: float) -> FloatArray:
 
 def _noise(problem: Problem, rest: Saturated) -> Noise:
     """Return the noise from repeats; from the saturated fit where they are impure or absent."""
+    index = np.flatnonzero(problem.searchable)
     usable = np.ones(len(problem), dtype=bool)
-    usable[np.flatnonzero(problem.searchable)[rest.outlier]] = False
+    usable[index[rest.outlier]] = False
     repeated = repeats(problem.samples, problem.gap, usable)
+    if not repeated.measured:
+        repeated = repeats(problem.samples.rows(index), rest.raw, ~rest.outlier, rest.hat_root)
     estimated = Noise(rest.sigma, 0, repeated.repeats)
     if not repeated.measured:
         return estimated

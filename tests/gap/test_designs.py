@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.gap.choice import Bench
+from postproc.gap.bench import Bench
 from postproc.gap.dataset import make_samples
 from postproc.gap.designs import Designs, designs, transfers
 from postproc.gap.effect import REGISTRY

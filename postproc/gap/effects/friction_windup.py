@@ -16,7 +16,8 @@ _MOST_COLUMNS = 3
 class FrictionWindup(Effect):
     """Give against the last motion that changes with something.
 
-    With the torque the joint carries, with the temperature, or with a column that no effect
+    With the torque the joint carries, with that of axis 2 (how far the arm is stretched out, which
+    loads the bearings of all joints), with the temperature, or with a column that no effect
     knows (such as the dwell before the reading).
     The part that does not change is backlash to any measurement.
     """
@@ -41,7 +42,7 @@ class FrictionWindup(Effect):
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return for each joint the part that changes with the torque, then with columns."""
         del arm
-        ways = ["linear", "root"]
+        ways = ["linear", "root", "shoulder"]
         ways += [f"{name}_{power}" for name in setting["columns"] for power in (1, 2)]
         return tuple(
             Parameter(f"joint_{i}_{way}", 1e-4, joint=i) for way in ways for i in range(1, 7)
@@ -53,7 +54,8 @@ class FrictionWindup(Effect):
         torque = np.abs(carried_torque(samples))
         size = torque / (np.mean(torque, axis=0) + 1e-12)
         root = np.sqrt(size)
-        forms = [size - 1.0, root - np.mean(root, axis=0)]
+        shoulder = np.broadcast_to(size[:, 1:2] - 1.0, size.shape)
+        forms = [size - 1.0, root - np.mean(root, axis=0), shoulder]
         numbers = _numbers(samples)
         for name, (mean, spread) in setting["columns"].items():
             z = ((numbers[name] - mean) / spread)[:, None]

@@ -8,6 +8,9 @@ from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 from postproc.gap.loads import load_moment, weight_moment
 
+_PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
+"""Links whose weight leans the base, by the size class or the robot's data."""
+
 
 @register
 class LeaningBase(Effect):
@@ -21,22 +24,26 @@ class LeaningBase(Effect):
     conditions = ("q1", "load")
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return tilts relative to joint 2's compliance: under weight, then under load."""
+        """Return tilts relative to joint 2's compliance: under each weight, then under load.
+
+        Where the weight of a link pulls, the size class knows; how heavy it is, it does not.
+        """
         del arm, setting
-        names = ("weight_x", "weight_y", "load_x", "load_y", "load_z")
-        return tuple(Parameter(name, 0.1) for name in names)
+        weights = (f"{part}_{axis}" for part in _PARTS for axis in "xy")
+        return tuple(Parameter(name, 0.1) for name in (*weights, "load_x", "load_y", "load_z"))
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn frame 0 about its axes."""
         del setting
         zero = np.zeros((len(samples), 3))
         compliance = float(samples.arm.reference.c_joint[1])
-        link = np.zeros((len(samples), 7, 6, 5))
-        moment = compliance * weight_moment(samples, zero, 1)
-        for axis in range(2):
-            link[:, 0, axis, axis] = moment[:, axis]
+        link = np.zeros((len(samples), 7, 6, 2 * len(_PARTS) + 3))
+        for part, links in enumerate(_PARTS.values()):
+            moment = compliance * weight_moment(samples, zero, links)
+            for axis in range(2):
+                link[:, 0, axis, 2 * part + axis] = moment[:, axis]
         if samples.has("wrench"):
             load = compliance * load_moment(samples, zero)
             for axis in range(3):
-                link[:, 0, axis, 2 + axis] = load[:, axis]
+                link[:, 0, axis, 2 * len(_PARTS) + axis] = load[:, axis]
         return Basis(link=link)

@@ -50,7 +50,9 @@ def bending(samples: Samples, outside: bool) -> FloatArray:
         middle = 0.5 * origins[k]
         R = samples.frames[:, k, :3, :3]
         at = samples.frames[:, k, :3, 3] + R @ middle
-        moment = load_moment(samples, at) if outside else weight_moment(samples, at, k + 1)
+        moment = (
+            load_moment(samples, at) if outside else weight_moment(samples, at, range(k + 1, 7))
+        )
         local = np.einsum("nji,nj->ni", R, moment) * compliance
         for axis in range(3):
             turn = np.zeros((len(samples), 3))

@@ -1,0 +1,55 @@
+"""The fixture gives way under load, more in one place than in another (a suspect)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@register
+class FixtureGive(Effect):
+    """A Cartesian compliance in the room that changes with the place of the contact.
+
+    The part that does not change stands in the resemblance of a tool or fixture that gives way.
+    """
+
+    name = "fixture_give"
+    title = "behaves like a workpiece or fixture that gives way, depending on the place"
+    source = "displacement C(p) F, C linear in the place"
+    action = "put an indicator between workpiece and floor at several places"
+    kind = "suspect"
+    needs = ("wrench",)
+    conditions = ("load", "position")
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return centre [m] and extent [m] of the places."""
+        centre = np.mean(samples.point, axis=0)
+        extent = float(np.sqrt(np.mean((samples.point - centre) ** 2))) + 1e-6
+        return {"centre": centre.tolist(), "extent": extent}
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return a compliance and its change along x, y, z, relative to joint 2's."""
+        del arm, setting
+        return tuple(
+            Parameter(f"give_{i}{j}_{way}", 0.1)
+            for way in ("mean", "x", "y", "z")
+            for i, j in _PAIRS
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Shift the point."""
+        unit = float(samples.arm.reference.c_joint[1])
+        force = samples.column("wrench")[:, :3] * unit
+        place = (samples.point - np.asarray(setting["centre"])) / float(setting["extent"])
+        place = np.tanh(place)
+        point = np.zeros((len(samples), 3, 24))
+        for way, factor in enumerate((np.ones(len(samples)), *place.T)):
+            for column, (i, j) in enumerate(_PAIRS, start=6 * way):
+                point[:, i, column] += factor * force[:, j]
+                if i != j:
+                    point[:, j, column] += factor * force[:, i]
+        return Basis(point=point)

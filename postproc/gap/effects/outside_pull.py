@@ -1,0 +1,69 @@
+"""Something pulls at the flange that nobody logged (a suspect, never a verdict)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.frames import apply
+from postproc.gap.dataset import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.units import STANDARD_GRAVITY
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+@register
+class OutsidePull(Effect):
+    """A force on the flange that changes with its place, as of a hose, a cable or a balancer.
+
+    Constant part (three numbers) and a linear spring to the room (six), through the joint
+    stiffness of the cell.
+    """
+
+    name = "outside_pull"
+    title = "behaves like a hose or cable that pulls at the flange"
+    source = "J K^-1 times the torque of f0 + S (p_flange - p0)"
+    action = "hang the hose package free, or measure again without it"
+    kind = "suspect"
+    conditions = ("position", "pose")
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return the centre [m] and the extent [m] of the flange's places."""
+        flange = _flange(samples)
+        centre = np.mean(flange, axis=0)
+        return {
+            "centre": centre.tolist(),
+            "extent": float(np.sqrt(np.mean((flange - centre) ** 2))) + 1e-6,
+        }
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return forces [N]; their usual size follows from the arm's stiffness."""
+        del setting
+        origins, _, _ = arm.link_constants()
+        reach = float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
+        size = 1e-4 / (reach**2 * float(arm.reference.c_joint[1]))
+        size = min(size, 100.0 * STANDARD_GRAVITY)
+        names = ("x", "y", "z", *("".join("xyz"[k] for k in pair) for pair in _PAIRS))
+        return tuple(Parameter(f"pull_{name}", size) for name in names)
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn each joint by the torque of one newton, constant or at the usual distance."""
+        flange = _flange(samples)
+        away = (flange - np.asarray(setting["centre"])) / float(setting["extent"])
+        lever = flange[:, None, :] - samples.frames[:, 1:, :3, 3]
+        turn = np.cross(np.swapaxes(samples.axes, 1, 2), lever)
+        turn = turn * samples.arm.reference.c_joint[:, None]
+        joint = np.zeros((len(samples), 6, 9))
+        joint[:, :, :3] = turn
+        for column, (i, j) in enumerate(_PAIRS, start=3):
+            joint[:, :, column] = turn[:, :, i] * away[:, j, None]
+            if i != j:
+                joint[:, :, column] += turn[:, :, j] * away[:, i, None]
+        return Basis(joint=joint)
+
+
+def _flange(samples: Samples) -> np.ndarray:
+    """Return (n, 3) the flange's centre, robroot [m]."""
+    origins, _, R_6_flange = samples.arm.link_constants()
+    at = origins[6] - R_6_flange @ samples.arm.p_flange_point
+    return np.asarray(apply(samples.frames[:, 6], at))
