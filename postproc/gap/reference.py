@@ -22,7 +22,10 @@ CLASS_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 CLASS_MASS = np.array([850.6, 447.6, 545.2, 110.0, 45.0, 21.0])
 """(6,) [kg] of the KR 600 R2830 links (KUKA's ROS 2 packages), the wrist split by assumption."""
 CLASS_REACH = 2.83
-"""Reach [m] of that arm; masses grow with about the 2.5th, stiffness with the 4th power of it."""
+"""Reach [m] of that arm; masses grow with about the 2.5th, stiffness with the 4th power of it.
+
+Where the masses are known, stiffness goes with the torque of the weight on the arm, mass times
+reach, which light arms of the same reach have less of: a gear is as stiff as it must be strong."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +59,8 @@ def reference_of(kinematics: Kinematics, cell: Cell) -> ArmReference:
         stiffness = np.asarray(robot.joint_stiffness)
     else:
         assumed.append("joint stiffness")
-        stiffness = CLASS_STIFFNESS * (reach / CLASS_REACH) ** 4
+        size = float(np.sum(mass)) * reach / (float(np.sum(CLASS_MASS)) * CLASS_REACH)
+        stiffness = CLASS_STIFFNESS * min(size, (reach / CLASS_REACH) ** 4)
     down = np.array([0.0, 0.0, -STANDARD_GRAVITY])
     gravity = robot.T_world_robroot[:3, :3].T @ down
     return ArmReference(gravity, 1.0 / stiffness, mass, com, tuple(assumed))

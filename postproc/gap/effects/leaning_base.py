@@ -7,14 +7,20 @@ import numpy as np
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 from postproc.gap.loads import load_moment, weight_moment
+from postproc.model.arrays import FloatArray
 
 _PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
 """Links whose weight leans the base, by the size class or the robot's data."""
+_TILTS = 2 * len(_PARTS) + 3
 
 
 @register
 class LeaningBase(Effect):
-    """The robot root tilts with the overturning moment of arm and load."""
+    """The robot root tilts with the overturning moment of arm and load.
+
+    It turns about a point somewhere below: the height of that point is two more numbers for the
+    weight and two for the load.
+    """
 
     name = "leaning_base"
     title = "behaves like a base or column that leans under the arm"
@@ -30,20 +36,30 @@ class LeaningBase(Effect):
         """
         del arm, setting
         weights = (f"{part}_{axis}" for part in _PARTS for axis in "xy")
-        return tuple(Parameter(name, 0.1) for name in (*weights, "load_x", "load_y", "load_z"))
+        tilts = (*weights, "load_x", "load_y", "load_z")
+        shifts = ("weight_shift_x", "weight_shift_y", "load_shift_x", "load_shift_y")
+        return tuple(Parameter(name, 0.1) for name in (*tilts, *shifts))
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
-        """Turn frame 0 about its axes."""
+        """Turn frame 0 about its axes, and shift it as a turn about a point one metre below."""
         del setting
         zero = np.zeros((len(samples), 3))
         compliance = float(samples.arm.reference.c_joint[1])
-        link = np.zeros((len(samples), 7, 6, 2 * len(_PARTS) + 3))
+        link = np.zeros((len(samples), 7, 6, _TILTS + 4))
         for part, links in enumerate(_PARTS.values()):
             moment = compliance * weight_moment(samples, zero, links)
             for axis in range(2):
                 link[:, 0, axis, 2 * part + axis] = moment[:, axis]
+            _shift(link, _TILTS, moment)
         if samples.has("wrench"):
             load = compliance * load_moment(samples, zero)
             for axis in range(3):
                 link[:, 0, axis, 2 * len(_PARTS) + axis] = load[:, axis]
+            _shift(link, _TILTS + 2, load)
         return Basis(link=link)
+
+
+def _shift(link: FloatArray, column: int, moment: FloatArray) -> None:
+    """Add the shift along x and y that a turn by ``moment`` (n, 3) about a lower point gives."""
+    link[:, 0, 3, column] += moment[:, 1]
+    link[:, 0, 4, column + 1] -= moment[:, 0]
