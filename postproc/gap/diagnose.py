@@ -10,6 +10,7 @@ import numpy as np
 from postproc.gap.bench import Bench
 from postproc.gap.choice import Choice
 from postproc.gap.fit import Fit
+from postproc.gap.intervals import deviations
 from postproc.gap.linear import Gram, block_of
 from postproc.gap.problem import Problem
 from postproc.gap.residual import Dependence
@@ -46,7 +47,8 @@ class Finding:
     baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
     total: 3D rms [m] on sealed rows before and after all adopted effects, and the 90 % interval
     of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and
-    with it; ripple: waves in what is left where the verdict is "unexplained".
+    with it; deviation: standard deviations (p,) of each adopted effect's numbers; ripple: waves
+    in what is left where the verdict is "unexplained".
     """
 
     problem: Problem
@@ -58,6 +60,7 @@ class Finding:
     adopted: tuple[str, ...]
     suspects: tuple[str, ...]
     fit: Fit
+    deviation: dict[str, FloatArray]
     baseline: FloatArray
     residual: FloatArray
     tests: tuple[Dependence, ...]
@@ -108,6 +111,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
         adopted=tuple(step.name for step in steps),
         suspects=tuple(choice.suspects),
         fit=settled.fit,
+        deviation=deviations(bench, settled.fit, choice.keys, choice.silent),
         baseline=base.point,
         residual=settled.residual,
         tests=settled.tests,
@@ -225,18 +229,31 @@ def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
 def shrink_interval(
     before: FloatArray, after: FloatArray, cluster: IntArray, draws: int = 400
 ) -> tuple[float, float]:
-    """Return the 90 % interval of the shrinkage, by drawing pose clusters anew."""
-    if len(before) == 0:
-        return 0.0, 0.0
-    rng = np.random.default_rng(3)
+    """Return the 90 % interval of the shrinkage on as many new poses of the same kind.
+
+    Pose clusters are drawn anew for the scatter of the logarithm of what remains; new poses
+    scatter as much as those that were measured, hence the root of two.
+
+    Args:
+        before: (n,) distances without the effects [m].
+        after: (n,) with them [m].
+        cluster: (n,) cluster of each row.
+        draws: how often the clusters are drawn.
+    """
+    from scipy.special import stdtrit
+
     names, index = np.unique(cluster, return_inverse=True)
     k = len(names)
+    if k < 2:
+        return 0.0, 0.0
+    rng = np.random.default_rng(3)
     sums = np.stack([np.bincount(index, v**2, minlength=k) for v in (before, after)])
-    counts = rng.multinomial(k, np.full(k, 1.0 / k), draws)
-    total = counts @ sums.T
-    shrink = 1.0 - np.sqrt(total[:, 1] / np.maximum(total[:, 0], 1e-30))
-    low, high = np.quantile(shrink, [0.05, 0.95])
-    return float(low), float(high)
+    total = rng.multinomial(k, np.full(k, 1.0 / k), draws) @ sums.T
+    left = 0.5 * np.log(np.maximum(total[:, 1], 1e-30) / np.maximum(total[:, 0], 1e-30))
+    whole = np.maximum(np.sum(sums, axis=1), 1e-30)
+    here = 0.5 * float(np.log(whole[1] / whole[0]))
+    half = float(np.sqrt(2.0) * stdtrit(k - 1, 0.95) * np.std(left))
+    return 1.0 - float(np.exp(here + half)), 1.0 - float(np.exp(here - half))
 
 
 def _rms(values: FloatArray) -> float:

@@ -144,7 +144,7 @@ def _adopted(finding: Finding, name: str) -> dict[str, Any]:
     effect = effect_of(name)
     arm = finding.problem.samples.arm
     state = _seen_state(finding, name)
-    width = _Z90 * finding.fit.deviation(name)
+    width = _Z90 * finding.deviation[name]
     key = next(k for k in finding.choice.keys if k.split(":")[0] == name)
     evidence = finding.choice.evidence[key]
     return {
