@@ -39,8 +39,8 @@ _PLACEBO_LIMIT = 0.02
 class Evidence:
     """What speaks for one effect in the chosen model.
 
-    gain: nats lost without it, best replacement allowed; unique: [m] 3D rms that only it
-    explains; wins: share of folds that it makes better; placebo: share of placebos as good.
+    gain: nats lost without it; unique: [m] 3D rms that only it explains; wins: share of folds
+    that it makes better; placebo: share of placebos as good.
     """
 
     gain: float
@@ -48,7 +48,6 @@ class Evidence:
     wins: float = 1.0
     placebo: float = 0.0
     twins: tuple[str, ...] = ()
-    reason: str = ""
 
 
 def evidence_of(

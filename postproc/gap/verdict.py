@@ -34,7 +34,8 @@ class Settled:
     """The choice that stands, its fit (suspects and dropped effects as nuisance), the tests.
 
     residual: (n, 3) [m] of all rows against given model, adopted effects and registration;
-    structure: 3D rms [m] of what is left and not noise.
+    structure: 3D rms [m] of what is left and not noise. Tests and structure let the effects in
+    that are too small to be named: they are no riddle.
     """
 
     choice: Choice

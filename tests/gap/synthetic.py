@@ -393,6 +393,34 @@ def _step(rng):
     return lambda d, now: (d["time"] > at * d["time"][-1])[:, None] * v
 
 
+def _stretch(rng):
+    way = rng.normal(size=3)
+    way /= np.linalg.norm(way)
+    return lambda d, now: 1e-4 * ((now["p"] - now["p"].mean(0)) @ way)[:, None] * way
+
+
+def _hose(rng):
+    hook = np.array([rng.uniform(-0.5, 0.5), rng.uniform(-1.5, 1.5), 3.5])
+
+    def law(d, now):
+        end = move(now["parts"][6], np.array([3.115, 0, 0.99]))
+        pull = 300.0 * (hook - end) * (1.0 - 0.8 / np.linalg.norm(hook - end, axis=1))[:, None]
+        return np.sum(now["w"] * np.cross(end[:, None] - now["o"], pull[:, None]), -1) / K0
+
+    return law
+
+
+def _fixture(rng):
+    A = rng.normal(size=(3, 3))
+    C, slope = 1e-7 * (A @ A.T), rng.normal(0, 0.8, 3)
+
+    def law(d, now):
+        soft = np.exp((now["p"] - now["p"].mean(0)) @ slope)
+        return soft[:, None] * (d["wrench"][:, :3] @ C)
+
+    return law
+
+
 EFFECTS = {
     "base_frame": _base,
     "tool_frame": _tool,
@@ -416,6 +444,9 @@ OUTSIDE = {
     "creep": _point(_creep),
     "lean": _point(_lean),
     "step": _point(_step),
+    "stretch": _point(_stretch),
+    "hose": _joint(_hose),
+    "fixture": _point(_fixture),
 }
 EFFECTS |= OUTSIDE
 

@@ -66,7 +66,13 @@ def test_noise_and_faults_alone_have_no_cause(campaign, kinematics, cell):
     assert 2 <= finding.outlier.sum() <= 10
 
 
-@pytest.mark.parametrize("name", ["windup", "hardening", "bending", "creep", "lean", "step"])
+OUTSIDE = (
+    *("windup", "hardening", "bending", "creep", "lean", "step"),
+    *("stretch", "hose", "fixture"),
+)
+
+
+@pytest.mark.parametrize("name", OUTSIDE)
 def test_a_cause_outside_of_the_library_gets_no_name(name, campaign, kinematics, cell):
     rows, _ = campaign(43, {name: 1.2e-4}, n=220, noise=2e-5, background=1e-4)
     finding = diagnose(pose_problem(rows, kinematics, cell))

@@ -1,0 +1,100 @@
+"""Noise from repeats and intervals of numbers, against simulations with a known truth."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.gap.bench import Bench
+from postproc.gap.diagnose import diagnose, shrink_interval
+from postproc.gap.effect import REGISTRY
+from postproc.gap.fit import Free, fit
+from postproc.gap.intervals import deviations
+from postproc.gap.linear import block_of
+from postproc.gap.noise import repeats, saturated
+from postproc.gap.problem import pose_problem
+from postproc.readers.measurements import read_measurements
+
+NOISE = 2e-5
+BACKLASH = dict(REGISTRY)["backlash"]
+
+
+def test_the_interval_of_the_shrinkage_holds_new_rows_of_the_same_kind():
+    rng = np.random.default_rng(5)
+    held = 0
+    for _ in range(300):
+        rows = [rng.gamma(4.0, 1.0, 80) for _ in range(2)]
+        left = [0.2 * rng.gamma(6.0, 1.0 / 6.0, 80) * 4.0 for _ in range(2)]
+        low, high = shrink_interval(rows[0], left[0], np.arange(80, dtype=np.int32))
+        new = 1.0 - np.sqrt(np.sum(left[1] ** 2) / np.sum(rows[1] ** 2))
+        held += low <= new <= high
+    assert 0.84 <= held / 300 <= 0.96
+
+
+def test_one_cluster_has_no_interval():
+    assert shrink_interval(np.ones(5), np.ones(5), np.zeros(5, dtype=np.int32)) == (0.0, 0.0)
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error(samples):
+    """With one number for each joint and rows in folds of one, the closed form of a mean holds."""
+    block = block_of(BACKLASH, samples, {})
+    y = np.random.default_rng(2).normal(0.0, NOISE, (len(samples), 3))
+    fold = (np.arange(len(samples)) % 12).astype(np.int32)
+    weight = np.full(len(samples), 1.0 / NOISE)
+    bench = Bench(samples, y, weight, fold, (block,), ())
+    result = fit(samples, samples.point + y, weight, {}, {"backlash": Free({})})
+    found = deviations(bench, result, ("backlash",), ())["backlash"]
+    own = result.deviation("backlash")
+    assert np.all(found >= own)
+    assert np.median(found / own) < 1.6
+
+
+def test_an_effect_that_is_not_named_widens_the_interval(samples):
+    named, beside = (block_of(dict(REGISTRY)[n], samples, {}) for n in ("joint_offset", "backlash"))
+    rng = np.random.default_rng(3)
+    y = beside.X @ (3.0 * np.ones(6)) + rng.normal(0.0, NOISE, (len(samples), 3))
+    weight = np.full(len(samples), 1.0 / NOISE)
+    fold = (np.arange(len(samples)) % 6).astype(np.int32)
+    bench = Bench(samples, y, weight, fold, (named, beside), ())
+    result = fit(samples, samples.point + y, weight, {}, {"joint_offset": Free({})})
+    alone = deviations(bench, result, ("joint_offset",), ())["joint_offset"]
+    with_it = deviations(bench, result, ("joint_offset",), ("backlash",))["joint_offset"]
+    numbers = result.theta
+    assert np.all(with_it >= alone)
+    assert np.max(np.abs(numbers) / with_it) < 3.0
+
+
+@pytest.fixture
+def warming(world, tmp_path):
+    """Rows that grow with the temperature, the first forty measured again when the arm is warm."""
+    data, measured, *_ = world.make(71, {"thermal_drift": 2e-4}, n=160, noise=NOISE)
+    lines = world.csv(data, measured).splitlines()
+    header, body = lines[0].split(","), [line.split(",") for line in lines[1:]]
+    rng = np.random.default_rng(7)
+    again = [row.copy() for row in body[:40]]
+    for row in again:
+        for axis in ("x_mm", "y_mm", "z_mm"):
+            at = header.index(axis)
+            row[at] = f"{float(row[at]) + rng.normal(0.0, 1e3 * NOISE * np.sqrt(2.0)):.6f}"
+        at = header.index("id") if "id" in header else None
+        if at is not None:
+            row[at] += "_again"
+    path = tmp_path / "rows.csv"
+    path.write_text("\n".join([lines[0], *(",".join(row) for row in [*body, *again])]))
+    return read_measurements(path)
+
+
+def test_repeats_whose_differences_a_fit_could_take_have_less_freedom(warming, kinematics, cell):
+    problem = pose_problem(warming, kinematics, cell)
+    everything = np.ones(len(problem), dtype=bool)
+    rest = saturated(problem.blocks(everything), problem.gap, 1e-4)
+    pure = repeats(problem.samples, problem.gap)
+    counted = repeats(problem.samples, rest.raw, None, rest.hat_root)
+    assert 120 <= counted.freedom < pure.freedom
+    assert counted.sigma == pytest.approx(NOISE, rel=0.25)
+
+
+def test_the_noise_of_a_diagnosis_is_that_of_the_repeats(warming, kinematics, cell):
+    finding = diagnose(pose_problem(warming, kinematics, cell))
+    assert finding.noise == pytest.approx(NOISE, rel=0.25)
+    assert set(finding.adopted) <= {"thermal_drift", "base_frame", "tool_frame"}
