@@ -58,7 +58,8 @@ def choose(bench: Bench) -> Choice:
     keys = shadowed(bench, keys, suspects, evidence, refused)
     for key in (*keys, *suspects):
         evidence[key].twins = twins(bench, found, best, key, barred)
-    keys, suspects = doubtful(bench, keys, suspects, evidence, refused)
+    keys, suspects, doubted = doubtful(bench, keys, suspects, evidence, refused)
+    silent = (*silent, *doubted)
     keys = tuple(sorted(keys, key=lambda k: -evidence[k].unique))
     return Choice(keys, suspects, silent, evidence, found.inclusion(), refused)
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from postproc.gap.bench import Bench
-from postproc.gap.evidence import Evidence
+from postproc.gap.evidence import SMALLEST_SUSPECT, Evidence
 from postproc.gap.select import CLEAR, Search, Subset
 
 TWIN = 15.0
@@ -68,26 +68,31 @@ def doubtful(
     suspects: Subset,
     evidence: dict[str, Evidence],
     refused: dict[str, str],
-) -> tuple[Subset, Subset]:
+) -> tuple[Subset, Subset, Subset]:
     """Take the name from an effect that a cause outside of the library would replace as well.
 
-    Where another effect of the library would do so too, the name stands, in that set.
+    Where another effect of the library would do so too, the name stands, in that set. Where the
+    effect is small, nothing is called in its place.
+
+    Returns:
+        keys that are named, suspects, and keys that stay without a name.
     """
-    kept, called = [], list(suspects)
+    kept, called, silent = [], list(suspects), []
     for key in keys:
-        name = bench.block(key).name
-        twins = evidence[key].twins
-        rivals = [s for s in twins if name in NEIGHBOURS.get(s, ())]
-        if rivals and all(twin in NEIGHBOURS for twin in twins):
-            refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"
-            for rival in rivals:
-                if rival not in called:
-                    called.append(rival)
-                    others = tuple(sorted({name, *twins} - {rival}))
-                    evidence[rival] = replace(evidence[key], twins=others)
-        else:
+        name, item = bench.name(key), evidence[key]
+        rivals = [s for s in item.twins if name in NEIGHBOURS.get(s, ())]
+        if not rivals or not all(twin in NEIGHBOURS for twin in item.twins):
             kept.append(key)
-    return tuple(kept), tuple(called)
+            continue
+        refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"
+        if item.unique < SMALLEST_SUSPECT * bench.sigma:
+            silent.append(key)
+            continue
+        for rival in set(rivals) - set(called):
+            called.append(rival)
+            others = tuple(sorted({name, *item.twins} - {rival}))
+            evidence[rival] = replace(item, twins=others)
+    return tuple(kept), tuple(sorted(called)), tuple(silent)
 
 
 def twins(

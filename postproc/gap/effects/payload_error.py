@@ -6,17 +6,29 @@ import numpy as np
 
 from postproc.frames import apply
 from postproc.gap.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Parameter,
+    Setting,
+    diagonal,
+    per_joint,
+    register,
+)
 from postproc.units import STANDARD_GRAVITY
+
+_TOLD, _ASSUMED = 0.15, 0.4
+"""Scatter of the joints' stiffness against each other, where a source gives it and where not."""
 
 
 @register
 class PayloadError(Effect):
     """A weight at the flange that the model does not have, through the joint stiffness.
 
-    Four numbers: extra mass, and its first moment in the flange (extra mass times centre of
-    gravity, or a shift of the known mass). The stiffness is the cell's; where it is off, so is
-    the mass, by the same factor.
+    Extra mass, and its first moment in the flange (extra mass times centre of gravity, or a shift
+    of the known mass). The stiffness is the cell's; where all of it is off, so is the mass, by
+    the same factor. Where it is off from joint to joint, six more numbers say how much more or
+    less mass each joint seems to feel; they are small against the mass.
     """
 
     name = "payload_error"
@@ -25,10 +37,13 @@ class PayloadError(Effect):
     action = "weigh the tool, or let the controller determine the load data"
     conditions = ("orientation", "pose")
     equilibrium = True
-    layout = (("mass_kg", 1), ("moment_kgm", 3))
+    layout = (("mass_kg", 1), ("moment_kgm", 3), ("joint_feels_kg", 6))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return mass [kg] and first moments [kg*m]; usual sizes follow the arm's stiffness."""
+        """Return mass [kg], first moments [kg*m], what joints feel of more mass [kg].
+
+        Usual sizes follow the arm's stiffness.
+        """
         del setting
         origins, _, _ = arm.link_constants()
         reach = float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
@@ -36,10 +51,11 @@ class PayloadError(Effect):
         return (
             Parameter("mass", mass),
             *(Parameter(f"moment_{axis}", 0.3 * mass) for axis in "xyz"),
+            *per_joint(mass * (_ASSUMED if "joint stiffness" in arm.reference.assumed else _TOLD)),
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
-        """Turn each joint by the torque of one kilogram, and of one kilogram metre."""
+        """Turn the joints by the torque of a kilogram, of a kilogram metre; then one by one."""
         del setting
         reference = samples.arm.reference
         origins, _, R_6_flange = samples.arm.link_constants()
@@ -47,9 +63,10 @@ class PayloadError(Effect):
         at_flange = apply(samples.frames[:, 6], flange)
         here = samples.weight_torque(at_flange, 6, reference.gravity)
         R_flange = samples.frames[:, 6, :3, :3] @ R_6_flange
-        joint = np.zeros((len(samples), 6, 4))
+        joint = np.zeros((len(samples), 6, 10))
         joint[:, :, 0] = here * reference.c_joint
         for k in range(3):
             there = samples.weight_torque(at_flange + R_flange[:, :, k], 6, reference.gravity)
             joint[:, :, 1 + k] = (there - here) * reference.c_joint
+        joint[:, :, 4:] = diagonal(here * reference.c_joint)
         return Basis(joint=joint)
