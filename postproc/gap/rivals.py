@@ -12,8 +12,11 @@ from postproc.gap.select import CLEAR, Search, Subset
 
 TWIN = 15.0
 """Nats by which the formulas of two known causes are not exact enough to decide."""
-SUSPECT_SHARE = 0.2
+SUSPECT_SHARE = 0.35
 """Unique part of a suspect against a neighbour's, from which it takes the name away."""
+CHANGING_SHARE = 0.2
+"""The same where the suspect is only the part that changes of what the neighbour is the mean of."""
+_CHANGING = ("friction_windup",)
 _OF_POSE = (
     "link_geometry",
     "joint_offset",
@@ -53,13 +56,17 @@ def shadowed(
             s
             for s in suspects
             if name in NEIGHBOURS.get(s, ())
-            and evidence[s].unique > SUSPECT_SHARE * evidence[key].unique
+            and evidence[s].unique > _share(s) * evidence[key].unique
         ]
         if rivals:
             refused[name] = f"the rows follow {rivals[0]} more closely than this effect"
         else:
             kept.append(key)
     return tuple(kept)
+
+
+def _share(suspect: str) -> float:
+    return CHANGING_SHARE if suspect in _CHANGING else SUSPECT_SHARE
 
 
 def doubtful(
