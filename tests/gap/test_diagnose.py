@@ -111,6 +111,22 @@ def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path)
     assert finding.tests[0].name == "humidity"
 
 
+def test_next_poses_need_no_column_that_only_the_measured_rows_have(
+    campaign, kinematics, cell, world, tmp_path
+):
+    data, measured, *_ = world.make(52, {"windup": 2e-4}, n=160, noise=2e-5)
+    humidity = np.random.default_rng(1).uniform(30.0, 70.0, 160)
+    lines = world.csv(data, measured).splitlines()
+    lines[0] += ",humidity"
+    lines[1:] = [f"{line},{h:.2f}" for line, h in zip(lines[1:], humidity, strict=True)]
+    path = tmp_path / "rows.csv"
+    path.write_text("\n".join(lines))
+    finding = diagnose(pose_problem(read_measurements(path), kinematics, cell))
+    told = document(finding)
+    assert "friction_windup" in [one["name"] for one in told["residual"]["resembles"]]
+    assert told["next_measurements"]
+
+
 def test_registration_of_a_tracker_that_stands_anywhere(campaign, kinematics, cell, tmp_path):
     move = transform(rotation_from_abc([2.0, 0.3, -0.2]), [3.0, -1.0, 0.4])
     rows, fresh = campaign(47, {"backlash": 3e-4}, move=move, n=200, background=3e-4)

@@ -49,7 +49,10 @@ class FrictionWindup(Effect):
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
-        """Turn each joint by its side times each form, mean taken out."""
+        """Turn each joint by its side times each form, mean taken out.
+
+        A column that these rows do not have counts as usual: poses yet to be measured.
+        """
         side = samples.column("direction")
         torque = np.abs(carried_torque(samples))
         size = torque / (np.mean(torque, axis=0) + 1e-12)
@@ -58,7 +61,7 @@ class FrictionWindup(Effect):
         forms = [size - 1.0, root - np.mean(root, axis=0), shoulder]
         numbers = _numbers(samples)
         for name, (mean, spread) in setting["columns"].items():
-            z = ((numbers[name] - mean) / spread)[:, None]
+            z = (numbers.get(name, np.full(len(samples), mean)) - mean)[:, None] / spread
             forms += [z, np.clip(z**2 - 1.0, -2.0, 3.0)]
         joint = np.zeros((len(samples), 6, 6 * len(forms)))
         for column, form in enumerate(forms):
