@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from postproc.frames import apply, rotation_from_abc, transform
 from postproc.gap.diagnose import diagnose
 from postproc.gap.document import document, model_file
+from postproc.gap.effect import REGISTRY
 from postproc.gap.predict import predict
 from postproc.gap.problem import pose_problem
 from postproc.model.modelfile import load_model, save_model
@@ -111,20 +114,12 @@ def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path)
     assert finding.tests[0].name == "humidity"
 
 
-def test_next_poses_need_no_column_that_only_the_measured_rows_have(
-    campaign, kinematics, cell, world, tmp_path
-):
-    data, measured, *_ = world.make(52, {"windup": 2e-4}, n=160, noise=2e-5)
-    humidity = np.random.default_rng(1).uniform(30.0, 70.0, 160)
-    lines = world.csv(data, measured).splitlines()
-    lines[0] += ",humidity"
-    lines[1:] = [f"{line},{h:.2f}" for line, h in zip(lines[1:], humidity, strict=True)]
-    path = tmp_path / "rows.csv"
-    path.write_text("\n".join(lines))
-    finding = diagnose(pose_problem(read_measurements(path), kinematics, cell))
-    told = document(finding)
-    assert "friction_windup" in [one["name"] for one in told["residual"]["resembles"]]
-    assert told["next_measurements"]
+def test_poses_yet_to_be_measured_lack_the_columns_that_no_effect_knows(samples):
+    windup = dict(REGISTRY)["friction_windup"]
+    usual = replace(samples, extra={"humidity": np.full(len(samples), 50.0)})
+    setting = {"columns": {"humidity": (50.0, 10.0)}}
+    expected = windup.basis(usual, setting).joint
+    np.testing.assert_array_equal(windup.basis(samples, setting).joint, expected)
 
 
 def test_registration_of_a_tracker_that_stands_anywhere(campaign, kinematics, cell, tmp_path):
