@@ -265,9 +265,7 @@ def _with_background(case: Case, names: tuple[str, ...], rng: np.random.Generato
             free=True,
         )
     if case.registered:
-        place = Hidden(
-            "reflector", {"shift": rng.uniform(-0.06, 0.06, 3)}, 1.0, place_reflector
-        )
+        place = Hidden("reflector", {"shift": rng.uniform(-0.06, 0.06, 3)}, 1.0, place_reflector)
         case = replace(case, entries=(*case.entries, Entry(place, "setup")))
     return case
 
