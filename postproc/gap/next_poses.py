@@ -45,13 +45,16 @@ _SEED = 17
 
 
 def next_poses(finding: Finding, reach: Reach | None = None) -> tuple[NextPose, ...]:
-    """Return what to measure next; nothing if nothing is ambiguous and all is explained."""
+    """Return what to measure next; nothing if nothing is ambiguous and all is explained.
+
+    First what tells ambiguous effects apart, then what tells of a rest that nothing explains.
+    """
     reach = reach or Reach()
     found: list[NextPose] = []
     for question in questions(finding):
         found += telling(finding, question, reach)
-    if not found and finding.verdict == "unexplained":
-        found = _worst(finding, reach)
+    if finding.verdict == "unexplained":
+        found += _worst(finding, reach)
     return tuple(found)
 
 
