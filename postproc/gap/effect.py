@@ -172,6 +172,18 @@ def register(cls: type[Effect]) -> type[Effect]:
     return cls
 
 
+def centre_and_extent(points: FloatArray) -> Setting:
+    """Return the centre [m] and the usual distance per axis [m] of places (n, 3)."""
+    centre = np.mean(points, axis=0)
+    extent = float(np.sqrt(np.mean((points - centre) ** 2))) + 1e-6
+    return {"centre": centre.tolist(), "extent": extent}
+
+
+def from_centre(points: FloatArray, setting: Setting) -> FloatArray:
+    """Return places (n, 3) about the centre, in extents."""
+    return np.asarray((points - np.asarray(setting["centre"])) / float(setting["extent"]))
+
+
 def unseen_joints(theta: FloatArray) -> list[int]:
     """Return the joints (1..6) whose number is NaN among the first six."""
     return [int(i) + 1 for i in np.flatnonzero(np.isnan(theta[:6]))]

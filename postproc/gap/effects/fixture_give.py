@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Parameter,
+    Setting,
+    centre_and_extent,
+    from_centre,
+    register,
+)
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
@@ -27,9 +35,7 @@ class FixtureGive(Effect):
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the places."""
-        centre = np.mean(samples.point, axis=0)
-        extent = float(np.sqrt(np.mean((samples.point - centre) ** 2))) + 1e-6
-        return {"centre": centre.tolist(), "extent": extent}
+        return centre_and_extent(samples.point)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return a compliance and its change along x, y, z, relative to joint 2's."""
@@ -44,8 +50,7 @@ class FixtureGive(Effect):
         """Shift the point."""
         unit = float(samples.arm.reference.c_joint[1])
         force = samples.column("wrench")[:, :3] * unit
-        place = (samples.point - np.asarray(setting["centre"])) / float(setting["extent"])
-        place = np.tanh(place)
+        place = np.tanh(from_centre(samples.point, setting))
         point = np.zeros((len(samples), 3, 24))
         for way, factor in enumerate((np.ones(len(samples)), *place.T)):
             for column, (i, j) in enumerate(_PAIRS, start=6 * way):

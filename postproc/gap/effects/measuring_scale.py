@@ -7,7 +7,15 @@ import itertools
 import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Parameter,
+    Setting,
+    centre_and_extent,
+    from_centre,
+    register,
+)
 
 _PAIRS = tuple(itertools.combinations_with_replacement(range(3), 2))
 _TRIPLES = tuple(itertools.combinations_with_replacement(range(3), 3))
@@ -30,9 +38,7 @@ class MeasuringScale(Effect):
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the measured places."""
-        centre = np.mean(samples.point, axis=0)
-        extent = float(np.sqrt(np.mean((samples.point - centre) ** 2))) + 1e-6
-        return {"centre": centre.tolist(), "extent": extent}
+        return centre_and_extent(samples.point)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return relative scale errors, at the usual distance from the centre."""
@@ -44,7 +50,7 @@ class MeasuringScale(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the measured point along the gradient of each form."""
         extent = float(setting["extent"])
-        place = (samples.point - np.asarray(setting["centre"])) / extent
+        place = from_centre(samples.point, setting)
         forms = (*_PAIRS, *_TRIPLES)
         point = np.zeros((len(samples), 3, len(forms)))
         for column, form in enumerate(forms):

@@ -6,7 +6,15 @@ import numpy as np
 
 from postproc.frames import apply
 from postproc.gap.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import (
+    Basis,
+    Effect,
+    Parameter,
+    Setting,
+    centre_and_extent,
+    from_centre,
+    register,
+)
 from postproc.units import STANDARD_GRAVITY
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -29,12 +37,7 @@ class OutsidePull(Effect):
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the centre [m] and the extent [m] of the flange's places."""
-        flange = _flange(samples)
-        centre = np.mean(flange, axis=0)
-        return {
-            "centre": centre.tolist(),
-            "extent": float(np.sqrt(np.mean((flange - centre) ** 2))) + 1e-6,
-        }
+        return centre_and_extent(_flange(samples))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return forces [N]; their usual size follows from the arm's stiffness."""
@@ -49,7 +52,7 @@ class OutsidePull(Effect):
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by the torque of one newton, constant or at the usual distance."""
         flange = _flange(samples)
-        away = (flange - np.asarray(setting["centre"])) / float(setting["extent"])
+        away = from_centre(flange, setting)
         lever = flange[:, None, :] - samples.frames[:, 1:, :3, 3]
         turn = np.cross(np.swapaxes(samples.axes, 1, 2), lever)
         turn = turn * samples.arm.reference.c_joint[:, None]
