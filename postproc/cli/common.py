@@ -6,14 +6,18 @@ import functools
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
 
 from postproc.errors import ExitCode, Issue
+
+if TYPE_CHECKING:
+    from postproc.model.cell import Cell
+    from postproc.model.toolpath import ToolPath
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -149,6 +153,26 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     for option in reversed(options):
         function = option(function)
     return function
+
+
+def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
+    """Read a CAM file as ``reading_options`` say.
+
+    Raises:
+        DataError: from the reader.
+    """
+    from postproc.pipeline.convert import ConvertRequest, read_toolpath
+
+    request = ConvertRequest(
+        source=source,
+        cell=options["cell"],
+        format=options["form"],
+        dialect=options["dialect"],
+        units=options["units"],
+        columns=options["columns"],
+        recover=options["recover"],
+    )
+    return read_toolpath(request, cell)
 
 
 def standard_options(

@@ -11,7 +11,7 @@ from postproc.gap.bench import Bench
 from postproc.gap.choice import Choice
 from postproc.gap.fit import Fit
 from postproc.gap.intervals import deviations
-from postproc.gap.linear import Gram, block_of
+from postproc.gap.linear import block_of
 from postproc.gap.problem import Problem
 from postproc.gap.residual import Dependence
 from postproc.gap.robot_model import evaluate
@@ -134,14 +134,13 @@ def _steps(
     """
     test = problem.split.sealed & ~settled.outlier
     cluster = problem.split.cluster[test]
-    names = {b.key: b.name for b in bench.blocks}
     last = _left(settled.residual, test)
     first = before = _left(problem.measured - base.point, test)
     steps = []
     for key, part in _ordered(problem, bench, settled, sigma):
         after = last if part is None else _left(problem.measured - part.point, test)
         interval = shrink_interval(before, after, cluster)
-        steps.append(Step(names[key], _rms(before), _rms(after), interval))
+        steps.append(Step(bench.name(key), _rms(before), _rms(after), interval))
         before = after
     return tuple(steps), (_rms(first), _rms(last), *shrink_interval(first, last, cluster))
 
@@ -154,13 +153,12 @@ def _ordered(
     The fit of them all is that of the diagnosis: None stands for it.
     """
     rows = problem.searchable & ~settled.outlier
-    names = {b.key: b.name for b in bench.blocks}
     order: list[tuple[str, Fit | None]] = []
     waiting = sorted(settled.choice.keys)
     while len(waiting) > 1:
         taken = tuple(key for key, _ in order)
-        coming = {names[key] for key in waiting}
-        free = [key for key in waiting if _REFINES.get(names[key]) not in coming]
+        coming = {bench.name(key) for key in waiting}
+        free = [key for key in waiting if _REFINES.get(bench.name(key)) not in coming]
         fits = {key: fitted(problem, bench, (*taken, key), sigma, rows) for key in free}
         best = min(free, key=lambda k: (_rms(_left(problem.measured - fits[k].point, rows)), k))
         order.append((best, fits[best]))
@@ -172,7 +170,6 @@ def _worse(problem: Problem, bench: Bench, settled: Settled, sigma: float, base:
     """Return the adopted effects without which sealed rows come out better."""
     rows = problem.searchable & ~settled.outlier
     test = problem.split.sealed & ~settled.outlier
-    names = {b.key: b.name for b in bench.blocks}
     after = _rms(_left(settled.residual, test))
     keys = settled.choice.keys
     found = set()
@@ -180,7 +177,7 @@ def _worse(problem: Problem, bench: Bench, settled: Settled, sigma: float, base:
         rest = tuple(k for k in keys if k != key)
         part = fitted(problem, bench, rest, sigma, rows) if rest else base
         if after > _rms(_left(problem.measured - part.point, test)):
-            found.add(names[key])
+            found.add(bench.name(key))
     return found
 
 
@@ -192,7 +189,7 @@ def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[
         return {}
     actual = evaluate(problem.samples.rows(index), problem.given)[1]
     chosen_keys = (*bench.always, *settled.choice.keys)
-    gram = Gram.of(bench.blocks, bench.y, bench.weight)
+    gram = bench.gram()
     far = {
         b.key: block_of(b.effect, actual, b.setting, b.key, problem.widen(b.name)).X
         for b in bench.blocks

@@ -14,8 +14,7 @@ from postproc.gap.diagnose import Finding
 from postproc.gap.effect import State
 from postproc.gap.next_pose import NextPose
 from postproc.gap.orientation import orientation
-from postproc.gap.problem import FRAMES
-from postproc.gap.registration import moved_by
+from postproc.gap.registration import FRAMES, moved_by
 from postproc.gap.robot_model import effect_of
 from postproc.gap.where import baseline, where
 from postproc.model.arrays import FloatArray

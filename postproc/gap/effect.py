@@ -172,6 +172,10 @@ def register(cls: type[Effect]) -> type[Effect]:
     return cls
 
 
+SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Row and column of the six numbers of a symmetric matrix."""
+
+
 def centre_and_extent(points: FloatArray) -> Setting:
     """Return the centre [m] and the usual distance per axis [m] of places (n, 3)."""
     centre = np.mean(points, axis=0)

@@ -8,15 +8,18 @@ give way by more than the noise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.gap.dataset import Samples
 from postproc.gap.effect import REGISTRY
-from postproc.gap.registration import in_robroot, register
-from postproc.gap.robot_model import States, columns, evaluate
-from postproc.model.arrays import BoolArray, FloatArray
+from postproc.gap.linear import Block, Gram, block_of, predicted
+from postproc.gap.noise import MAD_OF_CHI3
+from postproc.gap.registration import FRAMES, in_robroot, register
+from postproc.gap.robot_model import States, evaluate
+from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import Registration
 
 NEAR = 5e-3
@@ -24,8 +27,8 @@ NEAR = 5e-3
 SURE = 6.0
 """Nats that the reflector has to be ahead: without proof it is the tool point."""
 _FAULT = 4.0
-_MAD_OF_CHI3 = 1.538
-_FRAMES = ("base_frame", "tool_frame")
+_FINE, _LEAST = 1e-5, 1e-6
+"""Noise [m] that is assumed before there is an estimate, and the least that is believed."""
 
 
 def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Registration:
@@ -46,59 +49,46 @@ def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Re
         return first
     at_point = _with_load_at(samples, place)
     y = in_robroot(first, measured)
-    models = [_Library.of(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
-    left = [model.left(1e-5) for model in models]
+    sides = [_library(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
+    left = [_left(blocks, gap) for blocks, gap in sides]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
-    sigma = min(float(np.median(size[sound])) for size in left) / _MAD_OF_CHI3
-    here, there = (model.evidence(max(sigma, 1e-6), sound) for model in models)
+    sigma = min(float(np.median(size[sound])) for size in left) / MAD_OF_CHI3
+    weight = sound / max(sigma, _LEAST)
+    here, there = (_evidence(Gram.of(blocks, gap, weight)) for blocks, gap in sides)
     if there < here + SURE:
         return first
     return replace(register(at_point, measured, given), loads_at_point=True)
 
 
-@dataclass(frozen=True, slots=True)
-class _Library:
-    """Gap y (n, 3) [m] and the columns (n, 3, p) of the effects of the library, by name."""
-
-    y: FloatArray
-    columns: dict[str, FloatArray]
-
-    @classmethod
-    def of(cls, samples: Samples, y: FloatArray, given: States) -> _Library:
-        point, actual = evaluate(samples, given)
-        parts = {}
-        for name, effect in REGISTRY:
-            if effect.kind == "suspect" or not all(samples.has(c) for c in effect.needs):
-                continue
+def _library(
+    samples: Samples, y: FloatArray, given: States
+) -> tuple[tuple[Block, ...], FloatArray]:
+    """Return the columns of all effects of the library, and the gap (n, 3) [m] of points ``y``."""
+    point, actual = evaluate(samples, given)
+    blocks = []
+    for name, effect in REGISTRY:
+        if effect.kind != "suspect" and all(samples.has(c) for c in effect.needs):
             setting = given[name].setting if name in given else effect.prepare(samples)
-            typical = np.array([p.typical for p in effect.parameters(samples.arm, setting)])
-            parts[name] = columns(actual, effect.basis(actual, setting)) * typical
-        return cls(y - point, parts)
+            blocks.append(block_of(effect, actual, setting))
+    return tuple(blocks), y - point
 
-    def left(self, sigma: float) -> FloatArray:
-        """Return what the most probable numbers leave of each row (n,) [m], noise sigma [m]."""
-        A = np.concatenate(list(self.columns.values()), axis=2)
-        flat = A.reshape(-1, A.shape[2])
-        H = flat.T @ flat + sigma**2 * np.eye(flat.shape[1])
-        theta = np.linalg.solve(H, flat.T @ self.y.ravel())
-        return np.asarray(np.linalg.norm(self.y - A @ theta, axis=1))
 
-    def evidence(self, sigma: float, sound: BoolArray) -> float:
-        """Return the log evidence [nats] on some rows, of what is the simplest that will do.
+def _left(blocks: Sequence[Block], gap: FloatArray) -> FloatArray:
+    """Return what the most probable numbers of everything leave of each row (n,) [m]."""
+    gram = Gram.of(blocks, gap, np.full(len(gap), 1.0 / _FINE))
+    theta = gram.solve([block.key for block in blocks])[0]
+    return np.asarray(np.linalg.norm(gap - predicted(blocks, theta), axis=1))
 
-        The frames alone, with a give under the loads, or everything: a place that is right needs
-        little beside it, a wrong one much.
-        """
-        ladders = (_FRAMES, (*_FRAMES, "joint_compliance"), tuple(self.columns))
-        return max(self._evidence(names, sigma, sound) for names in ladders)
 
-    def _evidence(self, names: tuple[str, ...], sigma: float, sound: BoolArray) -> float:
-        A = np.concatenate([self.columns[name] for name in names], axis=2)
-        flat = A[sound].reshape(-1, A.shape[2]) / sigma
-        y = self.y[sound].ravel() / sigma
-        L = np.linalg.cholesky(flat.T @ flat + np.eye(flat.shape[1]))
-        z = np.linalg.solve(L, flat.T @ y)
-        return float(0.5 * (z @ z - y @ y) - np.sum(np.log(np.diag(L))))
+def _evidence(gram: Gram) -> float:
+    """Return the log evidence [nats], of what is the simplest that will do.
+
+    The frames alone, with a give under the loads, or everything: a place that is right needs
+    little beside it, a wrong one much.
+    """
+    everything = [block.key for block in gram.blocks]
+    ladders = (FRAMES, (*FRAMES, "joint_compliance"), everything)
+    return max(gram.evidence(keys) for keys in ladders) - 0.5 * gram.total
 
 
 def _with_load_at(samples: Samples, place: FloatArray) -> Samples:

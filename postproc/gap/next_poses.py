@@ -82,7 +82,7 @@ def questions(finding: Finding) -> tuple[Question, ...]:
     keys: dict[str, str] = {}
     for block in bench.blocks:
         keys.setdefault(block.name, block.key)
-    gram = Gram.of(bench.blocks, bench.y, bench.weight)
+    gram = bench.gram()
     chosen = (*bench.always, *choice.keys, *choice.suspects)
     found: list[Question] = []
     asked: list[set[str]] = []
@@ -163,7 +163,7 @@ def telling(finding: Finding, question: Question, reach: Reach) -> list[NextPose
 
 def _duels(finding: Finding, question: Question, pool: Samples) -> list[_Duel]:
     bench, noise = finding.bench, finding.noise
-    gram = Gram.of(bench.blocks, bench.y, bench.weight)
+    gram = bench.gram()
     blocks = {b.key: b for b in bench.blocks}
     actual = evaluate(pool, finding.problem.given)[1]
     far = {k: _far(blocks[k], actual) / noise for model in question.models for k in model}

@@ -16,7 +16,7 @@ _SAME_POSE = 1e-3 * DEG
 _OUTLIER = 5.5
 """Residual norm over sigma: chi-squared of 3 passes 30 once in 700,000 rows of noise."""
 _MOST_OUTLIERS = 0.06
-_MAD_OF_CHI3 = 1.538
+MAD_OF_CHI3 = 1.538
 """Median of the norm of three unit normals."""
 
 
@@ -146,7 +146,7 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
         free[~use] = np.eye(3) + hat[~use]
         out = _whitened(raw, free)
         norm = np.linalg.norm(out, axis=1)
-        robust = float(np.median(norm[use])) / _MAD_OF_CHI3
+        robust = float(np.median(norm[use])) / MAD_OF_CHI3
         new_sigma = float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0)))
         limit = _OUTLIER * max(min(robust, new_sigma), 1e-9)
         bad = norm > limit

@@ -13,7 +13,7 @@ from postproc.gap.dataset import COLUMN_NAMES, Samples, samples_of
 from postproc.gap.effect import REGISTRY, Effect, Setting
 from postproc.gap.linear import Block, block_of
 from postproc.gap.load_place import register_loaded
-from postproc.gap.registration import in_robroot
+from postproc.gap.registration import FRAMES, in_robroot
 from postproc.gap.robot_model import RobotModel, States, evaluate
 from postproc.gap.split import Split, split
 from postproc.kinematics.model import Kinematics
@@ -22,8 +22,6 @@ from postproc.model.cell import Cell
 from postproc.model.measurement import MeasurementSet
 from postproc.model.modelfile import ModelFile, Registration
 
-FRAMES = ("base_frame", "tool_frame")
-"""What a registration fits; with one they are never named."""
 WIDE = 20.0
 """Widening of the priors of the frames under registration: practically free."""
 LARGEST_SEARCH = 1500

@@ -13,6 +13,8 @@ from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import Registration
 
+FRAMES = ("base_frame", "tool_frame")
+"""What a registration fits; with one they are never named."""
 _STEPS = 30
 _REACH = 0.5
 """Prior of the point's place around the tool centre point [m]: decides only what no row tells."""
@@ -79,9 +81,7 @@ def _step(
     samples: Samples, r: FloatArray, weight: FloatArray, to_start: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the next shift, turn of the frame and move of the point."""
-    parts = [
-        columns(samples, effect_of(n).basis(samples, {})) for n in ("base_frame", "tool_frame")
-    ]
+    parts = [columns(samples, effect_of(n).basis(samples, {})) for n in FRAMES]
     root = np.sqrt(weight)[:, None, None]
     A = (np.concatenate(parts, axis=2) * root).reshape(-1, 9)
     scale = float(np.median(np.abs(r))) + 1e-9

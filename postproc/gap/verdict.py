@@ -11,8 +11,9 @@ from postproc.gap.bench import Bench
 from postproc.gap.choice import Choice
 from postproc.gap.evidence import COMPANION_GAIN, is_companion
 from postproc.gap.fit import Fit, Free, fit
-from postproc.gap.noise import Noise
-from postproc.gap.problem import FRAMES, Problem
+from postproc.gap.noise import MAD_OF_CHI3, Noise
+from postproc.gap.problem import Problem
+from postproc.gap.registration import FRAMES
 from postproc.gap.residual import Dependence, dependences
 from postproc.gap.robot_model import evaluate
 from postproc.gap.waves import Context
@@ -67,7 +68,7 @@ def settle(problem: Problem, prepared: Prepared, bench: Bench, choice: Choice) -
         rest = problem.measured - _point_without(problem, full, bench, nuisance)
         tests, left = _tested(problem, bench, (*kept, *silent), rest, level, outlier)
         structure = max(left, structure)
-        reasons = {_name(bench, k): "what is left may be imitating it" for k in gone}
+        reasons = {bench.name(k): "what is left may be imitating it" for k in gone}
         choice = replace(choice, keys=kept, refused=choice.refused | reasons)
     if silent:
         full = fitted(problem, bench, (*kept, *nuisance), level.sigma, rows)
@@ -106,17 +107,13 @@ def fitted(
 def _point_without(
     problem: Problem, full: Fit, bench: Bench, nuisance: tuple[str, ...]
 ) -> FloatArray:
-    names = {_name(bench, key) for key in nuisance}
+    names = {bench.name(key) for key in nuisance}
     states = {
         name: problem.given.get(name, state)
         for name, state in full.states.items()
         if name not in names or name in problem.given
     }
     return evaluate(problem.samples, states)[0]
-
-
-def _name(bench: Bench, key: str) -> str:
-    return next(b.name for b in bench.blocks if b.key == key)
 
 
 def _faults(problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Prepared) -> BoolArray:
@@ -126,7 +123,7 @@ def _faults(problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Pre
     rows[np.flatnonzero(rows)[rest.outlier]] = False
     result = fitted(problem, bench, keys, level, rows)
     left = np.linalg.norm(problem.measured - result.point, axis=1)
-    usual = max(level, float(np.median(left[rows])) / 1.538)
+    usual = max(level, float(np.median(left[rows])) / MAD_OF_CHI3)
     bad: BoolArray = np.asarray(left > 6.0 * usual)
     return bad if bad.mean() <= 0.06 else np.asarray(bad & (left > np.quantile(left, 0.94)))
 
@@ -151,7 +148,7 @@ def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> b
     """Return whether an effect is far larger than the structure that nothing explains."""
     if is_companion(bench, choice.keys, key):
         return choice.evidence[key].gain > COMPANION_GAIN
-    ratio = 0.5 if _name(bench, key) in GEOMETRY else 2.0
+    ratio = 0.5 if bench.name(key) in GEOMETRY else 2.0
     return choice.evidence[key].unique > ratio * structure
 
 

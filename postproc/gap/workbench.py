@@ -12,7 +12,8 @@ from postproc.gap.dataset import Samples
 from postproc.gap.effect import REGISTRY
 from postproc.gap.linear import Block, block_of
 from postproc.gap.noise import Noise, Saturated, repeats, saturated
-from postproc.gap.problem import FRAMES, Problem
+from postproc.gap.problem import Problem
+from postproc.gap.registration import FRAMES
 from postproc.gap.robot_model import evaluate
 from postproc.gap.waves import Wave, find_waves, is_gear_error
 from postproc.model.arrays import FloatArray

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading_options, standard_options
+from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
     from postproc.gap.along import Along
@@ -97,15 +97,5 @@ def _path(options: dict[str, Any], finding: Finding, cell: Cell) -> Along | None
     if not options["program"]:
         return None
     from postproc.gap.along import along
-    from postproc.pipeline.convert import ConvertRequest, read_toolpath
 
-    request = ConvertRequest(
-        source=options["program"],
-        cell=options["cell"],
-        format=options["form"],
-        dialect=options["dialect"],
-        units=options["units"],
-        columns=options["columns"],
-        recover=options["recover"],
-    )
-    return along(finding, read_toolpath(request, cell), cell)
+    return along(finding, read_cam(options["program"], options, cell), cell)

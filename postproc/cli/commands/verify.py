@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading_options, standard_options
+from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
     from postproc.model.cell import Cell
@@ -71,18 +71,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     displacement = _displacement(session, options["model"], cell)
     toolpath = None
     if options["against"]:
-        from postproc.pipeline.convert import ConvertRequest, read_toolpath
-
-        request = ConvertRequest(
-            source=options["against"],
-            cell=options["cell"],
-            format=options["form"],
-            dialect=options["dialect"],
-            units=options["units"],
-            columns=options["columns"],
-            recover=options["recover"],
-        )
-        toolpath = read_toolpath(request, cell)
+        toolpath = read_cam(options["against"], options, cell)
     with session.progress() as progress:
         report = verify(
             options["program"],

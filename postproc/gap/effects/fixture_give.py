@@ -6,6 +6,7 @@ import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import (
+    SYMMETRIC,
     Basis,
     Effect,
     Parameter,
@@ -14,8 +15,6 @@ from postproc.gap.effect import (
     from_centre,
     register,
 )
-
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @register
@@ -43,7 +42,7 @@ class FixtureGive(Effect):
         return tuple(
             Parameter(f"give_{i}{j}_{way}", 0.1)
             for way in ("mean", "x", "y", "z")
-            for i, j in _PAIRS
+            for i, j in SYMMETRIC
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -53,7 +52,7 @@ class FixtureGive(Effect):
         place = np.tanh(from_centre(samples.point, setting))
         point = np.zeros((len(samples), 3, 24))
         for way, factor in enumerate((np.ones(len(samples)), *place.T)):
-            for column, (i, j) in enumerate(_PAIRS, start=6 * way):
+            for column, (i, j) in enumerate(SYMMETRIC, start=6 * way):
                 point[:, i, column] += factor * force[:, j]
                 if i != j:
                     point[:, j, column] += factor * force[:, i]

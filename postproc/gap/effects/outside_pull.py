@@ -7,6 +7,7 @@ import numpy as np
 from postproc.frames import apply
 from postproc.gap.dataset import Arm, Samples
 from postproc.gap.effect import (
+    SYMMETRIC,
     Basis,
     Effect,
     Parameter,
@@ -16,8 +17,6 @@ from postproc.gap.effect import (
     register,
 )
 from postproc.units import STANDARD_GRAVITY
-
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 @register
@@ -46,7 +45,7 @@ class OutsidePull(Effect):
         reach = float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
         size = 1e-4 / (reach**2 * float(arm.reference.c_joint[1]))
         size = min(size, 100.0 * STANDARD_GRAVITY)
-        names = ("x", "y", "z", *("".join("xyz"[k] for k in pair) for pair in _PAIRS))
+        names = ("x", "y", "z", *("".join("xyz"[k] for k in pair) for pair in SYMMETRIC))
         return tuple(Parameter(f"pull_{name}", size) for name in names)
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -58,7 +57,7 @@ class OutsidePull(Effect):
         turn = turn * samples.arm.reference.c_joint[:, None]
         joint = np.zeros((len(samples), 6, 9))
         joint[:, :, :3] = turn
-        for column, (i, j) in enumerate(_PAIRS, start=3):
+        for column, (i, j) in enumerate(SYMMETRIC, start=3):
             joint[:, :, column] = turn[:, :, i] * away[:, j, None]
             if i != j:
                 joint[:, :, column] += turn[:, :, j] * away[:, i, None]

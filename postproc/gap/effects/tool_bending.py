@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.gap.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
-
-PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+from postproc.gap.effect import SYMMETRIC, Basis, Effect, Parameter, Setting, register
 
 
 @register
@@ -26,7 +24,7 @@ class ToolBending(Effect):
         """Return six compliances in the flange, six in the room, relative to joint 2's."""
         del arm, setting
         return tuple(
-            Parameter(f"{place}_{i}{j}", 0.1) for place in ("flange", "room") for i, j in PAIRS
+            Parameter(f"{place}_{i}{j}", 0.1) for place in ("flange", "room") for i, j in SYMMETRIC
         )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -37,7 +35,7 @@ class ToolBending(Effect):
         R = samples.frames[:, 6, :3, :3]
         local = np.einsum("nji,nj->ni", R, force)
         point = np.zeros((len(samples), 3, 12))
-        for column, (i, j) in enumerate(PAIRS):
+        for column, (i, j) in enumerate(SYMMETRIC):
             point[:, :, column] += R[:, :, i] * local[:, j, None]
             point[:, i, 6 + column] += force[:, j]
             if i != j:
