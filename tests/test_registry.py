@@ -15,7 +15,7 @@ def test_a_second_part_of_one_name_is_refused():
 
 
 def test_an_unknown_name_lists_those_known():
-    parts = Registry("readers", "postproc.model.robots")
+    parts = Registry("readers", "postproc.model")
     parts._loaded = True
     parts.register("apt")(1)
     with pytest.raises(PluginError, match="known are apt"):

@@ -21,12 +21,12 @@ import numpy as np
 import pinocchio as pin
 from workload_scene import candidates, fixed_spin_path, holes, workload_cell
 
+from postproc.cell.cell import Cell
 from postproc.collision.bodies import WORLD
 from postproc.collision.check import Tally
 from postproc.collision.mesh import Mesh, load_mesh
 from postproc.collision.scene import Scene
 from postproc.kinematics.model import Kinematics, build
-from postproc.model.cell import Cell
 
 
 def main() -> None:

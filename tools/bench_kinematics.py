@@ -17,10 +17,10 @@ import pinocchio
 import py_opw_kinematics as opw
 from scipy.spatial.transform import RigidTransform
 
+from postproc.cell.cell import OpwGeometry
+from postproc.cell.robotfile import load_robot
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.model import Kinematics, build
-from postproc.model.cell import OpwGeometry
-from postproc.model.robotfile import load_robot
 
 LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 

@@ -14,10 +14,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from postproc.emitters.kuka_krl import emit, render_files
-from postproc.frames import rotation_from_abc, transform
-from postproc.model.cell import Cell
-from postproc.model.cellfile import load_cell
+from postproc.cell.cell import Cell
+from postproc.cell.file import load_cell
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import ToolPath
 

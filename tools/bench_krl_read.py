@@ -15,13 +15,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from postproc.krl.lint import LintOptions, lint
-from postproc.krl.parse import parse_files
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import Cell
-from postproc.model.cellfile import load_cell
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
+from postproc.cell.file import load_cell
+from postproc.diff.diff import diff_bytes
+from postproc.krl.lint import lint
+from postproc.krl.rules.subject import LintOptions
+from postproc.krl.text.parse import parse_files
 from postproc.model.toolpath import ToolPath
-from postproc.verification.diff import diff_bytes
 from postproc.verification.verify import verify_modules
 
 CELL = Path(__file__).resolve().parent.parent / "fixtures" / "cells" / "drilling_kr500.toml"

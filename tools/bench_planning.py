@@ -35,8 +35,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.frames import rotation_x, transform
-from postproc.model.cell import (
+from postproc.cell.cell import (
     Cell,
     KrlOptions,
     Limits,
@@ -49,7 +48,8 @@ from postproc.model.cell import (
     Tool,
     Workpiece,
 )
-from postproc.model.robotfile import load_robot
+from postproc.cell.robotfile import load_robot
+from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.planning.planner import plan
 from postproc.units import DEG, MM, N_PER_MM

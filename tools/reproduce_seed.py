@@ -22,22 +22,22 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from hidden_twin import Twin
 
-from postproc.frames import inverse, rotation_y, transform
+from postproc.cell.cell import Cell
+from postproc.cell.file import load_cell
+from postproc.compensation.compensate import solve
+from postproc.compensation.real_arm import loads
 from postproc.gap.robot_model import RobotModel
+from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics.model import Kinematics, build
-from postproc.model.cell import Cell
-from postproc.model.cellfile import load_cell
-from postproc.model.measurement import MeasurementSet
+from postproc.measurement.rows import MeasurementSet
 from postproc.model.modelfile import ModelFile
-from postproc.pipeline.compensate import solve
-from postproc.pipeline.real_arm import loads
-from postproc.stiffness.cases import load_cases
-from postproc.stiffness.constant import ConstantFit, fit_constant
-from postproc.stiffness.continuous import fit_continuous
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
 from postproc.stiffness.fieldfile import effects_of
-from postproc.stiffness.gridded import fit_grid
-from postproc.stiffness.sampling import SamplingRules, box_grid, plan_sampling
+from postproc.stiffness.identify.cases import load_cases
+from postproc.stiffness.identify.constant import ConstantFit, fit_constant
+from postproc.stiffness.identify.continuous import fit_continuous
+from postproc.stiffness.identify.gridded import fit_grid
+from postproc.stiffness.sample.sampling import SamplingRules, box_grid, plan_sampling
 from postproc.units import UM
 
 LOW, HIGH = np.array([1.5, -0.6, 0.5]), np.array([2.1, 0.6, 1.1])

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.frames import inverse, rotation_x, transform
+from postproc.cell.file import load_cell
+from postproc.geometry.frames import inverse, rotation_x, transform
 from postproc.kinematics.model import build
-from postproc.model.cellfile import load_cell
 from postproc.stiffness.index import directional, seed_directional, seed_normal
 
 K_JOINT = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])

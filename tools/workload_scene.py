@@ -8,9 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.frames import inverse, transform
-from postproc.kinematics.model import Kinematics, build
-from postproc.model.cell import (
+from postproc.cell.cell import (
     Cell,
     KrlOptions,
     Limits,
@@ -21,7 +19,9 @@ from postproc.model.cell import (
     Tool,
     Workpiece,
 )
-from postproc.model.robotfile import load_robot
+from postproc.cell.robotfile import load_robot
+from postproc.geometry.frames import inverse, transform
+from postproc.kinematics.model import Kinematics, build
 from postproc.units import DEG, MM
 
 WORKLOADS = Path(__file__).resolve().parents[2] / "shared" / "workloads"

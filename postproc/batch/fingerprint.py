@@ -84,7 +84,7 @@ def _file(path: str) -> str:
 
 @lru_cache(maxsize=64)
 def _cell(path: str) -> str:
-    from postproc.pipeline.cellcache import cell_files, shared_cell
+    from postproc.cell.cache import cell_files, shared_cell
 
     try:
         cell = shared_cell(path)

@@ -36,8 +36,8 @@ def require_call(jobs: Sequence[Job]) -> None:
 
 
 def _try(job: Job) -> None:
-    from postproc.pipeline.cellcache import shared_cell
-    from postproc.planning.settings import PlanOptions, settle
+    from postproc.cell.cache import shared_cell
+    from postproc.planning.states.settings import PlanOptions, settle
 
     request = job.request
     options = PlanOptions(strategy=request.strategy, objective=request.objective)

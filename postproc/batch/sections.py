@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from postproc.batch.jobs import Job, unique_name
 from postproc.errors import DataError, SourceRef
-from postproc.krl.names import legal_name
+from postproc.krl.text.names import legal_name
 from postproc.model.toolpath import Arcs, Event, EventKind, MotionKind, ToolPath
 from postproc.units import MM
 
@@ -247,8 +247,8 @@ def _led_in(path: ToolPath, rows: _Rows, part: ToolPath) -> ToolPath:
 
 def caller_program(name: str, sections: list[str]) -> dict[str, bytes]:
     """Return a program that calls the sections' programs in order; each sets itself up."""
-    from postproc.emitters.kuka_krl import render_files
-    from postproc.krl.program import Call, KrlModule, Routine
+    from postproc.emitters.kuka.emitter import render_files
+    from postproc.krl.text.program import Call, KrlModule, Routine
 
     routine = Routine(name, tuple(Call(section) for section in sections))
     attributes = ("ACCESS RVP", "REL 1")

@@ -67,7 +67,7 @@ def died(job: Job) -> JobResult:
 def _convert(job: Job) -> JobResult:
     import numpy as np
 
-    from postproc.pipeline.convert import convert
+    from postproc.jobs.convert import convert
 
     conversion = convert(job.request, toolpath=job.toolpath)
     errors = tuple(str(i) for i in conversion.issues if i.severity is Severity.ERROR)

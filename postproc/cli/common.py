@@ -16,7 +16,7 @@ import click
 from postproc.errors import ExitCode, Issue
 
 if TYPE_CHECKING:
-    from postproc.model.cell import Cell
+    from postproc.cell.cell import Cell
     from postproc.model.toolpath import ToolPath
 
 P = ParamSpec("P")
@@ -161,7 +161,7 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     Raises:
         DataError: from the reader.
     """
-    from postproc.pipeline.convert import ConvertRequest, read_toolpath
+    from postproc.jobs.convert import ConvertRequest, read_toolpath
 
     request = ConvertRequest(
         source=source,

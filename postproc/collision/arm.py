@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from postproc.model.arrays import FloatArray
+from postproc.arrays import FloatArray
 
 
 class Arm(Protocol):

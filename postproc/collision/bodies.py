@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IntArray
+from postproc.cell.cell import Cell, MeshPlacement, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
 from postproc.collision.urdf_solids import urdf_links
 from postproc.errors import Issue, Severity
-from postproc.frames import inverse, transform
-from postproc.model.arrays import FloatArray, IntArray
-from postproc.model.cell import Cell, MeshPlacement, UrdfGeometry
+from postproc.geometry.frames import inverse, transform
 
 WORLD = -1
 """Stands for a link where a body does not move."""

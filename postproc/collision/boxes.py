@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.model.arrays import FloatArray
+from postproc.arrays import FloatArray
 
 _AXIS_FLOOR = 1e-6
 """Cross products of nearly parallel edges shorter than this say nothing and are left out."""

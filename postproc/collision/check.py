@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.engine import CHUNK, Candidates, Engine
-from postproc.model.arrays import BoolArray, FloatArray
 
 NO_PAIR = -1
 

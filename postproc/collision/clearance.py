@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.check import check, chunks
 from postproc.collision.engine import Engine
-from postproc.model.arrays import BoolArray, FloatArray
 
 
 def clearance(

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.boxes import box_gap
 from postproc.collision.shape import Shape
-from postproc.model.arrays import BoolArray, FloatArray
 
 SLACK = 1e-9
 """Rounding of positions [m]: nothing nearer than this counts as proven apart."""

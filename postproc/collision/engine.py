@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
 from postproc.collision.cull import Culler, Frames, Near, Placed
@@ -21,8 +22,7 @@ from postproc.collision.pairs import (
 from postproc.collision.pieces import PieceBounds
 from postproc.collision.shape import Shape
 from postproc.collision.sweep import SweepBound
-from postproc.frames import inverse
-from postproc.model.arrays import BoolArray, FloatArray
+from postproc.geometry.frames import inverse
 
 CHUNK = 1000
 """Configurations handled at once, so that intermediate arrays stay in the cache."""

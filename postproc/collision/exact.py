@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.collision.mesh import Mesh
-from postproc.model.arrays import FloatArray
 
 
 class ExactTests:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.frames import inverse, rotation_about, transform
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import ExternalAxis
+from postproc.arrays import FloatArray
+from postproc.cell.cell import ExternalAxis
+from postproc.geometry.frames import inverse, rotation_about, transform
 
 JOINTS = 6
 WORLD_LINK = 7

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.collision.mesh import Mesh
-from postproc.model.arrays import BoolArray, FloatArray, IntArray
 
 MOST_PROBES = 64
 """Parts of one body that are tested; of a body in more pieces, the largest ones."""

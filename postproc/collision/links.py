@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.cell.cell import OpwGeometry, Robot
 from postproc.collision.arm import Arm
 from postproc.collision.mesh import Mesh, joined, loft, ring
-from postproc.frames import inverse, transform
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import OpwGeometry, Robot
+from postproc.geometry.frames import inverse, transform
 
 _SIDES = 24
 

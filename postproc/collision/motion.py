@@ -22,11 +22,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
 from postproc.collision.sweep import Sway
-from postproc.model.arrays import BoolArray, FloatArray
 
 RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""

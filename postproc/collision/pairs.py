@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.bodies import WORLD, Body
-from postproc.model.arrays import BoolArray, FloatArray
 from postproc.units import DEG
 
 SAMPLES = 64

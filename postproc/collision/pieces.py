@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.collision.boxes import box_gap
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
-from postproc.model.arrays import FloatArray
 
 _BATCH = 200_000
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IntArray
 from postproc.collision.boxes import Boxes, fit_box
 from postproc.collision.inside import InsideTest, Parts, parts_of, probes_of
 from postproc.collision.mesh import Mesh
-from postproc.model.arrays import FloatArray, IntArray
 
 FEWEST_FACES = 64
 """Pieces are not split below this number of triangles."""

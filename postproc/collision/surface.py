@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh
-from postproc.model.arrays import BoolArray, FloatArray
 from postproc.units import DEG
 
 SMOOTH = 30.0 * DEG

@@ -24,12 +24,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.collision.arm import Arm, joint_axes
 from postproc.collision.bodies import LAST_LINK
 from postproc.collision.cull import Frames, Placed
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.shape import Shape
-from postproc.model.arrays import FloatArray
 
 
 class Sway(NamedTuple):

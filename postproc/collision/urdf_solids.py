@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.cell.cell import UrdfGeometry
+from postproc.cell.urdf.body import fixed_parts, origin_of, values_of
+from postproc.cell.urdf.chain import read_chain
 from postproc.collision.mesh import Mesh, box, cylinder, load_mesh, loft, ring
 from postproc.errors import CellError, Issue, Severity, SourceRef
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import UrdfGeometry
-from postproc.model.urdfbody import fixed_parts, origin_of, values_of
-from postproc.model.urdfchain import read_chain
 
 _FORMATS = (".stl", ".obj", ".ply", ".off")
 _BALL_RINGS = 8

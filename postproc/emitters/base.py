@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Protocol
 from postproc.registry import Registry
 
 if TYPE_CHECKING:
-    from postproc.krl.names import NameAllocator
-    from postproc.model.cell import Cell
+    from postproc.cell.cell import Cell
+    from postproc.krl.text.names import NameAllocator
     from postproc.model.plan import Plan
 
 

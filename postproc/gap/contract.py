@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.errors import DataError, PluginError
-from postproc.gap.dataset import Samples
+from postproc.gap.data.dataset import Samples
 from postproc.gap.effect import Effect, State
-from postproc.gap.linear import Gram, block_of
+from postproc.gap.fit.linear import Gram, block_of
 from postproc.gap.robot_model import columns, evaluate
-from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import ModelFile
 
 Check = Callable[[Effect, Samples], None]

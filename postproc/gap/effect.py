@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from postproc.model.arrays import FloatArray
+from postproc.arrays import FloatArray
 from postproc.model.modelfile import ModelFile, entry
 from postproc.registry import Registry
 
 if TYPE_CHECKING:
-    from postproc.gap.dataset import Arm, Samples
+    from postproc.gap.data.dataset import Arm, Samples
 
 REGISTRY: Registry[Effect] = Registry("effects", "postproc.gap.effects")
 Setting = Mapping[str, Any]

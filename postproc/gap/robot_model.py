@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
 from postproc.errors import DataError
-from postproc.frames import apply, inverse, rotation_about
-from postproc.gap.dataset import Arm, Samples, make_samples
+from postproc.gap.data.dataset import Arm, Samples, make_samples
+from postproc.gap.data.reference import reference_of
 from postproc.gap.effect import REGISTRY, Basis, Effect, State
-from postproc.gap.reference import reference_of
+from postproc.geometry.frames import apply, inverse, rotation_about
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import Cell
 from postproc.model.modelfile import ModelFile, Registration
 
 _FIXED_POINT_STEPS = 8

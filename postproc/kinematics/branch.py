@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import IntArray
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import IntArray
 
 _ZERO = 1e-9
 """Angle [rad] up to which rounding below zero still counts as zero."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.model.arrays import FloatArray, frozen_floats
+from postproc.arrays import FloatArray, frozen_floats
 
 CHUNK = 2000
 """Configurations handled at once."""

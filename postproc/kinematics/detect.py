@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.frames import inverse, rotation_y, rotation_z, transform
+from postproc.arrays import FloatArray
+from postproc.cell.cell import OpwGeometry
+from postproc.geometry.frames import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.opw import OpwArm
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import OpwGeometry
 
 LOOSE = 1e-3
 """Angle [rad] and length [m] up to which an arm counts as ortho-parallel with small errors."""

@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm, wrapped
-from postproc.model.arrays import BoolArray, FloatArray
 
 CHUNK = 1024
 """Poses handled at once; (2, 2, CHUNK) intermediates stay in the second-level cache."""

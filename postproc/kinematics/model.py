@@ -9,12 +9,12 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.cell.cell import OpwGeometry, Robot
 from postproc.errors import KinematicsError
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
 from postproc.kinematics.opw import TURN, OpwArm, arm_of, chain_of, wrapped
-from postproc.model.arrays import BoolArray, FloatArray, IntArray
-from postproc.model.cell import OpwGeometry, Robot
 
 STRAIGHT_WRIST = 1e-7
 """|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""

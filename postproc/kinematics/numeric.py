@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.model import Solver
 from postproc.kinematics.opw import wrapped
-from postproc.model.arrays import BoolArray, FloatArray, IntArray
 
 CHUNK = 512
 """Poses whose starts are chosen at once."""

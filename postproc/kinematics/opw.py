@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.frames import inverse, rotation_y, rotation_z, transform
+from postproc.arrays import FloatArray, IntArray, frozen_floats
+from postproc.cell.cell import OpwGeometry
+from postproc.geometry.frames import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.chain import SerialChain
-from postproc.model.arrays import FloatArray, IntArray, frozen_floats
-from postproc.model.cell import OpwGeometry
 
 TURN = 2.0 * np.pi
 

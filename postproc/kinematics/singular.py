@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import FloatArray
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import FloatArray
 
 
 def wrist_distance(kinematics: Kinematics, q: ArrayLike) -> FloatArray:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.frames import apply, inverse
+from postproc.arrays import FloatArray
+from postproc.geometry.frames import apply, inverse
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import FloatArray
 
 _SAME_LINE = 1e-6
 """Angle [rad] and distance [m] up to which two lines count as one."""

@@ -11,15 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.cell.cell import UrdfGeometry
+from postproc.cell.urdf.chain import read_chain
 from postproc.errors import KinematicsError, SourceRef
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.detect import ortho_parallel
 from postproc.kinematics.model import Kinematics, closed_form
 from postproc.kinematics.numeric import DeterminantBranches, NumericSolver, PolishedSolver
 from postproc.kinematics.opw import OpwArm, chain_of
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import UrdfGeometry
-from postproc.model.urdfchain import read_chain
 
 EXACT = 1e-9
 """Largest difference [m and 1] of forward kinematics for a closed form without Newton steps."""

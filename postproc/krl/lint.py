@@ -39,7 +39,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from postproc.errors import Issue, Severity
-from postproc.krl.program import KrlModule
 from postproc.krl.rules.blending import advance_stops, blending
 from postproc.krl.rules.circles import circles, external_axes
 from postproc.krl.rules.declared import declared
@@ -52,6 +51,7 @@ from postproc.krl.rules.speeds import speeds
 from postproc.krl.rules.status import status_and_turn
 from postproc.krl.rules.structure import blocks, declarations, parses
 from postproc.krl.rules.subject import LintOptions, Rule, Subject
+from postproc.krl.text.program import KrlModule
 
 RULES: tuple[Rule, ...] = (
     parses,

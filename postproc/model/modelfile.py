@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import FloatArray, frozen_floats
 from postproc.errors import DataError, SourceRef
-from postproc.frames import kuka_from_transform, transform_from_kuka
-from postproc.model.arrays import FloatArray, frozen_floats
-from postproc.model.tomltext import TomlText, load_toml
-from postproc.model.tomlwrite import toml_key, toml_table, toml_value
+from postproc.geometry.frames import kuka_from_transform, transform_from_kuka
+from postproc.toml.text import TomlText, load_toml
+from postproc.toml.write import toml_key, toml_table, toml_value
 from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
 
 SCHEMA = "postproc.model/1"

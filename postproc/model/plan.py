@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
 from postproc.errors import Issue, Severity
-from postproc.model.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
 from postproc.model.toolpath import Event, ToolPath
 
 

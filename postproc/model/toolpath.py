@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
 from postproc.errors import Issue, SourceRef
-from postproc.model.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
 
 
 class MotionKind(IntEnum):

@@ -8,29 +8,29 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
 from postproc.errors import Issue, Severity
 from postproc.kinematics.model import build
-from postproc.model.arrays import FloatArray
-from postproc.model.cell import Cell
-from postproc.model.order import reordered
 from postproc.model.plan import Plan
-from postproc.model.pointlist import as_served
 from postproc.model.toolpath import ToolPath
-from postproc.planning.candidates import evaluate
-from postproc.planning.costs import TRAVEL
-from postproc.planning.feasible import Checker
-from postproc.planning.hunt import step_rules
-from postproc.planning.ladder import Rule
-from postproc.planning.moves import Chosen
-from postproc.planning.place import place_given
-from postproc.planning.problem import Problem, path_normals, stiffness_of
-from postproc.planning.route import Route, route
-from postproc.planning.sequence import ordered, ordered_by_place
-from postproc.planning.settings import PlanOptions, Settings, settle
-from postproc.planning.station import plan_stations
-from postproc.planning.strategy import choose
-from postproc.planning.stroke import strokes_of
-from postproc.planning.tilt import UPRIGHT, feed_directions, tilt_grid
+from postproc.planning.checks.feasible import Checker
+from postproc.planning.route.route import Route, route
+from postproc.planning.search.hunt import step_rules
+from postproc.planning.search.sequence import ordered, ordered_by_place
+from postproc.planning.search.station import plan_stations
+from postproc.planning.search.strategy import choose
+from postproc.planning.states.candidates import evaluate
+from postproc.planning.states.costs import TRAVEL
+from postproc.planning.states.ladder import Rule
+from postproc.planning.states.moves import Chosen
+from postproc.planning.states.place import place_given
+from postproc.planning.states.problem import Problem, path_normals, stiffness_of
+from postproc.planning.states.settings import PlanOptions, Settings, settle
+from postproc.planning.states.stroke import strokes_of
+from postproc.planning.states.tilt import UPRIGHT, feed_directions, tilt_grid
+from postproc.process.order import reordered
+from postproc.process.pointlist import as_served
 from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]

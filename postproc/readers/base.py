@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from postproc.arrays import FloatArray
 from postproc.errors import ReadError, SourceRef, UsageError
 from postproc.files import open_input
-from postproc.model.arrays import FloatArray
 from postproc.model.toolpath import ToolPath
+from postproc.readers.text.blocks import check_text
 from postproc.registry import Registry
 from postproc.units import INCH, MM
 
@@ -122,19 +123,6 @@ def _head(path: str) -> bytes:
         raise ReadError("IO011", "empty file, expected a toolpath", SourceRef(path))
     check_text(path, head, 1)
     return head
-
-
-def check_text(path: str, data: bytes, first_line: int) -> None:
-    """Raise ReadError IO012 if ``data``, which begins at ``first_line``, is no text."""
-    at = data.find(b"\0")
-    if at < 0:
-        return
-    line = first_line + data.count(b"\n", 0, at)
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
-    else:
-        message = "NUL byte, so this is a binary or damaged file; expected text"
-    raise ReadError("IO012", message, SourceRef(path, line))
 
 
 def _sniffed(path: str, head: bytes) -> Reader:

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.errors import Issue
-from postproc.model.arrays import FloatArray
 from postproc.model.toolpath import EventKind, MotionKind, ToolPath
 from postproc.units import MM, MM_PER_MIN
 

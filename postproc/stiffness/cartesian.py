@@ -16,8 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import FloatArray
 from postproc.errors import StiffnessError
-from postproc.model.arrays import FloatArray
 
 
 def joint_compliance(k_joint: ArrayLike) -> FloatArray:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import BoolArray, FloatArray, IntArray, frozen_floats
 from postproc.errors import StiffnessError
-from postproc.model.arrays import BoolArray, FloatArray, IntArray, frozen_floats
 
 Locate = Callable[[FloatArray], FloatArray]
 """Joint angles (n, 6) [rad] to the tool point (n, 3) [m] in robroot."""

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError
-from postproc.model.arrays import BoolArray, FloatArray
 from postproc.model.modelfile import ModelFile, entry
 from postproc.stiffness.field import (
     ConstantField,

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.arrays import FloatArray
 from postproc.errors import StiffnessError
-from postproc.model.arrays import FloatArray
 from postproc.stiffness.cartesian import (
     compliance_rotation_held,
     deflection,

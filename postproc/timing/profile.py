@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.model.arrays import FloatArray
+from postproc.arrays import FloatArray
 
 RAMP = 0.1
 """Time [s] in which acceleration is built up; assumed."""

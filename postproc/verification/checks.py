@@ -6,14 +6,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Blend, EventWord, Finding, Rows
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import elbow_distance, shoulder_distance, wrist_distance
-from postproc.model.arrays import BoolArray, FloatArray
-from postproc.model.cell import Cell
+from postproc.paths.motion import Paths
+from postproc.paths.times import SLOWEST, motion_times
 from postproc.units import DEG, MM, PERCENT
-from postproc.verification.motion import Paths
 from postproc.verification.report import Worst
-from postproc.verification.trace import Blend, EventWord, Finding, Rows
 
 SLACK = 0.01 * DEG
 """Digits of the text may cost this much of a margin [rad]."""
@@ -22,11 +23,8 @@ STRETCHED = 3.0 * DEG
 OVERHEAD = 0.05
 """Wrist centre nearer to axis 1 than this [m] is worth a warning."""
 SPEED_SLACK = 1e-3
-SLOWEST = 1e-7
-"""A path speed [m/s] below this is none; times are finite with it."""
 MACHINING_SPEED = 0.25
 """Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
-_RAMP = 0.1
 _TINY = 1e-12
 
 
@@ -156,41 +154,6 @@ def _overhead(result: Result, distance: FloatArray, motion: Rows) -> None:
 # -------------------------------------------------------------------------------------- speeds
 
 
-def motion_times(paths: Paths) -> FloatArray:
-    """Return the time (m,) [s] of path motions at their programmed speed, NaN for PTP.
-
-    The orientation may be what decides. A chain that is too short to reach the speed from rest
-    with $ACC.CP is taken at the speed that it can reach.
-    """
-    trace, curves = paths.trace, paths.curves
-    speed = np.maximum(np.minimum(trace.column("speed"), _reachable(paths)), SLOWEST)
-    turning = np.maximum(trace.column("orientation_speed"), SLOWEST)
-    way = np.where(curves.length > _TINY, curves.length / speed, 0.0)
-    turn = np.where(curves.turn > _TINY, curves.turn / turning, 0.0)
-    return np.where(trace.is_cp, np.maximum(way, turn), np.nan)
-
-
-def _reachable(paths: Paths) -> FloatArray:
-    """Return the largest speed (m,) [m/s] within the chain of blended motions of each motion."""
-    trace = paths.trace
-    chain = chains(paths)
-    length = np.bincount(chain, weights=paths.curves.length) if len(chain) else np.zeros(0)
-    return np.asarray(np.sqrt(trace.column("acceleration") * np.maximum(length[chain], _TINY)))
-
-
-def chains(paths: Paths) -> Rows:
-    """Return the number (m,) of the chain, from stop to stop, that each motion belongs to."""
-    trace = paths.trace
-    if len(trace) == 0:
-        return np.zeros(0, dtype=np.int64)
-    stops = (trace.blend == Blend.EXACT) | ~trace.is_cp
-    begins = np.r_[True, stops[:-1] | ~trace.is_cp[1:]]
-    for event in trace.events:
-        if event.word is not EventWord.OUTPUT and event.motion < len(trace):
-            begins[event.motion] = True
-    return np.cumsum(begins) - 1
-
-
 def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     """Check the axis speeds that the programmed path speed needs.
 
@@ -312,48 +275,3 @@ def _corner_rounding(result: Result, rows: Rows) -> None:
 
 
 # ----------------------------------------------------------------------------------------- time
-
-
-def cycle_time(paths: Paths, cell: Cell) -> float:
-    """Return an estimate of the run time [s]: motions with ramps, and waits; hooks take none."""
-    events = paths.trace.events
-    waits = sum(e.value for e in events if e.word is EventWord.DWELL and np.isfinite(e.value))
-    return float(waits + durations(paths, cell).sum())
-
-
-def durations(paths: Paths, cell: Cell) -> FloatArray:
-    """Return an estimate (m,) [s] of each motion, with the ramp at the start of each chain."""
-    trace = paths.trace
-    times = np.zeros(len(trace))
-    if len(trace) == 0:
-        return times
-    cp = trace.is_cp
-    if cp.any():
-        speed = np.minimum(trace.column("speed"), _reachable(paths))
-        ramps = speed / trace.column("acceleration") + _RAMP
-        chain = chains(paths)
-        firsts = np.r_[True, chain[1:] != chain[:-1]] & cp
-        times[cp] = np.nan_to_num(motion_times(paths)[cp])
-        times[firsts] += ramps[firsts]
-    joint = np.flatnonzero(~cp)
-    joint = joint[joint > 0]
-    times[joint] += _ptp_times(paths, cell)
-    return times
-
-
-def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:
-    trace = paths.trace
-    rows = np.flatnonzero(~trace.is_cp)
-    rows = rows[rows > 0]
-    if not len(rows):
-        return np.zeros(0)
-    way = np.nan_to_num(np.abs(paths.q[rows] - paths.q[rows - 1]))
-    share = np.array([s.ptp for s in trace.settings])[trace.setting[rows]]
-    top = np.maximum(cell.robot.qd_max * share, _TINY)
-    push = np.where(np.isfinite(cell.robot.qdd_max), cell.robot.qdd_max, np.inf)
-    full = way >= top**2 / push
-    ramp = np.where(np.isinf(push), 0.0, top / push)
-    short = np.where(np.isinf(push), way / top, 2.0 * np.sqrt(way / push))
-    each = np.where(full, way / top + ramp, short)
-    slowest = each.max(axis=1)
-    return np.where(slowest > _TINY, slowest + _RAMP, 0.0)

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Rows
 from postproc.kinematics.model import Kinematics
-from postproc.model.arrays import BoolArray, FloatArray
-from postproc.model.cell import Cell
 from postproc.verification.checks import Result
-from postproc.verification.trace import Rows
 
 TRAVEL_STEP = 0.1
 """Way of an external axis [m or rad] between two checked poses."""

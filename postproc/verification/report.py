@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from postproc.controller.trace import Finding
 from postproc.units import DEG, MM
-from postproc.verification.trace import Finding
 
 if TYPE_CHECKING:
-    from postproc.model.arrays import FloatArray
-    from postproc.verification.motion import Paths
-    from postproc.verification.trace import Rows
+    from postproc.arrays import FloatArray
+    from postproc.controller.trace import Rows
+    from postproc.paths.motion import Paths
 
 
 @dataclass(frozen=True, slots=True)

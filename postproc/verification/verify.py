@@ -14,49 +14,44 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from postproc.errors import KrlError, SourceRef
-from postproc.frames import rotation_angle
+from postproc.cell.cell import Cell
+from postproc.controller.interpreter import World, run
+from postproc.controller.modules import load_program
+from postproc.controller.runtime import pose_of
+from postproc.controller.trace import Trace, Way
+from postproc.geometry.frames import rotation_angle
 from postproc.kinematics.model import Kinematics, build
-from postproc.krl.expression import Reference, parse_expression
-from postproc.krl.parse import parse_module, require_sound
-from postproc.krl.program import (
+from postproc.krl.text.expression import Reference, parse_expression
+from postproc.krl.text.parse import require_sound
+from postproc.krl.text.program import (
     Assign,
     Axes,
-    Call,
-    Interrupt,
     KrlModule,
     Pose,
-    Statement,
-    Trigger,
 )
-from postproc.model.cell import Cell
-from postproc.model.pointlist import as_served
 from postproc.model.toolpath import ToolPath
+from postproc.paths.moments import Displacement
+from postproc.paths.motion import joint_paths, joints_at_end
+from postproc.paths.times import cycle_time, durations
+from postproc.process.pointlist import as_served
 from postproc.units import DEG, MM
+from postproc.verification.cam.compare import Comparison, Tolerances
+from postproc.verification.cam.events import check_events
+from postproc.verification.cam.order import compare_served
 from postproc.verification.checks import (
     Result,
     check_blending,
     check_externals,
     check_joints,
     check_speeds,
-    cycle_time,
-    durations,
 )
 from postproc.verification.collisions import check_collisions
-from postproc.verification.compare import Comparison, Tolerances
-from postproc.verification.interpreter import World, run
-from postproc.verification.moments import Displacement
-from postproc.verification.motion import joint_paths, joints_at_end
-from postproc.verification.order import compare_served
-from postproc.verification.process import check_events
 from postproc.verification.report import Run, VerifyReport, split_findings
-from postproc.verification.runtime import pose_of
-from postproc.verification.trace import Trace, Way
 
 Progress = Callable[[int, int, str], None]
 _SAME_FRAME = 0.005 * MM
@@ -102,55 +97,6 @@ def verify(
         progress,
         displacement=displacement,
     )
-
-
-def load_program(src_path: str | Path) -> tuple[KrlModule, ...]:
-    """Return a module and those in the same folder that it calls or that set its frames.
-
-    Raises:
-        KrlError: if a file is no KRL; KRL008 if the file has no routine.
-    """
-    path = Path(src_path)
-    main = parse_module(path)
-    if not main.routines:
-        raise KrlError("KRL008", "no routine to run, expected a .src file", SourceRef(str(path)))
-    folder = {
-        other.stem.upper(): other
-        for other in sorted(path.parent.glob("*"))
-        if other.suffix.lower() == ".src" and other.is_file()
-    }
-    found = {main.name.upper(): main}
-    waiting = [main]
-    while waiting:
-        for name in sorted(called_names(waiting.pop())):
-            if name in folder and name not in found:
-                found[name] = parse_module(folder[name])
-                waiting.append(found[name])
-    for name, other in folder.items():
-        if name not in found and name.endswith("_SETUP") and _sets_frames(other):
-            found[name] = parse_module(other)
-    return tuple(found.values())
-
-
-def called_names(module: KrlModule) -> set[str]:
-    """Return the names, in upper case, of all routines that a module calls."""
-    names: set[str] = set()
-    for routine in module.routines:
-        names |= set(_calls(routine.statements))
-    return names
-
-
-def _calls(statements: Iterable[Statement]) -> Iterable[str]:
-    for statement in statements:
-        if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
-            yield from _calls((statement.action,))
-        elif isinstance(statement, Call):
-            yield statement.name.upper()
-
-
-def _sets_frames(path: Path) -> bool:
-    content = path.read_bytes()
-    return b"TOOL_DATA[" in content or b"BASE_DATA[" in content
 
 
 def verify_modules(

@@ -14,7 +14,7 @@ from postproc.batch.jobs import Job
 from postproc.batch.worker import JobResult, attempt, run_job
 from postproc.cli.common import Session
 from postproc.cli.ticker import EVERY, Lines, speed, ticker
-from postproc.pipeline.convert import ConvertRequest
+from postproc.jobs.convert import ConvertRequest
 
 
 def misbehave(job):
@@ -79,7 +79,7 @@ def test_a_cluster_with_another_version_makes_nothing():
 
 
 def test_a_fault_of_ours_is_a_result_too(monkeypatch):
-    import postproc.pipeline.convert as convert_module
+    import postproc.jobs.convert as convert_module
 
     def broken(*_args, **_kwargs):
         raise ZeroDivisionError("inside")

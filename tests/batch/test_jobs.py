@@ -4,7 +4,7 @@ import pytest
 
 from postproc.batch.jobs import Overrides, find_inputs, is_input, load_overrides, make_jobs
 from postproc.errors import DataError
-from postproc.pipeline.convert import ConvertRequest
+from postproc.jobs.convert import ConvertRequest
 
 BASE = ConvertRequest(source="", cell="cell.toml")
 

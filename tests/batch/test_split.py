@@ -9,6 +9,7 @@ from postproc.batch.fingerprint import content_hash
 from postproc.batch.jobs import Job
 from postproc.batch.sections import parse_rule, section_labels, split_job, subset
 from postproc.errors import DataError
+from postproc.jobs.convert import ConvertRequest
 from postproc.model.toolpath import (
     Arcs,
     Cycle,
@@ -18,7 +19,6 @@ from postproc.model.toolpath import (
     Operation,
     ToolPath,
 )
-from postproc.pipeline.convert import ConvertRequest
 
 from .conftest import HEADER, row
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.cli import app
-from postproc.model.cellfile import load_cell
 
 FIXTURE = Path(__file__).resolve().parents[2] / "fixtures" / "cells" / "drilling_kr500.toml"
 

@@ -7,10 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
-from postproc.frames import transform
-from postproc.kinematics.model import build
-from postproc.model.cell import (
+from postproc.cell.cell import (
     Cell,
     KrlOptions,
     Limits,
@@ -21,7 +18,10 @@ from postproc.model.cell import (
     Tool,
     Workpiece,
 )
-from postproc.model.robotfile import load_robot
+from postproc.cell.robotfile import load_robot
+from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
+from postproc.geometry.frames import transform
+from postproc.kinematics.model import build
 
 HERE = np.eye(4)
 

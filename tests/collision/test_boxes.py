@@ -8,7 +8,7 @@ from scipy.optimize import lsq_linear
 
 from postproc.collision.boxes import box_gap, fit_box
 from postproc.collision.mesh import Mesh, box, cylinder
-from postproc.frames import rotation_about
+from postproc.geometry.frames import rotation_about
 
 
 def distance(R, p, half_a, half_b):

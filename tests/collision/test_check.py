@@ -8,7 +8,7 @@ import pytest
 from postproc.collision.bodies import WORLD
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
-from postproc.frames import inverse
+from postproc.geometry.frames import inverse
 from tests.collision.conftest import at, box_at, cell_of
 from tests.collision.oracle import CoalMesh, coal_collide, coal_distance, winding_number
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from postproc.cell.cell import MeshPlacement
 from postproc.collision.mesh import (
     box,
     cylinder,
@@ -15,8 +16,7 @@ from postproc.collision.mesh import (
     welded,
 )
 from postproc.errors import CellError
-from postproc.frames import transform_from_kuka
-from postproc.model.cell import MeshPlacement
+from postproc.geometry.frames import transform_from_kuka
 from tests.collision.conftest import wavy_sheet, write_stl
 
 MM = 1e-3

@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import MeshPlacement
+from postproc.cell.robotfile import load_robot, robot_names
+from postproc.cell.urdf.file import read_urdf_robot
 from postproc.collision.bodies import WORLD
 from postproc.collision.inside import parts_of
 from postproc.collision.links import default_links
 from postproc.collision.scene import Scene
 from postproc.errors import CellError
-from postproc.frames import apply, transform_from_kuka
+from postproc.geometry.frames import apply, transform_from_kuka
 from postproc.kinematics.model import build
-from postproc.model.cell import MeshPlacement
-from postproc.model.robotfile import load_robot, robot_names
-from postproc.model.urdffile import read_urdf_robot
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
 
 NEUTRAL = np.deg2rad([[0.0] * 6, [0, -90, 90, 0, 0, 0], [0, -90, 90, 0, -60, 0]])

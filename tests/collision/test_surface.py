@@ -5,12 +5,12 @@ import pytest
 import trimesh
 from scipy.optimize import nnls
 
+from postproc.cell.cell import MeshPlacement
 from postproc.collision.mesh import Mesh, box, joined, loft, ring
 from postproc.collision.scene import Scene
 from postproc.collision.surface import Surface, nearest_in_triangle
 from postproc.errors import CellError, DataError
-from postproc.frames import apply, transform_from_kuka
-from postproc.model.cell import MeshPlacement
+from postproc.geometry.frames import apply, transform_from_kuka
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
 
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.frames import rotation_from_abc, transform
-from postproc.model.cell import (
+from postproc.cell.cell import (
     Cell,
     ExternalAxis,
     KrlOptions,
@@ -20,6 +19,7 @@ from postproc.model.cell import (
     Tool,
     Workpiece,
 )
+from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, EventKind, Operation, ToolPath
 from postproc.units import DEG, MM

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.emitters.kuka_krl import emit, render_files
-from postproc.krl.parse import parse_files
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.krl.text.parse import parse_files
 from postproc.model.plan import MoveKind
 from postproc.model.toolpath import EventKind
 from postproc.readers.base import ReadOptions, read

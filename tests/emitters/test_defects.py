@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from postproc.emitters.krl_style import KrlStyle
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.emitters.kuka.style import KrlStyle
 from postproc.errors import EmitError
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind
@@ -462,7 +462,7 @@ def test_nothing_of_the_machine_or_the_day_is_in_a_program():
 
 
 def test_the_style_defaults_are_those_of_the_cell_file():
-    from postproc.model.cellschema import KrlTable
+    from postproc.cell.schema import KrlTable
 
     table = KrlTable()
     style = KrlStyle()

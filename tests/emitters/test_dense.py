@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.errors import EmitError, KrlError
-from postproc.frames import rotation_angle, transform_from_kuka
-from postproc.krl.names import NameAllocator
-from postproc.krl.parse import parse_files
+from postproc.geometry.frames import rotation_angle, transform_from_kuka
+from postproc.krl.text.names import NameAllocator
+from postproc.krl.text.parse import parse_files
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import EventKind
 from postproc.units import DEG, MM

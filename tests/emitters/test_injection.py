@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.model.plan import MoveKind
 from postproc.model.toolpath import EventKind
 

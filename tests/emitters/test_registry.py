@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from postproc.emitters.base import REGISTRY
-from postproc.krl.names import NameAllocator
+from postproc.krl.text.names import NameAllocator
 from postproc.model.toolpath import EventKind
 
 from . import plans
@@ -44,7 +44,7 @@ SCRIPT = """
 import hashlib, sys
 sys.path.insert(0, {tests!r})
 from emitters import plans
-from postproc.emitters.kuka_krl import emit_files
+from postproc.emitters.kuka.emitter import emit_files
 from postproc.model.toolpath import EventKind
 events = [plans.event(i, kind, 1.0, "text") for i, kind in enumerate(EventKind)]
 path = plans.toolpath(31, operations=("a", "b", "c"), operation=[i // 11 for i in range(31)])

@@ -2,10 +2,10 @@
 
 import pytest
 
-from postproc.emitters.krl_template import TemplateSet
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, PostprocError, SourceRef
-from postproc.krl.program import Call, Comment, WaitSec
+from postproc.krl.text.program import Call, Comment, WaitSec
 from postproc.model.toolpath import EventKind
 
 from . import plans, texts

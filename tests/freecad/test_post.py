@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from postproc.cli import app
-from postproc.krl.parse import parse_module
-from postproc.krl.program import Axes, Move, MoveWord, Pose
+from postproc.krl.text.parse import parse_module
+from postproc.krl.text.program import Axes, Move, MoveWord, Pose
 from postproc.model.toolpath import EventKind, MotionKind
 from postproc.readers.base import ReadOptions, read
 from postproc.units import MM, MM_PER_MIN

@@ -10,11 +10,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from postproc.gap.dataset import Samples, make_samples
+from postproc.cell.cell import Cell
+from postproc.cell.file import load_cell
+from postproc.gap.data.dataset import Samples, make_samples
 from postproc.gap.robot_model import RobotModel
 from postproc.kinematics.model import Kinematics, build
-from postproc.model.cell import Cell
-from postproc.model.cellfile import load_cell
 
 ROOT = Path(__file__).resolve().parents[2]
 CELL = ROOT / "fixtures" / "drilling_panel" / "cell.toml"

@@ -8,12 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.cli.app import run
 from postproc.errors import DataError
-from postproc.gap.along import along
-from postproc.gap.dataset import make_samples
+from postproc.gap.answers.along import along
+from postproc.gap.data.dataset import make_samples
 from postproc.gap.robot_model import RobotModel
-from postproc.model.cellfile import load_cell
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, Operation, ToolPath
 
 START = np.radians([5.0, -80.0, 95.0, 20.0, 60.0, -30.0])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.gap.bench import Bench
-from postproc.gap.dataset import make_samples
-from postproc.gap.designs import Designs, designs, transfers
+from postproc.gap.answers.designs import Designs, designs, transfers
+from postproc.gap.data.dataset import make_samples
 from postproc.gap.effect import REGISTRY
-from postproc.gap.linear import block_of
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.linear import block_of
 from postproc.gap.robot_model import RobotModel
 
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import apply, rotation_from_abc, transform
-from postproc.gap.diagnose import diagnose
-from postproc.gap.document import document, model_file
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.answers.document import document, model_file
+from postproc.gap.answers.predict import predict
 from postproc.gap.effect import REGISTRY
-from postproc.gap.predict import predict
-from postproc.gap.problem import pose_problem
+from postproc.gap.fit.problem import pose_problem
+from postproc.geometry.frames import apply, rotation_from_abc, transform
+from postproc.measurement.file import read_measurements
 from postproc.model.modelfile import load_model, save_model
-from postproc.readers.measurements import read_measurements
 
 FRAMES = {"base_frame", "tool_frame"}
 MACHINE = (

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.gap.bench import Bench
-from postproc.gap.diagnose import diagnose, shrink_interval
+from postproc.gap.answers.diagnose import diagnose, shrink_interval
 from postproc.gap.effect import REGISTRY
-from postproc.gap.fit import Free, fit
-from postproc.gap.intervals import deviations
-from postproc.gap.linear import block_of
-from postproc.gap.noise import repeats, saturated
-from postproc.gap.problem import pose_problem
-from postproc.readers.measurements import read_measurements
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.fit import Free, fit
+from postproc.gap.fit.intervals import deviations
+from postproc.gap.fit.linear import block_of
+from postproc.gap.fit.noise import repeats, saturated
+from postproc.gap.fit.problem import pose_problem
+from postproc.measurement.file import read_measurements
 
 NOISE = 2e-5
 BACKLASH = dict(REGISTRY)["backlash"]

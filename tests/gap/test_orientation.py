@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.frames import apply, rotation_from_abc, transform
-from postproc.gap.diagnose import diagnose
-from postproc.gap.document import document
-from postproc.gap.problem import pose_problem
-from postproc.gap.summary import summary
-from postproc.readers.measurements import read_measurements
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.answers.document import document
+from postproc.gap.answers.summary import summary
+from postproc.gap.fit.problem import pose_problem
+from postproc.geometry.frames import apply, rotation_from_abc, transform
+from postproc.measurement.file import read_measurements
 
 TARGET = np.radians([30.0, -10.0, 80.0])
 NOISE = np.radians(0.002)

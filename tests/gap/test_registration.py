@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.frames import apply, rotation_from_abc, transform
-from postproc.gap.diagnose import diagnose
-from postproc.gap.document import document, model_file
-from postproc.gap.predict import predict
-from postproc.gap.problem import pose_problem
-from postproc.gap.summary import summary
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.answers.document import document, model_file
+from postproc.gap.answers.predict import predict
+from postproc.gap.answers.summary import summary
+from postproc.gap.fit.problem import pose_problem
+from postproc.geometry.frames import apply, rotation_from_abc, transform
+from postproc.measurement.file import read_measurements
 from postproc.model.modelfile import ModelFile, load_model, save_model
-from postproc.readers.measurements import read_measurements
 
 REFLECTOR = np.array([0.05, -0.08, 0.1])
 NOISE = 1.2e-5
@@ -48,8 +48,8 @@ def test_a_load_acts_at_the_tool_point_and_not_at_the_reflector(loaded, kinemati
 
 
 def test_tracker_and_reflector_are_found(loaded, kinematics, cell):
-    from postproc.gap.dataset import samples_of
-    from postproc.gap.registration import register
+    from postproc.gap.data.dataset import samples_of
+    from postproc.gap.fit.registration import register
     from postproc.gap.robot_model import RobotModel
 
     rows, model = loaded(2)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from postproc.errors import DataError
+from postproc.gap.data.reference import reference_of
 from postproc.gap.effect import State
-from postproc.gap.reference import reference_of
 from postproc.gap.robot_model import RobotModel, evaluate, tool_point
 from postproc.model.modelfile import ModelFile, load_model, save_model
 

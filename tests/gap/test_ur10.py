@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.gap.diagnose import diagnose
-from postproc.gap.document import model_file
-from postproc.gap.predict import predict
-from postproc.gap.problem import pose_problem
+from postproc.cell.file import load_cell
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.answers.document import model_file
+from postproc.gap.answers.predict import predict
+from postproc.gap.fit.problem import pose_problem
 from postproc.kinematics.model import build
-from postproc.model.cellfile import load_cell
-from postproc.readers.measurements import read_measurements
+from postproc.measurement.file import read_measurements
 
 REAL = Path(__file__).resolve().parents[3] / "shared" / "real" / "ur10"
 CELL = """schema = "postproc.cell/1"

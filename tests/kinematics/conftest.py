@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
+from postproc.cell.robotfile import load_robot, robot_names
 from postproc.kinematics.model import build
-from postproc.model.robotfile import load_robot, robot_names
 
 
 @pytest.fixture(params=robot_names())

@@ -4,9 +4,9 @@ import numpy as np
 import pinocchio
 import pytest
 
-from postproc.frames import abc_from_rotation, rotation_angle
+from postproc.cell.robotfile import load_robot
+from postproc.geometry.frames import abc_from_rotation, rotation_angle
 from postproc.kinematics.model import build
-from postproc.model.robotfile import load_robot
 from postproc.units import DEG, MM
 from tests.kinematics.urdf_text import rpy_of
 

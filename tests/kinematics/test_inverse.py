@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform
 
+from postproc.cell.cell import OpwGeometry
+from postproc.cell.robotfile import load_robot
 from postproc.kinematics.model import build, closed_form
 from postproc.kinematics.opw import arm_of
-from postproc.model.cell import OpwGeometry
-from postproc.model.robotfile import load_robot
 from postproc.units import DEG
 
 MANY = 100_000

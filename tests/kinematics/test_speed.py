@@ -6,8 +6,8 @@ import numpy as np
 import py_opw_kinematics as opw
 from scipy.spatial.transform import RigidTransform
 
+from postproc.cell.robotfile import load_robot
 from postproc.kinematics.model import build
-from postproc.model.robotfile import load_robot
 
 
 def seconds(task, repeats=5):

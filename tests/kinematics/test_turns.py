@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from postproc.cell.cell import OpwGeometry
+from postproc.cell.robotfile import load_robot
 from postproc.errors import KinematicsError
 from postproc.kinematics.branch import branch_of, status_turn, turn
 from postproc.kinematics.model import build, closed_form
@@ -17,8 +19,6 @@ from postproc.kinematics.singular import (
     smallest_singular_value,
     wrist_distance,
 )
-from postproc.model.cell import OpwGeometry
-from postproc.model.robotfile import load_robot
 from postproc.units import DEG
 
 KR500 = build(load_robot("kuka_kr500_r2830"))

@@ -4,13 +4,13 @@ import numpy as np
 import pinocchio
 import pytest
 
+from postproc.cell.robotfile import load_robot
+from postproc.cell.urdf.file import read_urdf_robot
 from postproc.errors import CellError, SourceRef
-from postproc.frames import rotation_about, transform
+from postproc.geometry.frames import rotation_about, transform
 from postproc.kinematics.model import build
 from postproc.kinematics.numeric import PolishedSolver
 from postproc.kinematics.singular import smallest_singular_value, wrist_distance
-from postproc.model.robotfile import load_robot
-from postproc.model.urdffile import read_urdf_robot
 from tests.kinematics.urdf_text import joint, maker_style_urdf, urdf_of
 
 UR10_LIKE = [

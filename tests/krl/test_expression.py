@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from postproc.krl.expression import (
+from postproc.krl.text.expression import (
     Binary,
     FunctionCall,
     Reference,
@@ -15,9 +15,9 @@ from postproc.krl.expression import (
     parse_expression,
     unparse,
 )
-from postproc.krl.lexer import KrlSyntaxError
-from postproc.krl.literals import components, quick_literal
-from postproc.krl.program import Aggregate, Axes, Enum, Expr, Pose, Text
+from postproc.krl.text.lexer import KrlSyntaxError
+from postproc.krl.text.literals import components, quick_literal
+from postproc.krl.text.program import Aggregate, Axes, Enum, Expr, Pose, Text
 
 
 def test_literals():
@@ -71,7 +71,7 @@ def test_other_structures():
 
 
 def test_structures_to_be_computed():
-    from postproc.krl.expression import ExpressionParser
+    from postproc.krl.text.expression import ExpressionParser
 
     value = ExpressionParser("{X a+1, Y 2.0}").value()
     assert value == Aggregate((("X", Expr("(A + 1)")), ("Y", 2.0)))

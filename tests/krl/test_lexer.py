@@ -2,7 +2,7 @@
 
 import pytest
 
-from postproc.krl.lexer import KrlSyntaxError, TokenKind, split_comment, tokenise
+from postproc.krl.text.lexer import KrlSyntaxError, TokenKind, split_comment, tokenise
 
 
 def kinds(text):

@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from postproc.errors import Severity
-from postproc.krl.lint import RULES, LintOptions, lint
-from postproc.krl.parse import load_modules, parse_files
+from postproc.krl.lint import RULES, lint
+from postproc.krl.rules.subject import LintOptions
+from postproc.krl.text.parse import load_modules, parse_files
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import EmitError
-from postproc.krl.names import KEYWORDS, SYSTEM_MODULES, NameAllocator, is_legal, legal_name
+from postproc.krl.text.names import KEYWORDS, SYSTEM_MODULES, NameAllocator, is_legal, legal_name
 
 LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}\Z")
 nasty = st.one_of(
@@ -104,7 +104,7 @@ def test_no_room():
 
 def test_the_same_names_whatever_the_hash_seed():
     code = (
-        "from postproc.krl.names import NameAllocator; n = NameAllocator();"
+        "from postproc.krl.text.names import NameAllocator; n = NameAllocator();"
         "print([n.allocate(t, ('_001',)) for t in ('a' * 40, 'A' * 40, 'LIN', 'x y', 'x-y')])"
     )
     outputs = {

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import KrlError
-from postproc.krl import numbers
+from postproc.krl.text import numbers
 
 FIXED = re.compile(r"-?\d+\.\d+\Z")
 finite = st.floats(-1e9, 1e9)

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from postproc.errors import KrlError, PostprocError
-from postproc.krl.parse import load_modules, parse_files, parse_module, require_sound
-from postproc.krl.program import (
+from postproc.krl.text.parse import load_modules, parse_files, parse_module, require_sound
+from postproc.krl.text.program import (
     Assign,
     Axes,
     Blank,
@@ -35,7 +35,7 @@ from postproc.krl.program import (
     WaitFor,
     WaitSec,
 )
-from postproc.krl.render import render
+from postproc.krl.text.render import render
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from postproc.krl.program import (
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Axes,

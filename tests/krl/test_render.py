@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import KrlError
-from postproc.krl.parse import parse_files
-from postproc.krl.program import (
+from postproc.krl.text.parse import parse_files
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Axes,
@@ -43,7 +43,7 @@ from postproc.krl.program import (
     WaitFor,
     WaitSec,
 )
-from postproc.krl.render import render, render_statement
+from postproc.krl.text.render import render, render_statement
 
 POSE = Pose(1.0, -2.5, 1234.56789, 90.0, -1e-9, 179.999999)
 AXES = Axes(0.0, -90.0, 90.0, 0.0, -0.000001, 0.0)

@@ -3,7 +3,7 @@
 import pytest
 
 from postproc.errors import KrlError
-from postproc.krl.source import MAX_LINE, check_size, decode
+from postproc.krl.text.source import MAX_LINE, check_size, decode
 
 PROGRAM = b"&ACCESS RVP\r\nDEF A( )\r\nEND\r\n"
 

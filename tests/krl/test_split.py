@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import EmitError
-from postproc.krl.split import Part, split, suffixes
+from postproc.krl.text.split import Part, split, suffixes
 
 qualities = st.lists(st.integers(0, 4), min_size=1, max_size=200)
 

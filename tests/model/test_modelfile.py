@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from postproc.errors import DataError, ReadError
-from postproc.frames import transform_from_kuka
+from postproc.geometry.frames import transform_from_kuka
 from postproc.model.modelfile import (
     ModelFile,
     Registration,
@@ -19,7 +19,7 @@ from postproc.model.modelfile import (
     save_model,
     si,
 )
-from postproc.model.tomlwrite import toml_key, toml_value
+from postproc.toml.write import toml_key, toml_value
 
 CONTRACT = """schema = "postproc.model/1"
 [effects.joint_compliance]

@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import transform
-from postproc.model.cell import (
+from postproc.cell.cell import (
     Cell,
     KrlOptions,
     Limits,
@@ -18,7 +17,8 @@ from postproc.model.cell import (
     Tool,
     Workpiece,
 )
-from postproc.model.robotfile import load_robot
+from postproc.cell.robotfile import load_robot
+from postproc.geometry.frames import transform
 from postproc.model.toolpath import Arcs, MotionKind, ToolPath
 from postproc.units import DEG
 

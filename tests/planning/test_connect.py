@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import transform
-from postproc.model.cell import MeshPlacement
-from postproc.planning import connect
-from postproc.planning.connect import Ends, free_way
-from postproc.planning.feasible import Checker
-from postproc.planning.planner import PlanOptions, problem_of
-from postproc.planning.settings import settle
-from postproc.planning.stroke import strokes_of
-from postproc.planning.tree import ROUNDS, rrt_connect
+from postproc.cell.cell import MeshPlacement
+from postproc.geometry.frames import transform
+from postproc.planning.checks.feasible import Checker
+from postproc.planning.planner import problem_of
+from postproc.planning.route import connect
+from postproc.planning.route.connect import Ends, free_way
+from postproc.planning.route.tree import ROUNDS, rrt_connect
+from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.stroke import strokes_of
 
 
 def solid(name, size, x, y, z):

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import Process
 from postproc.errors import CellError
 from postproc.kinematics.model import build
-from postproc.model.cell import Process
-from postproc.planning.costs import (
+from postproc.planning.states.costs import (
     DEFAULT_TRAVEL,
     REGISTRY,
     Objective,

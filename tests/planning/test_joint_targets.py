@@ -10,8 +10,9 @@ import pytest
 
 from postproc.cli import app
 from postproc.errors import PlanError
-from postproc.planning.place import place
-from postproc.planning.planner import PlanOptions, plan
+from postproc.planning.planner import plan
+from postproc.planning.states.place import place
+from postproc.planning.states.settings import PlanOptions
 from postproc.readers import ReadOptions, read
 
 CELL = """\

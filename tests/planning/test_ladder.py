@@ -8,7 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from postproc.planning.ladder import NONE, Ladder, Rule
+from postproc.planning.states.ladder import NONE, Ladder, Rule
 
 
 def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1, width=2.5):
@@ -141,7 +141,7 @@ def test_wide_rungs_in_blocks_give_the_same(monkeypatch, seed, wide):
     steps = [(int(whole.offsets[i]), int(whole.offsets[i + 1])) for i in range(3, 15)]
     paths = []
     for ladder, largest in ((whole, 10**9), (blocks, wide)):
-        monkeypatch.setattr("postproc.planning.ladder.WIDE", largest)
+        monkeypatch.setattr("postproc.planning.states.ladder.WIDE", largest)
         ladder.solve()
         ladder.forbid(steps)
         ladder.remove(ladder.path()[4:5])

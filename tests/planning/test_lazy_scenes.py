@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import MeshPlacement
 from postproc.collision.scene import Scene
-from postproc.model.cell import MeshPlacement
 from postproc.model.toolpath import Cycle, MotionKind
-from postproc.planning import strategy
-from postproc.planning.feasible import Checker
-from postproc.planning.hunt import Hunt
+from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
-from postproc.planning.refine import Course
-from postproc.planning.settings import PlanOptions, settle
-from postproc.planning.stroke import strokes_of
+from postproc.planning.search import strategy
+from postproc.planning.search.hunt import Hunt
+from postproc.planning.search.refine import Course
+from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.stroke import strokes_of
 from postproc.units import DEG
 
 

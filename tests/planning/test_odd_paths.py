@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.robotfile import load_robot
 from postproc.kinematics.model import build
 from postproc.model.plan import MoveKind
-from postproc.model.robotfile import load_robot
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
 from postproc.planning.planner import plan
 
@@ -97,7 +97,7 @@ def test_other_arms(make_cell, make_path, name):
 @pytest.mark.usefixtures("no_scene")
 def test_input_orientation_is_spin_zero(make_cell, make_path):
     """Where the input gives full orientations and no turn is allowed, they come out again."""
-    from postproc.frames import rotation_x
+    from postproc.geometry.frames import rotation_x
 
     toolpath = odd_path(make_path, [K.RAPID] + [K.LINEAR] * 4)
     R = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1]]) @ rotation_x(np.linspace(2.8, 3.2, 5))

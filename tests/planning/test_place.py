@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from postproc.errors import PlanError
-from postproc.frames import angle_between, rotation_angle, rotation_x, rotation_z
-from postproc.planning.place import frames_across, place, spin_values, transported
-from postproc.planning.smooth import interpolated_spin
+from postproc.geometry.frames import angle_between, rotation_angle, rotation_x, rotation_z
+from postproc.planning.search.smooth import interpolated_spin
+from postproc.planning.states.place import frames_across, place, spin_values, transported
 from postproc.units import DEG
 
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import angle_between, rotation_y
+from postproc.cell.cell import MeshPlacement, Tool, Workpiece
+from postproc.geometry.frames import angle_between, rotation_y
 from postproc.kinematics.model import build
-from postproc.model.cell import MeshPlacement, Tool, Workpiece
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind, MotionKind
-from postproc.planning.planner import PlanOptions, plan
-from postproc.planning.settings import settle
+from postproc.planning.planner import plan
+from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG
 
 FRONT = np.array([-1.0, 0.0, 0.0])

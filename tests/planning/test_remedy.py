@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.model.cell import Workpiece
+from postproc.cell.cell import Workpiece
 from postproc.model.toolpath import Cycle, MotionKind
-from postproc.planning import explain
+from postproc.planning.checks import explain
 from postproc.planning.planner import plan
 from postproc.units import DEG, MM
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.planning.ladder import NONE, Ladder
-from postproc.planning.search import search
+from postproc.planning.search.lazy import search
+from postproc.planning.states.ladder import NONE, Ladder
 from tests.planning.test_ladder import random_ladder
 
 

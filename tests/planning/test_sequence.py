@@ -10,7 +10,7 @@ import pytest
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
-from postproc.planning.sequence import shortest
+from postproc.planning.search.sequence import shortest
 
 
 def length(points, order):

@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import rotation_x, transform
-from postproc.model.cell import Limits, Tool
+from postproc.cell.cell import Limits, Tool
+from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind
-from postproc.planning.feasible import Reason
-from postproc.planning.keytags import key_tags, stretches
-from postproc.planning.planner import PlanOptions, plan
-from postproc.planning.settings import settle
+from postproc.planning.checks.feasible import Reason
+from postproc.planning.planner import plan
+from postproc.planning.search.keytags import key_tags, stretches
+from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG, MM
 
 AS_THE_PAPER = {"refine": False, "loss_bound_percent": 100.0, "key_every_mm": 1e6}
@@ -150,7 +150,7 @@ def test_which_tags_are_key(make_cell, make_path):
 @pytest.mark.usefixtures("no_scene")
 def test_no_tag_is_given_up_in_silence(make_cell, make_path, monkeypatch):
     """Where a cut between key tags cannot be run, its tag fails; it is not left out."""
-    import postproc.planning.smooth as module
+    import postproc.planning.search.smooth as module
 
     real = module.check_chain
 

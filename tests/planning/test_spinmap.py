@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import ExternalAxis, MeshPlacement
 from postproc.collision.scene import Scene
 from postproc.kinematics.model import build
-from postproc.model.cell import ExternalAxis, MeshPlacement
 from postproc.model.toolpath import Cycle, MotionKind
-from postproc.planning.grade import Grade, grade_counts, grades
-from postproc.planning.planner import PlanOptions, plan, problem_of
-from postproc.planning.settings import settle
-from postproc.planning.spinmap import SpinClass, spin_map
+from postproc.planning.checks.grade import Grade, grade_counts, grades
+from postproc.planning.maps.spinmap import SpinClass, spin_map
+from postproc.planning.planner import plan, problem_of
+from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG
 
 

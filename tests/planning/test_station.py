@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import ExternalAxis, MeshPlacement
 from postproc.kinematics.model import build
-from postproc.model.cell import ExternalAxis, MeshPlacement
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
-from postproc.planning.station import stations_of
-from postproc.planning.travel import cell_at
+from postproc.planning.route.travel import cell_at
+from postproc.planning.search.station import stations_of
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from postproc.cell.cell import Workpiece
 from postproc.errors import CellError
-from postproc.frames import angle_between
-from postproc.model.cell import Workpiece
-from postproc.model.tilt import TiltRange
+from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
-from postproc.planning.hunt import Hunt
 from postproc.planning.planner import checker_of, plan, problem_of
-from postproc.planning.settings import PlanOptions, settle
-from postproc.planning.tilt import MOST_TILTS, feed_directions, tilt_grid
+from postproc.planning.search.hunt import Hunt
+from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.tilt import MOST_TILTS, feed_directions, tilt_grid
+from postproc.process.tilt import TiltRange
 from postproc.units import DEG
 
 UP = np.array([0.0, 0.0, 1.0])

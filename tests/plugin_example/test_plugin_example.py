@@ -95,12 +95,12 @@ def test_the_effect_keeps_the_contract(monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     from postproc_example.effect import TRACKER_SCALE
 
+    from postproc.cell.file import load_cell
     from postproc.gap import contract
-    from postproc.gap.dataset import make_samples
+    from postproc.gap.data.dataset import make_samples
     from postproc.gap.effect import REGISTRY
     from postproc.gap.robot_model import RobotModel
     from postproc.kinematics.model import build
-    from postproc.model.cellfile import load_cell
 
     list(REGISTRY)
     monkeypatch.setitem(REGISTRY._parts, TRACKER_SCALE.name, TRACKER_SCALE)
@@ -118,8 +118,8 @@ def test_the_emitter_writes_the_plan(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     from postproc_example.emitter import joint_list
 
-    from postproc.model.cellfile import load_cell
-    from postproc.pipeline.convert import ConvertRequest, make_plan, read_toolpath
+    from postproc.cell.file import load_cell
+    from postproc.jobs.convert import ConvertRequest, make_plan, read_toolpath
 
     (tmp_path / "cell.toml").write_text(CELL)
     (tmp_path / "p.csv").write_text("x,y,z,i,j,k\n0,0,0,0,0,1\n50,0,0,0,0,1\n")

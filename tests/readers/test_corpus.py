@@ -10,8 +10,8 @@ from postproc.cli.app import run
 from postproc.errors import ReadError
 from postproc.model.toolpath import MotionKind
 from postproc.readers import ReadOptions, read
-from postproc.readers.apt_arcs import tangency
-from postproc.readers.apt_finish import straight_neighbours
+from postproc.readers.apt.arcs import tangency
+from postproc.readers.apt.finish import straight_neighbours
 
 pytestmark = pytest.mark.corpus
 DIALECTS = {"az": "solidworks", "azhist": "solidworks", "creo": "creo", "nx": "nx"}

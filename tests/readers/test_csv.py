@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from postproc.errors import ReadError
 from postproc.model.toolpath import EventKind, MotionKind
 from postproc.readers import ReadOptions, read
-from postproc.readers.csv_columns import column_of
+from postproc.readers.csv.columns import column_of
 
 POINTS = np.array([(0, 0, 10), (25.4, 0, 10), (50, 5.5, 9.5)]) * 1e-3
 AXES = np.array([(0, 0, 1), (0.6, 0, 0.8), (0, -0.6, 0.8)])
@@ -175,7 +175,7 @@ def test_large_files_cross_block_borders(read_text, monkeypatch):
     rows = [(i * 0.5, -i * 0.25, 7.0 + i % 3, 0, 0.6, 0.8) for i in range(500)]
     text = "x,y,z,i,j,k\n" + "".join(",".join(map(str, row)) + "\n" for row in rows)
     whole = read_text(text, "a.csv")
-    monkeypatch.setattr("postproc.readers.text_blocks.BLOCK_BYTES", 97)
+    monkeypatch.setattr("postproc.readers.text.blocks.BLOCK_BYTES", 97)
     parts = read_text(text, "b.csv")
     np.testing.assert_array_equal(whole.points, parts.points)
     np.testing.assert_array_equal(whole.line, parts.line)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from postproc.readers.decimals import parse_number, parse_tokens
+from postproc.readers.text.decimals import parse_number, parse_tokens
 
 
 def parse(texts: list[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -86,7 +86,7 @@ def test_another_spelling_is_the_same_path(name, seed, fixtures, read_text):
 def test_blocks_of_any_size_give_the_same_path(name, fixtures, monkeypatch):
     original = read(fixtures / name, options=ReadOptions(**OPTIONS))
     for size in (37, 200, 1000):
-        monkeypatch.setattr("postproc.readers.text_blocks.BLOCK_BYTES", size)
+        monkeypatch.setattr("postproc.readers.text.blocks.BLOCK_BYTES", size)
         options = ReadOptions(**OPTIONS, dialect=original.dialect, units=original.units)
         assert_same_path(original, read(fixtures / name, options=options))
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.cli import app
 from postproc.kinematics.model import build
-from postproc.model.cellfile import load_cell
-from postproc.report.headline import headline
+from postproc.report.parts.headline import headline
 from tests.report.conftest import PANEL, data_of
 from tools.hidden_twin import Twin
 

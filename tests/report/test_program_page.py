@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.kinematics.model import build
-from postproc.krl.parse import parse_module
-from postproc.krl.program import Axes, Move, MoveWord
-from postproc.model.cellfile import load_cell
+from postproc.krl.text.parse import parse_module
+from postproc.krl.text.program import Axes, Move, MoveWord
 from tests.report.conftest import data_of
 
 READY = "window.ppPage && ppPage.state().ready"

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.emitters.kuka_krl import emit, render_files
-from postproc.model.cellfile import load_cell
-from postproc.pipeline.convert import ConvertRequest, make_plan, read_toolpath
-from postproc.report.program_page import program_page
-from postproc.report.program_text import program_text
+from postproc.cell.file import load_cell
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.jobs.convert import ConvertRequest, make_plan, read_toolpath
+from postproc.report.pages.program import program_page
+from postproc.report.parts.program_text import program_text
 from tests.report.conftest import PANEL
 
 COPIES = 100

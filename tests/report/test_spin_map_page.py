@@ -13,9 +13,9 @@ import pytest
 from PIL import Image
 
 from postproc.cli import app
-from postproc.planning.grade import Grade
-from postproc.planning.spinmap import SpinClass, SpinMap
-from postproc.report.spin_map_picture import CLASS_COLOURS, columns_of, draw
+from postproc.planning.checks.grade import Grade
+from postproc.planning.maps.spinmap import SpinClass, SpinMap
+from postproc.report.parts.spin_map_picture import CLASS_COLOURS, columns_of, draw
 from tests.report.conftest import PANEL, data_of
 
 

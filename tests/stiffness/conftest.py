@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import inverse, rotation_y, transform
+from postproc.cell.file import load_cell
+from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics.model import build
-from postproc.model.cellfile import load_cell
-from postproc.model.measurement import MeasurementSet
+from postproc.measurement.rows import MeasurementSet
 from tools.hidden_twin import Twin
 
 CELL = """schema = "postproc.cell/1"

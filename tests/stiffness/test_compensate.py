@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from postproc.cell.cell import Process
+from postproc.compensation.compensate import compensate, solve
+from postproc.compensation.real_arm import expected_points, loads
 from postproc.errors import DataError
-from postproc.frames import transform
 from postproc.gap.robot_model import RobotModel
-from postproc.model.cell import Process
+from postproc.geometry.frames import transform
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.pipeline.compensate import compensate, solve
-from postproc.pipeline.real_arm import expected_points, loads
-from postproc.stiffness.cases import load_cases
-from postproc.stiffness.constant import fit_constant
-from postproc.stiffness.continuous import fit_continuous
 from postproc.stiffness.field import ConstantField
 from postproc.stiffness.fieldfile import effects_of
+from postproc.stiffness.identify.cases import load_cases
+from postproc.stiffness.identify.constant import fit_constant
+from postproc.stiffness.identify.continuous import fit_continuous
 from tools.hidden_twin import Twin
 
 from .conftest import K_PAPER, TCP, WEIGHT, campaign, dead_weight, wrench_of
@@ -198,7 +198,7 @@ def test_a_model_without_reason_is_refused(cell, arm, postures, tmp_path):
 
 
 def test_unseen_joints_take_the_cells_stiffness(cell, arm, postures, tmp_path):
-    from postproc.pipeline.real_arm import compensation_model
+    from postproc.compensation.real_arm import compensation_model
 
     c = 1.0 / K_PAPER
     c = np.where(np.arange(6) == 0, np.nan, c)
@@ -225,8 +225,8 @@ def test_frames_of_the_workpiece_do_not_matter(cell, arm, postures, tmp_path):
 
 
 def test_each_operation_has_its_own_force(cell, arm, postures, tmp_path):
+    from postproc.compensation.compensate import process_of
     from postproc.model.toolpath import Operation
-    from postproc.pipeline.compensate import process_of
 
     own = replace(
         cell, process=Process(np.array([-50.0, 0, 0, 0, 0, 0]), {"ROUGH": np.full(6, 7.0)})
@@ -244,7 +244,7 @@ def test_each_operation_has_its_own_force(cell, arm, postures, tmp_path):
 
 
 def test_loads_of_operations_come_from_the_cell_file(cell_path, tmp_path):
-    from postproc.model.cellfile import load_cell
+    from postproc.cell.file import load_cell
 
     path = tmp_path / "cell.toml"
     text = cell_path.read_text(encoding="utf-8")

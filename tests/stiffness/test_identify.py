@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from postproc.errors import StiffnessError
-from postproc.frames import transform_from_kuka
-from postproc.stiffness.cases import clusters, load_cases
-from postproc.stiffness.constant import fit_constant
-from postproc.stiffness.continuous import fit_continuous
+from postproc.geometry.frames import transform_from_kuka
 from postproc.stiffness.field import ConstantField
-from postproc.stiffness.gridded import fit_grid, grid_over, members
-from postproc.stiffness.identified import document, warnings
-from postproc.stiffness.identify import IdentifyOptions, identify
-from postproc.stiffness.observability import Visibility
+from postproc.stiffness.identify.cases import clusters, load_cases
+from postproc.stiffness.identify.constant import fit_constant
+from postproc.stiffness.identify.continuous import fit_continuous
+from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
+from postproc.stiffness.identify.identified import document, warnings
+from postproc.stiffness.identify.identify import IdentifyOptions, identify
+from postproc.stiffness.identify.observability import Visibility
 from tools.hidden_twin import Twin
 
 from .conftest import K_PAPER, TCP, WEIGHT, campaign, dead_weight, moved, three_directions
@@ -279,7 +279,7 @@ def test_model_choice_takes_the_simplest_that_is_good_enough(arm, postures, vary
 
 
 def test_groups_are_never_split(arm, postures, varying):
-    from postproc.stiffness.identify import _folds
+    from postproc.stiffness.identify.identify import _folds
 
     measured = campaign(varying, postures(40), dead_weight(varying), TRACKER)
     labels = tuple(f"g{i % 7}" for i in range(40)) * 2

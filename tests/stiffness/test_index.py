@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from postproc.errors import StiffnessError
-from postproc.frames import rotation_about
+from postproc.geometry.frames import rotation_about
 from postproc.stiffness import cartesian, index
 
 from .conftest import K_PAPER, TCP

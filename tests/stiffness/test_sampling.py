@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from postproc.errors import StiffnessError
-from postproc.frames import rotation_y
-from postproc.readers.measurements import read_measurements
-from postproc.stiffness.measuring import Load, SampleRequest, csv_text
-from postproc.stiffness.optimal import choose, features
-from postproc.stiffness.sampling import (
+from postproc.geometry.frames import rotation_y
+from postproc.measurement.file import read_measurements
+from postproc.stiffness.sample.measuring import Load, SampleRequest, csv_text
+from postproc.stiffness.sample.optimal import choose, features
+from postproc.stiffness.sample.sampling import (
     SamplingRules,
     axis_parallel,
     box_grid,
@@ -167,7 +167,7 @@ def test_unknown_model_has_no_plan():
 
 @pytest.fixture(scope="module")
 def sampling(cell):
-    from postproc.pipeline.sample import sample
+    from postproc.jobs.sample import sample
 
     loads = (
         Load("50kg", 50.0, np.array([0.0535, 0.0, 0.362])),
@@ -195,7 +195,7 @@ def test_csv_holds_the_wrench_of_the_hung_weight(sampling, tmp_path):
 
 
 def test_outlook_warns_before_the_measurement(cell):
-    from postproc.pipeline.sample import sample
+    from postproc.jobs.sample import sample
 
     request = SampleRequest(box_grid(LOW, HIGH, 0.6), RULES, (Load("50kg", 50.0),))
     made = sample(cell, request)
@@ -205,7 +205,7 @@ def test_outlook_warns_before_the_measurement(cell):
 
 
 def test_program_stops_at_every_posture_in_every_pass(sampling):
-    from postproc.pipeline.sample import program_files
+    from postproc.jobs.sample import program_files
 
     files = program_files(sampling)
     text = files["sample.src"].decode()
@@ -224,7 +224,7 @@ def wall(q_from, q_to):
 
 
 def test_the_way_goes_round_what_is_not_free(plan):
-    from postproc.pipeline.ways import with_free_ways
+    from postproc.jobs.ways import with_free_ways
 
     part, blocked, way, back = with_free_ways(plan, wall)
     assert not blocked
@@ -236,7 +236,7 @@ def test_the_way_goes_round_what_is_not_free(plan):
 
 
 def test_the_way_may_go_through_postures_that_are_not_read():
-    from postproc.pipeline.ways import free_ways
+    from postproc.jobs.ways import free_ways
 
     left, right = np.zeros((1, 6)), np.zeros((1, 6))
     left[0, :2], right[0, :2] = (-0.5, -1.2), (0.5, -1.2)
@@ -255,7 +255,7 @@ def test_the_way_may_go_through_postures_that_are_not_read():
 
 
 def test_postures_without_any_free_way_are_left_out(plan):
-    from postproc.pipeline.ways import with_free_ways
+    from postproc.jobs.ways import with_free_ways
 
     part, blocked, way, _ = with_free_ways(plan, lambda a, b: (a[:, 0] > 0.0) == (b[:, 0] > 0.0))
     assert len(part) + len(blocked) == len(plan)
@@ -267,8 +267,8 @@ def test_postures_without_any_free_way_are_left_out(plan):
 def test_passing_moves_take_no_reading(sampling):
     from dataclasses import replace
 
-    from postproc.pipeline.drive import motion_plan
-    from postproc.pipeline.sample import drive_of
+    from postproc.jobs.drive import motion_plan
+    from postproc.jobs.sample import drive_of
 
     n = len(sampling.plan)
     way = (1, -3, *range(2, n + 1))

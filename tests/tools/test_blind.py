@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.kinematics.model import build
-from postproc.model.cellfile import load_cell
 from tools.blind import answerers, names
 from tools.blind.__main__ import main, score
 from tools.blind.beyond import OUTSIDE, make

@@ -2,7 +2,7 @@
 
 import pytest
 
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.planning.planner import plan
 from tests.verification.samples import apt_in, cell_in
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.krl.parse import parse_files
-from postproc.model.cellfile import load_cell
+from postproc.cell.file import load_cell
+from postproc.krl.text.parse import parse_files
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath
 from postproc.readers.base import ReadOptions, read
 

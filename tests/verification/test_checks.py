@@ -56,7 +56,7 @@ def test_a_path_between_good_ends_may_pass_a_singularity(cell):
 
 
 def moved_to(cell, kinematics, q):
-    from postproc.frames import inverse, kuka_from_transform
+    from postproc.geometry.frames import inverse, kuka_from_transform
 
     T = inverse(cell.T_robroot_base) @ kinematics.fk(q) @ cell.tool.T_flange_tcp
     names = zip("XYZABC", np.concatenate(kuka_from_transform(T)), strict=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind
-from postproc.verification.compare import Tolerances
-from postproc.verification.matching import match
+from postproc.verification.cam.compare import Tolerances
+from postproc.verification.cam.matching import match
 from postproc.verification.verify import verify_modules
 from tests.verification.samples import AT_PART, DRILL, HEAD, START, at, cell_in, modules, path_of
 

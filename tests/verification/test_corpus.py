@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from postproc.emitters.kuka_krl import emit, render_files
+from postproc.cell.file import load_cell
+from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.errors import Severity
 from postproc.krl.lint import lint
-from postproc.krl.parse import parse_files
-from postproc.model.cellfile import load_cell
+from postproc.krl.text.parse import parse_files
 from postproc.planning.planner import plan
 from postproc.readers.base import ReadOptions, read
 from postproc.verification.verify import verify_modules

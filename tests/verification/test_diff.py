@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
+from postproc.diff.align import Lines, align
+from postproc.diff.diff import DiffTolerance, diff, diff_bytes
 from postproc.errors import PostprocError
-from postproc.krl.parse import parse_files
-from postproc.krl.render import render
-from postproc.verification.align import Lines, align
-from postproc.verification.diff import DiffTolerance, diff, diff_bytes
+from postproc.krl.text.parse import parse_files
+from postproc.krl.text.render import render
 
 OLD = """DEF JOB( )
 ;FOLD INI

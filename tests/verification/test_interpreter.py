@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from postproc.cell.robotfile import load_robot
+from postproc.controller.interpreter import World, run
+from postproc.controller.trace import Blend, EventWord, Way
 from postproc.kinematics.model import build
-from postproc.krl.parse import load_modules, parse_files
-from postproc.krl.program import Axes, Pose
-from postproc.model.robotfile import load_robot
-from postproc.verification.interpreter import World, run
-from postproc.verification.trace import Blend, EventWord, Way
+from postproc.krl.text.parse import load_modules, parse_files
+from postproc.krl.text.program import Axes, Pose
 from tests.verification.samples import modules
 
 FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
@@ -262,7 +262,7 @@ def test_known_values_decide_with_unknown_ones():
     ],
 )
 def test_programs_that_do_not_run(lines, kind, monkeypatch):
-    import postproc.verification.control as control
+    import postproc.controller.control as control
 
     monkeypatch.setattr(control, "MAX_JUMPS", 1000)
     result = trace("DECL INT i", *lines)

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
+from postproc.compensation.real_arm import real_point
+from postproc.controller.interpreter import run
 from postproc.gap.robot_model import RobotModel
 from postproc.kinematics.model import build
-from postproc.krl.parse import parse_files
-from postproc.model.cellfile import load_cell
+from postproc.krl.text.parse import parse_files
 from postproc.model.modelfile import load_model
-from postproc.pipeline.real_arm import real_point
-from postproc.verification.interpreter import run
-from postproc.verification.moments import directions, moments_of
-from postproc.verification.motion import joint_paths
+from postproc.paths.moments import directions, moments_of
+from postproc.paths.motion import joint_paths
 from postproc.verification.verify import world_of
 
 CELL = """\
@@ -49,7 +49,7 @@ def poses(cell, count=4):
 
 
 def program(cell, blended=True):
-    from postproc.frames import kuka_from_transform
+    from postproc.geometry.frames import kuka_from_transform
 
     lines = [
         "DEF ways()", "BAS(#INITMOV,0)", "BAS(#TOOL,1)", "BAS(#BASE,1)", "$VEL.CP=0.05",
@@ -134,7 +134,7 @@ def test_lateness_counts_across_the_way_only(tmp_path, cell, lags):
 
 
 def test_loads_of_operations_turn_with_the_tool(cell):
-    from postproc.pipeline.real_arm import loads
+    from postproc.compensation.real_arm import loads
 
     kinematics = build(cell.robot)
     q = np.radians([[0.0, -60, 100, 10, 40, 0], [20.0, -50, 90, 0, 60, 30]])

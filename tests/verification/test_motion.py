@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from postproc.frames import inverse, kuka_from_transform
+from postproc.controller.interpreter import World, run
+from postproc.controller.runtime import pose_of
+from postproc.geometry.curves import around, circles, turn_between
+from postproc.geometry.frames import inverse, kuka_from_transform
 from postproc.kinematics.model import build
-from postproc.verification.geometry import around, circles, turn_between
-from postproc.verification.interpreter import World, run
-from postproc.verification.motion import joint_paths
-from postproc.verification.runtime import pose_of
+from postproc.paths.motion import joint_paths
 from tests.verification.samples import cell_in, modules
 
 DEG = np.pi / 180.0
@@ -147,7 +147,7 @@ def test_the_turn_follows_the_path_beyond_a_full_turn(cell, kinematics):
 
 
 def test_relative_joint_motion_behind_a_path(cell, kinematics):
-    from postproc.verification.motion import joints_at_end
+    from postproc.paths.motion import joints_at_end
 
     start = np.array([20.0, -70.0, 105.0, 170.0, 50.0, -100.0]) * DEG
     end = np.array([10.0, -75.0, 108.0, 175.0, 55.0, -90.0]) * DEG

@@ -9,7 +9,7 @@ import pytest
 
 from postproc.errors import KrlError, Severity
 from postproc.krl.lint import lint
-from postproc.krl.parse import parse_files
+from postproc.krl.text.parse import parse_files
 from postproc.verification.verify import verify_modules
 
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from postproc.diff.diff import diff_bytes
 from postproc.errors import PostprocError
 from postproc.krl.lint import lint
-from postproc.krl.parse import parse_files
-from postproc.krl.render import render
-from postproc.verification.diff import diff_bytes
+from postproc.krl.text.parse import parse_files
+from postproc.krl.text.render import render
 from postproc.verification.verify import verify_modules
 
 STYLES = [

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.frames import rotation_about
-from postproc.model.cellfile import load_cell
-from postproc.model.tilt import TiltRange
+from postproc.cell.file import load_cell
+from postproc.geometry.frames import rotation_about
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath
+from postproc.process.tilt import TiltRange
 from postproc.units import DEG
-from postproc.verification.elements import Arc
-from postproc.verification.tilt import Tilts
+from postproc.verification.cam.elements import Arc
+from postproc.verification.cam.tilt import Tilts
 from postproc.verification.verify import verify
 from tests.verification.samples import CELL_TEXT
 

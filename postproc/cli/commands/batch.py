@@ -58,7 +58,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.batch.precheck import require_call
     from postproc.batch.run import BatchOptions
     from postproc.batch.sections import parse_rule
-    from postproc.pipeline.convert import ConvertRequest
+    from postproc.jobs.convert import ConvertRequest
 
     overrides = load_overrides(options["config"]) if options["config"] else Overrides({})
     base = ConvertRequest(

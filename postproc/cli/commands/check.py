@@ -29,15 +29,15 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
     Errors make the exit code 1: home in collision, a tool heavier than the payload, an objective
     that cannot work. Warnings and notes do not.
     """
-    from postproc.model.cellfile import load_cell
-    from postproc.pipeline.cellcheck import check_cell
+    from postproc.cell.file import load_cell
+    from postproc.jobs.check_cell import check_cell
 
     checked = check_cell(load_cell(cell))
     if report:
         from pathlib import Path
 
         from postproc.files import write_files
-        from postproc.report.cell_page import cell_page
+        from postproc.report.pages.cell import cell_page
 
         write_files({Path(report): cell_page(checked.cell, checked.facts, checked.issues)})
     findings = [_entry(issue) for issue in checked.issues]

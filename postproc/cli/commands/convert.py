@@ -65,7 +65,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     CAM path. If any tag fails nothing is written and the exit code is 1.
     """
     from postproc.files import write_files
-    from postproc.pipeline.convert import ConvertRequest, convert, document, output_paths
+    from postproc.jobs.convert import ConvertRequest, convert, document, output_paths
 
     request = ConvertRequest(
         source=options["source"],
@@ -101,8 +101,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 
 def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
-    from postproc.report.program_page import program_page
-    from postproc.report.program_text import program_text
+    from postproc.report.pages.program import program_page
+    from postproc.report.parts.program_text import program_text
 
     cell, files = conversion.cell, conversion.files
     text = program_text(files, conversion.name, cell) if files else None
@@ -117,9 +117,9 @@ def _spin_maps(
     """Return the spin map in the form of each file's suffix."""
     if not files:
         return {}
-    from postproc.planning.spinmap import spin_map
-    from postproc.report.spin_map_page import spin_map_page
-    from postproc.report.spin_map_picture import draw
+    from postproc.planning.maps.spinmap import spin_map
+    from postproc.report.pages.spin_map import spin_map_page
+    from postproc.report.parts.spin_map_picture import draw
 
     spins = spin_map(conversion.plan, conversion.cell, progress)
     forms = {
@@ -131,7 +131,7 @@ def _spin_maps(
 
 
 def _summary(session: Session, conversion: Any, folder: Path) -> None:  # noqa: ANN401
-    from postproc.pipeline.convert import document
+    from postproc.jobs.convert import document
 
     content = document(conversion)
     if conversion.files:

@@ -10,9 +10,9 @@ import click
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
-    from postproc.gap.along import Along
-    from postproc.gap.diagnose import Finding
-    from postproc.model.cell import Cell
+    from postproc.cell.cell import Cell
+    from postproc.gap.answers.along import Along
+    from postproc.gap.answers.diagnose import Finding
 
 EPILOG = """\b
 Examples:
@@ -53,17 +53,17 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     next_measurements.csv to fill in with next_measurements.src and .dat that drive to the poses.
     Several measurement files count as one campaign.
     """
+    from postproc.cell.file import load_cell
     from postproc.files import write_files
-    from postproc.gap.diagnose import diagnose
-    from postproc.gap.document import document, model_file
-    from postproc.gap.problem import pose_problem
-    from postproc.gap.summary import summary
+    from postproc.gap.answers.diagnose import diagnose
+    from postproc.gap.answers.document import document, model_file
+    from postproc.gap.answers.summary import summary
+    from postproc.gap.fit.problem import pose_problem
+    from postproc.jobs.measure_next import files as next_files
+    from postproc.jobs.measure_next import keep_readings, measure_next
     from postproc.kinematics.model import build
-    from postproc.model.cellfile import load_cell
+    from postproc.measurement.campaign import read_campaign
     from postproc.model.modelfile import load_model, save_model
-    from postproc.pipeline.measure_next import files as next_files
-    from postproc.pipeline.measure_next import keep_readings, measure_next
-    from postproc.readers.campaign import read_campaign
 
     if options["output"]:
         keep_readings(Path(options["output"]))
@@ -77,7 +77,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     path = _path(options, finding, cell)
     content = document(finding, following.poses, path)
     if options["output"]:
-        from postproc.report.diagnosis_page import diagnosis_page
+        from postproc.report.pages.diagnosis import diagnosis_page
 
         folder = Path(options["output"])
         files = {
@@ -96,6 +96,6 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _path(options: dict[str, Any], finding: Finding, cell: Cell) -> Along | None:
     if not options["program"]:
         return None
-    from postproc.gap.along import along
+    from postproc.gap.answers.along import along
 
     return along(finding, read_cam(options["program"], options, cell), cell)

@@ -59,13 +59,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     show them. Without --method and --grid the kind of model is chosen by its error on tags that
     it has not seen.
     """
+    from postproc.cell.file import load_cell
     from postproc.files import write_files
     from postproc.kinematics.model import build
-    from postproc.model.cellfile import load_cell
+    from postproc.measurement.file import read_measurements
     from postproc.model.modelfile import save_model
-    from postproc.readers.measurements import read_measurements
-    from postproc.stiffness.identified import document, warnings
-    from postproc.stiffness.identify import identify
+    from postproc.stiffness.identify.identified import document, warnings
+    from postproc.stiffness.identify.identify import identify
 
     cell = load_cell(options["cell"])
     measured = read_measurements(options["source"])
@@ -80,7 +80,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         )
     contents = {Path(options["output"]): save_model(result.model())}
     if options["report"]:
-        from postproc.report.identify_page import identify_page
+        from postproc.report.pages.identify import identify_page
 
         contents[Path(options["report"])] = identify_page(result, cell)
     write_files(contents)
@@ -96,7 +96,7 @@ def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     import numpy as np
 
     from postproc.errors import StiffnessError
-    from postproc.stiffness.identify import IdentifyOptions
+    from postproc.stiffness.identify.identify import IdentifyOptions
     from postproc.units import MM
 
     edge, method = options["grid"], options["method"]

@@ -21,7 +21,7 @@ _REGISTRIES = (
     ("postproc.readers.base", "READERS"),
     ("postproc.emitters.base", "REGISTRY"),
     ("postproc.gap.effect", "REGISTRY"),
-    ("postproc.planning.costs", "REGISTRY"),
+    ("postproc.planning.states.costs", "REGISTRY"),
 )
 
 

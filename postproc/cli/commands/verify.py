@@ -9,8 +9,8 @@ import click
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
-    from postproc.model.cell import Cell
-    from postproc.verification.moments import Displacement
+    from postproc.cell.cell import Cell
+    from postproc.paths.moments import Displacement
     from postproc.verification.report import VerifyReport
 
 _POSITIVE = click.FloatRange(min=0.0, min_open=True)
@@ -60,9 +60,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     a program of convert --model is judged, whose commanded points are shifted on purpose. Exit
     code 1 if anything is violated.
     """
-    from postproc.model.cellfile import load_cell
+    from postproc.cell.file import load_cell
     from postproc.units import DEG, MM
-    from postproc.verification.compare import Tolerances
+    from postproc.verification.cam.compare import Tolerances
     from postproc.verification.verify import verify
 
     if options["model"] and not options["against"]:
@@ -86,7 +86,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         from pathlib import Path
 
         from postproc.files import write_files
-        from postproc.report.verify_page import verify_page
+        from postproc.report.pages.verify import verify_page
 
         write_files({Path(options["report"]): verify_page(report, cell, toolpath)})
     session.document(report.to_dict())
@@ -97,8 +97,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _displacement(session: Session, path: str | None, cell: Cell) -> Displacement | None:
     if path is None:
         return None
+    from postproc.compensation.real_arm import RealArm, left_out
     from postproc.model.modelfile import load_model
-    from postproc.pipeline.real_arm import RealArm, left_out
 
     arm = RealArm.of(cell, load_model(path))
     for name, missing in left_out(arm.model).items():

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data.loads import weight_torque
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
-from postproc.gap.loads import weight_torque
-from postproc.model.arrays import FloatArray
 
 
 @register

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -18,7 +19,6 @@ from postproc.gap.effect import (
     register,
     unseen_joints,
 )
-from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import ModelFile, entry
 
 KEY = "stiffness_Nmm_per_rad"

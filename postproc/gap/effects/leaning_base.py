@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data.loads import load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
-from postproc.gap.loads import load_moment, weight_moment
-from postproc.model.arrays import FloatArray
 
 _PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
 """Links whose weight leans the base, by the size class or the robot's data."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data.loads import load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
-from postproc.gap.loads import load_moment, weight_moment
-from postproc.model.arrays import FloatArray
 
 LINKS = (1, 2, 3)
 

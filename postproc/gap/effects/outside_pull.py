@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.frames import apply
-from postproc.gap.dataset import Arm, Samples
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import (
     SYMMETRIC,
     Basis,
@@ -16,6 +15,7 @@ from postproc.gap.effect import (
     from_centre,
     register,
 )
+from postproc.geometry.frames import apply
 from postproc.units import STANDARD_GRAVITY
 
 

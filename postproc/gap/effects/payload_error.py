@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.frames import apply
-from postproc.gap.dataset import Arm, Samples
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -15,6 +14,7 @@ from postproc.gap.effect import (
     per_joint,
     register,
 )
+from postproc.geometry.frames import apply
 from postproc.units import STANDARD_GRAVITY
 
 _TOLD, _ASSUMED = 0.15, 0.4

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, per_joint, register
-from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import ModelFile, entry
 
 SEGMENTS = ((0, 1), (2,), (3, 4), (5, 6))

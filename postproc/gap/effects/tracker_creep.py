@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
-from postproc.model.arrays import FloatArray
 
 
 @register

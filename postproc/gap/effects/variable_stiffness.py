@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
-from postproc.model.arrays import FloatArray
 from postproc.model.modelfile import ModelFile
 from postproc.stiffness.fieldfile import constant_of, field_of, is_field_table
 from postproc.units import MM

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, number
+from postproc.krl.text.program import (
     Assign,
     Call,
     Continue,
@@ -19,7 +20,6 @@ from postproc.krl.program import (
     WaitFor,
     WaitSec,
 )
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, number
 
 FEED = 0.1
 """Path speed [m/s] up to which a motion is taken for a cut; rapids are faster."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.krl.program import Axes, Pose, Statement
+from postproc.arrays import FloatArray
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, number
-from postproc.model.arrays import FloatArray
+from postproc.krl.text.program import Axes, Pose, Statement
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""

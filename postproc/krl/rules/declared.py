@@ -6,9 +6,11 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from postproc.krl.expression import names_in, parse_expression
-from postproc.krl.lexer import KrlSyntaxError
-from postproc.krl.program import (
+from postproc.krl.rules.naming import global_names
+from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
+from postproc.krl.text.expression import names_in, parse_expression
+from postproc.krl.text.lexer import KrlSyntaxError
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Call,
@@ -28,8 +30,6 @@ from postproc.krl.program import (
     WaitFor,
     WaitSec,
 )
-from postproc.krl.rules.naming import global_names
-from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
 
 _SIMPLE = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Blank,
@@ -19,7 +20,6 @@ from postproc.krl.program import (
     Move,
     Statement,
 )
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
 
 _FORM = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC)\s+([A-Za-z_]\w*)(.*?)(?:;\s*%\{|%\{|$)", re.IGNORECASE)
 _TOOL = re.compile(r"Tool\[(\d+)\]", re.IGNORECASE)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Axes,
@@ -15,7 +16,6 @@ from postproc.krl.program import (
     Statement,
     Value,
 )
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
 
 _FRAMES = frozenset({"FRAMES", "PTP_PARAMS", "CP_PARAMS"})
 

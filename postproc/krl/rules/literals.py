@@ -6,8 +6,9 @@ import math
 import re
 from collections.abc import Iterable, Iterator
 
-from postproc.krl.literals import components
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
+from postproc.krl.text.literals import components
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Axes,
@@ -22,8 +23,7 @@ from postproc.krl.program import (
     Statement,
     Value,
 )
-from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
-from postproc.krl.source import LONG_LINE, TextFacts
+from postproc.krl.text.source import LONG_LINE, TextFacts
 
 _POSE = frozenset({"X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"})
 _AXES = frozenset({f"{letter}{i}" for letter in "AE" for i in range(1, 7)})

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
-from postproc.krl.names import KEYWORDS, NAME_LENGTH
-from postproc.krl.program import Control, Declaration, FoldBegin, KrlModule, Statement
 from postproc.krl.rules.subject import ERROR, Subject
+from postproc.krl.text.names import KEYWORDS, NAME_LENGTH
+from postproc.krl.text.program import Control, Declaration, FoldBegin, KrlModule, Statement
 
 _LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _POINT = re.compile(r"(?:S?PTP|S?LIN|S?CIRC|SPL)\s+([A-Za-z_]\w*)", re.IGNORECASE)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from postproc.krl.program import (
+from postproc.krl.rules.blending import FEED
+from postproc.krl.rules.subject import WARNING, Part, Subject, number
+from postproc.krl.text.program import (
     Assign,
     Call,
     Control,
@@ -22,8 +24,6 @@ from postproc.krl.program import (
     WaitFor,
     WaitSec,
 )
-from postproc.krl.rules.blending import FEED
-from postproc.krl.rules.subject import WARNING, Part, Subject, number
 
 _ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
 _OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.text.program import (
     Aggregate,
     Assign,
     Call,
@@ -17,7 +18,6 @@ from postproc.krl.program import (
     Statement,
     Value,
 )
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
 
 _INDEXED = re.compile(r"\$(VEL|ACC)_(AXIS|EXTAX)\[(\d+)\]$")
 _PERCENT = ("$APO.CPTP", "$APO.CVEL")

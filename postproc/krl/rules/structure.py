@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from postproc.krl.program import (
+from postproc.krl.rules.subject import ERROR, Subject
+from postproc.krl.text.program import (
     Assign,
     Blank,
     Comment,
@@ -21,7 +22,6 @@ from postproc.krl.program import (
     SplineEnd,
     Statement,
 )
-from postproc.krl.rules.subject import ERROR, Subject
 
 _FOREIGN = re.compile(r"^(INI\s*$|//|[NG]\d+\b|.*\bVel=|M\d+\s*$|%)", re.IGNORECASE)
 _PARTNERS = {

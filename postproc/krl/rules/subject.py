@@ -10,8 +10,9 @@ from itertools import chain
 
 import numpy as np
 
+from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue, Severity, SourceRef
-from postproc.krl.program import (
+from postproc.krl.text.program import (
     Axes,
     Call,
     Declaration,
@@ -28,7 +29,6 @@ from postproc.krl.program import (
     Trigger,
     Value,
 )
-from postproc.model.arrays import BoolArray, FloatArray
 
 ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 _SHOWN = 100

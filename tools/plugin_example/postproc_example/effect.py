@@ -7,7 +7,7 @@ follows; ``postproc.gap.contract`` holds the checks that it must pass.
 
 from __future__ import annotations
 
-from postproc.gap.dataset import Arm, Samples
+from postproc.gap.data.dataset import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting
 
 

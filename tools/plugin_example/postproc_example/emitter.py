@@ -13,8 +13,8 @@ from postproc.errors import EmitError, SourceRef
 from postproc.units import DEG
 
 if TYPE_CHECKING:
-    from postproc.krl.names import NameAllocator
-    from postproc.model.cell import Cell
+    from postproc.cell.cell import Cell
+    from postproc.krl.text.names import NameAllocator
     from postproc.model.plan import Plan
 
 

@@ -1,0 +1,1 @@
+"""The robot cell: file, schema, robot data."""

@@ -1,0 +1,280 @@
+"""The robot cell: robot, tool, workpiece, obstacles, and the options of planning. SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import FloatArray, frozen_floats
+
+
+class Provenance(StrEnum):
+    """How far a number can be trusted."""
+
+    DATASHEET = "datasheet"
+    PUBLISHED = "published"
+    MEASURED = "measured"
+    USER = "user"
+    ASSUMED = "assumed"
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where a number comes from: kind and source in words."""
+
+    provenance: Provenance
+    source: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class OpwGeometry:
+    """Ortho-parallel arm with spherical wrist (Brandstoetter et al. 2014), lengths [m].
+
+    ``signs`` (6,), ``offsets`` (6,) [rad]: q_opw = signs * q - offsets.
+    """
+
+    a1: float
+    a2: float
+    b: float
+    c1: float
+    c2: float
+    c3: float
+    c4: float
+    signs: FloatArray
+    offsets: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "signs", (6,))
+        frozen_floats(self, "offsets", (6,))
+
+
+@dataclass(frozen=True, slots=True)
+class UrdfGeometry:
+    """An arm described by a URDF file; ``tip`` names the flange link (None: the last link)."""
+
+    path: Path
+    tip: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MeshPlacement:
+    """A solid: mesh file, box or cylinder, in the frame its owner names.
+
+    ``size`` (3,) [m] for a box; ``radius``, ``length`` [m] for a cylinder along z, centred.
+    ``T_owner_mesh`` (4, 4); ``scale``: metres per file unit; ``cutting``: may touch the workpiece.
+    """
+
+    name: str
+    T_owner_mesh: FloatArray
+    file: Path | None = None
+    scale: float = 1e-3
+    size: FloatArray | None = None
+    radius: float = 0.0
+    length: float = 0.0
+    cutting: bool = False
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "T_owner_mesh", (4, 4))
+        frozen_floats(self, "size", (3,))
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalAxis:
+    """A linear axis or positioner that the controller moves as E1..E6.
+
+    ``kind``: ``rail`` (carries the robot along ``axis`` of the world) or ``positioner`` (turns the
+    workpiece about ``axis`` through ``T_world_axis``'s origin). Limits [m] or [rad] and per second.
+    """
+
+    name: str
+    kind: str
+    axis: FloatArray
+    T_world_axis: FloatArray
+    q_min: float
+    q_max: float
+    qd_max: float
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "axis", (3,))
+        frozen_floats(self, "T_world_axis", (4, 4))
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A six-axis arm: geometry, limits [rad], speeds [rad/s], accelerations [rad/s^2], stiffness.
+
+    ``link_mass`` (6,) [kg] and ``link_com`` (6, 3) [m] (each in its link frame at the joint, axes
+    of robroot in the zero pose) are NaN where no source gives them. ``joint_stiffness`` (6,)
+    [N*m/rad] or None. ``origins`` maps field names to where the numbers come from.
+    """
+
+    name: str
+    geometry: OpwGeometry | UrdfGeometry
+    q_min: FloatArray
+    q_max: FloatArray
+    qd_max: FloatArray
+    qdd_max: FloatArray
+    T_world_robroot: FloatArray
+    payload: float = float("nan")
+    repeatability: float = float("nan")
+    joint_stiffness: FloatArray | None = None
+    link_mass: FloatArray | None = None
+    link_com: FloatArray | None = None
+    link_meshes: tuple[tuple[int, MeshPlacement], ...] = ()
+    origins: Mapping[str, Origin] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        for name in ("q_min", "q_max", "qd_max", "qdd_max", "joint_stiffness", "link_mass"):
+            frozen_floats(self, name, (6,))
+        frozen_floats(self, "link_com", (6, 3))
+        frozen_floats(self, "T_world_robroot", (4, 4))
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """The tool on the flange: TCP, tool axis (unit, TCP axes, out of the tool into the part)."""
+
+    number: int
+    name: str
+    T_flange_tcp: FloatArray
+    axis: FloatArray
+    mass: float = float("nan")
+    com: FloatArray | None = None
+    """(3,) [m] in the flange."""
+    meshes: tuple[MeshPlacement, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "T_flange_tcp", (4, 4))
+        frozen_floats(self, "axis", (3,))
+        frozen_floats(self, "com", (3,))
+
+
+@dataclass(frozen=True, slots=True)
+class Workpiece:
+    """The workpiece: KUKA BASE number, CAM coordinates in robroot, solids in CAM coordinates."""
+
+    number: int
+    T_robroot_base: FloatArray
+    meshes: tuple[MeshPlacement, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "T_robroot_base", (4, 4))
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Margins that a plan must keep: joint margin [rad], smallest |A5| [rad], clearance [m]."""
+
+    joint_margin: float
+    singularity: float
+    clearance: float
+    contact_depth: float = 0.0
+    """How deep [m] solids marked as cutting may go into the workpiece during a cut (inf = any)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Optimize:
+    """What the redundancy about the tool axis is used for; angles [rad]."""
+
+    objective: str | Mapping[str, float]
+    index: str
+    step: float
+    range: tuple[float, float]
+    strategy: str
+    options: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP.
+
+    ``operations``: the wrench (6,) of single operations of the CAM file, by name.
+    """
+
+    wrench_tcp: FloatArray
+    operations: Mapping[str, FloatArray] = field(default_factory=dict)
+
+    def wrench_of(self, operation: str) -> FloatArray:
+        """Return the wrench (6,) of an operation of the CAM file."""
+        return np.asarray(self.operations.get(operation, self.wrench_tcp), dtype=np.float64)
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "wrench_tcp", (6,))
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Speeds and blending: rapid fraction 0..1, default feed [m/s] or NaN, blend [m]."""
+
+    rapid: float
+    feed: float
+    approximation: float
+    home: FloatArray | None = None
+    options: Mapping[str, object] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "home", (6,))
+
+
+@dataclass(frozen=True, slots=True)
+class KrlOptions:
+    """How programs are written."""
+
+    template: str
+    max_points_per_file: int
+    options: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """Everything about the cell that a plan needs. ``path``: the file it came from.
+
+    ``origins`` maps keys of the cell file such as ``motion.feed_mm_min`` to where the value comes
+    from: the file, the robot, or a default.
+    """
+
+    name: str
+    path: str
+    robot: Robot
+    tool: Tool
+    workpiece: Workpiece
+    obstacles: tuple[MeshPlacement, ...]
+    limits: Limits
+    optimize: Optimize
+    process: Process
+    motion: Motion
+    krl: KrlOptions
+    external_axes: tuple[ExternalAxis, ...] = ()
+    origins: Mapping[str, Origin] = field(default_factory=dict)
+    joint_compliance: Callable[[FloatArray], FloatArray] | None = field(
+        default=None, compare=False, repr=False
+    )
+    """Joint angles (n, 6) [rad] to joint compliance (n, 6) [rad/(N*m)], where a model of the arm is
+    known; None: the constant ``joint_stiffness`` counts everywhere."""
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether the cell or a model of its arm knows how stiff the joints are."""
+        return self.joint_stiffness is not None or self.joint_compliance is not None
+
+    @property
+    def joint_stiffness(self) -> FloatArray | None:
+        """(6,) [N*m/rad] of the robot, None where the cell gives none."""
+        return self.robot.joint_stiffness
+
+    @property
+    def T_robroot_base(self) -> FloatArray:
+        """(4, 4) CAM coordinates in robroot."""
+        return np.asarray(self.workpiece.T_robroot_base)

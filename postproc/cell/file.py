@@ -1,0 +1,400 @@
+"""``cell.toml`` to ``Cell``: every complaint names the key, the line and what was expected."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from postproc.arrays import FloatArray
+from postproc.cell.cell import (
+    Cell,
+    ExternalAxis,
+    KrlOptions,
+    Limits,
+    MeshPlacement,
+    Motion,
+    Optimize,
+    Origin,
+    Process,
+    Provenance,
+    Robot,
+    Tool,
+    Workpiece,
+)
+from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import (
+    CellFile,
+    ExternalAxisTable,
+    Placement,
+    RobotTable,
+    Solid,
+    Table,
+    ToolSolid,
+)
+from postproc.cell.urdf.file import read_urdf_robot
+from postproc.errors import CellError
+from postproc.files import read_bytes
+from postproc.geometry.frames import transform_from_kuka
+from postproc.resources import templates_folder
+from postproc.toml.text import Location, TomlText, parse_toml
+from postproc.units import DEG, MM, MM_PER_MIN, NMM_PER_RAD, PERCENT
+
+_AXES = {
+    f"{sign}{name}": direction * np.eye(3)[place]
+    for place, name in enumerate("xyz")
+    for sign, direction in (("+", 1.0), ("-", -1.0))
+}
+_OWN_FIELDS = {
+    "optimize": {"objective", "index", "step_deg", "range_deg", "strategy"},
+    "motion": {"rapid_percent", "feed_mm_min", "approximation_mm", "home_deg"},
+    "krl": {"template", "max_points_per_file"},
+}
+
+
+def load_cell(path: str | Path) -> Cell:
+    """Read a cell file.
+
+    Args:
+        path: the TOML file; relative paths inside it are relative to its folder.
+
+    Returns:
+        The cell in SI units. ``cell.origins`` and ``cell.robot.origins`` say for every number
+        whether it stands in the file, comes with the robot, or is a default.
+
+    Raises:
+        CellError: with file and line. CEL001 not TOML, CEL002 unknown key, CEL003 missing key,
+            CEL004 wrong type, unit or range, CEL005 missing file, CEL010 unknown robot,
+            CEL011 the URDF cannot be used.
+        ReadError: if the file is missing or unreadable.
+    """
+    return parse_cell(read_bytes(path), path)
+
+
+def parse_cell(raw: bytes, path: str | Path) -> Cell:
+    """Read the bytes of a cell file that stands, or is to stand, at ``path``; as ``load_cell``."""
+    toml = parse_toml(raw, path, CellError, "CEL001")
+    try:
+        file = CellFile.model_validate(toml.data)
+    except ValidationError as problem:
+        raise _complaint(toml, problem) from None
+    return _Builder(toml, file, Path(path).parent).cell()
+
+
+@dataclass(frozen=True, slots=True)
+class _Builder:
+    """Turns the validated tables into the cell, in SI units."""
+
+    toml: TomlText
+    file: CellFile
+    folder: Path
+
+    def cell(self) -> Cell:
+        """Return the cell."""
+        file = self.file
+        robot = self._robot()
+        return Cell(
+            name=file.name or Path(self.toml.path).stem,
+            path=self.toml.path,
+            robot=robot,
+            tool=self._tool(),
+            workpiece=Workpiece(
+                file.workpiece.number,
+                _transform(file.workpiece.frame),
+                self._solids(file.workpiece.meshes, ("workpiece", "meshes"), "workpiece"),
+            ),
+            obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
+            limits=self._limits(),
+            optimize=self._optimize(),
+            process=_process(file),
+            motion=self._motion(robot),
+            krl=KrlOptions(
+                self._template(), file.krl.max_points_per_file, _options(file.krl, "krl")
+            ),
+            external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
+            origins=_origins(file, robot),
+        )
+
+    def _robot(self) -> Robot:
+        table = self.file.robot
+        if table.model is not None:
+            robot = load_robot(table.model, self.toml.source(("robot", "model")))
+        else:
+            robot = read_urdf_robot(
+                self._path(str(table.urdf), ("robot", "urdf")),
+                table.tip,
+                self.toml.source(("robot", "urdf")),
+            )
+        changes = _robot_changes(table)
+        if self.file.stiffness is not None:
+            stiffness = np.array(self.file.stiffness.joint_Nmm_per_rad) * NMM_PER_RAD
+            changes["joint_stiffness"] = stiffness
+        origins = {
+            key: origin for key, origin in robot.origins.items() if key.split(".")[0] not in changes
+        }
+        user = Origin(Provenance.USER, "cell file")
+        origins |= {key: user for key in changes}
+        return replace(
+            robot,
+            T_world_robroot=_transform(table.base),
+            link_meshes=self._link_meshes(),
+            origins=origins,
+            **changes,
+        )
+
+    def _link_meshes(self) -> tuple[tuple[int, MeshPlacement], ...]:
+        tables = self.file.robot.link_meshes
+        solids = self._solids(tables, ("robot", "link_meshes"), "link")
+        return tuple((table.link, solid) for table, solid in zip(tables, solids, strict=True))
+
+    def _tool(self) -> Tool:
+        table = self.file.tool
+        return Tool(
+            number=table.number,
+            name=table.name,
+            T_flange_tcp=_transform(table.frame),
+            axis=_AXES[table.axis],
+            mass=float("nan") if table.mass_kg is None else table.mass_kg,
+            com=None if table.cog_mm is None else np.array(table.cog_mm) * MM,
+            meshes=self._solids(table.meshes, ("tool", "meshes"), "tool"),
+        )
+
+    def _limits(self) -> Limits:
+        table = self.file.limits
+        depth = table.contact_depth_mm
+        return Limits(
+            joint_margin=table.joint_margin_deg * DEG,
+            singularity=table.singularity_deg * DEG,
+            clearance=table.clearance_mm * MM,
+            contact_depth=float("inf") if depth is None else depth * MM,
+        )
+
+    def _optimize(self) -> Optimize:
+        table = self.file.optimize
+        low, high = table.range_deg
+        return Optimize(
+            objective=table.objective,
+            index=table.index,
+            step=table.step_deg * DEG,
+            range=(low * DEG, high * DEG),
+            strategy=table.strategy,
+            options=_options(table, "optimize"),
+        )
+
+    def _motion(self, robot: Robot) -> Motion:
+        table = self.file.motion
+        home = None if table.home_deg is None else np.array(table.home_deg) * DEG
+        if home is not None:
+            outside = np.flatnonzero((home < robot.q_min) | (home > robot.q_max))
+            for axis in outside[:1]:
+                low, high = robot.q_min[axis] / DEG, robot.q_max[axis] / DEG
+                raise CellError(
+                    "CEL004",
+                    f"motion.home_deg: A{axis + 1} = {home[axis] / DEG:g} is outside the robot's "
+                    f"limits, expected {low:g} to {high:g}",
+                    self.toml.source(("motion", "home_deg")),
+                )
+        return Motion(
+            rapid=table.rapid_percent * PERCENT,
+            feed=float("nan") if table.feed_mm_min is None else table.feed_mm_min * MM_PER_MIN,
+            approximation=table.approximation_mm * MM,
+            home=home,
+            options=_options(table, "motion"),
+        )
+
+    def _template(self) -> str:
+        """Return the name of a built-in template, or the whole path of a folder of one's own."""
+        name = self.file.krl.template
+        if Path(name).name == name and (templates_folder() / name).is_dir():
+            return name
+        if not (self.folder / name).is_dir():
+            raise CellError(
+                "CEL005",
+                f"krl.template: neither a built-in template nor a folder beside the cell file is "
+                f"named {name!r}",
+                self.toml.source(("krl", "template")),
+            )
+        return str((self.folder / name).absolute())
+
+    def _solids(
+        self, tables: Sequence[Solid], at: Location, owner: str
+    ) -> tuple[MeshPlacement, ...]:
+        solids = []
+        for index, table in enumerate(tables):
+            name = table.name or (f"{owner} {index + 1}" if len(tables) > 1 else owner)
+            file = None
+            if table.file is not None:
+                file = self._path(table.file, (*at, index, "file"))
+            solids.append(_solid(table, name, file))
+        return tuple(solids)
+
+    def _path(self, name: str, at: Location) -> Path:
+        path = self.folder / name
+        if not path.is_file():
+            raise CellError(
+                "CEL005",
+                f"{_dotted(at)}: no such file {name!r} beside the cell file",
+                self.toml.source(at),
+            )
+        return path
+
+
+def _transform(placement: Placement) -> FloatArray:
+    return transform_from_kuka(placement.xyz_mm, placement.abc_deg)
+
+
+def _solid(table: Solid, name: str, file: Path | None) -> MeshPlacement:
+    return MeshPlacement(
+        name=name,
+        T_owner_mesh=_transform(table),
+        file=file,
+        scale=table.scale * MM,
+        size=None if table.box is None else np.array(table.box.size_mm) * MM,
+        radius=0.0 if table.cylinder is None else table.cylinder.radius_mm * MM,
+        length=0.0 if table.cylinder is None else table.cylinder.length_mm * MM,
+        cutting=isinstance(table, ToolSolid) and table.cutting,
+    )
+
+
+def _robot_changes(table: RobotTable) -> dict[str, Any]:
+    """Return the fields of ``Robot`` that the cell file sets itself."""
+    changes: dict[str, Any] = {}
+    if table.limits_deg is not None:
+        changes["q_min"] = np.array(table.limits_deg)[:, 0] * DEG
+        changes["q_max"] = np.array(table.limits_deg)[:, 1] * DEG
+    if table.speed_deg_s is not None:
+        changes["qd_max"] = np.array(table.speed_deg_s) * DEG
+    if table.accel_deg_s2 is not None:
+        changes["qdd_max"] = np.array(table.accel_deg_s2) * DEG
+    if table.payload_kg is not None:
+        changes["payload"] = table.payload_kg
+    return changes
+
+
+def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
+    is_rail = table.kind == "rail"
+    limits = table.range_mm if is_rail else table.range_deg
+    speed = table.speed_mm_s if is_rail else table.speed_deg_s
+    unit = MM if is_rail else DEG
+    low, high = limits or (0.0, 0.0)
+    T_world_axis = _transform(table)
+    return ExternalAxis(
+        name=table.name,
+        kind=table.kind,
+        axis=T_world_axis[:3, :3] @ _AXES[table.axis],
+        T_world_axis=T_world_axis,
+        q_min=low * unit,
+        q_max=high * unit,
+        qd_max=(speed or 0.0) * unit,
+    )
+
+
+def _options(table: Table, name: str) -> dict[str, object]:
+    """Return the keys of a table that have no own field in the cell, in file units."""
+    return {key: value for key, value in table.model_dump().items() if key not in _OWN_FIELDS[name]}
+
+
+def _process(file: CellFile) -> Process:
+    table = file.process
+    return Process(
+        np.array([*table.force_N, *table.moment_Nm]),
+        {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in table.operations},
+    )
+
+
+def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
+    """Return for each key of the file whether it was given or is a default."""
+    given = Origin(Provenance.USER, "cell file")
+    default = Origin(Provenance.ASSUMED, "default of postproc, not in the cell file")
+    origins: dict[str, Origin] = {}
+    for table_name in CellFile.model_fields:
+        table = getattr(file, table_name)
+        if isinstance(table, Table):
+            for key in type(table).model_fields:
+                is_given = table_name in file.model_fields_set and key in table.model_fields_set
+                origins[f"{table_name}.{key}"] = given if is_given else default
+    if "joint_stiffness" in robot.origins:
+        origins["stiffness.joint_Nmm_per_rad"] = robot.origins["joint_stiffness"]
+    return origins
+
+
+def _complaint(toml: TomlText, problem: ValidationError) -> CellError:
+    """Return the first complaint as an error; the others go into the hint.
+
+    Unknown keys come first, since a misspelt key makes a required one look missing; then by line.
+    """
+    found = [_explain(toml, detail) for detail in problem.errors(include_url=False)]
+    found.sort(key=lambda e: (e.code != "CEL002", e.source.line if e.source else 0))
+    first, others = found[0], found[1:]
+    hints = [first.hint] if first.hint else []
+    if others:
+        shown = [f"line {e.source.line if e.source else 1}: {e.message}" for e in others[:5]]
+        more = [f"and {len(others) - 5} more"] if len(others) > 5 else []
+        hints.append("also " + "; ".join([*shown, *more]))
+    return CellError(first.code, first.message, first.source, "; ".join(hints))
+
+
+def _explain(toml: TomlText, detail: ErrorDetails) -> CellError:
+    location: Location = tuple(detail["loc"])
+    if detail["type"] == "extra_forbidden":
+        return _unknown_key(toml, location)
+    if detail["type"] == "missing":
+        table = _dotted(location[:-1]) or "the file"
+        return CellError(
+            "CEL003", f"{table}: key {location[-1]!r} is missing", toml.source(location[:-1])
+        )
+    known = location
+    while known and known not in toml.lines:
+        known = known[:-1]
+    message = detail["msg"].removeprefix("Value error, ").replace("Input should be", "expected")
+    value = detail["input"]
+    shown = f", found {_shown(value)}" if not isinstance(value, (dict, BaseModel)) else ""
+    if detail["type"] == "value_error":
+        shown = ""
+    place = f"{_dotted(known)}: " if known else ""
+    return CellError("CEL004", f"{place}{message}{shown}", toml.source(known))
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _unknown_key(toml: TomlText, location: Location) -> CellError:
+    key, names = str(location[-1]), sorted(_known_keys(location[:-1]))
+    nearest = difflib.get_close_matches(key.lower(), names, n=1, cutoff=0.0)[0]
+    return CellError(
+        "CEL002",
+        f"unknown key {_dotted(location)!r}, the nearest known one is {nearest!r}",
+        toml.source(location),
+        hint=f"keys known here: {', '.join(names)}",
+    )
+
+
+def _known_keys(location: Location) -> set[str]:
+    """Return the keys of the table at a location of the file."""
+    table: type[BaseModel] = CellFile
+    for part in location:
+        field = table.model_fields.get(str(part))
+        inner = _tables_in(field.annotation) if field else []
+        table = inner[0] if inner else table
+    return {field.alias or name for name, field in table.model_fields.items()}
+
+
+def _tables_in(annotation: object) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for inner in get_args(annotation) for table in _tables_in(inner)]
+
+
+def _dotted(location: Location) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part + 1}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")

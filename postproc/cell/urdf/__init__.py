@@ -1,0 +1,1 @@
+"""Arms described by URDF."""

@@ -1,0 +1,416 @@
+"""Compensation: command other poses, so that the loaded real tool lands on the CAM points.
+
+The whole robot model (load, geometry, every effect of ``model.toml``) is evaluated at the shifted
+pose again and again until the real tool point is on the CAM point: a fixed-point iteration on the
+full nonlinear model, not one step along its gradient. Orientations stay as planned. Under load the
+real arm stands where the plan has proven it free, so collisions need no new check; joint limits do.
+
+Effects that follow the motion (backlash: the side a joint comes from; servo lag: its speed) need
+the program itself: it is written, run on the robot model as verification does, and what it does at
+its points goes into the next shift, until nothing changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.cell.cell import Cell
+from postproc.compensation.pieces import in_pieces
+from postproc.compensation.real_arm import RealArm, left_out, real_point
+from postproc.controller.interpreter import run
+from postproc.emitters.kuka.emitter import emit
+from postproc.errors import DataError, EmitError, Issue, Severity, SourceRef
+from postproc.gap.robot_model import RobotModel
+from postproc.geometry.frames import inverse
+from postproc.kinematics.model import Kinematics
+from postproc.model.modelfile import ModelFile, load_model
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.paths.moments import Clock, Moments, moments_of
+from postproc.paths.motion import joint_paths
+from postproc.stiffness.field import ContinuousField
+from postproc.stiffness.fieldfile import field_of
+from postproc.units import DEG, MM, UM
+from postproc.verification.verify import world_of
+
+WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
+"""Moves in which the process force acts; in all others only the dead load does."""
+ACCURACY = 1e-7
+"""The iteration ends when every real tool point is this close [m] to its target."""
+LARGEST = 0.05
+"""A shift beyond this [m] is no compensation but a wrong model."""
+SETTLED = 1.0 * UM
+"""Shifts that change by less from one run of the program to the next are settled."""
+RUNS = 8
+"""So often the program is run to find what each joint does at its points."""
+STRAIGHT = 5.0 * UM
+"""Largest bend of a straight cut between its compensated points."""
+LEFT_OF_MOTION = 0.5 * MM
+"""More than this of backlash and lag that is left over at a point is a fault of the program."""
+ROOM = 0.25 * DEG
+"""What compensation may take of a joint's margins [rad]: plans to be compensated keep more."""
+FAR = 0.5
+"""From this share of extrapolation of the stiffness field on, a pose is far from the measured."""
+_STEPS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class Compensated:
+    """Joint angles whose loaded tool point is the target.
+
+    q (n, 6) [rad]; shift (n, 3) [m] of the commanded tool point, robroot; left (n,) [m] distance
+    that remains; reached (n,): the shifted pose exists on the same branch.
+    """
+
+    q: FloatArray
+    shift: FloatArray
+    left: FloatArray
+    reached: BoolArray
+
+
+def with_room(cell: Cell) -> Cell:
+    """Return the cell for a plan that will be compensated: shifted poses keep its margins."""
+    limits = cell.limits
+    more = replace(
+        limits, joint_margin=limits.joint_margin + ROOM, singularity=limits.singularity + ROOM
+    )
+    return replace(cell, limits=more)
+
+
+def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
+    """Return the plan with shifted commands.
+
+    Args:
+        plan: a plan without errors.
+        cell: with tool mass and process force.
+        model: ``model.toml``, its path or what was read from it.
+
+    Returns:
+        The plan, long cuts in pieces, with new q and T_base_tcp, ``compensation`` (m, 3) in the
+        workpiece frame and ``compensation_note``. Findings: PLN102 where a shifted pose leaves the
+        joint limits, CMP002 where the program does not settle, CMP003 for effects that a program
+        cannot compensate, CMP005 for points far from all that was measured.
+
+    Raises:
+        DataError: from the model file, or CMP001 if it asks for shifts beyond all reason.
+    """
+    file = load_model(model) if isinstance(model, str) else model
+    arm = RealArm.of(cell, file)
+    plan = _in_pieces(plan, cell, arm)
+    rows = _rows(plan, cell, arm.kinematics)
+    follows = arm.follows_motion
+    commanded, solved = plan, None
+    unsettled = np.zeros(len(plan))
+    for _ in range(RUNS if follows else 1):
+        conditions = _conditions(commanded, cell, arm.kinematics, rows) if follows else {}
+        before = solved
+        solved = _solved(arm, rows, conditions, file)
+        commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
+        if before is not None:
+            unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
+            if float(unsettled.max(initial=0.0)) < SETTLED:
+                break
+    if solved is None:
+        raise ValueError("no run")
+    findings = [
+        *_findings(plan, cell, arm.kinematics, solved),
+        *_unsettled(plan, unsettled),
+        *_left_out(arm.model, file),
+        *_far(plan, file),
+    ]
+    return replace(
+        commanded,
+        compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
+        issues=(*plan.issues, *findings),
+    )
+
+
+def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
+    """Return the plan with long cuts divided where the arm gives way differently on the way."""
+    process = process_of(plan, cell)
+
+    def displacement(q: FloatArray, move: IntArray) -> FloatArray:
+        nothing = np.zeros_like(q)
+        return arm.displacement(Moments(q, nothing, nothing, process[move]))
+
+    return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT)
+
+
+def _solved(
+    arm: RealArm, rows: _Rows, conditions: Mapping[str, Any], file: ModelFile
+) -> Compensated:
+    process = rows.process * rows.working[:, None]
+    wrench = arm.wrench(rows.q, process)
+    T_flange_tcp = arm.cell.tool.T_flange_tcp
+    solved = solve(arm.model, arm.kinematics, T_flange_tcp, rows.q, wrench, conditions)
+    largest = float(np.linalg.norm(solved.shift, axis=1).max(initial=0.0))
+    if largest > LARGEST:
+        raise DataError(
+            "CMP001",
+            f"the model asks for shifts of up to {largest / MM:.1f} mm, which no real arm needs",
+            file.source(next(iter(file.effects), "")),
+        )
+    return solved
+
+
+def solve(
+    model: RobotModel,
+    kinematics: Kinematics,
+    T_flange_tcp: FloatArray,
+    q: FloatArray,
+    wrench: FloatArray,
+    conditions: Mapping[str, Any] | None = None,
+) -> Compensated:
+    """Find commands whose loaded real tool point is the nominal tool point of ``q``.
+
+    Args:
+        model: forward model of the real arm.
+        kinematics: nominal arm, which the controller computes with.
+        T_flange_tcp: (4, 4) tool.
+        q: (n, 6) planned joint angles [rad].
+        wrench: (n, 6) load on the tool at each pose, robroot.
+        conditions: further columns of the model: ``direction`` of approach, joint speeds ``qd``.
+    """
+    T_tcp_flange = inverse(T_flange_tcp)
+    T_target = kinematics.fk(q) @ T_flange_tcp
+    slot = kinematics.slot(q)
+    rows = np.arange(len(q))
+    shift = np.zeros((len(q), 3))
+    command = np.array(q, dtype=np.float64)
+    reached = np.ones(len(q), dtype=bool)
+    left = np.zeros((len(q), 3))
+    for _ in range(_STEPS):
+        left = real_point(model, command, wrench, conditions) - T_target[:, :3, 3]
+        if float(np.max(np.linalg.norm(left, axis=1), initial=0.0)) < ACCURACY:
+            break
+        shift = shift - np.where(reached[:, None], left, 0.0)
+        if float(np.max(np.abs(shift), initial=0.0)) > LARGEST:
+            break
+        T = T_target.copy()
+        T[:, :3, 3] += shift
+        branches, valid = kinematics.ik(T @ T_tcp_flange)
+        reached = valid[rows, slot]
+        found = kinematics.split_wrist(kinematics.nearest(branches[rows, slot], q), q)
+        command = np.where(reached[:, None], found, command)
+    return Compensated(command, shift, np.linalg.norm(left, axis=1), reached)
+
+
+@dataclass(frozen=True, slots=True)
+class _Rows:
+    """Moves of a plan, then the points on the way of its arcs.
+
+    q (r, 6); working (r,); process (r, 6) wrench in TCP axes; arc: indices of the moves whose
+    way point is row m + k.
+    """
+
+    q: FloatArray
+    working: BoolArray
+    process: FloatArray
+    arc: IntArray
+
+
+def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
+    q = np.asarray(plan.q)
+    working = np.isin(plan.role, WORKING)
+    arc = np.flatnonzero(np.asarray(plan.kind) == MoveKind.CIRC).astype(np.int32)
+    T_robroot_base = _T_robroot_base(plan, cell, kinematics)[arc]
+    T_base_aux = np.array(plan.T_base_tcp[arc])
+    T_base_aux[:, :3, 3] = plan.aux[arc]
+    branches, valid = kinematics.ik(T_robroot_base @ T_base_aux @ inverse(cell.tool.T_flange_tcp))
+    at = np.arange(len(arc))
+    slot = kinematics.slot(q[arc])
+    # the way point's own orientation lies between those of the ends; the difference to the end's
+    # changes its load response far less than the response itself
+    q_aux = np.where(
+        valid[at, slot][:, None], kinematics.nearest(branches[at, slot], q[arc]), q[arc]
+    )
+    process = process_of(plan, cell)
+    return _Rows(
+        np.concatenate([q, q_aux]),
+        np.concatenate([working, working[arc]]),
+        np.concatenate([process, process[arc]]),
+        arc,
+    )
+
+
+def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> dict[str, Any]:
+    """Return where each joint comes from and how fast it is, as the program is run.
+
+    Speeds count where the tool works: on other ways nobody minds how late the arm is.
+    """
+    modules = emit(plan, cell)
+    trace = run(modules, modules[0].name, kinematics, world_of(modules, cell, kinematics))
+    paths = joint_paths(trace, cell, kinematics)
+    motion = _motions_of(plan, trace.is_cp)
+    ends: Moments = moments_of(paths, cell)[0].rows(motion)
+    arcs = motion[rows.arc]
+    middle = Clock.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
+    qd = np.concatenate([ends.qd, middle]) * rows.working[:, None]
+    return {"direction": np.concatenate([ends.direction, ends.direction[rows.arc]]), "qd": qd}
+
+
+def _motions_of(plan: Plan, is_cp: BoolArray) -> IntArray:
+    """Return the executed motion (m,) of each move.
+
+    A sub-program begins with a joint motion of no length where the plan has none: it is left out.
+    """
+    found = np.zeros(len(plan), dtype=np.int32)
+    motion = 0
+    runs = is_cp.tolist()
+    for move, kind in enumerate(np.asarray(plan.kind).tolist()):
+        while motion < len(runs) and kind != MoveKind.PTP and not runs[motion]:
+            motion += 1
+        if motion >= len(runs) or runs[motion] == (kind == MoveKind.PTP):
+            raise EmitError(
+                "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
+            )
+        found[move] = motion
+        motion += 1
+    return found
+
+
+def process_of(plan: Plan, cell: Cell) -> FloatArray:
+    """Return the process wrench (m, 6) of each move's operation, at and in axes of the TCP."""
+    path = plan.toolpath
+    names = [operation.name for operation in path.operations]
+    table = [cell.process.wrench_of(name) for name in names]
+    table.append(np.asarray(cell.process.wrench_tcp))
+    operation = np.asarray(path.operation)[np.clip(plan.tag, 0, len(path) - 1)]
+    known = (plan.tag >= 0) & (operation >= 0) & (operation < len(names))
+    return np.array(table)[np.where(known, operation, len(names))]
+
+
+def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArray:
+    """Return the workpiece frame (m, 4, 4) at each move; external axes move it."""
+    T_robroot_tcp = kinematics.fk(plan.q) @ cell.tool.T_flange_tcp
+    T: FloatArray = T_robroot_tcp @ inverse(plan.T_base_tcp)
+    return T
+
+
+def _shifted(
+    plan: Plan,
+    cell: Cell,
+    kinematics: Kinematics,
+    rows: _Rows,
+    solved: Compensated,
+) -> Plan:
+    m = len(plan)
+    R_base_robroot = np.swapaxes(_T_robroot_base(plan, cell, kinematics)[:, :3, :3], 1, 2)
+    shift = np.einsum("nij,nj->ni", R_base_robroot, solved.shift[:m])
+    T_base_tcp = np.array(plan.T_base_tcp)
+    T_base_tcp[:, :3, 3] += shift
+    aux = np.array(plan.aux)
+    aux[rows.arc] += np.einsum("nij,nj->ni", R_base_robroot[rows.arc], solved.shift[m:])
+    return replace(
+        plan,
+        q=solved.q[:m],
+        T_base_tcp=T_base_tcp,
+        aux=aux,
+        compensation=shift,
+    )
+
+
+def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensated) -> list[Issue]:
+    m = len(plan)
+    inside = kinematics.within_limits(solved.q[:m], cell.limits.joint_margin)
+    good = solved.reached[:m] & inside & (solved.left[:m] < 100.0 * ACCURACY)
+    findings = []
+    for move in np.flatnonzero(~good):
+        tag = int(plan.tag[move])
+        reason = "leaves the joint limits" if solved.reached[move] else "is out of reach"
+        source = plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None
+        findings.append(
+            Issue(
+                Severity.ERROR,
+                "PLN102" if solved.reached[move] else "PLN101",
+                f"the compensated pose {reason}",
+                tag,
+                source,
+                hint="move the workpiece, or convert without --model",
+            )
+        )
+    return findings
+
+
+def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
+    """Return a finding for moves whose shift goes on changing with the program itself."""
+    moves = np.flatnonzero(change >= SETTLED)
+    if not len(moves):
+        return []
+    worst = int(moves[int(change[moves].argmax())])
+    tag = int(plan.tag[worst])
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP002",
+            f"{len(moves)} compensated moves do not settle, the worst by "
+            f"{change[worst] / MM:.4f} mm: a joint turns back by less than it is shifted",
+            tag,
+            plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None,
+            hint="see what verify --model expects there",
+        )
+    ]
+
+
+def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
+    """Return a finding for effects that depend on what no program knows beforehand."""
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP003",
+            f"{name} is not compensated: a program does not know {', '.join(missing)}",
+            source=file.source(name),
+        )
+        for name, missing in left_out(model).items()
+    ]
+
+
+def _far(plan: Plan, file: ModelFile) -> list[Issue]:
+    """Return a finding for working moves in poses that the stiffness field knows nothing of."""
+    field = field_of(file)
+    working = np.flatnonzero(np.isin(plan.role, WORKING))
+    if not isinstance(field, ContinuousField) or not len(working):
+        return []
+    far = working[field.extrapolation(np.asarray(plan.q)[working]) > FAR]
+    if not len(far):
+        return []
+    return [
+        Issue(
+            Severity.WARNING,
+            "CMP005",
+            f"{len(far)} of {len(working)} working moves are in poses far from all that was "
+            "measured: stiffness and shift are guesses there",
+            int(plan.tag[far[0]]),
+            plan.toolpath.source(int(plan.tag[far[0]])),
+            hint="measure in the branch and the turns of A4 and A6 that the program takes",
+        )
+    ]
+
+
+def _note(
+    plan: Plan, cell: Cell, file: ModelFile, solved: Compensated, rows: _Rows, dead: bool
+) -> str:
+    """Return one short line for the program: model, loads, largest shift. No path, no date."""
+    size = np.linalg.norm(solved.shift[: len(plan)], axis=1) / MM
+    mass = cell.tool.mass
+    parts = []
+    if dead and np.isfinite(mass) and mass > 0.0:
+        parts.append(f"tool {mass:g} kg")
+    acting = np.unique(rows.process[rows.working], axis=0)
+    if len(acting) == 1:
+        force, moment = np.split(acting[0], 2)
+        parts += [f"force {_triple(force)} N"] if bool(np.any(force)) else []
+        parts += [f"moment {_triple(moment)} Nm"] if bool(np.any(moment)) else []
+    elif len(acting) > 1:
+        parts.append(f"process loads of {len(acting)} kinds")
+    parts.append(f"shift <= {size.max(initial=0.0):.3f} mm")
+    return f"compensated ({Path(file.path).name}): {', '.join(parts)}"
+
+
+def _triple(values: FloatArray) -> str:
+    return " ".join(f"{value:g}" for value in values)

@@ -1,0 +1,147 @@
+"""Long straight cuts in pieces, so that a compensated path is right between its ends as well.
+
+The arm gives way by another amount in the middle of a long line than at its ends; a line that is
+right at both ends is bent in between. It gets as many points as keep the bend within tolerance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Rows
+from postproc.geometry.curves import turn_between, turned
+from postproc.geometry.frames import inverse, transform
+from postproc.kinematics.model import Kinematics
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.units import DEG, MM
+
+LOOK = 20.0 * MM
+LOOK_TURN = 1.0 * DEG
+"""A line is looked at in steps no longer than ``LOOK`` [m], in which the tool turns by no more than
+``LOOK_TURN`` [rad]; lines below both stay whole."""
+SHORTEST = 1.0 * MM
+"""No piece [m] is much shorter."""
+MOST = 256
+"""Pieces of one line at most."""
+BLEND_SHARE = 0.4
+"""Share of a piece that a blend may take at one end."""
+
+DisplacementOf = Callable[[FloatArray, IntArray], FloatArray]
+"""Joint angles (n, 6) on the way of moves (n,) to the displacement (n, 3) [m] of the real tool."""
+
+
+def in_pieces(
+    plan: Plan, cell: Cell, kinematics: Kinematics, displacement: DisplacementOf, tolerance: float
+) -> Plan:
+    """Return the plan with straight cuts divided where the real tool would leave the line.
+
+    Args:
+        plan: as planned, not compensated.
+        cell: its tool and blend.
+        kinematics: of its robot.
+        displacement: of the real tool under the load of the move.
+        tolerance: largest bend [m] of a piece.
+    """
+    way = np.zeros(len(plan))
+    way[1:] = np.linalg.norm(np.diff(plan.T_base_tcp[:, :3, 3], axis=0), axis=1)
+    turn = np.zeros(len(plan))
+    R = plan.T_base_tcp[:, :3, :3]
+    turn[1:] = turn_between(R[:-1], R[1:])[1]
+    steps = np.maximum(way / LOOK, turn / LOOK_TURN)
+    is_cut = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
+    long = np.flatnonzero(is_cut & (steps > 1.0) & (way > SHORTEST))
+    if not len(long):
+        return plan
+    looks = np.minimum(steps[long], np.maximum(way[long] / SHORTEST, 2.0))
+    looks = np.minimum(2 ** np.ceil(np.log2(looks)).astype(np.int64), MOST)
+    _, q, reached = _between(plan, cell, kinematics, long, looks)
+    moved = displacement(q, np.repeat(long, looks).astype(np.int32))
+    pieces = np.ones(len(plan), dtype=np.int64)
+    first = np.cumsum(looks) - looks
+    at_start = displacement(np.asarray(plan.q)[long - 1], long.astype(np.int32))
+    for row, move in enumerate(long.tolist()):
+        own = slice(int(first[row]), int(first[row] + looks[row]))
+        if reached[own].all():
+            pieces[move] = _needed(np.vstack([at_start[row], moved[own]]), tolerance)
+    if not bool((pieces > 1).any()):
+        return plan
+    return _divided(plan, cell, kinematics, pieces)
+
+
+def _needed(moved: FloatArray, tolerance: float) -> int:
+    """Return the least pieces, a power of two, between which ``moved`` (k + 1, 3) is straight."""
+    looks = len(moved) - 1
+    at = np.arange(looks + 1)
+    pieces = 1
+    while pieces < looks:
+        knots = at[:: looks // pieces]
+        straight = np.stack([np.interp(at, knots, column[knots]) for column in moved.T], axis=1)
+        if float(np.linalg.norm(moved - straight, axis=1).max()) <= tolerance:
+            break
+        pieces *= 2
+    return pieces
+
+
+def _between(
+    plan: Plan, cell: Cell, kinematics: Kinematics, moves: Rows, pieces: Rows
+) -> tuple[FloatArray, FloatArray, np.ndarray]:
+    """Return T_base_tcp (n, 4, 4) and q (n, 6) at the ends of pieces of moves, and if reached."""
+    row = np.repeat(moves, pieces)
+    number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (number + 1.0) / np.repeat(pieces, pieces)
+    T_start, T_end = plan.T_base_tcp[row - 1], plan.T_base_tcp[row]
+    axis, turn = turn_between(T_start[:, :3, :3], T_end[:, :3, :3])
+    R = turned(T_start[:, :3, :3], axis, share * turn)
+    p = T_start[:, :3, 3] + share[:, None] * (T_end[:, :3, 3] - T_start[:, :3, 3])
+    T = transform(R, p)
+    q_end = np.asarray(plan.q)[row]
+    T_flange_tcp = cell.tool.T_flange_tcp
+    T_robroot_base = kinematics.fk(q_end) @ T_flange_tcp @ inverse(T_end)
+    slots, valid = kinematics.ik(T_robroot_base @ T @ inverse(T_flange_tcp))
+    slot = kinematics.slot(q_end)
+    near = np.asarray(plan.q)[row - 1]
+    near = near + share[:, None] * (q_end - near)
+    rows = np.arange(len(row))
+    q = kinematics.split_wrist(kinematics.nearest(slots[rows, slot], near), near)
+    last = share >= 1.0
+    q, T = np.where(last[:, None], q_end, q), np.where(last[:, None, None], T_end, T)
+    reached = valid[rows, slot] | last
+    return T, np.where(reached[:, None], q, q_end), reached
+
+
+def _divided(plan: Plan, cell: Cell, kinematics: Kinematics, pieces: Rows) -> Plan:
+    """Return the plan with each move in so many pieces (m,)."""
+    row = np.repeat(np.arange(len(plan)), pieces)
+    first = np.cumsum(pieces) - pieces
+    is_last = np.r_[row[1:] != row[:-1], True]
+    split = np.flatnonzero(pieces > 1)
+    new = np.flatnonzero(pieces[row] > 1)
+    T, q = np.array(plan.T_base_tcp)[row], np.array(plan.q)[row]
+    T[new], q[new], _ = _between(plan, cell, kinematics, split, pieces[split])
+    names = ("kind", "role", "tag", "spin", "branch", "speed", "ptp_fraction", "external", "aux")
+    length = np.full(len(row), np.inf)
+    length[1:] = np.where(
+        pieces[row[1:]] > 1, np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1), np.inf
+    )
+    room = BLEND_SHARE * np.minimum(length, np.r_[length[1:], np.inf])
+    blend = np.where(is_last, np.asarray(plan.blend)[row], cell.motion.approximation)
+    columns: dict[str, Any] = {name: np.asarray(getattr(plan, name))[row] for name in names}
+    return replace(
+        plan,
+        **columns,
+        T_base_tcp=T,
+        q=q,
+        blend=np.minimum(blend, room),
+        dwell=np.where(is_last, np.asarray(plan.dwell)[row], 0.0),
+        duration=(np.asarray(plan.duration) / pieces)[row],
+        events=tuple(
+            (int(first[index]) if index < len(first) else len(row), event)
+            for index, event in plan.events
+        ),
+    )

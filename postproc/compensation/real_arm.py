@@ -1,0 +1,212 @@
+"""The real arm as a model knows it: where its tool is under load, in motion, from each side.
+
+Shared by compensation, which commands against it, and verification, which asks where a program
+lands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.gap.robot_model import RobotModel, effect_of
+from postproc.geometry.frames import apply
+from postproc.kinematics.model import Kinematics, build
+from postproc.model.modelfile import ModelFile, entry
+from postproc.paths.moments import Displacement, Moments, directions
+from postproc.stiffness.cartesian import moved_wrench
+from postproc.stiffness.fieldfile import field_of
+from postproc.units import STANDARD_GRAVITY
+
+FOLLOWS_MOTION = frozenset({"direction", "qd"})
+"""Columns of a model that only the motion of the program tells."""
+_STIFFNESS = "stiffness_Nmm_per_rad"
+_CHUNK = 4000
+_STANDING = 1e-9
+
+
+def cell_with_model(cell: Cell, file: ModelFile) -> Cell:
+    """Return the cell with the joint stiffness that a model knows, for planning.
+
+    A joint that the data could not see keeps the cell's stiffness. A model without any stiffness
+    changes nothing.
+    """
+    kinematics, p_flange_tcp = build(cell.robot), np.asarray(cell.tool.T_flange_tcp[:3, 3])
+    field = field_of(file, cell.joint_stiffness, lambda q: apply(kinematics.fk(q), p_flange_tcp))
+    return cell if field is None else replace(cell, joint_compliance=field.compliance)
+
+
+def compensation_model(kinematics: Kinematics, cell: Cell, file: ModelFile) -> RobotModel:
+    """Return the robot model that compensation uses.
+
+    A joint whose stiffness the data could not see takes the cell's, where the cell gives one: the
+    process may load it although the measurement did not, and rigid would be worse.
+    """
+    effects: dict[str, Mapping[str, Any]] = dict(file.effects)
+    table = effects.get("joint_compliance")
+    known = cell.joint_stiffness
+    if table is not None and known is not None and _STIFFNESS in table:
+        k = np.asarray(table[_STIFFNESS], dtype=np.float64)
+        if k.shape == (6,) and bool(np.any(np.isnan(k))):
+            filled = np.where(np.isnan(k), entry(_STIFFNESS, known), k)
+            effects["joint_compliance"] = {**table, _STIFFNESS: filled.tolist()}
+    return RobotModel.of(kinematics, cell, replace(file, effects=effects))
+
+
+def carries_dead_load(file: ModelFile) -> bool:
+    """Return whether the tool's weight is to be added as a load.
+
+    A sag or payload effect was fitted to the arm with its tool on, so it has the weight already.
+    """
+    return not any(name in file.effects for name in ("gravity_sag", "payload_error"))
+
+
+def needs(model: RobotModel) -> frozenset[str]:
+    """Return the columns that the effects of a model need."""
+    return frozenset(column for name in model.states for column in effect_of(name).needs)
+
+
+def left_out(model: RobotModel) -> dict[str, tuple[str, ...]]:
+    """Return the effects that move nothing in a program, with the columns no program knows."""
+    given = FOLLOWS_MOTION | {"wrench"}
+    return {
+        name: tuple(sorted(missing))
+        for name in model.states
+        if (missing := set(effect_of(name).needs) - given)
+    }
+
+
+def loads(
+    q: FloatArray,
+    cell: Cell,
+    kinematics: Kinematics,
+    working: BoolArray,
+    dead: bool = True,
+    process: FloatArray | None = None,
+) -> FloatArray:
+    """Return the wrench (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
+
+    Args:
+        q: (n, 6) joint angles [rad].
+        cell: with tool and process.
+        kinematics: of the robot.
+        working: (n,) rows in which the process force acts.
+        dead: add the tool's weight, where the cell gives mass and centre of gravity.
+        process: (n, 6) process wrench at and in axes of the TCP; None: the cell's for all.
+    """
+    T = kinematics.fk(q)
+    R_robroot_tcp = T[:, :3, :3] @ cell.tool.T_flange_tcp[:3, :3]
+    own = np.broadcast_to(cell.process.wrench_tcp if process is None else process, (len(q), 6))
+    own = own * np.asarray(working, dtype=np.float64)[:, None]
+    turned = [np.einsum("nij,nj->ni", R_robroot_tcp, part) for part in (own[:, :3], own[:, 3:])]
+    wrench = np.concatenate(turned, axis=1)
+    mass = cell.tool.mass
+    if dead and np.isfinite(mass) and mass > 0.0:
+        down = cell.robot.T_world_robroot[:3, :3].T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
+        weight = np.tile(np.concatenate([mass * down, np.zeros(3)]), (len(q), 1))
+        p_flange_com = np.zeros(3) if cell.tool.com is None else np.asarray(cell.tool.com)
+        lever = T[:, :3, :3] @ (p_flange_com - cell.tool.T_flange_tcp[:3, 3])
+        wrench = wrench + moved_wrench(weight, lever)
+    return np.asarray(wrench)
+
+
+def real_point(
+    model: RobotModel,
+    q: FloatArray,
+    wrench: FloatArray,
+    conditions: Mapping[str, Any] | None = None,
+) -> FloatArray:
+    """Return the real tool point (n, 3) [m], robroot, as it counts for the part.
+
+    An arm that is late is on the same path a moment later. What lateness (``qd`` in the
+    conditions) moves along the tool's way is therefore left out; across the way it counts.
+    """
+    conditions = dict(conditions or {})
+    point = model.tool_point(q, wrench, conditions)
+    qd = conditions.pop("qd", None)
+    if qd is None or not bool(np.any(qd)) or "qd" not in needs(model):
+        return point
+    in_time = model.tool_point(q, wrench, {**conditions, "qd": np.zeros_like(qd)})
+    velocity = np.einsum("nij,nj->ni", model.samples(q).jacobian, qd)
+    size = np.linalg.norm(velocity, axis=1, keepdims=True)
+    way = np.where(size > _STANDING, velocity / np.maximum(size, _STANDING), 0.0)
+    late = point - in_time
+    across: FloatArray = late - way * np.sum(way * late, axis=1, keepdims=True)
+    return in_time + across
+
+
+@dataclass(frozen=True, slots=True)
+class RealArm:
+    """The arm of a cell with its model, as a displacement of the tool for verification."""
+
+    cell: Cell
+    kinematics: Kinematics
+    model: RobotModel
+    dead: bool
+
+    @classmethod
+    def of(cls, cell: Cell, file: ModelFile) -> RealArm:
+        """Return the arm of a cell with a model.
+
+        Raises:
+            DataError: from the model file.
+        """
+        kinematics = build(cell.robot)
+        model = compensation_model(kinematics, cell, file)
+        return cls(cell, kinematics, model, carries_dead_load(file))
+
+    @property
+    def follows_motion(self) -> bool:
+        """Whether an effect depends on how the joints move: from which side, how fast."""
+        return bool(needs(self.model) & FOLLOWS_MOTION)
+
+    def wrench(self, q: FloatArray, process: FloatArray) -> FloatArray:
+        """Return the wrench (n, 6) of tool and process at joint angles (n, 6), robroot."""
+        working = np.ones(len(q), dtype=np.bool_)
+        return loads(q, self.cell, self.kinematics, working, self.dead, process)
+
+    def displacement(self, moments: Moments) -> FloatArray:
+        """Return real minus nominal tool point (n, 3) [m], robroot."""
+        parts = [
+            self._part(moments.rows(np.arange(start, min(start + _CHUNK, len(moments)))))
+            for start in range(0, len(moments), _CHUNK)
+        ]
+        return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+    def _part(self, moments: Moments) -> FloatArray:
+        wrench = self.wrench(moments.q, moments.process)
+        conditions = {"direction": moments.direction, "qd": moments.qd}
+        real = real_point(self.model, moments.q, wrench, conditions)
+        return np.asarray(real - self.model.nominal(moments.q))
+
+
+def displacement_of(cell: Cell, file: ModelFile) -> Displacement:
+    """Return the displacement of the real tool in a cell that a model expects."""
+    return RealArm.of(cell, file).displacement
+
+
+def expected_points(
+    q: FloatArray,
+    cell: Cell,
+    file: ModelFile,
+    working: BoolArray,
+    process: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return nominal and expected real tool points (n, 3) [m] of commanded angles, robroot.
+
+    Args:
+        q: (n, 6) commanded joint angles [rad], in order of time.
+        cell: the cell.
+        file: model of the real arm.
+        working: (n,) rows in which the process force acts.
+        process: (n, 6) process wrench in TCP axes; None: the cell's for all.
+    """
+    arm = RealArm.of(cell, file)
+    wrench = loads(q, cell, arm.kinematics, working, arm.dead, process)
+    conditions = {"direction": directions(np.asarray(q, dtype=np.float64))}
+    return arm.model.nominal(q), real_point(arm.model, q, wrench, conditions)

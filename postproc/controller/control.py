@@ -1,0 +1,194 @@
+"""Program control while a routine runs: which line comes next."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from postproc.controller.flow import Flow
+from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
+from postproc.krl.text.expression import Node, parse_expression
+from postproc.krl.text.program import Control, KrlModule, Routine
+
+MAX_JUMPS = 1_000_000
+"""Jumps backwards in one run; more means that the program does not end."""
+_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
+_THEN = re.compile(r"\bTHEN\s*$", re.IGNORECASE)
+
+
+@dataclass(slots=True)
+class Activation:
+    """A routine while it runs."""
+
+    routine: Routine
+    module: KrlModule
+    flow: Flow
+    file: int
+    local: Variables = field(default_factory=Variables)
+    result: Any = UNKNOWN
+    limits: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """FOR line to end value and step."""
+    unknown_before: dict[int, int] = field(default_factory=dict)
+    """LOOP line to the number of unknown conditions when its pass began."""
+
+
+class ControlFlow:
+    """Executes ``Control`` statements.
+
+    Args:
+        evaluator: computes conditions.
+        assign: sets a variable by reference.
+        warn: reports (kind, text, line, is_error).
+    """
+
+    def __init__(
+        self,
+        evaluator: Evaluator,
+        assign: Callable[[Node, Any], None],
+        warn: Callable[[str, str, int, bool], None],
+    ) -> None:
+        self._evaluator = evaluator
+        self._assign = assign
+        self._warn = warn
+        self._unknown = 0
+        self._jumps = 0
+        self._steps: dict[str, Callable[[Activation, int, Control], int | None]] = {
+            "IF": self._if,
+            "ELSE": self._leave,
+            "CASE": self._leave,
+            "DEFAULT": self._leave,
+            "FOR": self._for,
+            "ENDFOR": self._end_for,
+            "LOOP": self._loop,
+            "ENDLOOP": self._end_loop,
+            "WHILE": self._while,
+            "ENDWHILE": self._end_while,
+            "UNTIL": self._until,
+            "SWITCH": self._switch,
+            "EXIT": self._exit,
+            "GOTO": self._goto,
+            "RETURN": self._return,
+        }
+
+    def step(self, run: Activation, index: int, statement: Control) -> int | None:
+        """Return the index of the line to go to, None for the next one."""
+        handler = self._steps.get(statement.word)
+        target = handler(run, index, statement) if handler is not None else None
+        if target is not None and target <= index:
+            self._jumps += 1
+            if self._jumps > MAX_JUMPS:
+                self._warn("endless", "the program does not come to an end", statement.line, True)
+                return len(run.routine.statements)
+        return target
+
+    def _condition(self, text: str, line: int) -> Any:  # noqa: ANN401 - True, False or UNKNOWN
+        value = self._evaluator.node(parse_expression(text.strip()))
+        if value is UNKNOWN:
+            self._unknown += 1
+            self._warn(
+                "condition", f"{text.strip()} is not known here, taken as FALSE", line, False
+            )
+        return value
+
+    def _if(self, run: Activation, index: int, statement: Control) -> int | None:
+        if self._condition(_THEN.sub("", statement.text), statement.line):
+            return None
+        branches = run.flow.branches.get(index)
+        return (branches[0] if branches else run.flow.end[index]) + 1
+
+    def _leave(self, run: Activation, index: int, _statement: Control) -> int | None:
+        return run.flow.end[run.flow.owner[index]] + 1
+
+    def _for(self, run: Activation, index: int, statement: Control) -> int | None:
+        match = _FOR.match(statement.text)
+        if match is None:
+            return None
+        first, last, step = (
+            self._evaluator.node(parse_expression(text.strip())) if text else 1
+            for text in match.group(2, 3, 4)
+        )
+        if UNKNOWN in (first, last, step) or not step:
+            self._warn(
+                "condition", "the range of FOR is not known: run once", statement.line, False
+            )
+            run.limits[index] = (float("-inf"), 1.0)
+            return None
+        self._assign(parse_expression(match.group(1).strip()), first)
+        run.limits[index] = (last, step)
+        inside = first <= last if step > 0 else first >= last
+        return None if inside else run.flow.end[index] + 1
+
+    def _end_for(self, run: Activation, index: int, _statement: Control) -> int | None:
+        start = run.flow.start[index]
+        last, step = run.limits[start]
+        head = run.routine.statements[start]
+        match = _FOR.match(head.text) if isinstance(head, Control) else None
+        if match is None:
+            return None
+        variable = parse_expression(match.group(1).strip())
+        value = self._evaluator.node(variable)
+        if value is UNKNOWN:
+            return None
+        self._assign(variable, value + step)
+        inside = value + step <= last if step > 0 else value + step >= last
+        return start + 1 if inside else None
+
+    def _loop(self, run: Activation, index: int, _statement: Control) -> int | None:
+        run.unknown_before[index] = self._unknown
+        return None
+
+    def _end_loop(self, run: Activation, index: int, statement: Control) -> int | None:
+        start = run.flow.start[index]
+        known = run.unknown_before.get(start, self._unknown) == self._unknown
+        if start in run.flow.exits and known:
+            return start
+        self._warn("condition", "a LOOP without a known way out: run once", statement.line, False)
+        return None
+
+    def _while(self, run: Activation, index: int, statement: Control) -> int | None:
+        if self._condition(statement.text, statement.line):
+            return None
+        return run.flow.end[index] + 1
+
+    def _end_while(self, run: Activation, index: int, statement: Control) -> int | None:
+        start = run.flow.start[index]
+        head = run.routine.statements[start]
+        endless = isinstance(head, Control) and head.text.strip().upper() == "TRUE"
+        if endless and start not in run.flow.exits:
+            self._warn("condition", "an endless WHILE: run once", statement.line, False)
+            return None
+        return start
+
+    def _until(self, run: Activation, index: int, statement: Control) -> int | None:
+        value = self._condition(statement.text, statement.line)
+        return None if value is UNKNOWN or value else run.flow.start[index] + 1
+
+    def _switch(self, run: Activation, index: int, statement: Control) -> int | None:
+        value = self._condition(statement.text, statement.line)
+        for place in run.flow.branches.get(index, ()):
+            case = run.routine.statements[place]
+            if isinstance(case, Control) and self._is_case(case, value):
+                return place + 1
+        return run.flow.end[index] + 1
+
+    def _is_case(self, case: Control, value: Any) -> bool:  # noqa: ANN401
+        if case.word == "DEFAULT":
+            return True
+        choices = [self._evaluator.node(parse_expression(t.strip())) for t in case.text.split(",")]
+        return value is not UNKNOWN and value in choices
+
+    def _exit(self, run: Activation, index: int, _statement: Control) -> int | None:
+        return run.flow.end[run.flow.loop[index]] + 1
+
+    def _goto(self, run: Activation, _index: int, statement: Control) -> int | None:
+        target = run.flow.labels.get(statement.text.strip().upper())
+        if target is None:
+            self._warn("structure", f"no label {statement.text}", statement.line, True)
+        return target
+
+    def _return(self, run: Activation, _index: int, statement: Control) -> int | None:
+        if statement.text.strip():
+            run.result = self._evaluator.node(parse_expression(statement.text.strip()))
+        return len(run.routine.statements)

@@ -1,0 +1,428 @@
+"""Runs KRL text as a controller would and records what the robot is told to do.
+
+Followed: declarations and data lists, assignments, frames and the frame operator, IF, FOR, WHILE,
+REPEAT, LOOP, SWITCH, GOTO, sub-programs (local, by module, GLOBAL) with parameters, functions, BAS,
+inline forms of both kinds, spline blocks, WITH, relative and partial targets, triggers, waits.
+Calls of routines that are not in the files are recorded as hooks. What only the controller knows
+(inputs, timers) is unknown: a condition on it is taken as FALSE, with a warning; a LOOP without
+a way out runs once. Interrupts are declared but never happen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.controller.control import Activation, ControlFlow
+from postproc.controller.flow import Flow, flow_of
+from postproc.controller.library import SILENT, NumberedFrame, predefined
+from postproc.controller.motions import Motions
+from postproc.controller.recorder import Recorder
+from postproc.controller.runtime import (
+    UNKNOWN,
+    Evaluator,
+    Variables,
+    component,
+    plain_arguments,
+    text_of,
+    with_component,
+)
+from postproc.controller.state import MotionState
+from postproc.controller.targets import Targets
+from postproc.controller.trace import EventWord, Trace
+from postproc.kinematics.model import Kinematics
+from postproc.krl.text.expression import Node, Reference, parse_expression
+from postproc.krl.text.program import (
+    Assign,
+    Axes,
+    Call,
+    Control,
+    Declaration,
+    Expr,
+    Halt,
+    KrlModule,
+    Move,
+    Pose,
+    Routine,
+    SplineBegin,
+    SplineEnd,
+    Trigger,
+    Value,
+    WaitFor,
+    WaitSec,
+)
+
+MAX_DEPTH = 50
+"""Calls within calls."""
+MAX_CALLS = 1_000_000
+"""Calls in one run; more means that the program does not end."""
+MAX_SEARCHES = 200
+"""How often the joints behind a Cartesian motion are worked out in one run."""
+
+
+@dataclass(slots=True)
+class World:
+    """What the program finds on the controller.
+
+    Args:
+        tools: TOOL_DATA by number; bases: BASE_DATA by number [mm, deg], in $WORLD.
+        T_world_robroot: (4, 4) $ROBROOT [m].
+        points: named points that are not in the files, such as the home position.
+        joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
+            a Cartesian target.
+    """
+
+    tools: Mapping[int, Pose] = field(default_factory=dict)
+    bases: Mapping[int, Pose] = field(default_factory=dict)
+    points: Mapping[str, Pose | Axes] = field(default_factory=dict)
+    T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
+    joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
+
+
+def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
+    """Run a program.
+
+    Args:
+        modules: the program and what it calls.
+        name: module to start, in any case.
+        kinematics: of the robot, for relative motions and $POS_ACT.
+        world: frames and points of the controller.
+
+    Returns:
+        The executed motions; what could not be followed stands in its findings.
+    """
+    return Interpreter(modules, kinematics, world).run(name)
+
+
+class Interpreter:
+    """One run of one program."""
+
+    def __init__(self, modules: Sequence[KrlModule], kinematics: Kinematics, world: World) -> None:
+        self._modules = {module.name.upper(): module for module in modules}
+        self._world = world
+        self.state = MotionState(world.tools, world.bases, world.T_world_robroot)
+        self.recorder = Recorder()
+        self.targets = Targets(self.state, kinematics, self._joints_now)
+        self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
+        self._control = ControlFlow(self.evaluator, self._assign_node, self._warn)
+        self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
+        self._system: dict[str, Any] = {}
+        self._active: dict[str, Any] = {}
+        self._stack: list[Activation] = []
+        self._flows: dict[int, Flow] = {}
+        self._global_routines: dict[str, tuple[KrlModule, Routine]] = {}
+        self._line = 0
+        self._searches = self._calls = 0
+        self._motions = Motions(self.evaluator, self.targets, self)
+        self._handlers: dict[type, Callable[[Any], None]] = {
+            Move: self._motions.move,
+            Assign: self.assign,
+            Call: self._call,
+            WaitSec: self._wait,
+            WaitFor: self._wait_for,
+            Halt: self._halt,
+            Declaration: self._declare,
+            Trigger: self._trigger,
+            SplineBegin: self._motions.begin_spline,
+            SplineEnd: self._motions.end_spline,
+        }
+        self._load(world)
+
+    def run(self, name: str) -> Trace:
+        """Run a module from its first routine."""
+        module = self._modules[name.upper()]
+        self._execute(module, module.main, ())
+        return self.recorder.trace(self.state)
+
+    # ------------------------------------------------------------------------------ preparation
+
+    def _load(self, world: World) -> None:
+        for kind, poses in (("TOOL_DATA", world.tools), ("BASE_DATA", world.bases)):
+            self._globals.arrays[kind] = {(number,): pose for number, pose in poses.items()}
+        self._globals.plain.update({key.upper(): value for key, value in world.points.items()})
+        for key, module in self._modules.items():
+            for routine in module.routines:
+                if routine.is_global:
+                    self._global_routines[routine.name.upper()] = (module, routine)
+            if module.data is not None:
+                self._load_data(module, self._data[key])
+
+    def _load_data(self, module: KrlModule, scope: Variables) -> None:
+        everywhere = not module.routines
+        assert module.data is not None  # noqa: S101 - the caller has asked
+        for statement in module.data.statements:
+            if isinstance(statement, Declaration):
+                public = everywhere or statement.is_global
+                self._define(self._globals if public else scope, statement)
+            elif isinstance(statement, Assign):
+                self._store(parse_expression(statement.target), statement.value, scope)
+
+    def _define(self, scope: Variables, statement: Declaration) -> None:
+        for variable in statement.variables:
+            name = variable.name.upper()
+            if variable.dimension is not None:
+                scope.arrays.setdefault(name, {})
+            value = variable.value
+            if isinstance(value, Expr):
+                value = self.evaluator.value(value)
+            # A parameter is declared once more inside its routine: it keeps its value.
+            if value is not None or name not in scope.plain:
+                scope.plain[name] = UNKNOWN if value is None else value
+
+    def _store(self, node: Node, value: Value, scope: Variables) -> None:
+        if not isinstance(node, Reference):
+            return
+        holder = scope if node.name in scope else self._globals
+        _put(holder, node, self.evaluator.value(value), self.evaluator)
+        self._note_frame_data(node, holder)
+
+    # --------------------------------------------------------------------------------- execution
+
+    def _execute(
+        self, module: KrlModule, routine: Routine, arguments: tuple[tuple[str, Any], ...]
+    ) -> Activation:
+        flow = self._flows.get(id(routine))
+        if flow is None:
+            flow = self._flows[id(routine)] = flow_of(routine)
+        run = Activation(routine, module, flow, self.recorder.file_row(module.src_path))
+        run.local.plain.update(arguments)
+        self._stack.append(run)
+        self._line = routine.line
+        if flow.broken:
+            self._line = routine.statements[flow.broken[0]].line
+            self.finding("structure", "program control without its other half")
+        else:
+            self._loop(run)
+        self._stack.pop()
+        return run
+
+    def _loop(self, run: Activation) -> None:
+        statements = run.routine.statements
+        handlers, count, index = self._handlers, len(statements), 0
+        while index < count:
+            statement = statements[index]
+            kind = type(statement)
+            if kind is Control:
+                self._line = statement.line
+                target = self._control.step(run, index, statement)  # type: ignore[arg-type]
+                index = index + 1 if target is None else target
+                continue
+            handler = handlers.get(kind)
+            if handler is not None:
+                self._line = statement.line
+                handler(statement)
+            index += 1
+
+    def place(self) -> tuple[int, int]:
+        """Return file row and line that run now."""
+        return self._stack[-1].file, self._line
+
+    def finding(self, kind: str, detail: str, is_error: bool = True) -> None:
+        """Report something at the present line."""
+        self.recorder.finding(kind, detail, self.place(), is_error)
+
+    def _warn(self, kind: str, detail: str, line: int, is_error: bool) -> None:
+        self.recorder.finding(kind, detail, (self._stack[-1].file, line), is_error)
+
+    def _missing_frames(self) -> None:
+        if self.state.missing:
+            for text in dict.fromkeys(self.state.missing):
+                self.finding("frame", text)
+            self.state.missing.clear()
+
+    # --------------------------------------------------------------------------------- variables
+
+    def _lookup(self, name: str) -> Variables | None:
+        if self._stack:
+            run = self._stack[-1]
+            if name in run.local:
+                return run.local
+            data = self._data[run.module.name.upper()]
+            if name in data:
+                return data
+        return self._globals if name in self._globals else None
+
+    def _system_value(self, key: str) -> Any:  # noqa: ANN401 - KRL values are of many types
+        if key.startswith(("$POS_ACT", "$AXIS_ACT")):
+            name, _, rest = key.partition(".")
+            value = self.targets.position(name)
+            return component(value, rest) if rest else value
+        value = self.state.read(key)
+        return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
+
+    def _declare(self, statement: Declaration) -> None:
+        self._define(self._stack[-1].local, statement)
+
+    def assign(self, statement: Assign) -> None:
+        """Execute an assignment."""
+        node = parse_expression(statement.target)
+        value = self.evaluator.value(statement.value)
+        if isinstance(node, Reference) and node.name in ("$TOOL", "$BASE"):
+            self._assign_frame(node, value, statement.value)
+        else:
+            self._assign_node(node, value)
+        self._missing_frames()
+
+    def _assign_frame(self, node: Reference, value: Any, written: Value) -> None:  # noqa: ANN401
+        if isinstance(value, NumberedFrame):
+            select = self.state.select_tool if node.name == "$TOOL" else self.state.select_base
+            select(value.number)
+            return
+        number = -1
+        source = parse_expression(written.text) if isinstance(written, Expr) else None
+        if isinstance(source, Reference) and source.name in ("TOOL_DATA", "BASE_DATA"):
+            index = source.selectors[0] if source.selectors else ""
+            found = None if isinstance(index, str) else self.evaluator.indices(index)
+            number = found[0] if found else -1
+        if node.selectors:
+            whole = self.state.read(node.name)
+            path = tuple(s for s in node.selectors if isinstance(s, str))
+            value = with_component(whole, path, value)
+        self.state.set_frame(node.name, value, number)
+
+    def _assign_node(self, node: Node, value: Any) -> None:  # noqa: ANN401
+        if not isinstance(node, Reference):
+            return
+        if node.name.startswith("$"):
+            self._assign_system(node, value)
+        elif node.name in ("FDAT_ACT", "PDAT_ACT", "LDAT_ACT") and not node.selectors:
+            self._active[node.name] = value
+        else:
+            scope = self._lookup(node.name)
+            if scope is None:
+                scope = self._stack[-1].local if self._stack else self._globals
+            _put(scope, node, value, self.evaluator)
+            self._note_frame_data(node, scope)
+
+    def _assign_system(self, node: Reference, value: Any) -> None:  # noqa: ANN401
+        key = self.evaluator.key(node)
+        if key is None:
+            return
+        if key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
+            self.state.motion_data(value)
+        elif not self.state.assign(key, value):
+            self._system[key] = value
+        if key.startswith(("$OUT[", "$ANOUT[")):
+            number = float(value) if isinstance(value, int | float) else math.nan
+            self.recorder.event(EventWord.OUTPUT, key, self.place(), number)
+
+    def _note_frame_data(self, node: Reference, scope: Variables) -> None:
+        if node.name not in ("TOOL_DATA", "BASE_DATA"):
+            return
+        data = self.state.tool_data if node.name == "TOOL_DATA" else self.state.base_data
+        for indices, pose in scope.arrays.get(node.name, {}).items():
+            if isinstance(pose, Pose) and len(indices) == 1:
+                data[indices[0]] = pose
+
+    # ------------------------------------------------------------------------------------- calls
+
+    def _call(self, statement: Call) -> None:
+        name = statement.name.upper()
+        if name == "BAS":
+            self._bas(statement)
+            return
+        found = self._resolve(name)
+        if found is not None:
+            nodes = tuple(_node(value) for value in statement.arguments)
+            self._run_routine(*found, nodes)
+        elif name == "PULSE":
+            self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
+        elif name not in SILENT:
+            values = tuple(self.evaluator.value(value) for value in statement.arguments)
+            first = values[0] if values else math.nan
+            number = float(first) if isinstance(first, int | float) else math.nan
+            self.recorder.event(EventWord.HOOK, name, self.place(), number, plain_arguments(values))
+
+    def _bas(self, statement: Call) -> None:
+        values = [self.evaluator.value(value) for value in statement.arguments]
+        command = text_of(values[0]).lstrip("#").upper() if values else ""
+        argument = values[1] if len(values) > 1 else UNKNOWN
+        if not self.state.bas(command, argument, self._active):
+            self.finding("command", f"BAS(#{command}) is not known", is_error=False)
+        self._missing_frames()
+
+    def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
+        here = self._stack[-1].module
+        local = here.routine(name)
+        if local is not None:
+            return here, local
+        if name in self._global_routines:
+            return self._global_routines[name]
+        module = self._modules.get(name)
+        return (module, module.main) if module is not None and module.routines else None
+
+    def _run_routine(
+        self, module: KrlModule, routine: Routine, arguments: Sequence[Node | None]
+    ) -> Any:  # noqa: ANN401
+        self._calls += 1
+        if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
+            self.finding("endless", f"{routine.name} is called over and over, or within itself")
+            return UNKNOWN
+        values = [UNKNOWN if a is None else self.evaluator.node(a) for a in arguments]
+        names = [parameter.name.upper() for parameter in routine.parameters]
+        line = self._line
+        done = self._execute(module, routine, tuple(zip(names, values, strict=False)))
+        self._line = line
+        for parameter, name, node in zip(routine.parameters, names, arguments, strict=False):
+            if parameter.mode != "IN" and isinstance(node, Reference):
+                self._assign_node(node, done.local.plain.get(name, UNKNOWN))
+        return done.result
+
+    def _function(self, name: str, arguments: tuple[Node | None, ...]) -> Any:  # noqa: ANN401
+        found = self._resolve(name.upper())
+        if found is not None:
+            return self._run_routine(*found, arguments)
+        known = predefined(name)
+        if known is None:
+            return UNKNOWN
+        return known([UNKNOWN if a is None else self.evaluator.node(a) for a in arguments])
+
+    def _trigger(self, statement: Trigger) -> None:
+        handler = self._handlers.get(type(statement.action))
+        if handler is not None and not isinstance(statement.action, Move):
+            handler(statement.action)
+
+    def _wait(self, statement: WaitSec) -> None:
+        seconds = self.evaluator.value(statement.seconds)
+        number = float(seconds) if isinstance(seconds, int | float) else math.nan
+        self.recorder.event(EventWord.DWELL, "WAIT SEC", self.place(), number)
+
+    def _wait_for(self, statement: WaitFor) -> None:
+        self.recorder.event(EventWord.WAIT_FOR, statement.condition, self.place())
+
+    def _halt(self, _statement: Halt) -> None:
+        self.recorder.event(EventWord.HALT, "HALT", self.place())
+
+    def _joints_now(self) -> FloatArray | None:
+        """Return the joints at the end of the last motion; only few programs ask."""
+        self._searches += 1
+        if self._searches > MAX_SEARCHES:
+            return None
+        return self._world.joints(self.recorder.trace(self.state))
+
+
+def _node(value: Value | None) -> Node | None:
+    if isinstance(value, Expr):
+        return parse_expression(value.text)
+    return value
+
+
+def _put(scope: Variables, node: Reference, value: Any, evaluator: Evaluator) -> None:  # noqa: ANN401
+    """Store a value in a variable, an array element or a component of either."""
+    path = tuple(item for item in node.selectors if isinstance(item, str))
+    index = next((item for item in node.selectors if not isinstance(item, str)), None)
+    if index is None:
+        old = scope.plain.get(node.name, UNKNOWN)
+        scope.plain[node.name] = with_component(old, path, value) if path else value
+        return
+    indices = evaluator.indices(index)
+    if indices is None:
+        return
+    elements = scope.arrays.setdefault(node.name, {})
+    old = elements.get(indices, UNKNOWN)
+    elements[indices] = with_component(old, path, value) if path else value

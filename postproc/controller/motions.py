@@ -1,0 +1,179 @@
+"""Motion statements while a program runs: settings, targets, approximation, spline blocks."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from postproc.controller.recorder import Recorder
+from postproc.controller.runtime import Evaluator
+from postproc.controller.state import MotionState, Values
+from postproc.controller.targets import Targets, numbers_of
+from postproc.controller.trace import Blend, Way
+from postproc.krl.text.program import (
+    Assign,
+    Axes,
+    Expr,
+    Move,
+    MoveWord,
+    Pose,
+    SplineBegin,
+    SplineEnd,
+)
+
+MAX_MOTIONS = 5_000_000
+"""A program that makes more motions does not come to an end."""
+WAYS = {
+    MoveWord.PTP: Way.PTP,
+    MoveWord.SPTP: Way.PTP,
+    MoveWord.LIN: Way.LIN,
+    MoveWord.SLIN: Way.LIN,
+    MoveWord.CIRC: Way.CIRC,
+    MoveWord.SCIRC: Way.CIRC,
+    MoveWord.SPL: Way.SPL,
+    MoveWord.PTP_REL: Way.PTP,
+    MoveWord.SPTP_REL: Way.PTP,
+    MoveWord.LIN_REL: Way.LIN,
+    MoveWord.SLIN_REL: Way.LIN,
+    MoveWord.CIRC_REL: Way.CIRC,
+    MoveWord.SCIRC_REL: Way.CIRC,
+    MoveWord.SPL_REL: Way.SPL,
+}
+
+
+class Host(Protocol):
+    """The interpreter that runs the statements around the motions."""
+
+    state: MotionState
+    recorder: Recorder
+
+    def assign(self, statement: Assign) -> None:
+        """Execute an assignment."""
+        ...
+
+    def finding(self, kind: str, detail: str, is_error: bool = True) -> None:
+        """Report something at the present line."""
+        ...
+
+    def place(self) -> tuple[int, int]:
+        """Return file row and line that run now."""
+        ...
+
+
+class Motions:
+    """Executes motions and spline blocks.
+
+    Args:
+        evaluator: computes targets.
+        targets: completes them.
+        host: the interpreter.
+    """
+
+    def __init__(self, evaluator: Evaluator, targets: Targets, host: Host) -> None:
+        self._evaluator = evaluator
+        self._targets = targets
+        self._host = host
+        self._block, self._blocks = -1, 0
+        self._before_block: Values = host.state.values
+
+    def begin_spline(self, statement: SplineBegin) -> None:
+        """Enter a spline block."""
+        self._blocks += 1
+        self._block = self._blocks
+        self._before_block = self._host.state.values
+        self._with(statement.settings)
+
+    def end_spline(self, statement: SplineEnd) -> None:
+        """Leave a spline block; its approximation belongs to the last motion."""
+        recorder = self._host.recorder
+        if recorder.blocks and recorder.blocks[-1] == self._block:
+            recorder.blends[-1] = self._blend(statement.blend)
+        self._block = -1
+        self._host.state.values = self._before_block
+
+    def _with(self, settings: tuple[Assign, ...]) -> None:
+        for setting in settings:
+            if setting.target.startswith("$VEL_AXIS"):
+                share = self._evaluator.value(setting.value)
+                self._host.state.bas("VEL_PTP", share, {})
+            else:
+                self._host.assign(setting)
+
+    def move(self, statement: Move) -> None:
+        """Execute a motion."""
+        if len(self._host.recorder) >= MAX_MOTIONS:
+            if len(self._host.recorder) == MAX_MOTIONS:
+                self._host.finding("endless", f"more than {MAX_MOTIONS} motions")
+            return
+        before = self._host.state.values
+        if statement.settings:
+            self._with(statement.settings)
+        target = self._target(statement)
+        if target is None:
+            self._host.finding("target", f"where {_name(statement)} goes is not known")
+        else:
+            self._record(statement, target)
+        if statement.settings:
+            self._host.state.values = before
+
+    def _target(self, statement: Move) -> Pose | Axes | None:
+        value: Any = statement.target
+        if type(value) is Pose and not statement.word.is_relative:
+            return value if value.is_complete else self._targets.complete(value)
+        value = self._evaluator.value(value)
+        if statement.word.is_relative:
+            return self._targets.shifted(value, statement.frame)
+        return self._targets.complete(value)
+
+    def _record(self, statement: Move, target: Pose | Axes) -> None:
+        recorder = self._host.recorder
+        is_axes = type(target) is Axes
+        way = WAYS[statement.word]
+        if is_axes and way is not Way.PTP:
+            self._host.finding("target", f"{statement.word.value} to joint angles")
+            return
+        row = recorder.motion(
+            way,
+            numbers_of(target),
+            is_axes,
+            self._host.state.row(),
+            self._host.place(),
+            self._block,
+        )
+        if self._block >= 0:
+            recorder.blends[row] = Blend.THROUGH
+        elif statement.blend:
+            recorder.blends[row] = self._blend(statement.blend)
+        if isinstance(target, Pose):
+            recorder.status[row] = -1 if target.status is None else target.status
+            recorder.turn[row] = -1 if target.turn is None else target.turn
+        if target.external:
+            recorder.external[row] = target.external
+        if statement.auxiliary is not None:
+            self._auxiliary(statement, row)
+        self._targets.remember(target)
+
+    def _auxiliary(self, statement: Move, row: int) -> None:
+        value = self._evaluator.value(statement.auxiliary)
+        if statement.word.is_relative:
+            value = self._targets.shifted(value, statement.frame)
+        if isinstance(value, Pose) and None not in (value.x_mm, value.y_mm, value.z_mm):
+            self._host.recorder.auxiliary[row] = numbers_of(value)
+        else:
+            self._host.finding("target", "the auxiliary point of a circle is not known")
+        if statement.angle_deg is not None:
+            angle = self._evaluator.value(statement.angle_deg)
+            if isinstance(angle, int | float):
+                self._host.recorder.angles[row] = float(angle)
+
+    def _blend(self, words: tuple[str, ...]) -> Blend:
+        if not words or self._host.state.values.advance == 0:
+            return Blend.EXACT
+        if "C_PTP" in words:
+            return Blend.AXES
+        return Blend.DISTANCE if words[0] in ("C_DIS", "C_SPL") else Blend.OTHER
+
+
+def _name(statement: Move) -> str:
+    target = statement.target
+    text = target.text if isinstance(target, Expr) else "its target"
+    return f"{statement.word.value} {text}"

@@ -1,0 +1,340 @@
+"""Values while a program runs: expressions, frames, structures, variables.
+
+What cannot be known without the controller (inputs, timers, names of other modules) is ``UNKNOWN``
+and stays so through every formula; nothing is guessed here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+from postproc.arrays import FloatArray
+from postproc.geometry.frames import inverse, kuka_from_transform, transform_from_kuka
+from postproc.krl.text.expression import (
+    Binary,
+    FunctionCall,
+    Node,
+    Reference,
+    Structure,
+    Unary,
+    parse_expression,
+)
+from postproc.krl.text.literals import pose_or_axes
+from postproc.krl.text.program import Aggregate, Axes, Enum, Expr, Pose, Text, Value
+from postproc.units import DEG
+
+
+class _Unknown:
+    """The value of what only the controller knows."""
+
+    def __repr__(self) -> str:
+        return "UNKNOWN"
+
+    def __bool__(self) -> bool:
+        return False
+
+
+UNKNOWN = _Unknown()
+Indices = tuple[int, ...]
+POSE_FIELDS = {
+    "X": "x_mm",
+    "Y": "y_mm",
+    "Z": "z_mm",
+    "A": "a_deg",
+    "B": "b_deg",
+    "C": "c_deg",
+    "S": "status",
+    "T": "turn",
+}
+AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
+_DEGREES: dict[str, Callable[[float], float]] = {
+    "SIN": lambda a: math.sin(a * DEG),
+    "COS": lambda a: math.cos(a * DEG),
+    "TAN": lambda a: math.tan(a * DEG),
+    "ACOS": lambda a: math.acos(a) / DEG,
+    "ASIN": lambda a: math.asin(a) / DEG,
+    "ATAN": lambda a: math.atan(a) / DEG,
+    "SQRT": math.sqrt,
+    "ABS": abs,
+}
+_ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
+    "+": lambda a, b: a + b,
+    "-": lambda a, b: a - b,
+    "*": lambda a, b: a * b,
+    "==": lambda a, b: a == b,
+    "<>": lambda a, b: a != b,
+    "<": lambda a, b: a < b,
+    ">": lambda a, b: a > b,
+    "<=": lambda a, b: a <= b,
+    ">=": lambda a, b: a >= b,
+    "B_AND": lambda a, b: a & b,
+    "B_OR": lambda a, b: a | b,
+    "B_EXOR": lambda a, b: a ^ b,
+    "EXOR": lambda a, b: bool(a) != bool(b),
+}
+
+
+class Variables:
+    """Storage of one scope: plain values and array elements by name in upper case."""
+
+    __slots__ = ("arrays", "plain")
+
+    def __init__(self) -> None:
+        self.plain: dict[str, Any] = {}
+        self.arrays: dict[str, dict[Indices, Any]] = {}
+
+    def __contains__(self, name: str) -> bool:
+        """Whether the scope holds this name."""
+        return name in self.plain or name in self.arrays
+
+
+class Evaluator:
+    """Computes expressions.
+
+    Args:
+        lookup: returns the scope that holds a name, or None.
+        system: returns the value of a system variable by canonical name (``$OUT[3]``).
+        call: runs a function of the program or of the controller; None if it is not known.
+    """
+
+    def __init__(
+        self,
+        lookup: Callable[[str], Variables | None],
+        system: Callable[[str], Any],
+        call: Callable[[str, tuple[Node | None, ...]], Any],
+    ) -> None:
+        self._lookup = lookup
+        self._system = system
+        self._call = call
+
+    def value(self, value: Value | None) -> Any:  # noqa: ANN401 - KRL values are of many types
+        """Return what a value of the program type stands for."""
+        if isinstance(value, Expr):
+            return self.node(parse_expression(value.text))
+        if isinstance(value, Aggregate):
+            fields = tuple((name, self.value(item)) for name, item in value.fields)
+            return _structure(value.type_name, fields)
+        return UNKNOWN if value is None else value
+
+    def node(self, node: Node) -> Any:  # noqa: ANN401 - as above
+        """Return the value of an expression tree."""
+        if isinstance(node, Reference):
+            return self._reference(node)
+        if isinstance(node, Binary):
+            return self._binary(node)
+        if isinstance(node, Unary):
+            return _unary(node.operator, self.node(node.operand))
+        if isinstance(node, FunctionCall):
+            return self._function(node)
+        if isinstance(node, Structure):
+            return _structure(
+                node.type_name, tuple((name, self.node(item)) for name, item in node.fields)
+            )
+        return self.value(node)
+
+    def key(self, node: Reference) -> str | None:
+        """Return a reference as canonical text with its indices computed; None if unknown."""
+        text = node.name
+        for selector in node.selectors:
+            if isinstance(selector, str):
+                text += f".{selector}"
+                continue
+            indices = self.indices(selector)
+            if indices is None:
+                return None
+            text += "[" + ",".join(str(index) for index in indices) + "]"
+        return text
+
+    def indices(self, selector: tuple[Node, ...]) -> Indices | None:
+        """Return the indices of an array element; None if one is unknown."""
+        values = [self.node(item) for item in selector]
+        if any(isinstance(v, bool) or not isinstance(v, int) for v in values):
+            return None
+        return tuple(values)
+
+    def _reference(self, node: Reference) -> Any:  # noqa: ANN401
+        if node.name.startswith("$"):
+            key = self.key(node)
+            return UNKNOWN if key is None else self._system(key)
+        scope = self._lookup(node.name)
+        if scope is None:
+            return UNKNOWN
+        value: Any = scope.plain.get(node.name, UNKNOWN)
+        for selector in node.selectors:
+            if isinstance(selector, str):
+                value = component(value, selector)
+            else:
+                indices = self.indices(selector)
+                elements = scope.arrays.get(node.name, {})
+                value = UNKNOWN if indices is None else elements.get(indices, UNKNOWN)
+        return value
+
+    def _binary(self, node: Binary) -> Any:  # noqa: ANN401
+        left = self.node(node.left)
+        if node.operator == "AND" and left is False:
+            return False
+        if node.operator == "OR" and left is True:
+            return True
+        right = self.node(node.right)
+        if left is UNKNOWN or right is UNKNOWN:
+            decides = {"AND": False, "OR": True}.get(node.operator)
+            return decides if decides is not None and right is decides else UNKNOWN
+        if node.operator == ":":
+            return frame_product(left, right)
+        return _arithmetic(node.operator, left, right)
+
+    def _function(self, node: FunctionCall) -> Any:  # noqa: ANN401
+        name = node.name.upper()
+        if name in _DEGREES or name in ("ATAN2", "INV_POS", "INV"):
+            arguments = [UNKNOWN if a is None else self.node(a) for a in node.arguments]
+            return _builtin(name, arguments)
+        return self._call(node.name, node.arguments)
+
+
+def component(value: Any, name: str) -> Any:  # noqa: ANN401
+    """Return a component of a structure, ``UNKNOWN`` if there is none."""
+    if isinstance(value, Pose | Axes):
+        if len(name) == 2 and name[0] == "E":
+            number = int(name[1]) if name[1].isdigit() else 0
+            return value.external[number - 1] if 0 < number <= len(value.external) else UNKNOWN
+        fields = POSE_FIELDS if isinstance(value, Pose) else AXES_FIELDS
+        found = getattr(value, fields[name]) if name in fields else None
+        return UNKNOWN if found is None else found
+    if isinstance(value, Aggregate):
+        found = value.get(name)
+        return UNKNOWN if found is None else found
+    return UNKNOWN
+
+
+def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa: ANN401
+    """Return a structure with one component (of a component ...) replaced."""
+    if not path:
+        return new
+    name, rest = path[0], path[1:]
+    inner = with_component(component(value, name), rest, new)
+    if isinstance(value, Pose | Axes) and not isinstance(inner, int | float):
+        return UNKNOWN
+    if isinstance(value, Pose) and name in POSE_FIELDS:
+        return replace(value, **{POSE_FIELDS[name]: inner})
+    if isinstance(value, Axes) and name in AXES_FIELDS:
+        return replace(value, **{AXES_FIELDS[name]: inner})
+    if isinstance(value, Pose | Axes) and name in {f"E{i}" for i in range(1, 7)}:
+        external = list(value.external) + [0.0] * max(0, int(name[1]) - len(value.external))
+        external[int(name[1]) - 1] = inner
+        return replace(value, external=tuple(external))
+    fields = list(value.fields) if isinstance(value, Aggregate) else []
+    kept = [(key, item) for key, item in fields if key.upper() != name]
+    return _structure("", (*kept, (name, inner)))
+
+
+def _structure(type_name: str, fields: tuple[tuple[str, Any], ...]) -> Any:  # noqa: ANN401
+    numbers = [
+        (name, value)
+        for name, value in fields
+        if isinstance(value, int | float) and not isinstance(value, bool)
+    ]
+    if numbers and len(numbers) == len(fields):
+        shaped = pose_or_axes(type_name, numbers)
+        if shaped is not None:
+            return shaped
+    return Aggregate(fields, type_name)
+
+
+def _unary(operator: str, value: Any) -> Any:  # noqa: ANN401
+    if value is UNKNOWN:
+        return UNKNOWN
+    if operator == "NOT":
+        return not value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return UNKNOWN
+    if operator == "-":
+        return -value
+    return ~value if isinstance(value, int) else UNKNOWN
+
+
+def _arithmetic(operator: str, left: Any, right: Any) -> Any:  # noqa: ANN401
+    try:
+        if operator == "AND":
+            return bool(left) and bool(right)
+        if operator == "OR":
+            return bool(left) or bool(right)
+        if operator == "/":
+            whole = isinstance(left, int) and isinstance(right, int)
+            return int(left / right) if whole else left / right
+        if isinstance(left, Enum) and isinstance(right, Enum):
+            left, right = left.name.upper(), right.name.upper()
+        result = _ARITHMETIC[operator](left, right)
+    except (TypeError, ZeroDivisionError, OverflowError, KeyError):
+        return UNKNOWN
+    if isinstance(result, float) and not math.isfinite(result):
+        return UNKNOWN
+    return result
+
+
+def _builtin(name: str, arguments: list[Any]) -> Any:  # noqa: ANN401
+    if any(item is UNKNOWN for item in arguments):
+        return UNKNOWN
+    try:
+        if name == "ATAN2":
+            return math.atan2(arguments[0], arguments[1]) / DEG
+        if name in ("INV_POS", "INV"):
+            return pose_of(inverse(matrix_of(arguments[0])))
+        return _DEGREES[name](arguments[0])
+    except (TypeError, ValueError, IndexError, AttributeError):
+        return UNKNOWN
+
+
+def frame_product(left: Any, right: Any) -> Any:  # noqa: ANN401
+    """Return ``left : right``, the pose ``right`` given in the frame ``left``."""
+    if not (isinstance(left, Pose) and isinstance(right, Pose)):
+        return UNKNOWN
+    product = pose_of(matrix_of(left) @ matrix_of(right))
+    return replace(
+        product,
+        status=right.status,
+        turn=right.turn,
+        external=right.external,
+        type_name=right.type_name,
+    )
+
+
+def matrix_of(pose: Pose) -> FloatArray:
+    """Return the transform (4, 4) [m] of a pose; missing components count as 0."""
+    xyz = [pose.x_mm or 0.0, pose.y_mm or 0.0, pose.z_mm or 0.0]
+    abc = [pose.a_deg or 0.0, pose.b_deg or 0.0, pose.c_deg or 0.0]
+    return transform_from_kuka(xyz, abc)
+
+
+def pose_of(T: FloatArray) -> Pose:
+    """Return a transform (4, 4) [m] as a pose [mm, deg]."""
+    xyz, abc = kuka_from_transform(T)
+    return Pose(*xyz.tolist(), *abc.tolist())
+
+
+def pose_with(values: Sequence[float | None], like: Pose) -> Pose:
+    """Return a pose of X..C [mm, deg] with the rest of another."""
+    x, y, z, a, b, c = values
+    return replace(like, x_mm=x, y_mm=y, z_mm=z, a_deg=a, b_deg=b, c_deg=c)
+
+
+def axes_with(values: Sequence[float | None], like: Axes) -> Axes:
+    """Return joint angles A1..A6 [deg] with the rest of others."""
+    a1, a2, a3, a4, a5, a6 = values
+    return replace(like, a1_deg=a1, a2_deg=a2, a3_deg=a3, a4_deg=a4, a5_deg=a5, a6_deg=a6)
+
+
+def text_of(value: Any) -> str:  # noqa: ANN401
+    """Return a short text of a value for messages."""
+    if isinstance(value, Enum):
+        return f"#{value.name}"
+    if isinstance(value, Text):
+        return value.value
+    return str(value)
+
+
+def plain_arguments(arguments: tuple[Any, ...]) -> tuple[object, ...]:
+    """Return arguments of a hook as numbers and texts."""
+    return tuple(a if isinstance(a, int | float) else text_of(a) for a in arguments)

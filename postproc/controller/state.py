@@ -1,0 +1,316 @@
+"""The controller's motion state: tool, base, speeds, approximation, and what BAS does to them.
+
+After ``BAS(#INITMOV,0)``: tool 1, base $WORLD, delivered defaults. ``BAS(#VEL_CP,v)`` is clamped at
+the default path speed without a message, as on the controller. BASE_DATA are frames in $WORLD, the
+world of the cell; $ROBROOT is where the cell says that the robot stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of
+from postproc.controller.trace import Settings
+from postproc.geometry.frames import inverse
+from postproc.krl.text.program import Aggregate, Enum, Pose
+from postproc.units import DEG, MM, PERCENT
+
+DEFAULT_SPEED = 2.0
+"""$VEL.CP after INITMOV and the clamp of BAS(#VEL_CP) [m/s]."""
+DEFAULT_ACCELERATION = 2.3
+"""$ACC.CP [m/s^2]."""
+DEFAULT_ORIENTATION = 200.0
+"""$VEL.ORI1 [deg/s]."""
+DEFAULT_CDIS = 3.0
+"""$APO.CDIS [mm]."""
+DEFAULT_CPTP = 50.0
+"""$APO.CPTP [%]."""
+
+
+@dataclass(slots=True)
+class FrameTable:
+    """Distinct frames by row; equal poses share a row."""
+
+    rows: list[FloatArray] = field(default_factory=list)
+    _known: dict[bytes, int] = field(default_factory=dict)
+
+    def row(self, T: FloatArray) -> int:
+        """Return the row of a transform (4, 4), new or known."""
+        key = np.ascontiguousarray(T).tobytes()
+        if key not in self._known:
+            self._known[key] = len(self.rows)
+            self.rows.append(np.asarray(T, dtype=np.float64))
+        return self._known[key]
+
+    def stack(self) -> FloatArray:
+        """Return all frames (k, 4, 4)."""
+        return np.stack(self.rows) if self.rows else np.zeros((0, 4, 4))
+
+
+@dataclass(frozen=True, slots=True)
+class Values:
+    """The state as plain values; replaced, never changed, so that WITH can put it back."""
+
+    tool: int
+    base: int
+    tool_number: int = 0
+    base_number: int = 0
+    speed: float = DEFAULT_SPEED
+    orientation_speed: float = DEFAULT_ORIENTATION
+    acceleration: float = DEFAULT_ACCELERATION
+    ptp: tuple[float, ...] = (100.0,) * 6
+    cdis: float = DEFAULT_CDIS
+    cptp: float = DEFAULT_CPTP
+    advance: int = 3
+    orientation: str = "VAR"
+    ipo_tcp: bool = False
+
+
+class MotionState:
+    """Motion settings, changed by assignments to system variables and by BAS.
+
+    Args:
+        tools: TOOL_DATA by number; bases: BASE_DATA by number. Both are looked up when selected,
+            so a program that writes them is followed.
+        T_world_robroot: (4, 4) $ROBROOT [m].
+    """
+
+    def __init__(
+        self, tools: Mapping[int, Pose], bases: Mapping[int, Pose], T_world_robroot: FloatArray
+    ) -> None:
+        self.tool_data = dict(tools)
+        self.base_data = dict(bases)
+        self._T_world_robroot = np.asarray(T_world_robroot, dtype=np.float64)
+        self._T_robroot_world = inverse(self._T_world_robroot)
+        self.tool_frames, self.base_frames = FrameTable(), FrameTable()
+        self.values = Values(self.tool_frames.row(np.eye(4)), self._base_row(np.eye(4)))
+        self.missing: list[str] = []
+        """Frames that were selected and are not known, until somebody asks."""
+        self._rows: dict[Settings, int] = {}
+        self._last: tuple[Values | None, int] = (None, 0)
+
+    # -------------------------------------------------------------------- what a motion is run with
+
+    def row(self) -> int:
+        """Return the row of the present settings in the table of all."""
+        if self._last[0] is self.values:
+            return self._last[1]
+        v = self.values
+        settings = Settings(
+            tool=v.tool,
+            base=v.base,
+            tool_number=v.tool_number,
+            base_number=v.base_number,
+            speed=v.speed,
+            orientation_speed=v.orientation_speed * DEG,
+            acceleration=v.acceleration,
+            ptp=tuple(share * PERCENT for share in v.ptp),
+            cdis=v.cdis * MM,
+            cptp=v.cptp * PERCENT,
+            advance=v.advance,
+            orientation=v.orientation,
+            ipo_tcp=v.ipo_tcp,
+        )
+        row = self._rows.setdefault(settings, len(self._rows))
+        self._last = (v, row)
+        return row
+
+    @property
+    def table(self) -> tuple[Settings, ...]:
+        """All settings that a motion was run with, by row."""
+        return tuple(self._rows)
+
+    @property
+    def T_flange_tcp(self) -> FloatArray:
+        """(4, 4) tool in force [m]."""
+        return self.tool_frames.rows[self.values.tool]
+
+    @property
+    def T_robroot_base(self) -> FloatArray:
+        """(4, 4) base in force [m]."""
+        return self.base_frames.rows[self.values.base]
+
+    def _base_row(self, T_world_base: FloatArray) -> int:
+        return self.base_frames.row(self._T_robroot_world @ T_world_base)
+
+    def _set(self, **changes: Any) -> None:  # noqa: ANN401 - fields of Values
+        self.values = replace(self.values, **changes)
+
+    # -------------------------------------------------------------------------------------- frames
+
+    def select_tool(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
+        """Take TOOL_DATA[number]; 0 and below is the flange itself."""
+        pose = self._numbered(self.tool_data, number, "tool")
+        if pose is not None:
+            self._set(tool=self.tool_frames.row(matrix_of(pose)), tool_number=max(int(number), 0))
+
+    def select_base(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
+        """Take BASE_DATA[number]; 0 and below is $WORLD."""
+        pose = self._numbered(self.base_data, number, "base")
+        if pose is not None:
+            self._set(base=self._base_row(matrix_of(pose)), base_number=max(int(number), 0))
+
+    def _numbered(self, data: Mapping[int, Pose], number: Any, what: str) -> Pose | None:  # noqa: ANN401
+        if isinstance(number, bool) or not isinstance(number, int):
+            self.missing.append(f"{what} of a number that is not known")
+            return None
+        if number <= 0:
+            return Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        if number not in data:
+            known = ", ".join(str(n) for n in sorted(data)) or "none"
+            self.missing.append(f"{what} {number} is not defined, the cell has {known}")
+            return None
+        return data[number]
+
+    def set_frame(self, name: str, value: Any, number: int) -> None:  # noqa: ANN401
+        """Take a pose as $TOOL or $BASE."""
+        if not isinstance(value, Pose):
+            self.missing.append(f"{name} is set to a frame that is not known")
+            return
+        T = matrix_of(value)
+        if name == "$TOOL":
+            self._set(tool=self.tool_frames.row(T), tool_number=number)
+        else:
+            self._set(base=self._base_row(T), base_number=number)
+
+    # ---------------------------------------------------------------------------- system variables
+
+    def assign(self, key: str, value: Any) -> bool:  # noqa: ANN401
+        """Set a system variable by its canonical name; False if it is none of the motion's."""
+        if key in ("$TOOL", "$BASE"):
+            self.set_frame(key, value, -1)
+        elif key in _STRUCTURES and isinstance(value, Aggregate):
+            for name, item in value.fields:
+                self.assign(f"{key}.{name.upper()}", item)
+        elif key in _NUMBERS:
+            if _is_number(value):
+                self._set(**{_NUMBERS[key]: value})
+        elif key.startswith("$VEL_AXIS["):
+            self._axis_speed(key, value)
+        elif key in ("$ORI_TYPE", "$IPO_MODE"):
+            self._mode(key, value)
+        else:
+            return False
+        return True
+
+    def _axis_speed(self, key: str, value: Any) -> None:  # noqa: ANN401
+        digits = key[len("$VEL_AXIS[") : -1]
+        if digits.isdigit() and 1 <= int(digits) <= 6 and _is_number(value):
+            shares = list(self.values.ptp)
+            shares[int(digits) - 1] = float(value)
+            self._set(ptp=tuple(shares))
+
+    def _mode(self, key: str, value: Any) -> None:  # noqa: ANN401
+        name = value.name.upper() if isinstance(value, Enum) else ""
+        if key == "$ORI_TYPE" and name:
+            self._set(orientation=name)
+        elif name:
+            self._set(ipo_tcp=name == "TCP")
+
+    def read(self, key: str) -> Any:  # noqa: ANN401
+        """Return a system variable of the motion state, ``UNKNOWN`` for any other."""
+        if key in _NUMBERS:
+            return getattr(self.values, _NUMBERS[key])
+        if key in ("$ACT_TOOL", "$ACT_BASE"):
+            values = self.values
+            return values.tool_number if key == "$ACT_TOOL" else values.base_number
+        frames: dict[str, Callable[[], FloatArray]] = {
+            "$TOOL": lambda: self.T_flange_tcp,
+            "$BASE": lambda: self._T_world_robroot @ self.T_robroot_base,
+            "$ROBROOT": lambda: self._T_world_robroot,
+            "$NULLFRAME": lambda: np.eye(4),
+            "$WORLD": lambda: np.eye(4),
+        }
+        return pose_of(frames[key]()) if key in frames else UNKNOWN
+
+    # ------------------------------------------------------------------------------------------ BAS
+
+    def bas(self, command: str, argument: Any, active: Mapping[str, Any]) -> bool:  # noqa: ANN401
+        """Run ``BAS(#command, argument)``; False if the command is not known.
+
+        Args:
+            command: without ``#``, upper case.
+            argument: second argument, ``UNKNOWN`` if not known.
+            active: FDAT_ACT, PDAT_ACT and LDAT_ACT as far as they are set.
+        """
+        if command == "INITMOV":
+            self._reset()
+        elif command in ("TOOL", "BASE"):
+            (self.select_tool if command == "TOOL" else self.select_base)(argument)
+        elif command in ("VEL_PTP", "VEL_CP", "ACC_CP"):
+            self._speed(command, argument)
+        elif command in ("PTP_PARAMS", "CP_PARAMS"):
+            point_to_point = command == "PTP_PARAMS"
+            self.motion_data(active.get("PDAT_ACT" if point_to_point else "LDAT_ACT", UNKNOWN))
+            self.frame_data(active.get("FDAT_ACT", UNKNOWN))
+            self._speed("VEL_PTP" if point_to_point else "VEL_CP", argument)
+        elif command in ("PTP_DAT", "CP_DAT"):
+            name = "PDAT_ACT" if command == "PTP_DAT" else "LDAT_ACT"
+            self.motion_data(active.get(name, UNKNOWN))
+        elif command == "FRAMES":
+            self.frame_data(active.get("FDAT_ACT", UNKNOWN))
+        else:
+            return command in ("ACC_PTP", "EX_BASE", "OUT_SAFE", "ACC_GLUE", "GRIP")
+        return True
+
+    def _reset(self) -> None:
+        self.values = replace(
+            Values(self.values.tool, self._base_row(np.eye(4))),
+            tool_number=self.values.tool_number,
+        )
+        # TOOL_DATA[1] exists on every controller, measured or not.
+        if 1 in self.tool_data:
+            self.select_tool(1)
+        else:
+            self._set(tool=self.tool_frames.row(np.eye(4)), tool_number=1)
+
+    def _speed(self, command: str, value: Any) -> None:  # noqa: ANN401
+        if not _is_number(value):
+            return
+        if command == "VEL_CP":
+            self._set(speed=min(float(value), DEFAULT_SPEED))
+        elif command == "VEL_PTP":
+            self._set(ptp=(float(value),) * 6)
+        else:
+            self._set(acceleration=DEFAULT_ACCELERATION * PERCENT * float(value))
+
+    def frame_data(self, fdat: Any) -> None:  # noqa: ANN401
+        """Take tool, base and interpolation mode of a FDAT."""
+        if not isinstance(fdat, Aggregate):
+            self.missing.append("the frame data (FDAT) of the motion are not known")
+            return
+        self.select_tool(component(fdat, "TOOL_NO"))
+        self.select_base(component(fdat, "BASE_NO"))
+        self._mode("$IPO_MODE", component(fdat, "IPO_FRAME"))
+
+    def motion_data(self, data: Any) -> None:  # noqa: ANN401
+        """Take acceleration and approximation of a PDAT or LDAT."""
+        if not isinstance(data, Aggregate):
+            return
+        distance, mode = component(data, "APO_DIST"), component(data, "APO_MODE")
+        is_ptp = component(data, "ORI_TYP") is UNKNOWN and component(data, "AXIS_VEL") is UNKNOWN
+        if _is_number(distance):
+            in_percent = is_ptp and not (isinstance(mode, Enum) and mode.name.upper() == "CDIS")
+            self._set(**({"cptp": distance} if in_percent else {"cdis": distance}))
+        if not is_ptp:
+            self._mode("$ORI_TYPE", component(data, "ORI_TYP"))
+
+
+def _is_number(value: Any) -> bool:  # noqa: ANN401
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+_NUMBERS = {
+    "$VEL.CP": "speed",
+    "$VEL.ORI1": "orientation_speed",
+    "$ACC.CP": "acceleration",
+    "$APO.CDIS": "cdis",
+    "$APO.CPTP": "cptp",
+    "$ADVANCE": "advance",
+}
+_STRUCTURES = frozenset({"$VEL", "$ACC", "$APO"})

@@ -1,0 +1,166 @@
+"""What a program does when it is run: executed motions in columns, and what happens between them.
+
+Columns hold the controller's own numbers turned to SI; nothing here knows kinematics.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum, StrEnum
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+
+Rows: TypeAlias = NDArray[np.integer[Any]]
+"""Indices of motions or samples."""
+
+
+class Way(IntEnum):
+    """How the robot gets to the target of a motion."""
+
+    PTP = 0
+    LIN = 1
+    CIRC = 2
+    SPL = 3
+
+
+class Blend(IntEnum):
+    """What happens at the target of a motion."""
+
+    EXACT = 0
+    """The robot stops there."""
+    THROUGH = 1
+    """A point within a spline block: passed exactly, without a stop."""
+    DISTANCE = 2
+    """``C_DIS`` or ``C_SPL``: cut off within ``Settings.cdis``."""
+    AXES = 3
+    """``C_PTP``: cut off within a share of the axis way."""
+    OTHER = 4
+    """``C_ORI`` or ``C_VEL``: cut off by up to half of the way."""
+
+
+class EventWord(StrEnum):
+    """What happens between motions."""
+
+    DWELL = "dwell"
+    HOOK = "hook"
+    """A call of a routine that is not in these files."""
+    OUTPUT = "output"
+    WAIT_FOR = "wait_for"
+    HALT = "halt"
+    CONTROL = "control"
+    """A line of program control, where a program is listed rather than run."""
+    DATA = "data"
+    """Tool, base or load data that are written."""
+    OTHER = "other"
+    """Anything else that is listed."""
+
+
+class Settings(NamedTuple):
+    """What is in force at a motion; a tuple so that equal settings are kept once.
+
+    ``tool``, ``base``: rows of the frame tables; ``*_number``: as selected, -1 for a frame without
+    one. Speeds in m/s and rad/s, ``ptp``: share of axis speed per axis, ``cdis`` [m].
+    """
+
+    tool: int
+    base: int
+    tool_number: int
+    base_number: int
+    speed: float
+    orientation_speed: float
+    acceleration: float
+    ptp: tuple[float, ...]
+    cdis: float
+    cptp: float
+    advance: int
+    orientation: str
+    ipo_tcp: bool
+
+
+class TraceEvent(NamedTuple):
+    """Something before motion ``motion`` (the number of motions: after the last).
+
+    ``value``: seconds of a dwell, first argument of a hook, else NaN.
+    """
+
+    motion: int
+    word: EventWord
+    name: str
+    value: float
+    arguments: tuple[object, ...]
+    line: int
+    file: int
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something wrong in the text at a place; ``is_error`` False for a warning."""
+
+    kind: str
+    detail: str
+    file: str
+    line: int
+    is_error: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """Executed motions in columns of length m.
+
+    Args:
+        way: (m,) ``Way``; blend: (m,) ``Blend``; setting: (m,) row of ``settings``.
+        is_axes: (m,) the target is joint angles.
+        target: (m, 6) joint angles [rad], or X, Y, Z [m] and A, B, C [rad] of the TCP in $BASE.
+        status, turn: (m,) S and T of the target, -1 where not written.
+        external: (m, 6) E1..E6 as written [mm or deg], NaN where not written.
+        file: (m,) row of ``files``; line: (m,).
+        block: (m,) number of the spline block, -1 outside.
+        auxiliary: X..C of the point on the way [m, rad] of a circular motion, NaN where not given.
+        angle: arc angle [rad] of a circular motion with CA.
+        tools: (t, 4, 4) T_flange_tcp; bases: (b, 4, 4) T_robroot_base [m].
+        events: between the motions, in order.
+        findings: what could not be run as written.
+    """
+
+    way: IntArray
+    blend: IntArray
+    setting: IntArray
+    is_axes: BoolArray
+    target: FloatArray
+    status: IntArray
+    turn: IntArray
+    external: FloatArray
+    file: IntArray
+    line: IntArray
+    block: IntArray
+    auxiliary: Mapping[int, FloatArray]
+    angle: Mapping[int, float]
+    tools: FloatArray
+    bases: FloatArray
+    settings: tuple[Settings, ...]
+    files: tuple[str, ...]
+    events: tuple[TraceEvent, ...] = ()
+    findings: tuple[Finding, ...] = field(default=())
+
+    def __len__(self) -> int:
+        """Return the number of motions."""
+        return len(self.way)
+
+    def column(self, name: str) -> FloatArray:
+        """Return a number of the settings per motion (m,)."""
+        values = np.array([float(getattr(item, name)) for item in self.settings] or [0.0])
+        return np.asarray(values[self.setting])
+
+    @property
+    def is_cp(self) -> BoolArray:
+        """(m,) motions along a path of the TCP."""
+        return np.asarray(self.way != Way.PTP)
+
+    def place(self, motion: int) -> tuple[str, int]:
+        """Return file and line of a motion."""
+        return self.files[int(self.file[motion])], int(self.line[motion])

@@ -1,0 +1,261 @@
+"""Semantic difference of two KRL programs: what the robot would do differently, line by line.
+
+Names of points and routines, folds, comments, the format of numbers, the place of declarations
+and where a program is cut into sub-programs do not count; neither does how a value is set.
+Kinds: ``inserted`` and ``removed`` motions, ``moved`` targets, other ``motion`` instruction,
+``speed``, ``status`` (S and T), ``approximation``, ``tool``, ``base``, ``external`` axes, other
+``settings``; ``call``, ``io``, ``wait``, ``control``, ``data`` and ``other`` lines that were added,
+removed or changed; whole modules with ``module``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from postproc.diff.lines import Program, differences, program_of
+from postproc.errors import KrlError, SourceRef
+from postproc.krl.text.parse import load_modules, parse_files, require_sound
+from postproc.krl.text.program import KrlModule
+from postproc.units import MM
+
+_SHOWN = 40
+
+
+@dataclass(frozen=True, slots=True)
+class DiffTolerance:
+    """What still counts as the same: ``position`` [mm], ``angle`` [deg], ``speed`` share."""
+
+    position_mm: float = 0.001
+    angle_deg: float = 0.001
+    speed: float = 1e-5
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One difference; a line is None where the other program has nothing."""
+
+    kind: str
+    detail: str
+    old_line: int | None
+    new_line: int | None
+    distance_mm: float | None = None
+    angle_deg: float | None = None
+    old_file: str = ""
+    new_file: str = ""
+    position_mm: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    """Old and new target of a moved Cartesian motion, for drawing."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the entry of the JSON document."""
+        return {
+            "kind": self.kind,
+            "old_line": self.old_line,
+            "new_line": self.new_line,
+            "detail": self.detail,
+            "distance_mm": None if self.distance_mm is None else round(self.distance_mm, 6),
+            "angle_deg": None if self.angle_deg is None else round(self.angle_deg, 6),
+            "old_file": self.old_file,
+            "new_file": self.new_file,
+        }
+
+    def __str__(self) -> str:
+        """Return ``OLD:LINE -> NEW:LINE: kind: detail``."""
+        old = f"{self.old_file}:{self.old_line}" if self.old_line is not None else "-"
+        new = f"{self.new_file}:{self.new_line}" if self.new_line is not None else "-"
+        return f"{old} -> {new}: {self.kind}: {self.detail}"
+
+
+@dataclass(frozen=True, slots=True)
+class DiffReport:
+    """All differences of two programs or folders, in the order of the old program."""
+
+    old: str
+    new: str
+    differences: tuple[Difference, ...]
+    old_motions: int = 0
+    new_motions: int = 0
+    modules: tuple[str, ...] = field(default=())
+    """Names of the modules that were compared, for folders."""
+
+    @property
+    def same(self) -> bool:
+        """Whether a controller would do the same with both."""
+        return not self.differences
+
+    def counts(self) -> dict[str, int]:
+        """Return how many differences there are of each kind."""
+        found: dict[str, int] = {}
+        for item in self.differences:
+            found[item.kind] = found.get(item.kind, 0) + 1
+        return dict(sorted(found.items()))
+
+    def summary(self) -> str:
+        """Return the answer in words: counts, largest shift, then the first differences."""
+        if self.same:
+            return f"same: {self.old_motions} motions"
+        parts = [f"{count} {kind}" for kind, count in self.counts().items()]
+        moved = [d.distance_mm for d in self.differences if d.distance_mm is not None]
+        turned = [d.angle_deg for d in self.differences if d.angle_deg is not None]
+        if moved:
+            parts.append(f"moved at most {max(moved):.4f} mm")
+        if turned:
+            parts.append(f"turned at most {max(turned):.4f} deg")
+        lines = ["different: " + ", ".join(parts)]
+        lines += [f"  {item}" for item in self.differences[:_SHOWN]]
+        if len(self.differences) > _SHOWN:
+            lines.append(f"  ... and {len(self.differences) - _SHOWN} more")
+        return "\n".join(lines)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the ``postproc.diff/1`` document."""
+        return {
+            "schema": "postproc.diff/1",
+            "same": self.same,
+            "old": self.old,
+            "new": self.new,
+            "old_motions": self.old_motions,
+            "new_motions": self.new_motions,
+            "counts": self.counts(),
+            "differences": [item.to_dict() for item in self.differences],
+        }
+
+
+def diff(old: str | Path, new: str | Path, tolerance: DiffTolerance | None = None) -> DiffReport:
+    """Compare two programs (.src files, with the sub-programs beside them) or two folders.
+
+    Raises:
+        KrlError: if a file is no KRL, or DIF001 if a file is compared with a folder.
+        ReadError: if one is missing.
+    """
+    is_folder = Path(old).is_dir(), Path(new).is_dir()
+    if is_folder[0] != is_folder[1]:
+        raise KrlError(
+            "DIF001",
+            "a folder and a file: expected two programs or two folders",
+            SourceRef(str(new)),
+        )
+    limits = tolerance or DiffTolerance()
+    if is_folder[0]:
+        return _folders(str(old), str(new), limits)
+    left, right = _program(old), _program(new)
+    return _report(str(old), str(new), [(left, right)], limits)
+
+
+def diff_bytes(
+    old: bytes, new: bytes, name: str, tolerance: DiffTolerance | None = None
+) -> DiffReport:
+    """Compare two texts of one .src file.
+
+    Raises:
+        KrlError: if one is no KRL.
+    """
+    programs = []
+    for content in (old, new):
+        modules = parse_files({name: content})
+        require_sound(modules)
+        programs.append(program_of(modules, modules[0].name, inline=False))
+    limits = tolerance or DiffTolerance()
+    return _report(name, name, [(programs[0], programs[1])], limits)
+
+
+def diff_files(
+    old: Mapping[str, bytes],
+    new: Mapping[str, bytes],
+    name: str,
+    tolerance: DiffTolerance | None = None,
+) -> DiffReport:
+    """Compare two versions of a program and its sub-programs, files by name; ``name`` names it.
+
+    Raises:
+        KrlError: if one is no KRL.
+    """
+    modules = [{m.name.upper(): m for m in parse_files(files)} for files in (old, new)]
+    for one in modules:
+        require_sound(list(one.values()))
+    return _compared(name, name, modules[0], modules[1], tolerance or DiffTolerance())
+
+
+def _program(path: str | Path) -> Program:
+    from postproc.controller.modules import load_program
+
+    modules = load_program(path)
+    require_sound(modules)
+    return program_of(modules, modules[0].name, inline=True)
+
+
+def _report(
+    old: str, new: str, pairs: Sequence[tuple[Program, Program]], tolerance: DiffTolerance
+) -> DiffReport:
+    found: list[Difference] = []
+    for left, right in pairs:
+        found += [
+            Difference(**item)
+            for item in differences(
+                left, right, tolerance.position_mm * MM, tolerance.angle_deg, tolerance.speed
+            )
+        ]
+    return DiffReport(
+        old,
+        new,
+        tuple(found),
+        sum(len(left.trace) for left, _ in pairs),
+        sum(len(right.trace) for _, right in pairs),
+    )
+
+
+def _folders(old: str, new: str, tolerance: DiffTolerance) -> DiffReport:
+    return _compared(old, new, _modules(old), _modules(new), tolerance)
+
+
+def _compared(
+    old: str,
+    new: str,
+    left: Mapping[str, KrlModule],
+    right: Mapping[str, KrlModule],
+    tolerance: DiffTolerance,
+) -> DiffReport:
+    """Compare modules by name."""
+    found: list[Difference] = []
+    motions = [0, 0]
+    for name in sorted(left.keys() | right.keys()):
+        if name not in right:
+            found.append(_lost(left[name], "is gone", is_old=True))
+        elif name not in left:
+            found.append(_lost(right[name], "is new", is_old=False))
+        else:
+            pair = (
+                program_of([left[name]], left[name].name, inline=False),
+                program_of([right[name]], right[name].name, inline=False),
+            )
+            report = _report(old, new, [pair], tolerance)
+            found += report.differences
+            motions[0] += report.old_motions
+            motions[1] += report.new_motions
+    names = tuple(sorted(left.keys() & right.keys()))
+    return DiffReport(old, new, tuple(found), motions[0], motions[1], names)
+
+
+def _modules(folder: str) -> dict[str, KrlModule]:
+    modules = load_modules([folder])
+    require_sound(modules)
+    found: dict[str, KrlModule] = {}
+    for module in modules:
+        path = Path(module.src_path or module.dat_path)
+        key = str(path.relative_to(folder).with_suffix("")).upper()
+        found[key] = module
+    return found
+
+
+def _lost(module: KrlModule, what: str, *, is_old: bool) -> Difference:
+    path = module.src_path or module.dat_path
+    return Difference(
+        "module",
+        f"module {module.name} {what}",
+        1 if is_old else None,
+        None if is_old else 1,
+        old_file=path if is_old else "",
+        new_file="" if is_old else path,
+    )

@@ -1,0 +1,375 @@
+"""Two listings side by side: aligned, and compared field by field."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.controller.trace import Blend, EventWord, Trace, TraceEvent, Way
+from postproc.diff.align import Indices, Lines, align
+from postproc.diff.listing import listing, spaced
+from postproc.diff.settings import setting_differences
+from postproc.geometry.frames import rotation_angle, rotation_from_abc
+from postproc.krl.text.program import KrlModule
+from postproc.units import DEG, MM
+
+_GRID_MM = 1e-3
+"""Targets are rounded to this [mm or deg] for the keys of lines; what it misses is compared."""
+_EVENT_KINDS = {
+    EventWord.HOOK: "call",
+    EventWord.OUTPUT: "io",
+    EventWord.DWELL: "wait",
+    EventWord.WAIT_FOR: "wait",
+    EventWord.HALT: "wait",
+    EventWord.CONTROL: "control",
+    EventWord.DATA: "data",
+    EventWord.OTHER: "other",
+}
+Entry = dict[str, Any]
+_POSE = ("X", "Y", "Z", "A", "B", "C")
+_AXES = ("A1", "A2", "A3", "A4", "A5", "A6")
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A listing with its lines in order: ``motion`` (n,) row of the trace or -1, else ``event``."""
+
+    trace: Trace
+    words: tuple[str, ...]
+    relative: tuple[str, ...]
+    texts: tuple[str, ...]
+    """Text of every event, without the digits that do not matter."""
+    motion: Indices
+    event: Indices
+
+    def place(self, line: int) -> tuple[str, int]:
+        """Return file and line in the file."""
+        row = int(self.motion[line])
+        if row >= 0:
+            return self.trace.place(row)
+        event = self.trace.events[int(self.event[line])]
+        return self.trace.files[event.file], event.line
+
+
+def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program:
+    """Return a module as lines to compare; a module without routines gives its data.
+
+    Raises:
+        KrlError: KRL009 if its blocks are not balanced.
+    """
+    made = listing(modules, name, inline)
+    trace = made.trace
+    texts = tuple(_text(event, name.upper()) for event in trace.events)
+    m, k = len(trace), len(trace.events)
+    order = np.concatenate([np.arange(m) + 0.5, np.array([e.motion for e in trace.events])])
+    order = np.argsort(order, kind="stable")
+    motion = np.concatenate([np.arange(m), np.full(k, -1)])[order]
+    event = np.concatenate([np.full(m, -1), np.arange(k)])[order]
+    return Program(trace, made.words, made.relative, texts, motion, event)
+
+
+def _text(event: TraceEvent, own: str) -> str:
+    """Return what an event says; a name that begins with the program's own stands for itself."""
+    name = event.name
+    if event.word is EventWord.HOOK:
+        name = "*" + name[len(own) :] if name.upper().startswith(own) else name
+        inner = ",".join(_plain(argument) for argument in event.arguments)
+        return f"{name}({inner})" if event.arguments or "(" not in name else name
+    if event.word is EventWord.WAIT_FOR:
+        return "WAIT FOR " + spaced(name)
+    if event.word in (EventWord.OUTPUT, EventWord.DWELL):
+        value = "" if np.isnan(event.value) else f" {event.value:.6g}"
+        return f"{name}{value}"
+    return name
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    return f"{value:.6g}" if isinstance(value, int | float) else str(value)
+
+
+# ---------------------------------------------------------------------------------- comparison
+
+
+def differences(
+    old: Program, new: Program, position: float, angle_deg: float, speed: float
+) -> Iterator[Entry]:
+    """Yield the differences of two programs as keyword arguments of ``Difference``.
+
+    Args:
+        old: one program.
+        new: the other.
+        position: shift up to which a target is the same [m].
+        angle_deg: likewise its turn, and that of axes [deg].
+        speed: share up to which a speed is the same.
+    """
+    pairs = align(*_lines(old, new))
+    found = [*_alone(old, new, pairs), *_Comparer(old, new, position, angle_deg, speed).run(*pairs)]
+    for _, entry in sorted(found, key=lambda item: item[0]):
+        yield entry
+
+
+def _lines(old: Program, new: Program) -> tuple[Lines, Lines]:
+    keys: dict[object, int] = {}
+    words: dict[str, int] = {}
+    return _columns(old, keys, words), _columns(new, keys, words)
+
+
+def _columns(program: Program, keys: dict[object, int], words: dict[str, int]) -> Lines:
+    trace = program.trace
+    n = len(program.motion)
+    key, group = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
+    word, numbers = np.zeros(n, dtype=np.int64), np.zeros((n, 6))
+    is_motion = program.motion >= 0
+    rows = program.motion[is_motion]
+    target = _file_units(trace)[rows]
+    numbers[is_motion] = np.nan_to_num(target)
+    group[is_motion] = np.where(trace.is_axes[rows], 1, 0)
+    word[is_motion] = [words.setdefault(program.words[r], len(words)) for r in rows.tolist()]
+    rounded = np.rint(numbers[is_motion] / _GRID_MM).astype(np.int64)
+    packed = np.column_stack([word[is_motion], group[is_motion], rounded]).tobytes()
+    size = 8 * (2 + 6)
+    key[is_motion] = [
+        keys.setdefault(packed[at : at + size], len(keys)) for at in range(0, len(packed), size)
+    ]
+    for line in np.flatnonzero(~is_motion).tolist():
+        row = int(program.event[line])
+        kind = _EVENT_KINDS[trace.events[row].word]
+        key[line] = keys.setdefault((kind, program.texts[row]), len(keys))
+        group[line] = 2 + list(_EVENT_KINDS.values()).index(kind)
+    return Lines(key, group, word, numbers)
+
+
+def _file_units(trace: Trace) -> FloatArray:
+    """Return the targets (m, 6) in mm and degrees."""
+    target = np.array(trace.target)
+    target[:, :3] /= np.where(trace.is_axes, DEG, MM)[:, None]
+    target[:, 3:] /= DEG
+    return target
+
+
+def _alone(
+    old: Program, new: Program, pairs: tuple[Indices, Indices]
+) -> Iterator[tuple[tuple[int, int], Entry]]:
+    """Yield lines that only one program has, ordered by where they belong in the old one."""
+    for program, taken, is_old in ((old, pairs[0], True), (new, pairs[1], False)):
+        alone = np.ones(len(program.motion), dtype=np.bool_)
+        alone[taken] = False
+        for line in np.flatnonzero(alone).tolist():
+            file, number = program.place(line)
+            place = line if is_old else _place_in_old(pairs, line)
+            yield (place, 0 if is_old else 1), _one_sided(program, line, file, number, is_old)
+
+
+def _place_in_old(pairs: tuple[Indices, Indices], line: int) -> int:
+    before = int(np.searchsorted(pairs[1], line))
+    return int(pairs[0][before - 1]) if before else -1
+
+
+def _one_sided(program: Program, line: int, file: str, number: int, is_old: bool) -> Entry:
+    row = int(program.motion[line])
+    if row >= 0:
+        kind = "removed" if is_old else "inserted"
+        detail = f"{program.words[row]} to {_target_text(program.trace, row)}"
+    else:
+        event = int(program.event[line])
+        kind = _EVENT_KINDS[program.trace.events[event].word]
+        detail = f"{'removed' if is_old else 'added'} {program.texts[event]}"
+    return {
+        "kind": kind,
+        "detail": detail,
+        "old_line": number if is_old else None,
+        "new_line": None if is_old else number,
+        "old_file": file if is_old else "",
+        "new_file": "" if is_old else file,
+    }
+
+
+def _target_text(trace: Trace, row: int) -> str:
+    angles = trace.target[row] / DEG
+    if trace.is_axes[row]:
+        return " ".join(f"{n} {v:.3f}" for n, v in zip(_AXES, angles, strict=True))
+    xyz = trace.target[row, :3] / MM
+    return " ".join(f"{n} {v:.3f}" for n, v in zip(_POSE, (*xyz, *angles[3:]), strict=True))
+
+
+class _Comparer:
+    """Compares lines that were taken for one."""
+
+    def __init__(
+        self, old: Program, new: Program, position: float, angle_deg: float, speed: float
+    ) -> None:
+        self.old, self.new = old, new
+        self._position, self._angle, self._speed = position, angle_deg * DEG, speed
+        self._settings: dict[tuple[int, int, int, int], list[tuple[str, str]]] = {}
+        self._old_targets = _file_units(old.trace).tolist()
+        self._new_targets = _file_units(new.trace).tolist()
+        self._is_axes = old.trace.is_axes.tolist()
+
+    def run(self, left: Indices, right: Indices) -> Iterator[tuple[tuple[int, int], Entry]]:
+        """Yield the differences of paired lines."""
+        old_rows, new_rows = self.old.motion[left], self.new.motion[right]
+        motions = np.flatnonzero(old_rows >= 0)
+        i, j = old_rows[motions], new_rows[motions]
+        off, turned = self._shifts(i, j)
+        otherwise = self._otherwise(i, j)
+        moved = (off > self._position) | (turned > self._angle)
+        columns = (left[motions], right[motions], i, j, off, turned, otherwise)
+        suspects = np.flatnonzero(moved | otherwise)
+        for line, other, a, b, way, angle, more in zip(
+            *(column[suspects].tolist() for column in columns), strict=True
+        ):
+            number = 2
+            if way > self._position or angle > self._angle:
+                yield (line, number), self._placed(self._moved(a, b, way, angle), line, other)
+            for entry in self._motion(a, b) if more else ():
+                number += 1
+                yield (line, number), self._placed(entry, line, other)
+        for place in np.flatnonzero(old_rows < 0).tolist():
+            line, other = int(left[place]), int(right[place])
+            before = self.old.texts[int(self.old.event[line])]
+            after = self.new.texts[int(self.new.event[other])]
+            if before != after:
+                word = self.old.trace.events[int(self.old.event[line])].word
+                entry = {"kind": _EVENT_KINDS[word], "detail": f"{before} became {after}"}
+                yield (line, 2), self._placed(entry, line, other)
+
+    def _placed(self, entry: Entry, line: int, other: int) -> Entry:
+        old_file, old_line = self.old.place(line)
+        new_file, new_line = self.new.place(other)
+        return {
+            **entry,
+            "old_line": old_line,
+            "new_line": new_line,
+            "old_file": old_file,
+            "new_file": new_file,
+        }
+
+    def _shifts(self, i: Indices, j: Indices) -> tuple[FloatArray, FloatArray]:
+        """Return how far targets are apart (p,) [m] and turned (p,) [rad], NaN parts as equal."""
+        a, b = self.old.trace.target[i], self.new.trace.target[j]
+        axes = self.old.trace.is_axes[i]
+        off = np.where(axes, 0.0, np.linalg.norm(np.nan_to_num(a[:, :3] - b[:, :3]), axis=1))
+        turned = np.where(axes, np.abs(np.nan_to_num(a - b)).max(axis=1, initial=0.0), 0.0)
+        rows = np.flatnonzero(
+            ~axes & (np.abs(np.nan_to_num(a[:, 3:] - b[:, 3:])) > 0.0).any(axis=1)
+        )
+        if len(rows):
+            R_a = rotation_from_abc(np.nan_to_num(a[rows, 3:]))
+            R_b = rotation_from_abc(np.nan_to_num(b[rows, 3:]))
+            turned[rows] = rotation_angle(R_a, R_b)
+        partial = np.isnan(a) != np.isnan(b)
+        off[partial[:, :3].any(axis=1)] = np.inf
+        turned[partial[:, 3:].any(axis=1)] = np.inf
+        return off, turned
+
+    def _otherwise(self, i: Indices, j: Indices) -> Any:  # noqa: ANN401 - a boolean array
+        """Return which pairs may differ in anything but their target."""
+        old, new = self.old.trace, self.new.trace
+        differ = (old.status[i] != new.status[j]) | (old.turn[i] != new.turn[j])
+        differ |= (old.blend[i] != new.blend[j]) | (old.way[i] != new.way[j])
+        e, f = old.external[i], new.external[j]
+        differ |= ((np.isnan(e) != np.isnan(f)) | (np.abs(np.nan_to_num(e - f)) > 0.0)).any(axis=1)
+        differ |= self._setting_differs(i, j)
+        special = [*old.auxiliary, *old.angle]
+        differ |= np.isin(i, special) | np.isin(j, [*new.auxiliary, *new.angle])
+        for ours, theirs in (
+            (self.old.words, self.new.words),
+            (self.old.relative, self.new.relative),
+        ):
+            differ |= np.array(ours, dtype=str)[i] != np.array(theirs, dtype=str)[j]
+        return differ
+
+    def _setting_differs(self, i: Indices, j: Indices) -> Any:  # noqa: ANN401
+        """Return which pairs are run under settings that differ in anything that counts."""
+        old, new = self.old.trace, self.new.trace
+        columns = (old.setting[i], new.setting[j], old.way[i] == Way.PTP, old.blend[i])
+        pairs, inverse = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
+        answer = [bool(self._compare_settings(*(int(v) for v in pair))) for pair in pairs]
+        return np.array(answer, dtype=np.bool_)[inverse.reshape(-1)]
+
+    def _compare_settings(self, a: int, b: int, is_ptp: int, blend: int) -> list[tuple[str, str]]:
+        key = (a, b, is_ptp, blend)
+        if key not in self._settings:
+            old, new = self.old.trace, self.new.trace
+            self._settings[key] = list(
+                setting_differences(
+                    old, new, old.settings[a], new.settings[b], bool(is_ptp), blend, self._speed
+                )
+            )
+        return self._settings[key]
+
+    def _motion(self, i: int, j: int) -> Iterator[Entry]:
+        """Yield what differs beside the target."""
+        old, new = self.old.trace, self.new.trace
+        if self.old.words[i] != self.new.words[j]:
+            yield _entry("motion", self.old.words[i], self.new.words[j])
+        if self.old.relative[i] != self.new.relative[j]:
+            yield _entry("motion", f"#{self.old.relative[i]}", f"#{self.new.relative[j]}")
+        yield from self._arc(i, j)
+        s, t = (int(old.status[i]), int(old.turn[i])), (int(new.status[j]), int(new.turn[j]))
+        if s != t:
+            yield _entry("status", _status(*s), _status(*t))
+        if old.blend[i] != new.blend[j]:
+            before, after = Blend(int(old.blend[i])), Blend(int(new.blend[j]))
+            yield _entry("approximation", before.name.lower(), after.name.lower())
+        if not np.array_equal(old.external[i], new.external[j], equal_nan=True):
+            e, f = np.nan_to_num(old.external[i]), np.nan_to_num(new.external[j])
+            if np.abs(e - f).max() > self._position / MM:
+                yield _entry("external", _numbers(e), _numbers(f))
+        settings = self._compare_settings(
+            int(old.setting[i]), int(new.setting[j]), int(old.way[i] == Way.PTP), int(old.blend[i])
+        )
+        for kind, detail in settings:
+            yield {"kind": kind, "detail": detail}
+
+    def _moved(self, i: int, j: int, off: float, turned: float) -> Entry:
+        parts: list[str] = []
+        entry: Entry = {"kind": "moved"}
+        if off > self._position:
+            parts.append(f"{off / MM:.4f} mm" if off < math.inf else "other coordinates")
+            entry["distance_mm"] = off / MM if off < math.inf else None
+        if turned > self._angle:
+            parts.append(f"{turned / DEG:.4f} deg" if turned < math.inf else "other angles")
+            entry["angle_deg"] = turned / DEG if turned < math.inf else None
+        before, after = self._old_targets[i], self._new_targets[j]
+        names = _AXES if self._is_axes[i] else _POSE
+        target = " ".join([f"{n} {v:.3f}" for n, v in zip(names, after, strict=True)])
+        entry["detail"] = f"by {' and '.join(parts)} to {target}"
+        if not self._is_axes[i]:
+            entry["position_mm"] = (tuple(before[:3]), tuple(after[:3]))
+        return entry
+
+    def _arc(self, i: int, j: int) -> Iterator[Entry]:
+        """Compare auxiliary point and arc angle of circular motions."""
+        a, b = self.old.trace.auxiliary.get(i), self.new.trace.auxiliary.get(j)
+        if a is not None and b is not None:
+            off = float(np.linalg.norm(a[:3] - b[:3]))
+            if off > self._position:
+                yield {
+                    "kind": "moved",
+                    "detail": f"auxiliary point by {off / MM:.4f} mm",
+                    "distance_mm": off / MM,
+                }
+        angles = self.old.trace.angle.get(i), self.new.trace.angle.get(j)
+        if angles[0] != angles[1]:
+            texts = ["no CA" if v is None else f"CA {v / DEG:.4f}" for v in angles]
+            yield _entry("moved", texts[0], texts[1])
+
+
+def _entry(kind: str, before: str, after: str) -> Entry:
+    return {"kind": kind, "detail": f"{before} became {after}"}
+
+
+def _status(status: int, turn: int) -> str:
+    return "no S, T" if status < 0 and turn < 0 else f"S {status}, T {turn}"
+
+
+def _numbers(values: FloatArray) -> str:
+    return "E " + " ".join(f"{value:.3f}" for value in values)

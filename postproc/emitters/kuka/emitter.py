@@ -1,0 +1,248 @@
+"""KUKA KRL: a plan to a main program and its sub-programs.
+
+The main program holds the INI fold and sets tool and base after it; a long plan is cut into
+sub-programs that the main program calls in order. Every file begins its motions with a PTP to axis
+values, so no point needs a status and turn to be reached in the planned posture; CP motions keep
+the posture they begin with. What is modal (speed, approximation) is written anew in each file.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import PurePath
+
+from postproc.cell.cell import Cell
+from postproc.emitters.base import REGISTRY
+from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
+from postproc.emitters.kuka.events import EventWriter
+from postproc.emitters.kuka.forms import FormWriter
+from postproc.emitters.kuka.motion import PartWriter
+from postproc.emitters.kuka.points import PointStore
+from postproc.emitters.kuka.setup import (
+    HOOKS_MODULE,
+    SETUP_ENDING,
+    hooks_module,
+    setup_statements,
+)
+from postproc.emitters.kuka.style import KrlStyle
+from postproc.emitters.kuka.template import TemplateSet
+from postproc.errors import EmitError, SourceRef
+from postproc.krl.text.names import NameAllocator
+from postproc.krl.text.program import Call, DataList, KrlModule, Routine, Statement
+from postproc.krl.text.render import render
+from postproc.krl.text.split import Part, split, suffixes
+from postproc.model.plan import MoveKind, Plan
+from postproc.model.toolpath import Event
+
+
+def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple[KrlModule, ...]:
+    """Return the modules of a plan, the main program first.
+
+    Args:
+        plan: the plan; its first move is a PTP. Issues are not looked at: whoever calls decides
+            whether a plan with errors may become a program.
+        cell: the cell it was made for; ``cell.krl`` says how programs are written.
+        names: allocator of a batch; None for a single program.
+
+    Raises:
+        EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT315 for
+            a move or an event that cannot be written; EMT320 for a wrong ``[krl]`` value; EMT330
+            to EMT334 for templates; EMT301 if no name is left.
+        KrlError: KRL901 to KRL905 for a number that cannot be written.
+    """
+    if len(plan) == 0:
+        raise EmitError("EMT310", "the plan has no move", SourceRef(plan.toolpath.path))
+    if plan.kind[0] != MoveKind.PTP:
+        raise EmitError("EMT310", "the plan must begin with a PTP", SourceRef(plan.toolpath.path))
+    return _Program(plan, cell, names or NameAllocator()).modules()
+
+
+def render_files(modules: Sequence[KrlModule]) -> dict[str, bytes]:
+    """Return file name -> bytes of modules, in their order."""
+    files: dict[str, bytes] = {}
+    for module in modules:
+        src, dat = render(module)
+        files[f"{module.name}.src"] = src
+        if module.data is not None:
+            files[f"{module.name}.dat"] = dat
+    return files
+
+
+@REGISTRY.register("kuka_krl")
+def emit_files(plan: Plan, cell: Cell, names: NameAllocator | None = None) -> Mapping[str, bytes]:
+    """Return the files of a plan; errors as ``emit``."""
+    return render_files(emit(plan, cell, names=names))
+
+
+@dataclass
+class _Program:
+    """One plan on its way to modules."""
+
+    plan: Plan
+    cell: Cell
+    names: NameAllocator
+
+    def modules(self) -> tuple[KrlModule, ...]:
+        """Return the main module and those of the parts."""
+        parts = self.parts
+        endings = suffixes(len(parts)) if len(parts) > 1 else ()
+        extra = (SETUP_ENDING,) if self.style.setup else ()
+        self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
+        name = self.names.allocate(self.plan.name, (*endings, *extra))
+        if endings:
+            subs = [name + ending for ending in endings]
+            modules = [self._module(name, self._main([Call(sub) for sub in subs]))]
+            modules += [
+                self._module(sub, *self._sub(number, part))
+                for number, (sub, part) in enumerate(zip(subs, parts, strict=True), 1)
+            ]
+        else:
+            writer = self._writer(parts[0])
+            body = self._main(writer.statements())
+            modules = [self._module(name, body, writer.points.declarations)]
+        return (*modules, *self._extras(name))
+
+    def _extras(self, name: str) -> list[KrlModule]:
+        """Return the separate modules that the cell asks for."""
+        modules = []
+        if self.style.setup:
+            body = setup_statements(self.cell, self.style, self.templates)
+            modules.append(self._module(name + SETUP_ENDING, body))
+        if self.style.hooks_example:
+            modules.append(hooks_module(self.style, self.templates))
+        return modules
+
+    @cached_property
+    def style(self) -> KrlStyle:
+        return KrlStyle.of(self.cell)
+
+    @cached_property
+    def templates(self) -> TemplateSet:
+        return TemplateSet(self.cell.krl.template, SourceRef(self.cell.path))
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        forced = operation_starts(self.plan) if self.style.split == "operations" else []
+        quality = border_quality(self.plan).astype(int)
+        return split(quality, self.cell.krl.max_points_per_file, forced)
+
+    @cached_property
+    def table(self) -> Columns:
+        borders = frozenset(part.first for part in self.parts[1:])
+        return columns(self.plan, self.cell, borders, self.style.path_speed_max_m_s)
+
+    @cached_property
+    def events(self) -> EventWriter:
+        return EventWriter(self.templates, self.style, self.plan.toolpath.path)
+
+    @cached_property
+    def by_index(self) -> Mapping[int, Sequence[Event]]:
+        found: dict[int, list[Event]] = defaultdict(list)
+        for index, event in self.plan.events:
+            found[index].append(event)
+        return dict(found)
+
+    def _writer(self, part: Part) -> PartWriter:
+        cell, style = self.cell, self.style
+        is_named = self.plan.toolpath.names is not None
+        points = PointStore(
+            self._status_turn,
+            self._point_name if is_named else None,
+            cell.tool.number,
+            cell.workpiece.number,
+        )
+        forms = FormWriter(points, style.kss) if style.motion == "forms" else None
+        return PartWriter(
+            plan=self.plan,
+            table=self.table,
+            part=part,
+            style=style,
+            events=self.events,
+            by_index=self.by_index,
+            values=self._values(),
+            points=points,
+            forms=forms,
+        )
+
+    def _point_name(self, index: int) -> str:
+        tag = int(self.plan.tag[index])
+        names = self.plan.toolpath.names
+        return names[tag] if names is not None and 0 <= tag < len(names) else ""
+
+    def _status_turn(self, index: int) -> tuple[int, int]:
+        status, turn = self._postures
+        return status[index], turn[index]
+
+    @cached_property
+    def _postures(self) -> tuple[list[int], list[int]]:
+        from postproc.kinematics.branch import status_turn
+        from postproc.kinematics.model import build
+
+        status, turn = status_turn(build(self.cell.robot), self.plan.q)
+        return status.tolist(), turn.tolist()
+
+    # ----------------------------------------------------------------------------- the frame
+
+    def _values(self) -> dict[str, object]:
+        style = self.style
+        return {
+            "tool_number": self.cell.tool.number,
+            "base_number": self.cell.workpiece.number,
+            "advance": style.advance,
+            "positioner": any(axis.kind == "positioner" for axis in self.cell.external_axes),
+            "orientation_speed": float(style.orientation_speed_deg_s),
+        }
+
+    def _texts(self) -> dict[str, str]:
+        plan = self.plan
+        names = ", ".join(operation.name for operation in plan.toolpath.operations)
+        return {
+            "input": f"input: {PurePath(plan.toolpath.path.replace(chr(92), '/')).name}",
+            "operations": f"operations: {names}" if names else "",
+            "points": f"motions: {len(plan)}",
+            "compensation": plan.compensation_note,
+            "tool_name": self.cell.tool.name,
+        }
+
+    def _main(self, body: Sequence[Statement]) -> list[Statement]:
+        values, texts = self._values(), self._texts()
+        return [
+            *self.templates.statements("main_head", values, texts),
+            *body,
+            *self.templates.statements("main_tail", values, texts),
+        ]
+
+    def _sub(self, number: int, part: Part) -> tuple[list[Statement], list[Statement]]:
+        """Return the statements and the data of a sub-program."""
+        values = self._values()
+        title = f"part {number} of {len(self.parts)}: motions {part.first + 1} to {part.stop}"
+        texts = {**self._texts(), "part": title}
+        writer = self._writer(part)
+        body = [
+            *self.templates.statements("sub_head", values, texts),
+            *writer.statements(),
+            *self.templates.statements("sub_tail", values, texts),
+        ]
+        return body, writer.points.declarations
+
+    def _module(
+        self, name: str, statements: list[Statement], points: Sequence[Statement] = ()
+    ) -> KrlModule:
+        attributes = self._attributes(name)
+        head = self.templates.statements("data_head", {})
+        data = DataList(name, (*head, *points), attributes=attributes)
+        return KrlModule(name, (Routine(name, tuple(statements)),), data, attributes)
+
+    def _attributes(self, name: str) -> tuple[str, ...]:
+        lines = self.templates.lines("attributes", {"program": name})
+        wrong = next((line for line in lines if not line.startswith("&")), None)
+        if wrong is not None:
+            raise EmitError(
+                "EMT333",
+                f"template attributes gives {wrong!r}, expected & before each line",
+                SourceRef("attributes.j2"),
+            )
+        return tuple(line[1:] for line in lines)

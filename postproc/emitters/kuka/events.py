@@ -1,0 +1,113 @@
+"""Events between motions as calls of the integrator's routines; none is dropped."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from postproc.emitters.kuka.style import KrlStyle
+from postproc.emitters.kuka.template import TemplateSet
+from postproc.errors import EmitError, KrlError, SourceRef
+from postproc.krl.text import numbers
+from postproc.krl.text.program import Comment, FoldBegin, FoldEnd, Statement, Trigger
+from postproc.model.toolpath import Event, EventKind
+from postproc.units import RPM
+
+_MODES = (
+    ("THRU", 3),
+    ("THROUGH", 3),
+    ("TAPKUL", 3),
+    ("HIGH", 3),
+    ("MIST", 2),
+    ("AIR", 4),
+    ("FLOOD", 1),
+)
+"""Coolant words of CAM systems to the number that the routine gets."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventWriter:
+    """Statements of events: direct, or on the way by a trigger. ``path``: the CAM file's."""
+
+    templates: TemplateSet
+    style: KrlStyle
+    path: str
+
+    def statements(self, event: Event, *, flying: bool) -> list[Statement]:
+        """Return what an event becomes.
+
+        Args:
+            event: the event.
+            flying: True in the middle of a blended cut: the advance run must not stop there.
+
+        Raises:
+            EmitError: EMT315 if its number cannot be written.
+        """
+        if event.kind is EventKind.DWELL:
+            self._check_dwell(event.value, event.line)
+        elif not math.isfinite(event.value):
+            source = SourceRef(self.path, event.line)
+            raise EmitError("EMT315", f"{event.kind} with the number {event.value}", source)
+        made = self.templates.statements(
+            str(event.kind),
+            {"hooks": self.style.hooks, **_values(event)},
+            {"event": self._words(event)},
+        )
+        return [self._trigger(statement) for statement in made] if flying else made
+
+    def dwell(self, seconds: float, line: int) -> list[Statement]:
+        """Return a wait after a motion.
+
+        Raises:
+            EmitError: EMT315 if it cannot be written.
+        """
+        self._check_dwell(seconds, line)
+        text = f"CAM line {line}" if line and self.style.cam_lines else ""
+        return self.templates.statements(
+            "dwell", {"hooks": self.style.hooks, "seconds": seconds}, {"event": text}
+        )
+
+    def _words(self, event: Event) -> str:
+        text = event.text.strip()
+        if event.kind is EventKind.UNKNOWN:
+            text = f"not converted: {text}"
+        elif event.kind is EventKind.MESSAGE:
+            text = f"message: {text}"
+        if not self.style.cam_lines:
+            return text
+        # the line comes first: a long text is cut at its end
+        return f"CAM line {event.line}: {text}" if text else f"CAM line {event.line}"
+
+    def _check_dwell(self, seconds: float, line: int) -> None:
+        try:
+            numbers.nonzero(seconds, numbers.SECOND_DIGITS, "a dwell [s] of")
+        except KrlError as problem:
+            source = SourceRef(self.path, max(line, 1))
+            raise EmitError("EMT315", problem.message, source) from None
+
+    def _trigger(self, statement: Statement) -> Statement:
+        """Return what is run where the next motion begins, without an advance-run stop."""
+        if isinstance(statement, Comment | FoldBegin | FoldEnd):
+            return statement
+        return Trigger(
+            "PATH" if self.style.is_spline else "DISTANCE",
+            0,
+            0,
+            replace(statement, comment=""),
+            priority=-1,
+            on_start=self.style.is_spline,
+            comment=statement.comment,
+        )
+
+
+def _values(event: Event) -> dict[str, object]:
+    """Return the numbers of an event as the templates know them."""
+    if event.kind is EventKind.SPINDLE_ON:
+        rpm = round(event.value / RPM, 3)
+        return {"rpm": int(rpm) if rpm == int(rpm) else rpm}
+    if event.kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF):
+        words = event.text.upper()
+        return {"mode": next((number for word, number in _MODES if word in words), 1)}
+    if event.kind is EventKind.TOOL_CHANGE:
+        return {"number": int(event.value)}
+    return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}

@@ -1,0 +1,105 @@
+"""Inline forms: motions that the smartPAD shows, edits and touches up.
+
+Visible text, hidden parameters, code and data of a form say the same, since the pad writes the code
+anew from the others. KSS 8.5 and older keep the parameters in the fold's line (``%P``), KSS 8.6 and
+newer in a fold of their own (``;Params``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from postproc.emitters.kuka.points import PointStore
+from postproc.krl.text import numbers
+from postproc.krl.text.program import (
+    Assign,
+    Call,
+    Comment,
+    Enum,
+    Expr,
+    FoldBegin,
+    FoldEnd,
+    Move,
+    MoveWord,
+    Pose,
+    Statement,
+)
+
+SPEED_MAX = 2.0
+"""BAS(#CP_PARAMS) takes no more than DEF_VEL_CP [m/s] and says nothing."""
+_RELEASE = "%R 8.3.42,%MKUKATPBASIS,%CMOVE"
+_PROVIDER = "IlfProvider=kukaroboter.basistech.inlineforms.movement.old"
+
+
+@dataclass(frozen=True, slots=True)
+class FormWriter:
+    """Writes forms whose points and motion data go into a data list; ``kss``: 8.5 or 8.6."""
+
+    points: PointStore
+    kss: str
+
+    def ptp(self, index: int, pose: Pose, percent: float) -> list[Statement]:
+        """Return a PTP form; it ends exactly, ``percent`` is the axis speed."""
+        name = self.points.form_point(index, pose)
+        data = self.points.ptp_data(float(percent))
+        speed = numbers.percent(percent)
+        code = [
+            Assign("PDAT_ACT", Expr(f"P{data}")),
+            Assign("FDAT_ACT", Expr(f"F{name}")),
+            Call("BAS", (Enum("PTP_PARAMS"), float(percent))),
+        ]
+        head = f"PTP {name} Vel={speed} % {data} {self._frames}"
+        old = f"{_RELEASE},%VPTP,%P 1:PTP, 2:{name}, 3:, 5:{speed}, 7:{data}"
+        new = self._params(name, "False", f"MoveDataPtpName={data}", f"VelocityPtp={speed}", "PTP")
+        motion = Move(MoveWord.PTP, Expr(f"X{name}"))
+        return self._form(head, old, new, code, motion)
+
+    def lin(self, index: int, pose: Pose, speed_m_s: float, blend_mm: float) -> list[Statement]:
+        """Return a LIN form; with ``blend_mm`` > 0 it is approximated."""
+        speed_m_s = min(speed_m_s, SPEED_MAX)
+        name = self.points.form_point(index, pose)
+        data = self.points.cp_data(speed_m_s, blend_mm)
+        speed = numbers.speed(speed_m_s).rstrip("0").rstrip(".")
+        blend = ("C_DIS",) if blend_mm > 0.0 else ()
+        code = [
+            Assign("LDAT_ACT", Expr(f"L{data}")),
+            Assign("FDAT_ACT", Expr(f"F{name}")),
+            Call("BAS", (Enum("CP_PARAMS"), speed_m_s)),
+        ]
+        cont = "CONT " if blend else ""
+        head = f"LIN {name} {cont}Vel={speed} m/s {data} {self._frames}"
+        old = f"{_RELEASE},%VLIN,%P 1:LIN, 2:{name}, 3:{''.join(blend)}, 5:{speed}, 7:{data}"
+        new = self._params(
+            name, str(bool(blend)), f"MoveDataName={data}", f"VelocityPath={speed}", "LIN"
+        )
+        motion = Move(MoveWord.LIN, Expr(f"X{name}"), blend=blend)
+        return self._form(head, old, new, code, motion)
+
+    @property
+    def _frames(self) -> str:
+        return f"Tool[{self.points.tool}] Base[{self.points.base}]"
+
+    @staticmethod
+    def _params(name: str, blending: str, data: str, speed: str, word: str) -> str:
+        return (
+            f"Params {_PROVIDER}; Kuka.IsGlobalPoint=False; Kuka.PointName={name}; "
+            f"Kuka.BlendingEnabled={blending}; Kuka.{data}; Kuka.{speed}; "
+            "Kuka.CurrentCDSetIndex=0; Kuka.MovementParameterFieldEnabled=True; "
+            f"IlfCommand={word}"
+        )
+
+    def _form(
+        self, head: str, old: str, new: str, code: list[Statement], motion: Move
+    ) -> list[Statement]:
+        begin: list[Statement]
+        if self.kss == "8.5":
+            begin = [FoldBegin(f"{head};%{{PE}}{old}")]
+        else:
+            begin = [
+                FoldBegin(f"{head} ;%{{PE}}"),
+                FoldBegin("Parameters ;%{h}"),
+                Comment(new),
+                FoldEnd(),
+            ]
+            code = [*code, Call("SET_CD_PARAMS", (0,))]
+        return [*begin, Assign("$BWDSTART", False), *code, motion, FoldEnd()]

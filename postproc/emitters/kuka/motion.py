@@ -1,0 +1,299 @@
+"""The motions of one file: statements in order, with what is modal written only when it changes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from postproc.emitters.kuka.columns import Columns, is_flying
+from postproc.emitters.kuka.events import EventWriter
+from postproc.emitters.kuka.forms import FormWriter
+from postproc.emitters.kuka.points import PointStore
+from postproc.emitters.kuka.style import KrlStyle
+from postproc.krl.text.comments import comment_text
+from postproc.krl.text.program import (
+    Assign,
+    Axes,
+    Call,
+    Comment,
+    Enum,
+    FoldBegin,
+    FoldEnd,
+    Move,
+    MoveWord,
+    Pose,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+    Value,
+)
+from postproc.krl.text.split import Part
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.model.toolpath import Event, EventKind
+
+ANCHOR_PERCENT = 10.0
+"""Axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain [%]."""
+SPLINE_SEGMENTS = 500
+"""Longest spline block; a longer chain is cut into blocks that blend into each other."""
+FORM_ROLES = (MoveRole.ENTRY, MoveRole.APPROACH)
+"""Moves that become inline forms when a cell asks for them."""
+_QUIET = (EventKind.MESSAGE, EventKind.UNKNOWN)
+_WORDS = {
+    False: (MoveWord.PTP, MoveWord.LIN, MoveWord.CIRC),
+    True: (MoveWord.SPTP, MoveWord.SLIN, MoveWord.SCIRC),
+}
+
+
+@dataclass(slots=True)
+class Modal:
+    """What the controller has set since the head of this file; None = not known."""
+
+    speed_m_s: float | None = None
+    blend_mm: float | None = None
+    percent: float | None = None
+    is_disturbed: bool = False
+    """A form has set speeds and approximations of its own."""
+
+    def disturb(self) -> None:
+        """Know nothing any more."""
+        self.speed_m_s = self.blend_mm = self.percent = None
+        self.is_disturbed = True
+
+
+@dataclass(slots=True)
+class PartWriter:
+    """Writes the moves of one file.
+
+    Args:
+        plan: the whole plan; table: its columns; part: the moves of this file.
+        style: the cell's choices; events: what events become.
+        by_index: events by the move they come before; values: what the frame templates get.
+        points: the data list of this file; forms: writer of inline forms, None for none.
+    """
+
+    plan: Plan
+    table: Columns
+    part: Part
+    style: KrlStyle
+    events: EventWriter
+    by_index: Mapping[int, Sequence[Event]]
+    values: Mapping[str, object]
+    points: PointStore
+    forms: FormWriter | None = None
+    out: list[Statement] = field(default_factory=list)
+    modal: Modal = field(default_factory=Modal)
+    _operation: int = -1
+    _pending: list[Statement] = field(default_factory=list)
+    """Triggers that wait for their motion."""
+
+    def statements(self) -> list[Statement]:
+        """Return all statements of the moves, events and waits of this file."""
+        first = self.part.first
+        if self.table.kind[first] != MoveKind.PTP:
+            self._anchor(first - 1)
+        self._moves(first, self.part.stop)
+        self._close_operation()
+        if self.part.stop == len(self.plan):
+            self._events_before(self.part.stop)
+        return self.out
+
+    def _moves(self, first: int, stop: int) -> None:
+        index = first
+        while index < stop:
+            end = self._block_end(index, stop)
+            if end - index > 1:
+                self._block(index, end)
+            else:
+                end = index + 1
+                self._before(index)
+                if self.forms is not None and self.table.role[index] in FORM_ROLES:
+                    self._form(index, self.forms)
+                else:
+                    self._motion(index)
+            self._after(end - 1)
+            index = end
+
+    # ------------------------------------------------------------------ around the motions
+
+    def _before(self, index: int) -> None:
+        operation = self.table.operation[index]
+        if operation != self._operation:
+            self._close_operation()
+            self._open_operation(operation)
+        if index in self.by_index:
+            self._events_before(index)
+
+    def _after(self, index: int) -> None:
+        dwell = self.table.dwell_s[index]
+        if dwell > 0.0:
+            self.out += self.events.dwell(dwell, self.table.line[index])
+
+    def _events_before(self, index: int) -> None:
+        for event in self.by_index.get(index, ()):
+            flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
+            made = self.events.statements(event, flying=flying)
+            (self._pending if flying else self.out).extend(made)
+
+    def _open_operation(self, operation: int) -> None:
+        self._operation = operation
+        if operation >= 0:
+            named = self.plan.toolpath.operations[operation]
+            name = comment_text(named.name)
+            line = f" (CAM line {named.line})" if self.style.cam_lines else ""
+            text = f"OPERATION {operation + 1}: {name}{line}"
+            self.out.append(FoldBegin(f"{text};%{{PE}}"))
+
+    def _close_operation(self) -> None:
+        if self._operation >= 0:
+            self.out.append(FoldEnd(f"(OPERATION {self._operation + 1})"))
+        self._operation = -1
+
+    def _anchor(self, index: int) -> None:
+        """Go to where the file before has ended: no length, but status, turn and place are sure."""
+        self._percent(ANCHOR_PERCENT)
+        self.out.append(Comment(" re-entry: where the file before ends"))
+        self.out.append(Move(self._words[MoveKind.PTP], self._axes(index)))
+
+    # ------------------------------------------------------------------------- the motions
+
+    @property
+    def _words(self) -> tuple[MoveWord, MoveWord, MoveWord]:
+        return _WORDS[self.style.is_spline]
+
+    def _motion(self, index: int) -> None:
+        """Write one motion, after what it needs set."""
+        if self.modal.is_disturbed:
+            self._restore()
+        if self.table.kind[index] == MoveKind.PTP:
+            self._percent(self.table.percent[index])
+        else:
+            self._speed(self.table.speed_m_s[index])
+        blend = self._blend(index)
+        self._move(index, blend)
+
+    def _move(
+        self, index: int, blend: tuple[str, ...] = (), settings: tuple[Assign, ...] = ()
+    ) -> None:
+        """Write the motion itself, behind the triggers that belong to it."""
+        table = self.table
+        kind, aux = table.kind[index], table.auxiliary[index]
+        auxiliary = None if aux is None else self._target(index, _pose(aux, table.external[index]))
+        target = self._axes(index) if kind == MoveKind.PTP else self._pose(index)
+        self.out += self._pending
+        self._pending.clear()
+        self.out.append(
+            Move(
+                self._words[kind],
+                self._target(index, target),
+                auxiliary,
+                blend=blend,
+                settings=settings,
+                comment=self._cam_line(index),
+            )
+        )
+
+    def _form(self, index: int, forms: FormWriter) -> None:
+        """Write a motion as an inline form; a CIRC stays as it is."""
+        table, pose = self.table, self._pose(index)
+        if table.kind[index] == MoveKind.CIRC:
+            self._motion(index)
+            return
+        if comment := self._cam_line(index):  # outside: the pad rewrites what is inside
+            self.out.append(Comment(comment))
+        if table.kind[index] == MoveKind.PTP:
+            self.out += forms.ptp(index, pose, table.percent[index])
+        else:
+            self.out += forms.lin(index, pose, table.speed_m_s[index], table.blend_mm[index])
+        self.modal.disturb()
+
+    def _cam_line(self, index: int) -> str:
+        """Return the comment that names the CAM line of a move."""
+        line = self.table.line[index]
+        return f" CAM line {line}" if line and self.style.cam_lines else ""
+
+    def _target(self, index: int, target: Pose | Axes) -> Value:
+        return self.points.add(index, target) if self.style.points == "dat" else target
+
+    # ------------------------------------------------------------------------ spline blocks
+
+    def _block_end(self, first: int, stop: int) -> int:
+        """Return the move behind the spline block that begins with move ``first``."""
+        table = self.table
+        if self.style.motion != "spline_block" or table.kind[first] == MoveKind.PTP:
+            return first + 1
+        last = first
+        while (
+            last + 1 < min(stop, first + SPLINE_SEGMENTS)
+            and table.blend_mm[last] > 0.0
+            and table.kind[last + 1] != MoveKind.PTP
+            and table.operation[last + 1] == table.operation[first]
+        ):
+            last += 1
+        return last + 1
+
+    def _block(self, first: int, end: int) -> None:
+        """Write moves as one spline block: it passes through every point and stops behind it."""
+        self._before(first)
+        speed = self.table.speed_m_s[first]
+        self._speed(speed)
+        blend = self._blend(end - 1)
+        self.out.append(SplineBegin())
+        for index in range(first, end):
+            if index > first:
+                self._before(index)
+            own = self.table.speed_m_s[index]
+            settings = () if own == speed else (Assign("$VEL.CP", own),)
+            self._move(index, settings=settings)
+        self.out.append(SplineEnd(blend=blend))
+
+    def _axes(self, index: int) -> Axes:
+        a1, a2, a3, a4, a5, a6 = self.table.axes[index]
+        return Axes(a1, a2, a3, a4, a5, a6, self.table.external[index])
+
+    def _pose(self, index: int) -> Pose:
+        return _pose(self.table.pose[index], self.table.external[index])
+
+    # ------------------------------------------------------------------------ what is modal
+
+    def _restore(self) -> None:
+        """Set again what BAS(#CP_PARAMS) and BAS(#PTP_PARAMS) of a form have changed."""
+        self.modal.is_disturbed = False
+        self.out += self.events.templates.statements("motion_speeds", self.values)
+
+    def _percent(self, percent: float) -> None:
+        if percent != self.modal.percent:
+            self.modal.percent = percent
+            value = int(percent) if percent == int(percent) else percent
+            self.out.append(Call("BAS", (Enum("VEL_PTP"), value)))
+
+    def _speed(self, speed_m_s: float) -> None:
+        if speed_m_s != self.modal.speed_m_s:
+            self.modal.speed_m_s = speed_m_s
+            self.out.append(Assign("$VEL.CP", speed_m_s))
+
+    def _blend(self, index: int) -> tuple[str, ...]:
+        """Return the approximation words of a move, after setting its distance.
+
+        A PTP is approximated by distance as well (KSS 8.2 and newer): C_PTP counts in percent of
+        the motion, so how far it leaves the planned path nobody knows.
+        """
+        blend = self.table.blend_mm[index]
+        if blend <= 0.0:
+            return ()
+        self._distance(index, blend)
+        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
+
+    def _distance(self, index: int, blend: float) -> None:
+        """Set $APO.CDIS; a value already set is kept where short segments ask for less."""
+        known = self.modal.blend_mm
+        is_cut_short = blend < self.table.wanted_mm[index]
+        if known is not None and is_cut_short and 0.5 * blend <= known <= blend:
+            return
+        if known != blend:
+            self.modal.blend_mm = blend
+            self.out.append(Assign("$APO.CDIS", blend))
+
+
+def _pose(values: Sequence[float], external: tuple[float, ...]) -> Pose:
+    x, y, z, a, b, c = values
+    return Pose(x, y, z, a, b, c, external=external)

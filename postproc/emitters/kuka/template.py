@@ -1,0 +1,232 @@
+"""Frame texts from templates: Jinja2 in a sandbox, the cell's own folder before the built-in one.
+
+Text that comes from outside (the CAM file, names) never passes through a template: a template sees
+an opaque mark that prints as a comment. Its output is read by the KRL reader, a line that is no KRL
+is refused, and only then the marks, which may stand in comments and nowhere else, are replaced by
+the escaped text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from postproc.errors import EmitError, SourceRef
+from postproc.krl.text import numbers
+from postproc.krl.text.comments import comment_text
+from postproc.krl.text.parse import parse_files
+from postproc.krl.text.program import Blank, Comment, FoldBegin, KrlModule, Statement
+from postproc.krl.text.render import render_statement
+from postproc.resources import templates_folder
+
+if TYPE_CHECKING:
+    from jinja2.sandbox import SandboxedEnvironment
+
+LINE_LENGTH = 250
+"""Longest line of a template's output."""
+LINES_AT_MOST = 10_000
+"""Most lines a template may give."""
+_FILTERS = ("abs", "default", "d", "float", "int", "length", "round")
+_MARK = "@{}@"
+
+
+class OutsideText:
+    """A mark for outside text: prints as a comment, is true when there is a text, nothing else."""
+
+    __slots__ = ("_comment",)
+
+    def __init__(self, key: str, text: str) -> None:
+        self._comment = f"; {_MARK.format(key)}" if text else ""
+
+    def __str__(self) -> str:
+        """Return the mark as a comment."""
+        return self._comment
+
+    def __bool__(self) -> bool:
+        """Return whether there is a text."""
+        return bool(self._comment)
+
+
+@dataclass(frozen=True)
+class TemplateSet:
+    """The templates of a cell.
+
+    Args:
+        template: name of a built-in set, or a folder of the user's.
+        source: the cell file, for errors.
+    """
+
+    template: str
+    source: SourceRef
+
+    def lines(self, name: str, values: Mapping[str, object]) -> list[str]:
+        """Return the lines of template ``name`` (without ``.j2``), without empty ones.
+
+        Raises:
+            EmitError: EMT330 if there is no such template set, EMT331 if the template is wrong,
+                EMT332 if its output is not printable ASCII or too long.
+        """
+        from jinja2 import TemplateError
+
+        try:
+            text = self._environment.get_template(f"{name}.j2").render(values)
+        except (TemplateError, TypeError, ValueError, ArithmeticError, RecursionError) as problem:
+            reason = " ".join(str(problem).split()) or type(problem).__name__
+            number = getattr(problem, "lineno", None) or 1
+            where = getattr(problem, "name", None) or f"{name}.j2"
+            raise EmitError(
+                "EMT331", f"template: {reason}", SourceRef(str(where), number)
+            ) from problem
+        lines = [line.strip() for line in text.split("\n") if line.strip()]
+        self._check(name, lines)
+        return lines
+
+    def statements(
+        self, name: str, values: Mapping[str, object], texts: Mapping[str, str] | None = None
+    ) -> list[Statement]:
+        """Return the statements of template ``name``.
+
+        Args:
+            name: of the template.
+            values: numbers and names that the template may use.
+            texts: outside text by name; the template sees marks.
+
+        Raises:
+            EmitError: as ``lines``; EMT333 if a line is no KRL, EMT334 if outside text would stand
+                outside a comment.
+        """
+        outside = texts or {}
+        key = (name, repr(sorted(values.items())), tuple((k, bool(t)) for k, t in outside.items()))
+        if key not in self._read:
+            marks = {k: OutsideText(k, t) for k, t in outside.items()}
+            lines = self.lines(name, {**values, **marks})
+            module = self._module(name, ["DEF T( )", *lines, "END"])
+            if len(module.routines) != 1:
+                raise EmitError(
+                    "EMT333",
+                    f"template {name} begins a routine, expected statements only",
+                    SourceRef(f"{name}.j2"),
+                )
+            self._read[key] = [s for s in module.main.statements if not isinstance(s, Blank)]
+        return [_filled(statement, name, outside) for statement in self._read[key]]
+
+    def module(self, name: str, values: Mapping[str, object], module_name: str) -> KrlModule:
+        """Return a template that is a whole module text; errors as ``statements``."""
+        module = self._module(name, self.lines(name, values))
+        return replace(module, name=module_name, src_path="", src_facts=None)
+
+    def _module(self, name: str, lines: list[str]) -> KrlModule:
+        text = "\r\n".join([*lines, ""]).encode("ascii")
+        module = parse_files({f"{name}.src": text})[0]
+        if module.problems:
+            problem = module.problems[0]
+            line = problem.source.text if problem.source else ""
+            raise EmitError(
+                "EMT333",
+                f"template {name} gives {line[:80]!r}: {problem.message}",
+                SourceRef(f"{name}.j2"),
+            )
+        return module
+
+    def _check(self, name: str, lines: list[str]) -> None:
+        if len(lines) > LINES_AT_MOST:
+            raise EmitError("EMT332", f"template {name} gives {len(lines)} lines", self.source)
+        for line in lines:
+            if len(line) > LINE_LENGTH or not (line.isascii() and line.isprintable()):
+                raise EmitError(
+                    "EMT332",
+                    f"template {name} gives the line {line[:60]!r}, expected at most "
+                    f"{LINE_LENGTH} printable ASCII characters",
+                    SourceRef(f"{name}.j2"),
+                )
+
+    @cached_property
+    def _read(self) -> dict[object, list[Statement]]:
+        return {}
+
+    @cached_property
+    def _folders(self) -> tuple[Path, ...]:
+        """Folders that are searched, in order."""
+        builtin = templates_folder()
+        default = builtin / "default"
+        is_name = Path(self.template).name == self.template
+        own = builtin / self.template if is_name else Path(self.template)
+        if not own.is_dir():
+            known = ", ".join(sorted(p.name for p in builtin.iterdir() if p.is_dir()))
+            raise EmitError(
+                "EMT330", f"no template folder {self.template!r}, built-in is {known}", self.source
+            )
+        return (default,) if own == default else (own, default)
+
+    @cached_property
+    def _environment(self) -> SandboxedEnvironment:
+        return _environment_of(self._folders)
+
+
+def _filled(statement: Statement, name: str, texts: Mapping[str, str]) -> Statement:
+    """Return the statement with the marks in its comment replaced, and without a line number."""
+    comment = _replaced(statement.comment, texts)
+    changes: dict[str, Any] = {"comment": comment, "line": 0}
+    if isinstance(statement, Comment | FoldBegin):
+        changes["text"] = _replaced(statement.text, texts)
+    elif "@" in render_statement(replace(statement, comment="")):
+        raise EmitError("EMT334", f"template {name} has outside text outside a comment")
+    return replace(statement, **changes)
+
+
+def _replaced(text: str, texts: Mapping[str, str]) -> str:
+    """Return the text with its marks replaced, in one go: a replacement is not looked at again."""
+    if "@" not in text:
+        return text
+    pieces = text.split("@")
+    for position in range(1, len(pieces)):
+        key = pieces[position]
+        if key in texts and position < len(pieces) - 1:
+            before, after = "@".join(pieces[:position]), "@".join(pieces[position + 1 :])
+            return f"{before}{comment_text(texts[key])}{_replaced(after, texts)}"
+    return text
+
+
+def _printed(value: object) -> object:
+    """Return a value as it is printed: numbers as KRL."""
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    return numbers.real(value) if isinstance(value, float) else value
+
+
+@lru_cache(maxsize=8)
+def _environment_of(folders: tuple[Path, ...]) -> SandboxedEnvironment:
+    """Return the templates of some folders; a template is read again when its file changes."""
+    from jinja2 import FileSystemLoader, StrictUndefined
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+    class Environment(ImmutableSandboxedEnvironment):
+        """No attributes of marks, no powers, no products of texts."""
+
+        intercepted_binops = frozenset({"*", "**", "%"})
+
+        def is_safe_attribute(self, obj: object, attr: str, value: object) -> bool:
+            hidden = isinstance(obj, OutsideText | str)
+            return not hidden and super().is_safe_attribute(obj, attr, value)
+
+        def call_binop(self, context: Any, operator: str, left: Any, right: Any) -> Any:  # noqa: ANN401
+            is_number = isinstance(left, int | float) and isinstance(right, int | float)
+            if operator == "**" or not is_number:
+                raise TypeError(f"operator {operator} is not for templates")
+            return super().call_binop(context, operator, left, right)
+
+    environment = Environment(
+        loader=FileSystemLoader([str(folder) for folder in folders]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+        finalize=_printed,
+    )
+    environment.filters = {name: environment.filters[name] for name in _FILTERS}
+    environment.globals.clear()
+    return environment

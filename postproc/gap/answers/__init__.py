@@ -1,0 +1,1 @@
+"""The diagnosis and what follows from it: document, where, next poses, prediction."""

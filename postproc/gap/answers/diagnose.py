@@ -1,0 +1,257 @@
+"""The diagnosis: which effects, how sure, what is left, and how far the gap shrinks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.gap.choice.choice import Choice
+from postproc.gap.choice.residual import Dependence
+from postproc.gap.choice.verdict import Settled, fitted, settle, verdict
+from postproc.gap.choice.workbench import WAVES, chosen, prepare, without_waves
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.fit import Fit
+from postproc.gap.fit.intervals import deviations
+from postproc.gap.fit.linear import block_of
+from postproc.gap.fit.problem import Problem
+from postproc.gap.fit.waves import Wave, find_waves
+from postproc.gap.robot_model import evaluate
+
+Progress = Callable[[int, int, str], None]
+
+_REFINES = {"variable_stiffness": "joint_compliance"}
+"""An effect that refines another one comes after it: alone it would have to be that one too."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """What one adopted effect does on sealed rows: 3D rms [m] before and once it is added.
+
+    Both of the whole measured difference; the effects listed before it are in the model.
+    """
+
+    name: str
+    before: float
+    after: float
+    interval: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Result of a diagnosis, SI. Rows refer to those of ``problem``.
+
+    noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
+    baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
+    total: 3D rms [m] on sealed rows before and after all adopted effects, and the 90 % interval
+    of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and
+    with it; deviation: standard deviations (p,) of each adopted effect's numbers; ripple: waves
+    in what is left where the verdict is "unexplained".
+    """
+
+    problem: Problem
+    verdict: str
+    noise: float
+    noise_freedom: int
+    outlier: BoolArray
+    choice: Choice
+    adopted: tuple[str, ...]
+    suspects: tuple[str, ...]
+    fit: Fit
+    deviation: dict[str, FloatArray]
+    baseline: FloatArray
+    residual: FloatArray
+    tests: tuple[Dependence, ...]
+    structure: float
+    steps: tuple[Step, ...]
+    total: tuple[float, float, float, float]
+    extra: dict[str, tuple[float, float]]
+    ripple: tuple[Wave, ...]
+    bench: Bench
+
+    @property
+    def kept(self) -> BoolArray:
+        """(n,) rows that are no measuring faults."""
+        return ~self.outlier
+
+
+def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
+    """Return the diagnosis of a campaign."""
+    say = progress or (lambda done, total, what: None)
+    say(0, 4, "noise and measuring faults")
+    prepared = prepare(problem)
+    say(1, 4, "which effects")
+    sigma = prepared.noise.sigma
+    start = prepared.bench
+    refused: dict[str, str] = {}
+    while True:
+        bench, choice = chosen(start)
+        say(2, 4, "what is left")
+        settled = settle(problem, prepared, bench, choice)
+        say(3, 4, "sealed rows")
+        base = fitted(problem, bench, (), sigma, problem.searchable & ~settled.outlier)
+        worse = _worse(problem, bench, settled, sigma, base)
+        if not worse:
+            break
+        refused |= dict.fromkeys(worse, "makes rows worse that were not fitted")
+        start = start.without(refused)
+    steps, total = _steps(problem, bench, settled, sigma, base)
+    choice = replace(settled.choice, refused=settled.choice.refused | refused)
+    settled = replace(settled, choice=choice)
+    answer = verdict(settled, sigma)
+    return Finding(
+        problem=problem,
+        verdict=answer,
+        noise=sigma,
+        noise_freedom=prepared.noise.freedom,
+        outlier=settled.outlier,
+        choice=choice,
+        adopted=tuple(step.name for step in steps),
+        suspects=tuple(choice.suspects),
+        fit=settled.fit,
+        deviation=deviations(bench, settled.fit, choice.keys, choice.silent),
+        baseline=base.point,
+        residual=settled.residual,
+        tests=settled.tests,
+        structure=settled.structure,
+        steps=steps,
+        total=total,
+        extra=_extra(problem, bench, settled),
+        ripple=_ripple(bench, choice) if answer == "unexplained" else (),
+        bench=bench,
+    )
+
+
+def _steps(
+    problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit
+) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
+    """Add the adopted effects one by one, refit on unsealed rows, compare on sealed ones.
+
+    Each step adds the effect that removes most of what is left on unsealed rows, and says how far
+    the whole gap shrinks by that; the steps multiply to the whole shrinkage.
+    """
+    test = problem.split.sealed & ~settled.outlier
+    cluster = problem.split.cluster[test]
+    last = _left(settled.residual, test)
+    first = before = _left(problem.measured - base.point, test)
+    steps = []
+    for key, part in _ordered(problem, bench, settled, sigma):
+        after = last if part is None else _left(problem.measured - part.point, test)
+        interval = shrink_interval(before, after, cluster)
+        steps.append(Step(bench.name(key), _rms(before), _rms(after), interval))
+        before = after
+    return tuple(steps), (_rms(first), _rms(last), *shrink_interval(first, last, cluster))
+
+
+def _ordered(
+    problem: Problem, bench: Bench, settled: Settled, sigma: float
+) -> list[tuple[str, Fit | None]]:
+    """Return the adopted effects, most helpful next, each with the fit of it and those before.
+
+    The fit of them all is that of the diagnosis: None stands for it.
+    """
+    rows = problem.searchable & ~settled.outlier
+    order: list[tuple[str, Fit | None]] = []
+    waiting = sorted(settled.choice.keys)
+    while len(waiting) > 1:
+        taken = tuple(key for key, _ in order)
+        coming = {bench.name(key) for key in waiting}
+        free = [key for key in waiting if _REFINES.get(bench.name(key)) not in coming]
+        fits = {key: fitted(problem, bench, (*taken, key), sigma, rows) for key in free}
+        best = min(free, key=lambda k: (_rms(_left(problem.measured - fits[k].point, rows)), k))
+        order.append((best, fits[best]))
+        waiting.remove(best)
+    return [*order, *((key, None) for key in waiting)]
+
+
+def _worse(problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit) -> set[str]:
+    """Return the adopted effects without which sealed rows come out better."""
+    rows = problem.searchable & ~settled.outlier
+    test = problem.split.sealed & ~settled.outlier
+    after = _rms(_left(settled.residual, test))
+    keys = settled.choice.keys
+    found = set()
+    for key in keys:
+        rest = tuple(k for k in keys if k != key)
+        part = fitted(problem, bench, rest, sigma, rows) if rest else base
+        if after > _rms(_left(problem.measured - part.point, test)):
+            found.add(bench.name(key))
+    return found
+
+
+def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[float, float]]:
+    """Return what each further effect would do on sealed rows, to first order."""
+    test = problem.split.sealed & ~settled.outlier
+    index = np.flatnonzero(test)
+    if len(index) == 0:
+        return {}
+    actual = evaluate(problem.samples.rows(index), problem.given)[1]
+    chosen_keys = (*bench.always, *settled.choice.keys)
+    gram = bench.gram()
+    far = {
+        b.key: block_of(b.effect, actual, b.setting, b.key, problem.widen(b.name)).X
+        for b in bench.blocks
+        if not b.suspect
+    }
+    y = problem.gap[index]
+
+    def left(keys: tuple[str, ...]) -> float:
+        theta = gram.solve(keys)[0]
+        X = np.concatenate([far[k] for k in keys] or [np.zeros((len(y), 3, 0))], axis=2)
+        return _rms(np.linalg.norm(y - X @ theta, axis=1))
+
+    before = left(chosen_keys)
+    named = {b.name for b in bench.blocks if b.key in chosen_keys}
+    return {
+        b.name: (before, left((*chosen_keys, b.key)))
+        for b in bench.blocks
+        if b.name not in named and not b.suspect
+    }
+
+
+def _ripple(bench: Bench, choice: Choice) -> tuple[Wave, ...]:
+    """Return the waves of joint angles in what is left."""
+    base = without_waves(bench, choice) + [
+        b for b in bench.blocks if b.name == WAVES and b.key in choice.keys
+    ]
+    return find_waves(bench.samples, bench.y, bench.weight, base)
+
+
+def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
+    return np.asarray(np.linalg.norm(residual, axis=1)[test])
+
+
+def shrink_interval(
+    before: FloatArray, after: FloatArray, cluster: IntArray, draws: int = 400
+) -> tuple[float, float]:
+    """Return the 90 % interval of the shrinkage on as many new poses of the same kind.
+
+    Pose clusters are drawn anew for the scatter of the logarithm of what remains; new poses
+    scatter as much as those that were measured, hence the root of two.
+
+    Args:
+        before: (n,) distances without the effects [m].
+        after: (n,) with them [m].
+        cluster: (n,) cluster of each row.
+        draws: how often the clusters are drawn.
+    """
+    from scipy.special import stdtrit
+
+    names, index = np.unique(cluster, return_inverse=True)
+    k = len(names)
+    if k < 2:
+        return 0.0, 0.0
+    rng = np.random.default_rng(3)
+    sums = np.stack([np.bincount(index, v**2, minlength=k) for v in (before, after)])
+    total = rng.multinomial(k, np.full(k, 1.0 / k), draws) @ sums.T
+    left = 0.5 * np.log(np.maximum(total[:, 1], 1e-30) / np.maximum(total[:, 0], 1e-30))
+    whole = np.maximum(np.sum(sums, axis=1), 1e-30)
+    here = 0.5 * float(np.log(whole[1] / whole[0]))
+    half = float(np.sqrt(2.0) * stdtrit(k - 1, 0.95) * np.std(left))
+    return 1.0 - float(np.exp(here + half)), 1.0 - float(np.exp(here - half))
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -1,0 +1,239 @@
+"""A diagnosis for machines (``diagnose --json``) and the model file that follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.gap.answers.along import Along, program
+from postproc.gap.answers.designs import designs, transfers
+from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.next_pose import NextPose
+from postproc.gap.answers.orientation import orientation
+from postproc.gap.answers.where import baseline, where
+from postproc.gap.effect import State
+from postproc.gap.fit.registration import FRAMES, moved_by
+from postproc.gap.robot_model import effect_of
+from postproc.model.modelfile import ModelFile
+from postproc.units import MM
+
+SCHEMA = "postproc.diagnosis/1"
+_Z90 = 1.6449
+
+
+def document(
+    finding: Finding, proposed: Sequence[NextPose] = (), path: Along | None = None
+) -> dict[str, Any]:
+    """Return the JSON object of the contract.
+
+    Args:
+        finding: the diagnosis.
+        proposed: what to measure next.
+        path: where the rows lie on a program.
+    """
+    problem, kept = finding.problem, finding.kept
+    gap = np.linalg.norm(problem.measured - baseline(finding), axis=1)[kept]
+    rest = np.linalg.norm(finding.residual, axis=1)[kept]
+    ids = problem.measurements.ids
+    return {
+        "schema": SCHEMA,
+        "verdict": finding.verdict,
+        "noise_mm": _mm(finding.noise),
+        "noise_from": "repeats" if finding.noise_freedom else "estimated",
+        "gap": {
+            "rms_mm": _mm(_rms(gap)),
+            "p95_mm": _mm(float(np.quantile(gap, 0.95))),
+            "max_mm": _mm(float(gap.max())),
+        },
+        "where": where(finding) | ({"program": program(finding, path)} if path else {}),
+        "effects": effects(finding),
+        "adopted": list(finding.adopted),
+        "shrinkage": _total_shrinkage(finding),
+        "residual": {
+            "rms_mm": _mm(_rms(rest)),
+            "explained_share": round(1.0 - (_rms(rest) / max(_rms(gap), 1e-12)) ** 2, 4),
+            "structured_rms_mm": _mm(finding.structure),
+            "depends_on": [
+                {"name": t.name, "p_value": float(f"{t.p_value:.3g}"), "rms_mm": _mm(t.rms)}
+                for t in finding.tests
+            ],
+            "resembles": [
+                {"name": name, "title": effect_of(name).title, "action": effect_of(name).action}
+                for name in finding.suspects
+            ],
+            "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple],
+        },
+        "registration": _registration(finding),
+        "orientation": orientation(finding),
+        "outliers": [ids[i] for i in np.flatnonzero(finding.outlier)],
+        "not_testable": [
+            {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()
+        ],
+        "next_measurements": [pose.entry() for pose in proposed],
+        "rows": {
+            "total": len(problem),
+            "sealed": int(problem.split.sealed.sum()),
+            "searched": int(problem.searchable.sum()),
+        },
+    }
+
+
+def _registration(finding: Finding) -> dict[str, Any] | None:
+    """Return what was fitted first, None if nothing was."""
+    fitted = finding.problem.registration
+    if fitted is None:
+        return None
+    return {
+        "point_in_flange_mm": np.round(fitted.p_flange_point / MM, 4).tolist(),
+        "loads_at": "reflector" if fitted.loads_at_point else "tool point",
+    }
+
+
+def effects(finding: Finding) -> list[dict[str, Any]]:
+    """Return every candidate tried, adopted ones first in their order, then by probability."""
+    elsewhere = _elsewhere(finding)
+    adopted = [
+        _adopted(finding, name) | {"transfer": elsewhere.get(name, [])} for name in finding.adopted
+    ]
+    others = []
+    for effect in finding.problem.effects:
+        name = effect.name
+        if name in finding.adopted or effect.kind == "suspect" or name in finding.problem.always:
+            continue
+        before, after = finding.extra.get(name, (float("nan"), float("nan")))
+        others.append(_candidate(finding, name, before, after))
+    others.sort(key=lambda e: (-e["probability"], -(e["shrinkage"] or 0.0), e["name"]))
+    return adopted + others
+
+
+def model_file(finding: Finding, given: ModelFile | None) -> ModelFile:
+    """Return the given model with what was adopted, and the registration where one was fitted."""
+    arm = finding.problem.samples.arm
+    tables = dict(given.effects) if given else {}
+    for name in finding.adopted:
+        tables[name] = effect_of(name).write(_seen_state(finding, name), arm)
+    registration = given.registration if given else None
+    if finding.problem.registration is not None:
+        frames = {n: s for n, s in finding.fit.states.items() if n in FRAMES}
+        rest = _rms(np.linalg.norm(finding.residual, axis=1)[finding.kept])
+        registration = replace(moved_by(finding.problem.registration, frames), rms=rest)
+    return ModelFile(tables, registration, given.notes if given else ())
+
+
+def _seen_state(finding: Finding, name: str) -> State:
+    """Return the fitted numbers with NaN for a joint that the data say nothing about."""
+    state = finding.fit.states[name]
+    part = finding.fit.slices[name]
+    own = finding.fit.parameters[part]
+    theta = np.array(state.theta)
+    per_joint = len(own) >= 6 and [p.joint for p in own[:6]] == [1, 2, 3, 4, 5, 6]
+    if per_joint:
+        unseen = finding.fit.unseen[part].copy()
+        unseen[6:] = False
+        theta[unseen] = np.nan
+    return State(theta, state.setting)
+
+
+def _adopted(finding: Finding, name: str) -> dict[str, Any]:
+    step = next(s for s in finding.steps if s.name == name)
+    effect = effect_of(name)
+    arm = finding.problem.samples.arm
+    state = _seen_state(finding, name)
+    width = _Z90 * finding.deviation[name]
+    key = next(k for k in finding.choice.keys if k.split(":")[0] == name)
+    evidence = finding.choice.evidence[key]
+    return {
+        "name": name,
+        "title": effect.title,
+        "probability": _probability(finding, name),
+        "adopted": True,
+        "rms_before_mm": _mm(step.before),
+        "rms_after_mm": _mm(step.after),
+        "shrinkage": round(1.0 - step.after / max(step.before, 1e-12), 4),
+        "shrinkage_ci": [round(v, 4) for v in step.interval],
+        "parameters": plain(effect.write(state, arm)),
+        "interval_90": {
+            "low": plain(effect.write(State(state.theta - width, state.setting), arm)),
+            "high": plain(effect.write(State(state.theta + width, state.setting), arm)),
+        },
+        "confounded_with": [t for t in evidence.twins],
+        "wins": round(evidence.wins, 3),
+        "action": effect.action,
+    }
+
+
+def _elsewhere(finding: Finding) -> dict[str, list[dict[str, Any]]]:
+    """Return for each adopted effect what it brings on designs that it was not fitted to."""
+    problem = finding.problem
+    label = designs(problem.samples, problem.measurements.group)
+    searched = np.flatnonzero(problem.searchable)
+    keys = (*finding.choice.keys, *finding.choice.suspects)
+    found = transfers(finding.bench, label.rows(searched), keys)
+    return {
+        key.split(":")[0]: [
+            {"design": name, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[name], 1)}
+            for k, name in enumerate(label.names)
+            if name in by
+        ]
+        for key, by in found.items()
+    }
+
+
+def _candidate(finding: Finding, name: str, before: float, after: float) -> dict[str, Any]:
+    effect = effect_of(name)
+    known = bool(np.isfinite(before) and np.isfinite(after) and before > 0)
+    return {
+        "name": name,
+        "title": effect.title,
+        "probability": _probability(finding, name),
+        "adopted": False,
+        "rms_before_mm": _mm(before) if known else None,
+        "rms_after_mm": _mm(after) if known else None,
+        "shrinkage": round(1.0 - after / before, 4) if known else None,
+        "shrinkage_ci": None,
+        "parameters": {},
+        "confounded_with": sorted(
+            k.split(":")[0] for k in finding.choice.keys if name in finding.choice.evidence[k].twins
+        ),
+        "reason": finding.choice.refused.get(name, "the rows do not call for it"),
+    }
+
+
+def _probability(finding: Finding, name: str) -> float:
+    value = finding.choice.probability.get(name, 0.0)
+    if name not in finding.adopted:
+        value = min(value, 0.49)
+    return round(min(max(value, 0.0), 0.9999), 4)
+
+
+def _total_shrinkage(finding: Finding) -> dict[str, Any]:
+    before, after, low, high = finding.total
+    return {
+        "rms_before_mm": _mm(before),
+        "rms_after_mm": _mm(after),
+        "value": round(1.0 - after / max(before, 1e-12), 4),
+        "ci": [round(low, 4), round(high, 4)],
+    }
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - a tree of numbers
+    """Return a tree of plain JSON values; what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(f"{float(value):.7g}") if np.isfinite(value) else None
+    return value
+
+
+def _mm(metres: float) -> float:
+    return round(metres / MM, 5)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))

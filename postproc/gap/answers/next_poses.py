@@ -1,0 +1,361 @@
+"""What to measure next: the poses and loads that tell apart what the rows do not.
+
+For each set of effects that explain the rows equally well, poses are added one by one where the
+rival, fitted to all rows so far, would be refuted most if the other were true. With M the
+information on an effect's numbers that its rivals cannot imitate (its Schur complement in the
+joint information, whose determinant a D_s-optimal design maximises) and theta what was fitted, the
+separation is sqrt(theta' M theta): a T-optimal design (Atkinson and Fedorov 1975, Biometrika 62,
+57), for that direction of theta that is in question.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
+from postproc.gap.data.dataset import Samples, make_samples
+from postproc.gap.effect import REGISTRY
+from postproc.gap.fit.linear import Block, Gram, block_of
+from postproc.gap.fit.registration import rigid
+from postproc.gap.robot_model import evaluate
+from postproc.geometry.frames import apply
+from postproc.units import DEG
+
+ENOUGH = 8.0
+"""Separation [sigma] at which no further pose is added: the wrong effect is then refused in all
+but one of thousands of campaigns."""
+_NEAR = 20.0
+"""Nats that a twin may lack to stand for itself: the prior of rows to come makes up for few."""
+_DRAWN, _CANDIDATES = 16000, 1500
+_FEWEST, _MOST = 6, 30
+_LOADS = 6
+_ROOM = 0.5
+"""Tool points [m] beyond the measured ones; none is lower than those, there may be a floor."""
+_LATER = 600.0
+"""When it will be measured, after the last row [s]."""
+_OF_THE_POSE = ("neighbouring poses", "position", *(f"q{i}" for i in range(1, 7)))
+"""Conditions of the rest that cannot be varied at one pose."""
+_SEED = 17
+
+
+def next_poses(finding: Finding, reach: Reach | None = None) -> tuple[NextPose, ...]:
+    """Return what to measure next; nothing if nothing is ambiguous and all is explained.
+
+    First what tells ambiguous effects apart, then what tells of a rest that nothing explains.
+    """
+    reach = reach or Reach()
+    found: list[NextPose] = []
+    for question in questions(finding):
+        found += telling(finding, question, reach)
+    if finding.verdict == "unexplained":
+        found += _worst(finding, reach)
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """A set that the rows cannot tell apart.
+
+    models: keys of the models in competition; names: theirs; effects: all that are in question.
+    """
+
+    models: tuple[tuple[str, ...], ...]
+    names: tuple[str, ...]
+    effects: tuple[str, ...]
+
+    @property
+    def why(self) -> str:
+        """What measuring answers."""
+        return f"tells {self.names[0]} from {' or '.join(self.names[1:])}"
+
+
+def questions(finding: Finding) -> tuple[Question, ...]:
+    """Return the ambiguous sets of a diagnosis, each once."""
+    bench, choice = finding.bench, finding.choice
+    name = {b.key: b.name for b in bench.blocks}
+    keys: dict[str, str] = {}
+    for block in bench.blocks:
+        keys.setdefault(block.name, block.key)
+    gram = bench.gram()
+    chosen = (*bench.always, *choice.keys, *choice.suspects)
+    found: list[Question] = []
+    asked: list[set[str]] = []
+    for key in (*choice.keys, *choice.suspects):
+        twins = [keys[t] for t in choice.evidence[key].twins if t in keys and keys[t] not in chosen]
+        names = {name[key], *(name[t] for t in twins)}
+        if twins and names not in asked:
+            asked.append(names)
+            rest = tuple(k for k in chosen if k != key)
+            found.append(_question(gram, rest, key, tuple(twins), name))
+    return tuple(found)
+
+
+def _question(
+    gram: Gram, rest: tuple[str, ...], key: str, twins: tuple[str, ...], name: dict[str, str]
+) -> Question:
+    """Return a question: each twin alone where it does about as well, else all of them at once."""
+    best = gram.evidence((*rest, key))
+    alone = tuple(t for t in twins if best - gram.evidence((*rest, t)) < _NEAR)
+    rivals = [(*rest, t) for t in alone] or [(*rest, *twins)]
+    names = tuple(name[t] for t in alone) or (" with ".join(name[t] for t in twins),)
+    effects = tuple(name[k] for k in (key, *(alone or twins)))
+    return Question(((*rest, key), *rivals), (name[key], *names), effects)
+
+
+@dataclass(slots=True)
+class _Duel:
+    """One model taken for true and another one fitted to what it would give, row by row.
+
+    true: name of the first; truth: (n, 3) what it gives, and X: (n, 3, p) columns of the other,
+    both in sigma; H, seen: normal equations of the other; square: [sigma^2] of what refutes it.
+    """
+
+    true: str
+    truth: FloatArray
+    X: FloatArray
+    H: FloatArray
+    seen: FloatArray
+    square: float = 0.0
+
+    def gains(self, rows: slice = slice(None)) -> FloatArray:
+        """Return (n,) the square [sigma^2] by which each candidate would refute the rival."""
+        X, inverse = self.X[rows], np.linalg.inv(self.H)
+        miss = self.truth[rows] - X @ (inverse @ self.seen)
+        S = np.eye(3) + X @ inverse @ np.swapaxes(X, 1, 2)
+        scaled = np.linalg.solve(S, miss[:, :, None])[:, :, 0]
+        return np.asarray(np.einsum("ni,ni->n", miss, scaled))
+
+    def take(self, row: int) -> None:
+        """Measure a candidate."""
+        self.square += float(self.gains(slice(row, row + 1))[0])
+        A = self.X[row]
+        self.H = self.H + A.T @ A
+        self.seen = self.seen + A.T @ self.truth[row]
+
+
+def telling(finding: Finding, question: Question, reach: Reach) -> list[NextPose]:
+    """Return what separates the models of a question, chosen one by one for the worst pair."""
+    pool = candidates(finding, question.effects, reach)
+    if len(pool) == 0:
+        return []
+    duels = _duels(finding, question, pool)
+    chosen: list[int] = []
+    while len(chosen) < min(_MOST, len(pool)):
+        least = min(duel.square for duel in duels)
+        if len(chosen) >= _FEWEST and least >= ENOUGH**2:
+            break
+        # the sum of logarithms pushes the pair that is behind, and never stands still
+        gain = sum(np.log1p(duel.square + duel.gains()) for duel in duels)
+        score = np.asarray(gain, dtype=np.float64)
+        score[chosen] = -np.inf
+        best = int(np.argmax(np.round(score, 9)))
+        chosen.append(best)
+        for duel in duels:
+            duel.take(best)
+    return _poses(finding, pool.rows(np.array(chosen)), question.why, _separations(duels))
+
+
+def _duels(finding: Finding, question: Question, pool: Samples) -> list[_Duel]:
+    bench, noise = finding.bench, finding.noise
+    gram = bench.gram()
+    blocks = {b.key: b for b in bench.blocks}
+    actual = evaluate(pool, finding.problem.given)[1]
+    far = {k: _far(blocks[k], actual) / noise for model in question.models for k in model}
+    duels = []
+    for one, name in zip(question.models, question.names, strict=True):
+        theta = gram.solve(one)[0]
+        truth = np.concatenate([far[k] for k in one], axis=2) @ theta
+        for two in question.models:
+            if two == one:
+                continue
+            i = gram.index(two)
+            H = gram.G[np.ix_(i, i)] + np.eye(len(i))
+            seen = gram.G[np.ix_(i, gram.index(one))] @ theta
+            X = np.concatenate([far[k] for k in two], axis=2)
+            duels.append(_Duel(name, truth, X, H, seen))
+    return duels
+
+
+def reassessed(finding: Finding, poses: Sequence[NextPose]) -> tuple[NextPose, ...]:
+    """Return poses with the separations that they reach together, after some were left out."""
+    asked = {question.why: question for question in questions(finding)}
+    out = list(poses)
+    for why, question in asked.items():
+        index = [k for k, pose in enumerate(poses) if pose.why == why]
+        if index:
+            duels = _duels(finding, question, samples_of_poses(finding, [out[k] for k in index]))
+            for row in range(len(index)):
+                for duel in duels:
+                    duel.take(row)
+            for k in index:
+                out[k] = replace(out[k], separations=_separations(duels))
+    return tuple(out)
+
+
+def samples_of_poses(finding: Finding, poses: Sequence[NextPose]) -> Samples:
+    """Return readings to come as rows."""
+    samples = finding.problem.samples
+    n = len(poses)
+    columns: dict[str, FloatArray] = {}
+    for name in ("wrench", "direction"):
+        if samples.has(name):
+            columns[name] = np.array([getattr(pose, name) for pose in poses])
+    if samples.qd is not None:
+        columns["qd"] = np.array([np.zeros(6) if p.qd is None else p.qd for p in poses])
+    if samples.temperature is not None:
+        last = float(samples.temperature[-1])
+        now = [last if p.temperature is None else p.temperature for p in poses]
+        columns["temperature"] = np.array(now)
+    if samples.time is not None:
+        columns["time"] = np.full(n, float(samples.time.max()) + _LATER)
+    return make_samples(samples.arm, np.array([pose.q for pose in poses]), **columns)
+
+
+def _separations(duels: list[_Duel]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for duel in duels:
+        found[duel.true] = min(found.get(duel.true, np.inf), float(np.sqrt(duel.square)))
+    return found
+
+
+def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
+    """Return the poses with the largest unexplained rest, one a cluster, to be measured again.
+
+    Where the rest follows the approach, or nobody logged it, from both sides: play in the gears is
+    then seen at once.
+    """
+    problem = finding.problem
+    size = np.linalg.norm(finding.residual, axis=1) * finding.kept
+    _, first = np.unique(problem.split.cluster[np.argsort(-size, kind="stable")], return_index=True)
+    order = np.argsort(-size, kind="stable")[np.sort(first)]
+    rows = problem.samples.rows(order)
+    clear = [test.name for test in finding.tests if test.p_value < 1e-3]
+    vary = next((name for name in clear if name not in _OF_THE_POSE), "")
+    what = f"vary only {vary}" if vary else "and poses around it"
+    sides: list[tuple[float | None, str]] = [(None, what)]
+    if vary == "approach" or not rows.has("direction"):
+        sides = [(side, f"from both sides: approach {side:+.0f}") for side in (1.0, -1.0)]
+    good = np.ones(len(rows), dtype=bool)
+    for side, _ in sides:
+        good &= reach.allows(rows, _from(rows, side) - 0.0)
+    rows = rows.rows(np.flatnonzero(good)[:_FEWEST])
+    found = []
+    for side, what in sides:
+        moved = rows if side is None else _approached(rows, side)
+        moved = moved if vary == "temperature" else _as_it_is(moved)
+        found += _poses(finding, moved, f"largest unexplained rest; measure again, {what}")
+    return [pose for k in range(len(rows)) for pose in found[k :: len(rows)]]
+
+
+def _from(rows: Samples, side: float | None) -> FloatArray:
+    direction = rows.direction if side is None else np.full(rows.q.shape, side)
+    return rows.q if direction is None else np.asarray(rows.q - APPROACH * direction)
+
+
+def _approached(rows: Samples, side: float) -> Samples:
+    return replace(rows, direction=np.full(rows.q.shape, side))
+
+
+def _as_it_is(rows: Samples) -> Samples:
+    """Return rows to be measured at whatever temperature the arm has."""
+    if rows.temperature is None:
+        return rows
+    return replace(rows, temperature=np.full(len(rows), rows.temperature[-1]))
+
+
+def _far(block: Block, pool: Samples) -> FloatArray:
+    effect = block.effect
+    ratio = block.typical / np.array(
+        [p.typical for p in effect.parameters(pool.arm, block.setting)]
+    )
+    return np.asarray(block_of(effect, pool, block.setting).X * ratio)
+
+
+def candidates(finding: Finding, names: tuple[str, ...], reach: Reach) -> Samples:
+    """Return poses within the measured joint ranges widened by a third that can be taken.
+
+    Loads and sides are drawn from those measured; speed and temperature only where the effects in
+    question need them.
+    """
+    samples = finding.problem.samples
+    kin = samples.arm.kinematics
+    rng = np.random.default_rng(_SEED)
+    low, high = samples.q.min(axis=0), samples.q.max(axis=0)
+    wide = 0.33 * (high - low) + 40.0 * DEG
+    low, high = np.maximum(low - wide, kin.q_min), np.minimum(high + wide, kin.q_max)
+    q = np.round(rng.uniform(low, high, (_DRAWN, 6)) / DEG, 5) * DEG
+    pool = make_samples(samples.arm, q, **_conditions(samples, names, rng))
+    inside = np.all(
+        (pool.point >= samples.point.min(axis=0) - [_ROOM, _ROOM, 0.0])
+        & (pool.point <= samples.point.max(axis=0) + _ROOM),
+        axis=1,
+    )
+    pool = pool.rows(np.flatnonzero(inside)[:_CANDIDATES])
+    return pool.rows(np.flatnonzero(reach.allows(pool, _from(pool, None))))
+
+
+def _conditions(
+    samples: Samples, names: tuple[str, ...], rng: np.random.Generator
+) -> dict[str, FloatArray]:
+    needs = {column for name in names for column in dict(REGISTRY)[name].needs}
+    n = len(samples)
+    drawn: dict[str, FloatArray] = {}
+    if samples.direction is not None:
+        drawn["direction"] = samples.direction[rng.integers(0, n, _DRAWN)]
+    if samples.wrench is not None:
+        loads = _loads(samples.wrench)
+        drawn["wrench"] = loads[rng.integers(0, len(loads), _DRAWN)]
+    if samples.qd is not None:
+        row = rng.integers(0, n, _DRAWN)
+        drawn["qd"] = samples.qd[row] if "qd" in needs else np.zeros((_DRAWN, 6))
+    if samples.temperature is not None:
+        row = rng.integers(0, n, _DRAWN) if "temperature" in needs else np.full(_DRAWN, -1)
+        drawn["temperature"] = samples.temperature[row]
+    if samples.time is not None:
+        drawn["time"] = np.full(_DRAWN, float(samples.time.max()) + _LATER)
+    return drawn
+
+
+def _loads(wrench: FloatArray) -> FloatArray:
+    """Return a few loads that differ most among those measured: each has to be put on by hand."""
+    distinct = np.unique(np.round(wrench, 3), axis=0)
+    chosen = [int(np.argmin(np.linalg.norm(distinct, axis=1)))]
+    while len(chosen) < min(_LOADS, len(distinct)):
+        gap = np.linalg.norm(distinct[:, None] - distinct[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(gap)))
+    return np.asarray(distinct[chosen])
+
+
+def _poses(
+    finding: Finding, rows: Samples, why: str, separations: Mapping[str, float] | None = None
+) -> list[NextPose]:
+    problem = finding.problem
+    T_measured_robroot = rigid(problem.measured, np.asarray(problem.measurements.position))
+    expected = apply(T_measured_robroot, evaluate(rows, finding.fit.states)[0])
+
+    def of(name: str, row: int) -> Any:  # noqa: ANN401 - a row, a number or None
+        return getattr(rows, name)[row] if rows.has(name) else None
+
+    found = []
+    varied = rows.temperature is not None and float(np.ptp(rows.temperature)) > 0.0
+    for row in range(len(rows)):
+        qd, temperature = of("qd", row), of("temperature", row) if varied else None
+        found.append(
+            NextPose(
+                q=rows.q[row],
+                why=why,
+                expected=expected[row],
+                wrench=of("wrench", row),
+                direction=of("direction", row),
+                temperature=None if temperature is None else float(temperature),
+                qd=qd if qd is not None and bool(np.any(qd)) else None,
+                separations=separations or {},
+            )
+        )
+    return found

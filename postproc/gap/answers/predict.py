@@ -1,0 +1,77 @@
+"""Tool points that a model expects for the rows of a measurement file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
+from postproc.gap.data.dataset import samples_of
+from postproc.gap.fit.load_place import register_loaded
+from postproc.gap.robot_model import RobotModel, evaluate
+from postproc.geometry.frames import apply
+from postproc.kinematics.model import Kinematics
+from postproc.measurement.rows import MeasurementSet
+from postproc.model.modelfile import ModelFile
+from postproc.units import MM
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """points (n, 3) [m] in the frame of the measurement; effects left out; rms misfit [m]."""
+
+    points: FloatArray
+    missing: tuple[str, ...]
+    rms: float
+
+    def csv(self, ids: Sequence[str]) -> bytes:
+        """Return ``id,x_mm,y_mm,z_mm``."""
+        lines = ["id,x_mm,y_mm,z_mm"]
+        for name, point in zip(ids, self.points / MM, strict=True):
+            x, y, z = (f"{value:.6f}" for value in point)
+            lines.append(f"{_quoted(name)},{x},{y},{z}")
+        return ("\n".join(lines) + "\n").encode()
+
+
+def predict(
+    measurements: MeasurementSet,
+    kinematics: Kinematics,
+    cell: Cell,
+    model: ModelFile | None = None,
+    registered: bool = False,
+) -> Prediction:
+    """Return what the model expects at the rows of a measurement file.
+
+    Args:
+        measurements: commanded joints and conditions; the measured points serve the registration.
+        kinematics: of the cell's robot.
+        cell: with its tool.
+        model: effects, and a registration that the answer is then given in.
+        registered: fit the registration anew on these rows.
+
+    Raises:
+        DataError: GAP002, GAP003, MOD004 to MOD006.
+    """
+    measured = np.asarray(measurements.position)
+    fixed = model.registration if model is not None else None
+    if registered:
+        robot = RobotModel.of(kinematics, cell, model)
+        samples = samples_of(robot.arm, measurements)
+        fixed = register_loaded(samples, measured, robot.usable(samples))
+        effects = model.effects if model is not None else {}
+        text = model.text if model is not None else None
+        model = ModelFile(effects, fixed, text=text)
+    robot = RobotModel.of(kinematics, cell, model, measured_point=fixed is not None)
+    samples = samples_of(robot.arm, measurements)
+    points = evaluate(samples, robot.usable(samples))[0]
+    if fixed is not None:
+        points = apply(fixed.T_measured_robroot, points)
+    rms = float(np.sqrt(np.mean(np.sum((measured - points) ** 2, axis=1))))
+    return Prediction(points, robot.missing(samples), rms)
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if "," in name or '"' in name else name

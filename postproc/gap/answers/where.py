@@ -1,0 +1,154 @@
+"""Where the gap lies: by joint, by cell of the workspace, by direction, by condition."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.gap.answers.diagnose import Finding
+from postproc.gap.data.dataset import Samples
+from postproc.gap.robot_model import effect_of, evaluate
+from postproc.units import MM
+
+_CELLS = 3
+"""Cells along the longest side of the measured box."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """What one adopted effect moves: name, points (n, 3) [m], turn of the joints (n, 6) [rad]."""
+
+    name: str
+    moved: FloatArray
+    turn: FloatArray
+
+
+def parts(finding: Finding) -> tuple[Part, ...]:
+    """Return what each adopted effect moves, alone, on top of the given model."""
+    samples, given = finding.problem.samples, finding.problem.given
+    start, rest = evaluate(samples, given)
+    found = []
+    for name in finding.adopted:
+        states = dict(given) | {name: finding.fit.states[name]}
+        point, actual = evaluate(samples, states)
+        found.append(Part(name, point - start, actual.q - rest.q))
+    return tuple(found)
+
+
+def where(finding: Finding) -> dict[str, Any]:
+    """Return the ``where`` of the diagnosis, file units."""
+    own = parts(finding)
+    kept = finding.kept
+    gap = finding.problem.measured - baseline(finding)
+    explained = sum((p.moved for p in own), np.zeros_like(gap))
+    subject = explained if own else gap
+    return {
+        "joints": _joints(finding.problem.samples, own, subject, kept),
+        "cells": _cells(finding.problem.measured[kept], np.linalg.norm(gap, axis=1)[kept]),
+        "direction": _direction(finding.problem.samples, subject[kept], kept),
+        "conditions": _conditions(finding, own, gap[kept]),
+    }
+
+
+def baseline(finding: Finding) -> FloatArray:
+    """Return (n, 3) the simulated points [m]: given model, and the registration if asked for."""
+    problem = finding.problem
+    if problem.registration is None:
+        return problem.measured - problem.gap
+    return finding.baseline
+
+
+def _joints(
+    samples: Samples, own: tuple[Part, ...], subject: FloatArray, kept: BoolArray
+) -> list[dict[str, Any]]:
+    """Return the share of each joint: by its own turns, else by projection on the Jacobian."""
+    J = samples.jacobian[kept]
+    turning = [p for p in own if bool(np.any(p.turn))]
+    if turning:
+        turn = sum((p.turn for p in turning), np.zeros_like(turning[0].turn))[kept]
+    else:
+        damp = 1e-2 * float(np.mean(np.einsum("nij,nij->n", J, J)))
+        A = J @ np.swapaxes(J, 1, 2) + damp * np.eye(3)
+        turn = np.einsum("nij,ni->nj", J, np.linalg.solve(A, subject[kept][:, :, None])[:, :, 0])
+    energy = np.sum((J * turn[:, None, :]) ** 2, axis=(0, 1))
+    total = float(energy.sum())
+    share = energy / total if total > 0 else energy
+    order = np.argsort(-share, kind="stable")
+    return [{"joint": int(i) + 1, "share": round(float(share[i]), 4)} for i in order]
+
+
+def _cells(points: FloatArray, size: FloatArray) -> list[dict[str, Any]]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    edge = max(float(np.max(high - low)) / _CELLS, MM)
+    counts = np.maximum(np.ceil((high - low) / edge - 1e-9), 1).astype(int)
+    step = np.maximum((high - low) / counts, MM)
+    index = np.minimum(((points - low) / step).astype(int), counts - 1)
+    found = []
+    for cell in np.unique(index, axis=0):
+        inside = np.all(index == cell, axis=1)
+        corner = low + cell * step
+        found.append(
+            {
+                "min_mm": np.round(corner / MM, 3).tolist(),
+                "max_mm": np.round((corner + step) / MM, 3).tolist(),
+                "n": int(inside.sum()),
+                "rms_mm": round(float(np.sqrt(np.mean(size[inside] ** 2))) / MM, 5),
+            }
+        )
+    return sorted(found, key=lambda c: (-c["rms_mm"], c["min_mm"]))
+
+
+def _direction(samples: Samples, subject: FloatArray, kept: BoolArray) -> dict[str, Any]:
+    """Return the axis along which most of the gap lies, and the share along the flange axis."""
+    total = float(np.sum(subject**2))
+    if total <= 0.0:
+        return {"axis": [0.0, 0.0, 1.0], "share": 0.0, "flange_axis_share": 0.0}
+    _, s, vt = np.linalg.svd(subject, full_matrices=False)
+    axis = vt[0]
+    mean = subject.mean(axis=0) @ axis
+    lead = mean if abs(mean) > 1e-12 else axis[int(np.argmax(np.abs(axis)))]
+    axis = axis * np.sign(lead)
+    _, _, R = samples.arm.link_constants()
+    along = samples.frames[kept, 6, :3, :3] @ R[:, 2]
+    share = float(np.sum(np.einsum("ni,ni->n", along, subject) ** 2)) / total
+    return {
+        "axis": np.round(axis, 4).tolist(),
+        "share": round(float(s[0] ** 2) / total, 4),
+        "flange_axis_share": round(share, 4),
+    }
+
+
+def _conditions(finding: Finding, own: tuple[Part, ...], gap: FloatArray) -> list[dict[str, Any]]:
+    """Return the share of the gap's square that each condition brings, strongest first."""
+    total = float(np.sum(gap**2)) or 1.0
+    share: dict[str, float] = {}
+    kept = finding.kept
+    for part in own:
+        energy = float(np.sum(part.moved[kept] ** 2)) / total
+        for name, weight in _weights(finding.problem.samples, part, kept).items():
+            share[name] = max(share.get(name, 0.0), energy * weight)
+    rows = max(int(kept.sum()), 1)
+    for test in finding.tests:
+        if test.p_value < 1e-4:
+            left = test.rms**2 * rows / total
+            share[test.name] = max(share.get(test.name, 0.0), left)
+    ranked = sorted(share.items(), key=lambda item: (-item[1], item[0]))
+    return [{"name": name, "share": round(min(value, 1.0), 4)} for name, value in ranked]
+
+
+def _weights(samples: Samples, part: Part, kept: BoolArray) -> dict[str, float]:
+    """Return the conditions of an effect; joints by how much enters at each."""
+    found: dict[str, float] = {}
+    energy = np.sum((samples.jacobian[kept] * part.turn[kept][:, None, :]) ** 2, axis=(0, 1))
+    share = energy / energy.sum() if energy.sum() > 0 else energy
+    for name in effect_of(part.name).conditions:
+        if name in ("joint angle", "pose"):
+            found |= {f"q{i + 1}": float(share[i]) for i in range(6) if share[i] > 0.02}
+        elif name in ("q2", "q3") and share.sum() > 0:
+            found[name] = float(share[int(name[1]) - 1])
+        else:
+            found[name] = 1.0
+    return found

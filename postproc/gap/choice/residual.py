@@ -1,0 +1,197 @@
+"""What is left after the fit: is it noise, and if not, what does it depend on.
+
+Every test asks whether the residual follows smooth functions of one column, as a shift in space
+or as a turn of a joint, and compares with the same residual dealt out to the rows at random.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.gap.data.dataset import Rows, Samples
+from postproc.gap.fit.waves import Context
+
+_DEALS = 199
+_SEED = 7
+
+
+@dataclass(frozen=True, slots=True)
+class Dependence:
+    """One test: name of the condition, p-value, and how much of the residual follows it [m].
+
+    ``rms`` is the 3D root mean square of the part that follows the condition beyond chance.
+    """
+
+    name: str
+    p_value: float
+    rms: float
+
+
+def dependences(
+    samples: Samples,
+    residual: FloatArray,
+    weight: FloatArray,
+    context: Context,
+) -> tuple[Dependence, ...]:
+    """Return the tests of every condition, clearest first.
+
+    Args:
+        samples: rows.
+        residual: (n, 3) [m] of the final fit.
+        weight: (n,) 1/sigma [1/m], 0 for rows left out.
+        context: blocks of the fit; what they can imitate is taken out of the test functions.
+    """
+    use = weight > 0
+    rng = np.random.default_rng(_SEED)
+    deals = [rng.permutation(int(use.sum())) for _ in range(_DEALS)]
+    found = []
+    for name, functions in conditions(samples).items():
+        test = _test(samples, residual, weight, context, functions, deals)
+        if test is not None:
+            found.append(Dependence(name, *test))
+    found.append(_neighbours(samples, residual, use, deals))
+    return tuple(sorted(found, key=lambda d: (d.p_value, -d.rms, d.name)))
+
+
+def conditions(samples: Samples) -> Mapping[str, FloatArray]:
+    """Return functions (n, k, 3 or 6-joint form) of every logged condition by name.
+
+    A condition gives (n, k) smooth functions; per-joint columns give one function a joint.
+    """
+    found: dict[str, FloatArray] = {}
+    for i in range(6):
+        q = samples.q[:, i]
+        if np.ptp(q) > 1e-6:
+            found[f"q{i + 1}"] = np.column_stack(
+                [np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q)]
+            )
+    place = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
+    found["position"] = np.column_stack([place, place**2, place[:, :1] * place[:, 1:]])
+    if samples.direction is not None and np.any(samples.direction):
+        found["approach"] = samples.direction
+    if samples.qd is not None and np.any(samples.qd):
+        found["speed"] = samples.qd / np.std(samples.qd)
+    if samples.wrench is not None and np.any(samples.wrench):
+        force = samples.wrench[:, :3]
+        size = np.linalg.norm(force, axis=1, keepdims=True)
+        scale = np.std(force) + 1e-9
+        found["load"] = np.column_stack([force, force * size / scale, size]) / scale
+    for name, values in (("time", samples.time), ("temperature", samples.temperature)):
+        if values is not None and np.ptp(values) > 0:
+            found[name] = _polynomials(values)
+    for name, values in samples.extra.items():
+        functions = _extra(values)
+        if functions is not None:
+            found[name] = functions
+    return found
+
+
+def _polynomials(values: FloatArray, degree: int = 3) -> FloatArray:
+    ranks = np.argsort(np.argsort(values)) / max(len(values) - 1, 1)
+    scaled = (values - np.min(values)) / np.ptp(values)
+    x = 2.0 * (0.5 * scaled + 0.5 * ranks) - 1.0
+    return np.asarray(np.polynomial.legendre.legvander(x, degree)[:, 1:], dtype=np.float64)
+
+
+def _extra(values: Any) -> FloatArray | None:  # noqa: ANN401 - numbers or labels
+    array = np.asarray(values)
+    if array.dtype.kind in "fiu":
+        numbers = array.astype(np.float64)
+        seen = np.isfinite(numbers)
+        if seen.sum() < 10 or np.ptp(numbers[seen]) == 0.0:
+            return None
+        return _polynomials(np.where(seen, numbers, np.median(numbers[seen])))
+    labels, index = np.unique(array, return_inverse=True)
+    if not 2 <= len(labels) <= min(12, len(array) // 8):
+        return None
+    functions = np.eye(len(labels))[index][:, 1:]
+    return np.asarray(functions - functions.mean(axis=0))
+
+
+def _test(
+    samples: Samples,
+    residual: FloatArray,
+    weight: FloatArray,
+    context: Context,
+    functions: FloatArray,
+    deals: Sequence[Rows],
+) -> tuple[float, float] | None:
+    use = weight > 0
+    Z = _columns(samples, functions, functions.shape[1] == 6 and _is_per_joint(samples, functions))
+    Z = context.clean((Z * weight[:, None, None]).reshape(-1, Z.shape[2]))
+    Z = Z.reshape(len(samples), 3, -1)[use].reshape(3 * int(use.sum()), -1)
+    u, s, _ = np.linalg.svd(Z, full_matrices=False)
+    u = u[:, s > 1e-6 * s[0]] if len(s) and s[0] > 0 else u[:, :0]
+    if u.shape[1] == 0 or u.shape[1] > 0.5 * len(u):
+        return None
+    rest = (residual * weight[:, None])[use]
+    seen = float(np.sum((u.T @ rest.ravel()) ** 2))
+    dealt = np.array([rest[deal].ravel() for deal in deals])
+    chance = np.sum((dealt @ u) ** 2, axis=1)
+    p = (1.0 + float(np.sum(chance >= seen))) / (len(deals) + 1.0)
+    p = min(p, _tail(seen, chance)) if p < 0.02 else p
+    excess = max(seen - float(np.mean(chance)), 0.0)
+    scale = float(np.median(weight[use]))
+    return p, float(np.sqrt(excess / use.sum()) / scale)
+
+
+def _is_per_joint(samples: Samples, functions: FloatArray) -> bool:
+    return samples.direction is functions or (
+        samples.qd is not None and functions.shape == samples.qd.shape
+    )
+
+
+def _tail(seen: float, chance: FloatArray) -> float:
+    """Return the tail probability beyond the dealt ones by a normal law of the cube root."""
+    from math import erfc, sqrt
+
+    root = np.cbrt(chance)
+    z = (np.cbrt(seen) - float(root.mean())) / (float(root.std()) + 1e-12)
+    return max(0.5 * erfc(z / sqrt(2.0)), 1e-12)
+
+
+def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatArray:
+    """Return (n, 3, m): functions as shifts along x, y, z and as turns of each joint."""
+    J = samples.jacobian / (np.sqrt(np.mean(samples.jacobian**2)) + 1e-9)
+    if per_joint:
+        own = J * functions[:, None, :]
+        gravity = np.abs(np.sin(samples.q))
+        return np.concatenate([own, own * gravity[:, None, :]], axis=2)
+    n, k = functions.shape
+    shifts = np.einsum("ij,nk->nijk", np.eye(3), functions).reshape(n, 3, 3 * k)
+    turns = np.einsum("nij,nk->nijk", J, functions).reshape(n, 3, 6 * k)
+    return np.concatenate([shifts, turns], axis=2)
+
+
+def _neighbours(
+    samples: Samples, residual: FloatArray, use: BoolArray, deals: Sequence[Rows]
+) -> Dependence:
+    """Test whether neighbours in joint space have like residuals (as turns of joints)."""
+    rows = np.flatnonzero(use)
+    rest = residual[rows]
+    q = samples.q[rows]
+    feature = np.concatenate([np.cos(q), np.sin(q)], axis=1) * np.array([2, 2, 2, 1, 1, 0.3] * 2)
+    square = np.sum(feature**2, axis=1)
+    distance = square[:, None] + square - 2.0 * feature @ feature.T
+    np.fill_diagonal(distance, np.inf)
+    distance[distance < 1e-9] = np.inf
+    near = np.argsort(distance, axis=1)[:, :4]
+    mean = rest[near].mean(axis=1)
+    seen = float(np.sum(rest * mean))
+    chance = []
+    for deal in deals:
+        mixed = rest[deal]
+        chance.append(float(np.sum(mixed * mixed[near].mean(axis=1))))
+    z = (seen - np.mean(chance)) / (np.std(chance) + 1e-30)
+    from math import erfc, sqrt
+
+    return Dependence(
+        "neighbouring poses",
+        max(0.5 * erfc(float(z) / sqrt(2.0)), 1e-12),
+        float(np.sqrt(max(seen, 0.0) / len(rows))),
+    )

@@ -1,0 +1,132 @@
+"""Who else could it be: causes outside of the library, and twins inside of it."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.evidence import SMALLEST_SUSPECT, Evidence
+from postproc.gap.fit.select import CLEAR, Search, Subset
+
+TWIN = 15.0
+"""Nats by which the formulas of two known causes are not exact enough to decide."""
+SUSPECT_SHARE = 0.35
+"""Unique part of a suspect against a neighbour's, from which it takes the name away."""
+CHANGING_SHARE = 0.2
+"""The same where the suspect is only the part that changes of what the neighbour is the mean of."""
+_CHANGING = ("friction_windup",)
+_OF_POSE = (
+    "link_geometry",
+    "joint_offset",
+    "gravity_sag",
+    "payload_error",
+    "counterbalance",
+    "transmission_error",
+    "gear_coupling",
+)
+NEIGHBOURS: Mapping[str, tuple[str, ...]] = {
+    "friction_windup": ("backlash",),
+    "nonlinear_stiffness": ("joint_compliance", "variable_stiffness"),
+    "link_bending": ("joint_compliance", "variable_stiffness"),
+    "tool_bending": ("joint_compliance", "variable_stiffness"),
+    "leaning_base": (*_OF_POSE, "joint_compliance"),
+    "link_sag": ("gravity_sag", "payload_error", "counterbalance", "joint_offset"),
+    "measuring_scale": (*_OF_POSE, "thermal_drift"),
+    "outside_pull": _OF_POSE,
+    "fixture_give": ("joint_compliance", "variable_stiffness"),
+    "tracker_creep": ("thermal_drift", "link_geometry"),
+}
+"""What a cause outside of the library is mistaken for."""
+
+
+def shadowed(
+    bench: Bench,
+    keys: Subset,
+    suspects: Subset,
+    evidence: Mapping[str, Evidence],
+    refused: dict[str, str],
+) -> Subset:
+    """Return the keys without those that a suspect takes the name from."""
+    kept = []
+    for key in keys:
+        name = bench.block(key).name
+        rivals = [
+            s
+            for s in suspects
+            if name in NEIGHBOURS.get(s, ())
+            and evidence[s].unique > _share(s) * evidence[key].unique
+        ]
+        if rivals:
+            refused[name] = f"the rows follow {rivals[0]} more closely than this effect"
+        else:
+            kept.append(key)
+    return tuple(kept)
+
+
+def _share(suspect: str) -> float:
+    return CHANGING_SHARE if suspect in _CHANGING else SUSPECT_SHARE
+
+
+def doubtful(
+    bench: Bench,
+    keys: Subset,
+    suspects: Subset,
+    evidence: dict[str, Evidence],
+    refused: dict[str, str],
+) -> tuple[Subset, Subset, Subset]:
+    """Take the name from an effect that a cause outside of the library would replace as well.
+
+    Where another effect of the library would do so too, the name stands, in that set. Where the
+    effect is small, nothing is called in its place.
+
+    Returns:
+        keys that are named, suspects, and keys that stay without a name.
+    """
+    kept, called, silent = [], list(suspects), []
+    for key in keys:
+        name, item = bench.name(key), evidence[key]
+        rivals = [s for s in item.twins if name in NEIGHBOURS.get(s, ())]
+        if not rivals or not all(twin in NEIGHBOURS for twin in item.twins):
+            kept.append(key)
+            continue
+        refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"
+        if item.unique < SMALLEST_SUSPECT * bench.sigma:
+            silent.append(key)
+            continue
+        for rival in set(rivals) - set(called):
+            called.append(rival)
+            others = tuple(sorted({name, *item.twins} - {rival}))
+            evidence[rival] = replace(item, twins=others)
+    return tuple(kept), tuple(sorted(called)), tuple(silent)
+
+
+def twins(
+    bench: Bench, found: Search, best: Subset, key: str, barred: Collection[str]
+) -> tuple[str, ...]:
+    """Return the effects that would do as well in place of one: the set it belongs to.
+
+    In its place one or two others may stand, or one other in place of it and a second chosen one.
+    """
+    chosen = {bench.name(k) for k in best}
+    rest = tuple(k for k in best if k != key)
+    others = [
+        b.key
+        for b in bench.blocks
+        if b.key in found.names and b.name not in chosen and b.key not in barred
+    ]
+    here = found.score(best)
+    same: set[str] = set()
+    swaps: list[tuple[Subset, Subset]] = [((), (k,)) for k in others]
+    swaps += [((gone,), (k,)) for gone in rest for k in others]
+    swaps += [((), pair) for pair in itertools.combinations(others, 2)]
+    for gone, more in swaps:
+        names = {bench.name(k) for k in more}
+        if len(more) == 2 and (same & names or len(names) < 2):
+            continue
+        known = not any(bench.block(k).suspect for k in more)
+        least = here - (TWIN if known else CLEAR)
+        if found.score((*(k for k in rest if k not in gone), *more)) > least:
+            same |= names
+    return tuple(sorted(same))

@@ -1,0 +1,166 @@
+"""Fit of the choice, tests of what is left, and what may still be named in the light of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.gap.choice.choice import Choice
+from postproc.gap.choice.residual import Dependence, dependences
+from postproc.gap.choice.workbench import Prepared
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.evidence import COMPANION_GAIN, is_companion
+from postproc.gap.fit.fit import Fit, Free, fit
+from postproc.gap.fit.noise import MAD_OF_CHI3, Noise
+from postproc.gap.fit.problem import Problem
+from postproc.gap.fit.registration import FRAMES
+from postproc.gap.fit.waves import Context
+from postproc.gap.robot_model import evaluate
+
+STRUCTURE = 1.0
+"""Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
+INEXACT = 0.04
+"""The same against the largest effect: its formula is not exact, and that is no other cause."""
+GEOMETRY = (*FRAMES, "joint_offset", "link_geometry", "gravity_sag")
+_SURE = 1e-4
+_F_RATIO = 1.35
+"""Variance over that of the repeats from which the rest is more than noise, if significant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Settled:
+    """The choice that stands, its fit (suspects and dropped effects as nuisance), the tests.
+
+    residual: (n, 3) [m] of all rows against given model, adopted effects and registration;
+    structure: 3D rms [m] of what is left and not noise. Tests and structure let the effects in
+    that are too small to be named: they are no riddle.
+    """
+
+    choice: Choice
+    fit: Fit
+    residual: FloatArray
+    tests: tuple[Dependence, ...]
+    structure: float
+    outlier: BoolArray
+    nuisance: tuple[str, ...]
+
+
+def settle(problem: Problem, prepared: Prepared, bench: Bench, choice: Choice) -> Settled:
+    """Return what stands of a choice after its residual has been looked at."""
+    level, silent = prepared.noise, choice.silent
+    everything = (*choice.keys, *choice.suspects, *silent)
+    outlier = _faults(problem, bench, everything, prepared)
+    rows = problem.searchable & ~outlier
+    full = fitted(problem, bench, everything, level.sigma, rows)
+    tests, structure = _tested(
+        problem, bench, everything, problem.measured - full.point, level, outlier
+    )
+    kept = choice.keys
+    if structure > bearable(choice, level.sigma):
+        kept = tuple(k for k in kept if _stands_clear(bench, choice, k, structure))
+    gone = [k for k in choice.keys if k not in kept]
+    nuisance = choice.suspects
+    if gone or nuisance:
+        full = fitted(problem, bench, (*kept, *nuisance, *silent), level.sigma, rows)
+        rest = problem.measured - _point_without(problem, full, bench, nuisance)
+        tests, left = _tested(problem, bench, (*kept, *silent), rest, level, outlier)
+        structure = max(left, structure)
+        reasons = {bench.name(k): "what is left may be imitating it" for k in gone}
+        choice = replace(choice, keys=kept, refused=choice.refused | reasons)
+    if silent:
+        full = fitted(problem, bench, (*kept, *nuisance), level.sigma, rows)
+    residual = problem.measured - _point_without(problem, full, bench, nuisance)
+    return Settled(choice, full, residual, tests, structure, outlier, nuisance)
+
+
+def verdict(settled: Settled, sigma: float) -> str:
+    """Return ``explained``, ``no_gap`` or ``unexplained``."""
+    if settled.choice.suspects or settled.structure > bearable(settled.choice, sigma):
+        return "unexplained"
+    return "explained" if settled.choice.keys else "no_gap"
+
+
+def bearable(choice: Choice, sigma: float) -> float:
+    """Return the structured rest, 3D rms [m], up to which the adopted effects explain the gap."""
+    largest = max((choice.evidence[k].unique for k in choice.keys), default=0.0)
+    return max(STRUCTURE * sigma, INEXACT * largest)
+
+
+def fitted(
+    problem: Problem, bench: Bench, keys: Iterable[str], sigma: float, rows: BoolArray
+) -> Fit:
+    """Fit blocks on some rows (n,); the fitted points are those of all rows."""
+    index = np.flatnonzero(rows)
+    blocks = {b.key: b for b in bench.blocks}
+    free = {blocks[k].name: Free(blocks[k].setting) for k in keys}
+    for name in problem.always:
+        free[name] = Free(problem.settings[name], problem.widen(name))
+    weight = np.full(len(index), 1.0 / sigma)
+    part = problem.samples.rows(index)
+    result = fit(part, problem.measured[index], weight, problem.given, free)
+    return replace(result, point=evaluate(problem.samples, result.states)[0])
+
+
+def _point_without(
+    problem: Problem, full: Fit, bench: Bench, nuisance: tuple[str, ...]
+) -> FloatArray:
+    names = {bench.name(key) for key in nuisance}
+    states = {
+        name: problem.given.get(name, state)
+        for name, state in full.states.items()
+        if name not in names or name in problem.given
+    }
+    return evaluate(problem.samples, states)[0]
+
+
+def _faults(problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Prepared) -> BoolArray:
+    """Return (n,) rows that are measuring faults under the chosen model."""
+    rest, level = prepared.saturated, max(prepared.saturated.sigma, prepared.noise.sigma)
+    rows = problem.searchable.copy()
+    rows[np.flatnonzero(rows)[rest.outlier]] = False
+    result = fitted(problem, bench, keys, level, rows)
+    left = np.linalg.norm(problem.measured - result.point, axis=1)
+    usual = max(level, float(np.median(left[rows])) / MAD_OF_CHI3)
+    bad: BoolArray = np.asarray(left > 6.0 * usual)
+    return bad if bad.mean() <= 0.06 else np.asarray(bad & (left > np.quantile(left, 0.94)))
+
+
+def _tested(
+    problem: Problem,
+    bench: Bench,
+    keys: tuple[str, ...],
+    residual: FloatArray,
+    level: Noise,
+    outlier: BoolArray,
+) -> tuple[tuple[Dependence, ...], float]:
+    index = np.flatnonzero(problem.searchable)
+    weight = np.where(outlier[index], 0.0, 1.0 / level.sigma)
+    base = [b for b in bench.blocks if b.key in (*keys, *bench.always)]
+    context = Context(base, bench.y, weight)
+    tests = dependences(bench.samples, residual[index], weight, context)
+    return tests, _structure(residual[index][weight > 0], tests, level)
+
+
+def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
+    """Return whether an effect is far larger than the structure that nothing explains."""
+    if is_companion(bench, choice.keys, key):
+        return choice.evidence[key].gain > COMPANION_GAIN
+    ratio = 0.5 if bench.name(key) in GEOMETRY else 2.0
+    return choice.evidence[key].unique > ratio * structure
+
+
+def _structure(residual: FloatArray, tests: tuple[Dependence, ...], level: Noise) -> float:
+    """Return the 3D rms [m] of what follows some condition or exceeds the repeats."""
+    limit = _SURE / max(len(tests), 1)
+    found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
+    if level.freedom:
+        from scipy.special import fdtrc
+
+        square = float(np.mean(residual**2))
+        ratio = square / level.sigma**2
+        if ratio > _F_RATIO and fdtrc(residual.size, level.freedom, ratio) < 1e-3:
+            found = max(found, float(np.sqrt(3.0 * (square - level.sigma**2))))
+    return found

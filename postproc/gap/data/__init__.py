@@ -1,0 +1,1 @@
+"""The rows of a campaign as the fit sees them, and the arm's model."""

@@ -1,0 +1,191 @@
+"""The rows of a campaign as the effects see them: columns, geometry, loads. SI, axes of robroot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import FloatArray
+from postproc.errors import DataError
+from postproc.gap.data.reference import ArmReference
+from postproc.geometry.frames import apply, inverse
+from postproc.kinematics.model import Kinematics
+from postproc.measurement.rows import MeasurementSet
+
+Rows = NDArray[np.bool_] | NDArray[np.signedinteger[Any]]
+"""Rows of a campaign: a mask (n,) or numbers of rows."""
+
+COLUMN_NAMES = {
+    "direction": tuple(f"dir{i}" for i in range(1, 7)),
+    "qd": tuple(f"qd{i}_deg_s" for i in range(1, 7)),
+    "wrench": ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"),
+    "time": ("time_s",),
+    "temperature": ("temp_C",),
+}
+"""Column of ``Samples`` to its names in the measurement file."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """The nominal arm with the point that is measured, and what is assumed of its inside.
+
+    ``p_flange_point`` (3,) [m]: tool centre point or reflector in the flange, what is measured;
+    ``p_flange_load`` (3,) [m]: where the outside wrench acts, in the flange.
+    """
+
+    kinematics: Kinematics
+    p_flange_point: FloatArray
+    p_flange_load: FloatArray
+    reference: ArmReference
+
+    def link_constants(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what does not depend on the pose.
+
+        Returns:
+            next_origin (7, 3): origin of frame k+1 in frame k (the last: the measured point);
+            next_axis (6, 3): axis of joint k+1 in frame k; R_6_flange (3, 3).
+        """
+        frames, flange, axes = _geometry(self, np.zeros((1, 6)))
+        F = frames[0]
+        origins = np.zeros((7, 3))
+        next_axis = np.zeros((6, 3))
+        for k in range(6):
+            T_k_next = inverse(F[k]) @ F[k + 1]
+            origins[k] = T_k_next[:3, 3]
+            next_axis[k] = F[k, :3, :3].T @ axes[0, :, k]
+        T_6_flange = inverse(F[6]) @ flange[0]
+        origins[6] = apply(T_6_flange, self.p_flange_point)
+        return origins, next_axis, T_6_flange[:3, :3]
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """Rows with the geometry of the arm at ``q`` (n, 6) [rad]; a column not logged is None.
+
+    frames: (n, 7, 4, 4) robroot and links 1..6; axes: (n, 3, 6) joint axes; point: (n, 3)
+    nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; load_point: (n, 3) where the wrench
+    acts; wrench (n, 6) ON the tool there [N, N*m]; temperature in degrees Celsius.
+    """
+
+    arm: Arm
+    q: FloatArray
+    frames: FloatArray
+    axes: FloatArray
+    point: FloatArray
+    load_point: FloatArray
+    direction: FloatArray | None = None
+    qd: FloatArray | None = None
+    wrench: FloatArray | None = None
+    time: FloatArray | None = None
+    temperature: FloatArray | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.q)
+
+    @property
+    def jacobian(self) -> FloatArray:
+        """(n, 3, 6) motion of the point per joint angle [m/rad]."""
+        return self._motion_of(self.point)
+
+    def has(self, name: str) -> bool:
+        """Return whether a column was logged."""
+        return getattr(self, name) is not None
+
+    def column(self, name: str) -> FloatArray:
+        """Return a logged column.
+
+        Raises:
+            DataError: GAP001 if it was not logged.
+        """
+        values: FloatArray | None = getattr(self, name)
+        if values is None:
+            raise DataError("GAP001", f"needs the columns {', '.join(COLUMN_NAMES[name])}")
+        return values
+
+    def at(self, q: FloatArray) -> Samples:
+        """Return the same rows in another pose."""
+        frames, flange, axes = _geometry(self.arm, q)
+        point, load = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_load))
+        return replace(self, q=q, frames=frames, axes=axes, point=point, load_point=load)
+
+    def rows(self, index: Rows) -> Samples:
+        """Return some of the rows."""
+        picked: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[index]
+            for name in ("q", "frames", "axes", "point", "load_point", *COLUMN_NAMES)
+        }
+        extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
+        return replace(self, **picked, extra=extra)
+
+    def shuffled(self, names: tuple[str, ...], order: Rows) -> Samples:
+        """Return the rows with some columns in another order."""
+        mixed: dict[str, Any] = {
+            name: None if getattr(self, name) is None else getattr(self, name)[order]
+            for name in names
+        }
+        return replace(self, **mixed)
+
+    def load_torque(self) -> FloatArray:
+        """Return (n, 6) the torque of the outside wrench on each joint [N*m].
+
+        The reflector that is measured may sit elsewhere than the load.
+        """
+        wrench = self.column("wrench")
+        force = np.einsum("nij,ni->nj", self._motion_of(self.load_point), wrench[:, :3])
+        moment = np.einsum("nij,ni->nj", self.axes, wrench[:, 3:])
+        return np.asarray(force + moment)
+
+    def _motion_of(self, point: FloatArray) -> FloatArray:
+        """Return (n, 3, 6) the motion of points (n, 3) of the tool per joint angle [m/rad]."""
+        arm = point[:, None, :] - self.frames[:, 1:, :3, 3]
+        return np.asarray(np.swapaxes(np.cross(np.swapaxes(self.axes, 1, 2), arm), 1, 2))
+
+    def weight_torque(self, points: FloatArray, link: int, gravity: FloatArray) -> FloatArray:
+        """Return (n, 6) the torque per kilogram of masses at ``points`` on the joints [N*m/kg].
+
+        Args:
+            points: (n, 3) centres of gravity, robroot [m].
+            link: 1..6, the link that carries the mass; joints beyond it feel nothing.
+            gravity: (3,) [m/s^2].
+        """
+        lever = points[:, None, :] - self.frames[:, 1:, :3, 3]
+        torque = np.einsum("nij,nji->nj", self.axes, np.cross(lever, gravity))
+        torque[:, link:] = 0.0
+        return np.asarray(torque)
+
+
+def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: ANN401
+    """Return samples at joint angles (n, 6) [rad] with the columns that were logged."""
+    q = np.asarray(q, dtype=np.float64)
+    frames, flange, axes = _geometry(arm, q)
+    point, load = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_load))
+    return Samples(arm, q, frames, axes, point, load, **columns)
+
+
+def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:
+    """Return the samples of a campaign."""
+    return make_samples(
+        arm,
+        measured.q,
+        direction=measured.direction,
+        qd=measured.qd,
+        wrench=measured.wrench,
+        time=measured.time,
+        temperature=measured.temperature,
+        extra=measured.extra,
+    )
+
+
+def _geometry(arm: Arm, q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return frames (n, 7, 4, 4), flange (n, 4, 4) and joint axes (n, 3, 6), robroot."""
+    kin = arm.kinematics
+    frames = np.asarray(kin.link_frames(q))
+    flange = np.asarray(kin.fk(q))
+    axes = np.asarray(kin.jacobian(q))[:, 3:, :]
+    return frames, flange, axes

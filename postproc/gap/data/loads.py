@@ -1,0 +1,44 @@
+"""Torques and moments that the arm carries: outside wrench and own weight, reference masses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Samples
+from postproc.geometry.frames import apply
+
+
+def weight_torque(samples: Samples) -> FloatArray:
+    """Return (n, 6) torque of the links' weight on the joints [N*m]."""
+    reference = samples.arm.reference
+    torque = np.zeros((len(samples), 6))
+    for link in range(1, 7):
+        com = apply(samples.frames[:, link], reference.link_com[link - 1])
+        per_kg = samples.weight_torque(com, link, reference.gravity)
+        torque += reference.link_mass[link - 1] * per_kg
+    return torque
+
+
+def carried_torque(samples: Samples) -> FloatArray:
+    """Return (n, 6) torque of weight and, where it was logged, of the outside wrench [N*m]."""
+    torque = weight_torque(samples)
+    return torque + samples.load_torque() if samples.has("wrench") else torque
+
+
+def load_moment(samples: Samples, at: FloatArray) -> FloatArray:
+    """Return (n, 3) moment of the outside wrench about points (n, 3), robroot [N*m]."""
+    wrench = samples.column("wrench")
+    return np.asarray(np.cross(samples.load_point - at, wrench[:, :3]) + wrench[:, 3:])
+
+
+def weight_moment(samples: Samples, at: FloatArray, links: Iterable[int]) -> FloatArray:
+    """Return (n, 3) moment about points (n, 3) of the weight of some links [N*m]."""
+    reference = samples.arm.reference
+    moment = np.zeros((len(samples), 3))
+    for link in links:
+        com = apply(samples.frames[:, link], reference.link_com[link - 1])
+        moment += np.cross(com - at, reference.link_mass[link - 1] * reference.gravity)
+    return moment

@@ -1,0 +1,100 @@
+"""Rows that are kept apart: sealed ones, opened once at the end, and folds for comparisons.
+
+Rows that belong together (repeats, neighbours in joint space, one group label) stay together,
+else a test row has its twin among the fitted ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.gap.data.dataset import Samples
+
+SEALED_SHARE = 0.25
+FOLDS = 8
+_SEED = 20220115
+"""Fixed: the same file gives the same split."""
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """sealed (n,) rows not looked at before the end; fold (n,) number of each row, 0..k-1."""
+
+    sealed: BoolArray
+    fold: IntArray
+    cluster: IntArray
+
+    @property
+    def folds(self) -> int:
+        """Number of folds."""
+        return int(self.fold.max()) + 1
+
+
+def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
+    """Return the split of a campaign.
+
+    Args:
+        samples: rows.
+        group: labels; with at least eight of them they are the units, else pose clusters are.
+    """
+    n = len(samples)
+    rng = np.random.default_rng(_SEED)
+    labels = _labels(group, n)
+    if labels is not None and FOLDS <= int(labels.max()) + 1 <= n // 2:
+        cluster = labels
+        fold = _dealt(cluster, FOLDS, rng)
+    else:
+        features = _features(samples)
+        cluster = _clusters(features, max(2, min(n // 5, 120)), rng)
+        fold = _clusters(features, min(FOLDS, max(2, n // 12)), rng)
+    return Split(_sealed(cluster, rng), fold, cluster)
+
+
+def _labels(group: tuple[str, ...] | None, n: int) -> IntArray | None:
+    if group is None or len(group) != n:
+        return None
+    return np.unique(np.array(group), return_inverse=True)[1].astype(np.int32)
+
+
+def _features(samples: Samples) -> FloatArray:
+    """Return the pose as place of the point and direction of the last links, scaled."""
+    place = samples.point / (np.std(samples.point, axis=0).max() + 1e-9)
+    turned = samples.frames[:, 6, :3, :2].reshape(len(samples), 6)
+    return np.concatenate([place, turned], axis=1)
+
+
+def _clusters(features: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Return k-means labels, 0..k-1 without gaps."""
+    n = len(features)
+    centres = features[rng.choice(n, min(count, n), replace=False)]
+    label = np.zeros(n, dtype=np.int32)
+    for _ in range(12):
+        square = (
+            np.sum(features**2, axis=1)[:, None]
+            - 2.0 * features @ centres.T
+            + np.sum(centres**2, axis=1)
+        )
+        label = np.argmin(square, axis=1).astype(np.int32)
+        for k in range(len(centres)):
+            if np.any(label == k):
+                centres[k] = features[label == k].mean(axis=0)
+    return np.unique(label, return_inverse=True)[1].astype(np.int32)
+
+
+def _sealed(cluster: IntArray, rng: np.random.Generator) -> BoolArray:
+    sealed = np.zeros(len(cluster), dtype=bool)
+    for k in rng.permutation(int(cluster.max()) + 1):
+        if sealed.mean() >= SEALED_SHARE:
+            break
+        sealed |= cluster == k
+    return sealed
+
+
+def _dealt(cluster: IntArray, folds: int, rng: np.random.Generator) -> IntArray:
+    order = rng.permutation(int(cluster.max()) + 1)
+    number = np.empty(len(order), dtype=np.int32)
+    number[order] = np.arange(len(order)) % folds
+    return np.asarray(number[cluster])

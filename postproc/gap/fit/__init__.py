@@ -1,0 +1,1 @@
+"""Fitting effects to rows: linear algebra, registration, noise, evidence."""

@@ -1,0 +1,164 @@
+"""The linearised gap: columns of every candidate, Gram matrices, evidence of a subset.
+
+Every column is scaled by the typical size of its parameter, so that the prior of each number is a
+standard normal, and by the noise. With G = X^T X and b = X^T y the log evidence of a subset S
+against "nothing" is 1/2 b^T (G + 1)^-1 b - 1/2 log det(G + 1): what it explains minus the price
+of its freedom. One Gram matrix serves all subsets and, part by part, all folds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.gap.data.dataset import Samples
+from postproc.gap.effect import Effect, Parameter, Setting
+from postproc.gap.robot_model import columns
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Columns of one candidate, (n, 3, p) in metres per typical size. ``key`` is its variant.
+
+    ``start`` (p,): the numbers that the given model has already, None for zero.
+    """
+
+    effect: Effect
+    setting: Setting
+    parameters: tuple[Parameter, ...]
+    X: FloatArray
+    key: str
+    start: FloatArray | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the effect; two blocks of one name are alternatives."""
+        return self.effect.name
+
+    @property
+    def suspect(self) -> bool:
+        """Whether it is only a resemblance, never a named cause."""
+        return self.effect.kind == "suspect"
+
+    @property
+    def typical(self) -> FloatArray:
+        """(p,) typical sizes."""
+        return np.array([p.typical for p in self.parameters])
+
+
+def block_of(
+    effect: Effect,
+    samples: Samples,
+    setting: Setting,
+    key: str = "",
+    widen: float = 1.0,
+    start: FloatArray | None = None,
+) -> Block:
+    """Return the columns of an effect at these samples; ``widen`` multiplies its prior."""
+    parameters = effect.parameters(samples.arm, setting)
+    typical = np.array([p.typical for p in parameters]) * widen
+    X = columns(samples, effect.basis(samples, setting)) * typical
+    if widen != 1.0:
+        parameters = tuple(
+            Parameter(p.name, p.typical * widen, p.lower, p.upper, p.joint) for p in parameters
+        )
+    return Block(effect, setting, parameters, X, key or effect.name, start)
+
+
+@dataclass(slots=True)
+class Gram:
+    """Normal equations of all blocks on some rows, in units of the noise.
+
+    ``b`` and ``total`` follow from the gap ``y`` (n, 3) [m]; ``slices`` finds a block's columns.
+    """
+
+    blocks: Sequence[Block]
+    G: FloatArray
+    b: FloatArray
+    total: float
+    rows: int
+    slices: dict[str, slice] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> Gram:
+        """Return the normal equations.
+
+        Args:
+            blocks: candidates.
+            y: (n, 3) gap [m].
+            weight: (n,) 1/sigma [1/m]; 0 leaves a row out.
+        """
+        n = len(y)
+        flat = (weight[:, None] * y).ravel()
+        X = np.concatenate([block.X for block in blocks], axis=2) * weight[:, None, None]
+        X = X.reshape(3 * n, -1)
+        slices, start = {}, 0
+        for block in blocks:
+            slices[block.key] = slice(start, start + block.X.shape[2])
+            start += block.X.shape[2]
+        rows = int(np.count_nonzero(weight))
+        return cls(blocks, X.T @ X, X.T @ flat, float(flat @ flat), rows, slices)
+
+    def minus(self, other: Gram) -> Gram:
+        """Return the normal equations without the rows of another."""
+        return Gram(
+            self.blocks,
+            self.G - other.G,
+            self.b - other.b,
+            self.total - other.total,
+            self.rows - other.rows,
+            self.slices,
+        )
+
+    def index(self, keys: Sequence[str]) -> IntArray:
+        """Return the columns of these blocks."""
+        if not keys:
+            return np.zeros(0, dtype=np.int32)
+        return np.concatenate([np.arange(s.start, s.stop) for s in (self.slices[k] for k in keys)])
+
+    def evidence(self, keys: Sequence[str]) -> float:
+        """Return the log evidence of a subset against nothing, in nats."""
+        if not keys:
+            return 0.0
+        i = self.index(keys)
+        L = np.linalg.cholesky(self.G[np.ix_(i, i)] + np.eye(len(i)))
+        z = np.linalg.solve(L, self.b[i])
+        return float(0.5 * z @ z - np.sum(np.log(np.diag(L))))
+
+    def solve(self, keys: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Return the most probable numbers (p,) in typical sizes and their covariance (p, p)."""
+        i = self.index(keys)
+        if len(i) == 0:
+            return np.zeros(0), np.zeros((0, 0))
+        covariance = np.linalg.inv(self.G[np.ix_(i, i)] + np.eye(len(i)))
+        return np.asarray(covariance @ self.b[i]), np.asarray(covariance)
+
+    def misfit(self, keys: Sequence[str], theta: FloatArray) -> float:
+        """Return the sum of squares that numbers leave on these rows, in noise units."""
+        i = self.index(keys)
+        if len(i) == 0:
+            return self.total
+        explained = float(2.0 * theta @ self.b[i] - theta @ self.G[np.ix_(i, i)] @ theta)
+        return max(self.total - explained, 0.0)
+
+    def left(self, keys: Sequence[str]) -> float:
+        """Return the sum of squares that a fitted subset leaves, in noise units."""
+        return self.misfit(keys, self.solve(keys)[0])
+
+    def freedom(self, keys: Sequence[str]) -> float:
+        """Return the effective number of fitted parameters."""
+        i = self.index(keys)
+        if len(i) == 0:
+            return 0.0
+        G = self.G[np.ix_(i, i)]
+        share = np.linalg.solve(G + np.eye(len(i)), G)
+        return float(np.sum(share.diagonal()))
+
+
+def predicted(blocks: Sequence[Block], theta: FloatArray) -> FloatArray:
+    """Return (n, 3) [m] of numbers (p,) in typical sizes."""
+    X = np.concatenate([block.X for block in blocks], axis=2)
+    return np.asarray(X @ theta)

@@ -1,0 +1,99 @@
+"""Where the loads of a registered campaign act: at the tool point, or at the reflector.
+
+The wrench of a measurement counts at the tool point of the cell. Where the reflector sits elsewhere
+and its place is unknown, "the tool point" of whoever filled in the file may as well be the point
+that was measured: a rope tied to the reflector's nest. The rows tell which, as soon as the joints
+give way by more than the noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.gap.data.dataset import Samples
+from postproc.gap.effect import REGISTRY
+from postproc.gap.fit.linear import Block, Gram, block_of, predicted
+from postproc.gap.fit.noise import MAD_OF_CHI3
+from postproc.gap.fit.registration import FRAMES, in_robroot, register
+from postproc.gap.robot_model import States, evaluate
+from postproc.model.modelfile import Registration
+
+NEAR = 5e-3
+"""A reflector within this [m] of the tool point makes no difference worth asking for."""
+SURE = 6.0
+"""Nats that the reflector has to be ahead: without proof it is the tool point."""
+_FAULT = 4.0
+_FINE, _LEAST = 1e-5, 1e-6
+"""Noise [m] that is assumed before there is an estimate, and the least that is believed."""
+
+
+def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Registration:
+    """Fit the measured frame, the measured point, and which of the two points carries the loads.
+
+    Args:
+        samples: rows; their arm's points are the start.
+        measured: (n, 3) points in the measured frame [m].
+        given: effects that the model has already; they stay.
+
+    Raises:
+        DataError: GAP003 if there are too few rows.
+    """
+    first = register(samples, measured, given)
+    place = first.p_flange_point
+    aside = float(np.linalg.norm(place - samples.arm.p_flange_load))
+    if samples.wrench is None or not bool(np.any(samples.wrench)) or aside < NEAR:
+        return first
+    at_point = _with_load_at(samples, place)
+    y = in_robroot(first, measured)
+    sides = [_library(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
+    left = [_left(blocks, gap) for blocks, gap in sides]
+    sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
+    sigma = min(float(np.median(size[sound])) for size in left) / MAD_OF_CHI3
+    weight = sound / max(sigma, _LEAST)
+    here, there = (_evidence(Gram.of(blocks, gap, weight)) for blocks, gap in sides)
+    if there < here + SURE:
+        return first
+    return replace(register(at_point, measured, given), loads_at_point=True)
+
+
+def _library(
+    samples: Samples, y: FloatArray, given: States
+) -> tuple[tuple[Block, ...], FloatArray]:
+    """Return the columns of all effects of the library, and the gap (n, 3) [m] of points ``y``."""
+    point, actual = evaluate(samples, given)
+    blocks = []
+    for name, effect in REGISTRY:
+        if effect.kind != "suspect" and all(samples.has(c) for c in effect.needs):
+            setting = given[name].setting if name in given else effect.prepare(samples)
+            blocks.append(block_of(effect, actual, setting))
+    return tuple(blocks), y - point
+
+
+def _left(blocks: Sequence[Block], gap: FloatArray) -> FloatArray:
+    """Return what the most probable numbers of everything leave of each row (n,) [m]."""
+    gram = Gram.of(blocks, gap, np.full(len(gap), 1.0 / _FINE))
+    theta = gram.solve([block.key for block in blocks])[0]
+    return np.asarray(np.linalg.norm(gap - predicted(blocks, theta), axis=1))
+
+
+def _evidence(gram: Gram) -> float:
+    """Return the log evidence [nats], of what is the simplest that will do.
+
+    The frames alone, with a give under the loads, or everything: a place that is right needs
+    little beside it, a wrong one much.
+    """
+    everything = [block.key for block in gram.blocks]
+    ladders = (FRAMES, (*FRAMES, "joint_compliance"), everything)
+    return max(gram.evidence(keys) for keys in ladders) - 0.5 * gram.total
+
+
+def _with_load_at(samples: Samples, place: FloatArray) -> Samples:
+    return replace(samples, arm=replace(samples.arm, p_flange_load=place)).at(samples.q)
+
+
+def _with_point_at(samples: Samples, place: FloatArray) -> Samples:
+    return replace(samples, arm=replace(samples.arm, p_flange_point=place)).at(samples.q)

@@ -1,0 +1,165 @@
+"""Which subset of effects: exhaustive up to a size, then by exchanges, judged by evidence."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.gap.fit.linear import Block, Gram
+
+PRIOR_LIBRARY = 3.0
+"""Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
+PRIOR_SUSPECT = 6.0
+"""Price of calling for a cause outside of the library."""
+CLEAR = 6.0
+"""Nats by which a model must beat another (odds 400 to 1)."""
+LARGEST = 10
+"""Blocks in a subset; data that call for more are not explained by the library."""
+_MERGES = 3
+Subset = tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Search:
+    """Subsets visited and their scores in nats (evidence minus the price of the names)."""
+
+    gram: Gram
+    always: Subset
+    names: dict[str, str]
+    price: dict[str, float]
+    scores: dict[Subset, float]
+
+    @property
+    def best(self) -> Subset:
+        """The subset of fewest effects among the most probable, always-on blocks left out."""
+        top = max(self.scores.values())
+        close = [s for s, score in self.scores.items() if score > top - CLEAR]
+        return min(close, key=lambda s: (len(s), -self.scores[s], s))
+
+    def score(self, subset: Iterable[str]) -> float:
+        """Return (and keep) the score of a subset."""
+        key = tuple(sorted(subset))
+        if key not in self.scores:
+            evidence = self.gram.evidence((*self.always, *key))
+            self.scores[key] = evidence - sum(self.price[k] for k in key)
+        return self.scores[key]
+
+    def knowing(self, block: Block) -> Search:
+        """Return the same search with one more block that it may score."""
+        price = PRIOR_SUSPECT if block.suspect else PRIOR_LIBRARY
+        return replace(
+            self,
+            scores=dict(self.scores),
+            names=self.names | {block.key: block.name},
+            price=self.price | {block.key: price},
+        )
+
+    def legal(self, subset: Iterable[str]) -> bool:
+        """Return whether no effect is there in two variants."""
+        names = [self.names[k] for k in subset]
+        return len(set(names)) == len(names)
+
+    def inclusion(self) -> dict[str, float]:
+        """Return the posterior probability of each effect over the subsets visited."""
+        keys = list(self.scores)
+        values = np.array([self.scores[k] for k in keys])
+        weight = np.exp(values - values.max())
+        weight /= weight.sum()
+        found = dict.fromkeys(self.names.values(), 0.0)
+        for subset, share in zip(keys, weight, strict=True):
+            for key in subset:
+                found[self.names[key]] += float(share)
+        return found
+
+
+def search(
+    gram: Gram, always: Sequence[str] = (), exhaustive: int = 3, barred: Iterable[str] = ()
+) -> Search:
+    """Score subsets of the candidates.
+
+    All subsets up to ``exhaustive`` blocks are scored; from the best of them one block is added,
+    dropped or exchanged for another as long as the score rises.
+
+    Args:
+        gram: normal equations of all blocks.
+        always: keys of blocks that are in every subset (registration).
+        exhaustive: largest size of which all subsets are tried.
+        barred: keys that may not be used.
+    """
+    out = set(always) | set(barred)
+    blocks = [block for block in gram.blocks if block.key not in out]
+    names = {block.key: block.name for block in blocks}
+    state = Search(gram, tuple(always), {}, {}, {})
+    for block in blocks:
+        state = state.knowing(block)
+    keys = sorted(names)
+    for size in range(exhaustive + 1):
+        for subset in itertools.combinations(keys, size):
+            if state.legal(subset):
+                state.score(subset)
+    starts = sorted(state.scores, key=lambda s: -state.scores[s])[:6]
+    starts += _best_of_size(state, range(1, exhaustive + 1))
+    for start in dict.fromkeys(starts):
+        _climb(state, start, keys)
+    for _ in range(_MERGES):
+        here = max(state.scores, key=lambda s: (state.scores[s], s))
+        around = [s for s in (*_merged(here, keys), *_parted(here, keys)) if state.legal(s)]
+        better = max(around, key=state.score, default=here)
+        if state.score(better) <= state.score(here) + 1e-9:
+            break
+        _climb(state, better, keys)
+    return state
+
+
+def _best_of_size(state: Search, sizes: Iterable[int]) -> list[Subset]:
+    found = []
+    for size in sizes:
+        of_size = [s for s in state.scores if len(s) == size]
+        if of_size:
+            found.append(max(of_size, key=lambda s: state.scores[s]))
+    return found
+
+
+def _climb(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -> Subset:
+    """Add, drop or exchange one block at a time while it helps; return where that ends."""
+    here = start
+    for _ in range(steps):
+        around = list(_neighbours(here, keys))
+        best = max((s for s in around if state.legal(s)), key=state.score, default=here)
+        if state.score(best) <= state.score(here) + 1e-9:
+            return here
+        here = best
+    return here
+
+
+def _neighbours(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    inside = set(subset)
+    outside = [key for key in keys if key not in inside]
+    for key in outside if len(subset) < LARGEST else ():
+        yield tuple(sorted(inside | {key}))
+    for gone in subset:
+        rest = inside - {gone}
+        yield tuple(sorted(rest))
+        for key in outside:
+            yield tuple(sorted(rest | {key}))
+
+
+def _merged(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    """Yield the subsets with one block in place of two: two can imitate what one explains."""
+    for pair in itertools.combinations(subset, 2):
+        rest = set(subset) - set(pair)
+        for key in keys:
+            if key not in subset:
+                yield tuple(sorted(rest | {key}))
+
+
+def _parted(subset: Subset, keys: Sequence[str]) -> Iterable[Subset]:
+    """Yield the subsets with two blocks in place of one: a wide one can imitate two causes."""
+    outside = [key for key in keys if key not in subset]
+    for gone in subset:
+        rest = set(subset) - {gone}
+        for pair in itertools.combinations(outside, 2):
+            yield tuple(sorted(rest | set(pair)))

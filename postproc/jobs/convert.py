@@ -1,0 +1,427 @@
+"""The main job: CAM toolpath in, checked program out.
+
+Nothing is written while one finding is an error, and the text that is written has been read back,
+run on the robot model and compared with the CAM path first.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.cell.cache import shared_cell
+from postproc.errors import CellError, DataError, EmitError, Issue, Severity, SourceRef, fold
+from postproc.units import MM, N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.cell.cell import Cell
+    from postproc.model.modelfile import ModelFile
+    from postproc.model.plan import Plan
+    from postproc.model.toolpath import ToolPath
+    from postproc.verification.report import Expectation, VerifyReport
+
+Progress = Callable[[int, int, str], None]
+
+REASONS = {
+    "PLN101": "unreachable",
+    "PLN102": "joint_limit",
+    "PLN103": "singular",
+    "PLN104": "collision",
+    "PLN105": "speed",
+    "PLN205": "speed",
+    "PLN206": "unreachable",
+}
+"""Finding code of a failing tag to the reason of the JSON document. A tag without a feed has no
+speed, one without a Cartesian target no place to reach. Findings about the whole program, and not
+about a tag, have the reason ``check``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertRequest:
+    """What to convert and how; None keeps the cell's or the file's own choice."""
+
+    source: str
+    cell: str
+    name: str | None = None
+    format: str = "auto"
+    dialect: str | None = None
+    units: str | None = None
+    columns: str | None = None
+    recover: bool = False
+    strategy: str | None = None
+    objective: str | None = None
+    model: str | None = None
+    pins: str | None = None
+    partial: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """A finished conversion: the plan, the program files by name, findings and times.
+
+    ``cell``: with the strategy and the objective of the call, and what a model knows of the arm.
+    ``expectation``: where the real tool and the commands are against the CAM points, None without
+    a model of the arm.
+    """
+
+    cell: Cell
+    toolpath: ToolPath
+    plan: Plan
+    files: Mapping[str, bytes]
+    name: str
+    issues: tuple[Issue, ...]
+    timing: Mapping[str, float] = field(default_factory=dict)
+    expectation: Expectation | None = None
+
+    @property
+    def good(self) -> bool:
+        """Whether every tag can be run and every check passed."""
+        return not any(issue.severity is Severity.ERROR for issue in self.issues)
+
+
+class _Clock:
+    """Seconds per stage, for the record; never part of a program."""
+
+    def __init__(self) -> None:
+        self.stages: dict[str, float] = {}
+        self._start = self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.stages[stage] = self.stages.get(stage, 0.0) + now - self._last
+        self._last = now
+
+    def total(self) -> dict[str, float]:
+        return {**self.stages, "total": time.perf_counter() - self._start}
+
+
+def convert(
+    request: ConvertRequest,
+    progress: Progress | None = None,
+    toolpath: ToolPath | None = None,
+) -> Conversion:
+    """Convert one CAM file; pure but for reading files.
+
+    Args:
+        request: input, cell and options.
+        progress: called with (done, total, what).
+        toolpath: a section of the input that was read before; None reads the input. A section's
+            program names no CAM lines: they move with every line that is added elsewhere.
+
+    Returns:
+        The conversion; ``files`` is empty when a tag fails (unless ``partial``) or a check fails.
+
+    Raises:
+        PostprocError: if the input, the cell or an option is wrong.
+    """
+    from postproc.planning.states.settings import PlanOptions, settle
+
+    clock = _Clock()
+    wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
+    cell = settle(shared_cell(request.cell), wishes)[0]
+    if toolpath is None:
+        toolpath = read_toolpath(request, cell)
+    else:
+        quiet = {**cell.krl.options, "cam_lines": False}
+        cell = replace(cell, krl=replace(cell.krl, options=quiet))
+    if request.pins:
+        cell = with_pins(cell, toolpath, request.pins)
+    model = None
+    if request.model:
+        from postproc.compensation.real_arm import cell_with_model
+        from postproc.model.modelfile import load_model
+
+        model = load_model(request.model)
+        cell = cell_with_model(cell, model)
+    clock.lap("read")
+    plan = make_plan(toolpath, cell, request, progress, model)
+    clock.lap("plan")
+    name, files, issues, checked = _emit_checked(plan, cell, request, clock, model)
+    expected = None if checked is None else checked.expectation
+    return Conversion(cell, toolpath, plan, files, name, issues, clock.total(), expected)
+
+
+def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
+    """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
+    from postproc.jobs.joint_targets import with_joint_targets
+    from postproc.readers.base import ReadOptions, read
+
+    options = ReadOptions(
+        units=request.units,
+        dialect=request.dialect,
+        columns=request.columns,
+        recover=request.recover,
+        tool_axis=tuple(float(v) for v in cell.tool.axis),
+        surface_normals=_surface_normals(cell),
+    )
+    toolpath = read(request.source, request.format, options)
+    if len(toolpath) == 0:
+        raise EmitError(
+            "CNV001",
+            "no motion in this file, expected at least one point",
+            SourceRef(request.source),
+        )
+    return with_joint_targets(toolpath, cell)
+
+
+def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
+    """Return the cell with the pins of a file added to its own; those of the file count first.
+
+    Raises:
+        DataError: as ``read_pins``; PIN007 if no tag has the name.
+        ReadError: as ``read_pins``.
+    """
+    from difflib import get_close_matches
+
+    from postproc.readers.csv.pins import read_pins
+
+    pins = read_pins(path)
+    names = {toolpath.tag_name(tag) for tag in range(len(toolpath))}
+    for pin in pins:
+        if pin.tag not in names:
+            near = get_close_matches(pin.tag, sorted(names), 1)
+            raise DataError(
+                "PIN007",
+                f"no tag of {toolpath.path} is named {pin.tag!r}",
+                pin.source,
+                hint=f"the nearest is {near[0]}" if near else "inspect --json counts the tags",
+            )
+    options = cell.optimize.options
+    own = options.get("pins", {})
+    merged = {**(own if isinstance(own, Mapping) else {}), **{p.tag: p.spin_deg for p in pins}}
+    return replace(cell, optimize=replace(cell.optimize, options={**options, "pins": merged}))
+
+
+def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
+    """Return a function points (n, 3) [m] in BASE -> normals (n, 3), None without a solid."""
+    if not cell.workpiece.meshes:
+        return None
+
+    def normals(points: Any) -> Any:  # noqa: ANN401 - arrays in, arrays out
+        from postproc.collision.scene import Scene
+        from postproc.kinematics.model import build
+
+        return Scene.shared(cell, build(cell.robot)).surface_normals(points)
+
+    return normals
+
+
+def make_plan(
+    toolpath: ToolPath,
+    cell: Cell,
+    request: ConvertRequest,
+    progress: Progress | None,
+    model: ModelFile | None = None,
+) -> Plan:
+    """Plan the toolpath and compensate it when a model is given."""
+    from postproc.planning.planner import plan as plan_toolpath
+    from postproc.planning.states.settings import PlanOptions
+
+    options = PlanOptions(partial=request.partial, name=request.name)
+    room = cell
+    if model is not None:
+        from postproc.compensation.compensate import with_room
+
+        room = with_room(cell)
+    result = plan_toolpath(toolpath, room, options, progress)
+    if model is not None and len(result) and (request.partial or not result.errors):
+        from postproc.compensation.compensate import compensate
+
+        result = compensate(result, cell, model)
+    return result
+
+
+def _emit_checked(
+    plan: Plan,
+    cell: Cell,
+    request: ConvertRequest,
+    clock: _Clock,
+    model: ModelFile | None,
+) -> tuple[str, dict[str, bytes], tuple[Issue, ...], VerifyReport | None]:
+    """Return program name, files, all findings and the check; no files when it fails."""
+    from postproc.emitters.kuka.emitter import emit, render_files
+    from postproc.krl.text.names import NameAllocator
+
+    findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
+    if len(plan) == 0 or (plan.errors and not request.partial):
+        return plan.name, {}, fold(findings), None
+    names = NameAllocator()
+    modules = emit(plan, cell, names=names)
+    findings += [
+        Issue(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
+        for wanted, got in names.changes
+    ]
+    files = render_files(modules)
+    clock.lap("emit")
+    name = modules[0].name
+    checks, report = check_text(files, name, cell, plan, model)
+    clock.lap("check")
+    findings += checks
+    if any(issue.severity is Severity.ERROR for issue in checks):
+        files = {}
+    return name, files, fold(findings), report
+
+
+def check_text(
+    files: Mapping[str, bytes],
+    name: str,
+    cell: Cell,
+    plan: Plan,
+    model: ModelFile | None = None,
+) -> tuple[list[Issue], VerifyReport]:
+    """Lint the program text, read it back, run it on the robot model, compare with the CAM path.
+
+    A compensated program is judged by where the real tool is expected. Collisions were proven by
+    the planner along the same motions and are not searched again.
+    """
+    from postproc.krl.lint import lint
+    from postproc.krl.text.parse import parse_files
+    from postproc.verification.verify import verify_modules
+
+    modules = parse_files(files)
+    findings = [i for i in lint(modules) if i.severity is not Severity.NOTE]
+    displacement = None
+    if plan.compensation is not None and model is not None:
+        from postproc.compensation.real_arm import displacement_of
+
+        displacement = displacement_of(cell, model)
+    report = verify_modules(
+        modules,
+        name,
+        cell,
+        toolpath=None if plan.errors else plan.toolpath,
+        collisions=False,
+        displacement=displacement,
+    )
+    excused = model is not None and _is_excused(cell, model, report)
+    for violation in report.violations:
+        if excused and violation.kind in ("position", "path"):
+            continue
+        findings.append(
+            Issue(
+                Severity.ERROR,
+                "CNV002",
+                f"the program text fails its check: {violation.kind}: {violation.detail}",
+                source=SourceRef(f"{name}.src", violation.line),
+                hint="this is a fault of postproc, not of the input; please report it",
+            )
+        )
+    left = [v for v in report.violations if v.kind in ("position", "path")]
+    if excused and left:
+        findings.append(
+            Issue(
+                Severity.WARNING,
+                "CMP006",
+                f"at {len(left)} places backlash or servo lag is left: {left[0].detail}",
+                source=SourceRef(left[0].file, left[0].line),
+                hint="lower the feed, or see verify --model for all of them",
+            )
+        )
+    return findings, report
+
+
+def _is_excused(cell: Cell, model: ModelFile, report: VerifyReport) -> bool:
+    """Return whether what the check finds may be the arm and not the text.
+
+    Effects that follow the motion change within a line, where no commanded point can answer. What
+    is left of them is small; more is a fault.
+    """
+    from postproc.compensation.compensate import LEFT_OF_MOTION
+    from postproc.compensation.real_arm import RealArm
+
+    expected = report.expectation
+    follows = RealArm.of(cell, model).follows_motion
+    return follows and expected is not None and expected.expected_max < LEFT_OF_MOTION
+
+
+def failures(conversion: Conversion) -> list[dict[str, Any]]:
+    """Return the failing tags as the JSON document lists them."""
+    rows = []
+    for issue in conversion.issues:
+        if issue.severity is not Severity.ERROR:
+            continue
+        row: dict[str, Any] = {
+            "tag": issue.tag_index,
+            "line": issue.source.line if issue.source else None,
+            "reason": REASONS.get(issue.code, "check"),
+            "detail": issue.message,
+            "code": issue.code,
+        }
+        if issue.hint:
+            row["hint"] = issue.hint
+        rows.append(row)
+    return rows
+
+
+def document(conversion: Conversion) -> dict[str, Any]:
+    """Return the ``postproc.convert/1`` document."""
+    from postproc.planning.checks.grade import grade_counts
+
+    plan = conversion.plan
+    return {
+        "schema": "postproc.convert/1",
+        "program": conversion.name,
+        "files": sorted(conversion.files),
+        "tags": len(conversion.toolpath),
+        "points": len(plan),
+        "failures": failures(conversion),
+        "grades": grade_counts(plan, conversion.cell),
+        "stiffness": _stiffness(conversion),
+        "compensation": _compensation(conversion),
+        "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
+        "warnings": [
+            {
+                "line": issue.source.line if issue.source else None,
+                "text": issue.message,
+                "code": issue.code,
+                "count": issue.count,
+            }
+            for issue in conversion.issues
+            if issue.severity is Severity.WARNING
+        ],
+        "timing_s": {stage: round(seconds, 4) for stage, seconds in conversion.timing.items()},
+    }
+
+
+def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
+    plan = conversion.plan
+    values = plan.stiffness[np.isfinite(plan.stiffness)]
+    if not len(values):
+        return None
+    initial = plan.stiffness_initial[np.isfinite(plan.stiffness_initial)]
+    objective = conversion.cell.optimize.objective
+    return {
+        "objective": objective if isinstance(objective, str) else dict(objective),
+        "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
+        "mean_N_per_mm": float(values.mean() / N_PER_MM),
+        "min_N_per_mm": float(values.min() / N_PER_MM),
+    }
+
+
+def _compensation(conversion: Conversion) -> dict[str, Any] | None:
+    shift = conversion.plan.compensation
+    if shift is None:
+        return None
+    largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
+    expected = conversion.expectation
+    return {
+        "note": conversion.plan.compensation_note,
+        "max_shift_mm": round(largest / MM, 6),
+        **({} if expected is None else expected.to_dict()),
+    }
+
+
+def output_paths(conversion: Conversion, folder: Path) -> dict[Path, bytes]:
+    """Return the program files by target path.
+
+    Raises:
+        CellError: CEL902 if the folder is the name of a file.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise CellError("CEL902", "the output is not a folder", SourceRef(str(folder)))
+    return {folder / name: content for name, content in conversion.files.items()}

@@ -1,0 +1,251 @@
+"""What to measure next as files: a table to fill in and a program that drives to the poses.
+
+The table reads like any measurement file once it is filled in: ``diagnose`` takes it together with
+the first one.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
+from postproc.errors import DataError, SourceRef
+from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.next_pose import NextPose, Reach
+from postproc.gap.answers.next_poses import next_poses, questions, reassessed
+from postproc.jobs import drive
+from postproc.jobs.ways import free_ways
+from postproc.kinematics.model import build
+from postproc.measurement.file import DIRECTION, EXPECTED, JOINTS, ORIENTATION, SPEED, WRENCH
+from postproc.measurement.rows import MeasurementSet
+from postproc.stiffness.sample.sampling import travel_order
+from postproc.units import DEG, MM
+
+NAME = "next_measurements"
+FIRST_LINE = 6
+"""Line of the first reading in the CSV, behind the remarks and the header."""
+_SPEED = 0.3
+_MOST_VIA = 80
+
+
+@dataclass(frozen=True, slots=True)
+class NextMeasurements:
+    """Poses in the order of driving.
+
+    q: (m, 6) all postures of the way [rad]; reads: (m,) number of the pose read there, else -1.
+    """
+
+    poses: tuple[NextPose, ...]
+    q: FloatArray
+    reads: tuple[int, ...]
+
+    @property
+    def by_hand(self) -> tuple[NextPose, ...]:
+        """Poses that are read in motion, which the program does not drive."""
+        return tuple(p for k, p in enumerate(self.poses) if k not in self.reads)
+
+
+def measure_next(finding: Finding, cell: Cell) -> NextMeasurements:
+    """Return what to measure next within the limits of a cell and free of collision.
+
+    Poses without any free way to the others are left out; the separations are those of the rest.
+    """
+    nothing = NextMeasurements((), np.zeros((0, 6)), ())
+    if finding.verdict != "unexplained" and not questions(finding):
+        return nothing
+    kinematics = build(cell.robot)
+    checks = drive.Checks.of(cell, kinematics)
+    limits = cell.limits
+    reach = Reach(limits.joint_margin, limits.singularity, checks.is_free, checks.are_free)
+    proposed = next_poses(finding, reach)
+    if not proposed:
+        return nothing
+    poses = [proposed[k] for k in _order(proposed, finding)]
+    still = [k for k, pose in enumerate(poses) if pose.qd is None]
+    via = _via(finding, reach, checks)
+    kept, q, reads = _way([poses[k] for k in still], checks, via)
+    lost = {still[k] for k in range(len(still)) if k not in kept}
+    number = {k: at for at, k in enumerate(k for k in range(len(poses)) if k not in lost)}
+    left = [pose for k, pose in enumerate(poses) if k not in lost]
+    left = [replace(pose, id=f"next{k + 1:02d}") for k, pose in enumerate(left)]
+    if lost:
+        left = list(reassessed(finding, left))
+    return NextMeasurements(tuple(left), q, tuple(-1 if k < 0 else number[still[k]] for k in reads))
+
+
+def _order(poses: Sequence[NextPose], finding: Finding) -> list[int]:
+    """Return the order of poses: one load after the other, the lightest first, on short tours."""
+    kinematics = finding.problem.samples.arm.kinematics
+    loads = np.array([np.zeros(6) if p.wrench is None else p.wrench for p in poses])
+    _, group = np.unique(np.round(loads, 3), axis=0, return_inverse=True)
+    weight = [float(np.linalg.norm(loads[group == g][0])) for g in range(int(group.max()) + 1)]
+    order: list[int] = []
+    for g in np.argsort(weight, kind="stable"):
+        member = np.flatnonzero(group == g)
+        q = np.array([poses[int(k)].q for k in member])
+        tour = travel_order(q, np.arange(len(q), dtype=np.int32), kinematics)
+        order += [int(k) for k in member[tour]]
+    return order
+
+
+def _via(finding: Finding, reach: Reach, checks: drive.Checks) -> FloatArray:
+    """Return measured postures that ways may go through."""
+    q = finding.problem.samples.q
+    q = np.round(q[:: max(1, len(q) // _MOST_VIA)] / DEG, 5) * DEG
+    kinematics = finding.problem.samples.arm.kinematics
+    q = q[kinematics.within_limits(q, reach.joint_margin)]
+    return q[checks.is_free(q)] if len(q) else q
+
+
+def _way(
+    poses: Sequence[NextPose], checks: drive.Checks, via: FloatArray
+) -> tuple[set[int], FloatArray, list[int]]:
+    """Return the poses that are reached, the postures of the way, and what is read at each."""
+    if not poses:
+        return set(), np.zeros((0, 6)), []
+    stops: list[FloatArray] = []
+    read: list[int] = []
+    for k, pose in enumerate(poses):
+        if _aside(pose):
+            stops.append(pose.before)
+            read.append(-1)
+        stops.append(pose.q)
+        read.append(k)
+    kept, nodes, way, _ = free_ways(np.array(stops), checks.are_free, via)
+    label = [read[int(k)] for k in kept]
+    reads = [label[k - 1] if k > 0 else -1 for k in way]
+    return set(label) - {-1}, nodes[np.abs(way) - 1], reads
+
+
+def _aside(pose: NextPose) -> bool:
+    return bool(np.any(pose.before != pose.q))
+
+
+def files(found: NextMeasurements, finding: Finding, cell: Cell) -> dict[str, bytes]:
+    """Return ``next_measurements.csv`` to fill in and the program; nothing if there is nothing."""
+    if not found.poses:
+        return {}
+    out = {f"{NAME}.csv": csv_text(found, finding.problem.measurements)}
+    if any(k >= 0 for k in found.reads):
+        out |= drive.program_files(drive_of(found, cell))
+    return out
+
+
+def keep_readings(folder: Path) -> None:
+    """Refuse to write over a table that somebody has begun to fill in.
+
+    Raises:
+        DataError: GAP005.
+    """
+    path = folder / f"{NAME}.csv"
+    if not path.is_file():
+        return
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    table = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
+    cells = list(csv.reader(line for _, line in table))
+    if not cells or "x_mm" not in cells[0]:
+        return
+    column = cells[0].index("x_mm")
+    for (number, _), row in zip(table[1:], cells[1:], strict=True):
+        if len(row) > column and row[column].strip():
+            raise DataError(
+                "GAP005",
+                "holds readings and would be overwritten by the next plan",
+                SourceRef(str(path), number),
+                hint="give another folder with -o, or move the file",
+            )
+
+
+def drive_of(found: NextMeasurements, cell: Cell) -> drive.Drive:
+    """Return the program: from the proposed side to each pose, a halt for the reading."""
+    reads = np.array([k >= 0 for k in found.reads])
+    order = [k for k in found.reads if k >= 0]
+    return drive.Drive(
+        name=NAME,
+        cell=cell,
+        q=found.q,
+        reads=reads,
+        names=tuple(found.poses[k].id for k in order),
+        line=np.array([k + FIRST_LINE for k in order], dtype=np.int32),
+        notes=_notes(found),
+        speed=_SPEED,
+        wait=0.0,
+        halt=True,
+        command="diagnose",
+    )
+
+
+def _notes(found: NextMeasurements) -> tuple[drive.Note, ...]:
+    """Return what has to be done before a pose: another load, another temperature."""
+    notes = []
+    last = (_load_text(None), "")
+    move = 0
+    for at, k in enumerate(found.reads):
+        if k < 0:
+            continue
+        pose = found.poses[k]
+        now = (_load_text(pose.wrench), _warm_text(pose.temperature))
+        if now != last:
+            todo = [text for text, old in zip(now, last, strict=True) if text and text != old]
+            notes.append(drive.Note(move, k + FIRST_LINE, "; ".join(todo), stop=True))
+        last, move = now, at + 1
+    return tuple(notes)
+
+
+def _load_text(wrench: FloatArray | None) -> str:
+    if wrench is None or not bool(np.any(wrench)):
+        return "take the load off"
+    text = f"put on load: {' '.join(f'{v:.0f}' for v in wrench[:3])} N"
+    if bool(np.any(wrench[3:])):
+        text += f", {' '.join(f'{v:.1f}' for v in wrench[3:])} Nm"
+    return text
+
+
+def _warm_text(temperature: float | None) -> str:
+    return "" if temperature is None else f"arm at about {temperature:.0f} degC"
+
+
+def csv_text(found: NextMeasurements, measured: MeasurementSet) -> bytes:
+    """Return the table to fill in, with the columns of the first campaign."""
+    rows = [_cells(pose, measured) for pose in found.poses]
+    lines = [
+        "# fill in x_mm, y_mm, z_mm (and the other empty columns) as in the first measurement;",
+        "# delete rows that cannot be taken; then: diagnose FIRST.csv next_measurements.csv",
+        "# expected_*: where the model expects the point, same frame as x_mm; nothing is measured",
+        "# q, dir, loads are what to drive; correct them if something else was done",
+        ",".join(rows[0]),
+        *(",".join(row.values()) for row in rows),
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _cells(pose: NextPose, measured: MeasurementSet) -> dict[str, str]:
+    row = {"id": pose.id}
+    if measured.group is not None:
+        row["group"] = "next"
+    row |= _filled(JOINTS, pose.q / DEG, 5)
+    row |= dict.fromkeys(("x_mm", "y_mm", "z_mm"), "")
+    if measured.abc is not None:
+        row |= dict.fromkeys(ORIENTATION, "")
+    if pose.direction is not None:
+        row |= _filled(DIRECTION, pose.direction, 0)
+    if pose.wrench is not None:
+        row |= _filled(WRENCH, pose.wrench, 3)
+    if measured.qd is not None:
+        row |= _filled(SPEED, np.zeros(6) if pose.qd is None else pose.qd / DEG, 4)
+    if measured.time is not None:
+        row["time_s"] = ""
+    if measured.temperature is not None:
+        row["temp_C"] = "" if pose.temperature is None else f"{pose.temperature:.1f}"
+    row |= _filled(EXPECTED, pose.expected / MM, 3)
+    return row | {"why": pose.why.replace(",", ";")}
+
+
+def _filled(names: Sequence[str], values: FloatArray, digits: int) -> dict[str, str]:
+    return {name: f"{v:z.{digits}f}" for name, v in zip(names, values, strict=True)}

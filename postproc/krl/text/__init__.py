@@ -1,0 +1,1 @@
+"""KRL as text: lexer, parser, the program as data, and its rendering."""

@@ -1,0 +1,102 @@
+"""Motions and spline blocks: one line of code to one statement."""
+
+from __future__ import annotations
+
+from postproc.krl.text.expression import ExpressionParser
+from postproc.krl.text.lexer import KrlSyntaxError, TokenKind
+from postproc.krl.text.program import (
+    Assign,
+    Move,
+    MoveWord,
+    SplineBegin,
+    SplineEnd,
+    Statement,
+    Value,
+)
+
+MOVES = {word.value: word for word in MoveWord}
+BLENDS = frozenset({"C_DIS", "C_PTP", "C_ORI", "C_VEL", "C_SPL"})
+
+
+def move(code: str, comment: str, line: int) -> Statement:
+    """Return a motion."""
+    parser = ExpressionParser(code)
+    word = MOVES[parser.take().text.upper()]
+    auxiliary: Value | None = None
+    angle: Value | None = None
+    target = parser.value()
+    if word.is_circular:
+        parser.expect(",")
+        auxiliary, target = target, parser.value()
+    if parser.accept(","):
+        parser.expect("CA")
+        angle = parser.value()
+    blend, frame, settings = _move_tail(parser)
+    parser.finish()
+    return Move(
+        word=word,
+        target=target,
+        auxiliary=auxiliary,
+        angle_deg=angle,
+        blend=blend,
+        settings=settings,
+        frame=frame,
+        comment=comment,
+        line=line,
+    )
+
+
+def _move_tail(parser: ExpressionParser) -> tuple[tuple[str, ...], str, tuple[Assign, ...]]:
+    blend: list[str] = []
+    frame = ""
+    settings: tuple[Assign, ...] = ()
+    while parser.token.kind is not TokenKind.END:
+        word = parser.word()
+        if word in BLENDS:
+            blend.append(parser.take().text.upper())
+        elif word == "WITH":
+            settings = _settings(parser)
+        elif parser.token.text.upper() in ("#BASE", "#TOOL"):
+            frame = parser.take().text[1:].upper()
+        else:
+            break
+    return tuple(blend), frame, settings
+
+
+def _settings(parser: ExpressionParser) -> tuple[Assign, ...]:
+    parser.expect("WITH")
+    found = []
+    while True:
+        name = parser.take()
+        if name.kind is not TokenKind.NAME:
+            raise KrlSyntaxError(f"expected a variable behind WITH, found {name.text!r}")
+        parser.selectors()
+        target = written(parser.text[name.start : parser.token.start])
+        parser.expect("=")
+        found.append(Assign(target=target, value=parser.value()))
+        if not parser.accept(","):
+            return tuple(found)
+
+
+def spline(code: str, comment: str, line: int) -> Statement:
+    """Return the head of a spline block."""
+    parser = ExpressionParser(code)
+    word = parser.take().text.upper()
+    settings = _settings(parser) if parser.word() == "WITH" else ()
+    parser.finish()
+    return SplineBegin(word=word, settings=settings, comment=comment, line=line)
+
+
+def end_spline(code: str, comment: str, line: int) -> Statement:
+    """Return the end of a spline block."""
+    parser = ExpressionParser(code)
+    parser.take()
+    blend, _, _ = _move_tail(parser)
+    parser.finish()
+    return SplineEnd(blend=blend, comment=comment, line=line)
+
+
+def written(text: str) -> str:
+    """Return the left side of an assignment: no blanks, system variables in upper case."""
+    compact = "".join(text.split())
+    return compact.upper() if compact.startswith("$") else compact

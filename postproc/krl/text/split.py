@@ -1,0 +1,76 @@
+"""Where a long program is cut into sub-programs.
+
+A part ends where the robot stands still anyway and is out of the material: before a re-entry, at
+the end of an operation, before a rapid; in the middle of a cut only where nothing else is in reach.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from postproc.arrays import IntArray
+from postproc.errors import EmitError
+
+SHARE = 0.5
+"""A part is at least this share of the largest allowed one, unless an operation ends before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Moves ``first`` to ``stop - 1`` of a program."""
+
+    first: int
+    stop: int
+
+    def __len__(self) -> int:
+        """Return the number of moves."""
+        return self.stop - self.first
+
+
+def split(
+    quality: Sequence[int] | IntArray, max_points: int, forced: Sequence[int] = ()
+) -> tuple[Part, ...]:
+    """Return the parts of a program.
+
+    Args:
+        quality: (m,) how good a border before move i is: 0 = only if there is no other (in the
+            middle of a cut), higher is better.
+        max_points: largest number of moves in a part.
+        forced: moves before which there must be a border (operations).
+
+    Returns:
+        Parts in order that cover all moves; of borders equally good the last is taken.
+
+    Raises:
+        EmitError: EMT302 if ``max_points`` is less than 2.
+    """
+    if max_points < 2:
+        raise EmitError("EMT302", f"max_points_per_file is {max_points}, expected at least 2")
+    marks = np.asarray(quality, dtype=np.int64)
+    stops = sorted({0, len(marks), *(i for i in forced if 0 < i < len(marks))})
+    parts: list[Part] = []
+    for first, stop in pairwise(stops):
+        parts += _pieces(marks, first, stop, max_points)
+    return tuple(parts)
+
+
+def _pieces(marks: np.ndarray, first: int, stop: int, max_points: int) -> list[Part]:
+    parts = []
+    while stop - first > max_points:
+        low, high = first + max(1, int(SHARE * max_points)), first + max_points
+        window = marks[low : high + 1]
+        border = low + int(np.flatnonzero(window == window.max())[-1])
+        parts.append(Part(first, border))
+        first = border
+    parts.append(Part(first, stop))
+    return parts
+
+
+def suffixes(count: int) -> tuple[str, ...]:
+    """Return the endings of the names of ``count`` parts: ``_001``, ``_002`` ..."""
+    width = max(3, len(str(count)))
+    return tuple(f"_{number:0{width}d}" for number in range(1, count + 1))

@@ -1,0 +1,1 @@
+"""Measuring campaigns: rows, files, registration."""

@@ -1,0 +1,54 @@
+"""Measurements of a real robot, in columns, SI units, axes of robroot (or of the tracker)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+
+
+@dataclass(frozen=True, slots=True)
+class MeasurementSet:
+    """Rows of a measuring campaign; a column that was not logged is None.
+
+    Args:
+        path: input file as given; line: (n,) 1-based source lines; ids: row names.
+        q: (n, 6) commanded joints [rad]; position: (n, 3) measured tool point [m].
+        group: labels of rows taken together; abc: (n, 3) measured orientation [rad].
+        time: (n,) [s]; temperature: (n,) [degC]; direction: (n, 6) -1, 0, +1; qd: (n, 6) [rad/s].
+        wrench: (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
+        extra: unknown columns by name, numbers or labels, offered as conditions.
+    """
+
+    path: str
+    line: IntArray
+    ids: tuple[str, ...]
+    q: FloatArray
+    position: FloatArray
+    group: tuple[str, ...] | None = None
+    abc: FloatArray | None = None
+    time: FloatArray | None = None
+    temperature: FloatArray | None = None
+    direction: FloatArray | None = None
+    qd: FloatArray | None = None
+    wrench: FloatArray | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "q", (None, 6))
+        n = len(self.q)
+        frozen_ints(self, "line", (n,))
+        frozen_floats(self, "position", (n, 3))
+        for name in ("abc",):
+            frozen_floats(self, name, (n, 3))
+        for name in ("time", "temperature"):
+            frozen_floats(self, name, (n,))
+        for name in ("direction", "qd", "wrench"):
+            frozen_floats(self, name, (n, 6))
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.q)

@@ -1,0 +1,1 @@
+"""From executed motions to joint paths, moments and times."""

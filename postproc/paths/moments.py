@@ -1,0 +1,154 @@
+"""What the real arm is asked at every moment of a run: pose, speed, direction, process load.
+
+The controller's own speed along the path is the programmed one; the joint speeds are central
+differences of the joint path over ``WINDOW`` to both sides, since no drive follows shorter changes.
+Where the robot stops they are 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Rows
+from postproc.paths.motion import Paths
+from postproc.paths.times import chains, durations, motion_times
+from postproc.units import DEG
+
+WINDOW = 0.01
+"""Half the time [s] over which joint speeds are averaged."""
+TURNED = 1e-3 * DEG
+"""A joint has turned back when it has moved back by this much [rad]; digits move it by less."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """Moments of a run in columns of length n.
+
+    q (n, 6) commanded joint angles [rad]; qd (n, 6) their speed [rad/s]; direction (n, 6) sign of
+    each joint's last motion, 0 before the first; process (n, 6) wrench of the process ON the tool
+    at and in axes of the TCP [N, N*m], 0 where the tool does not work.
+    """
+
+    q: FloatArray
+    qd: FloatArray
+    direction: FloatArray
+    process: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of moments."""
+        return len(self.q)
+
+    def rows(self, rows: Rows) -> Moments:
+        """Return some of the moments."""
+        return Moments(self.q[rows], self.qd[rows], self.direction[rows], self.process[rows])
+
+    def under(self, process: FloatArray) -> Moments:
+        """Return the same moments with the tool at work under one wrench (6,)."""
+        loaded = np.broadcast_to(process, self.process.shape)
+        return Moments(self.q, self.qd, self.direction, loaded)
+
+    def idle(self) -> Moments:
+        """Return the same moments with the tool not at work: no load, and speed is no matter."""
+        nothing = np.zeros_like(self.q)
+        return Moments(self.q, nothing, self.direction, nothing)
+
+
+Displacement = Callable[[Moments], FloatArray]
+"""Moments to the real tool point minus the nominal one (n, 3) [m], axes of robroot."""
+
+
+def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
+    """Return the moments at the ends of all motions (m,) and at all samples (s,), without load.
+
+    Poses out of reach repeat the pose before.
+    """
+    row, q, is_end = _in_order(paths)
+    q = _held(q)
+    clock = Clock.of(paths, cell)
+    share = np.ones(len(row))
+    sampled = paths.trace.is_cp[row]
+    share[sampled] = paths.share
+    every = Moments(q, clock.speed(row, share), directions(q), np.zeros_like(q))
+    return every.rows(np.flatnonzero(is_end)), every.rows(np.flatnonzero(sampled))
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """When a run is where: motions (m,) and joints q (k, 6) [rad] at ``time`` (k,) [s].
+
+    A motion begins at ``start`` and runs for ``needed``. Behind the last of a chain the robot
+    stands for a ``pause`` of four windows; the end of that motion is the middle of it.
+    """
+
+    start: FloatArray
+    needed: FloatArray
+    pause: FloatArray
+    time: FloatArray
+    q: FloatArray
+
+    @classmethod
+    def of(cls, paths: Paths, cell: Cell) -> Clock:
+        """Return the clock of a run at programmed speeds, without ramps."""
+        m = len(paths)
+        needed = np.where(paths.trace.is_cp, motion_times(paths), durations(paths, cell))
+        needed = np.where(np.isfinite(needed), needed, 0.0)
+        number = chains(paths)
+        stop = np.r_[number[1:] != number[:-1], True][:m]
+        pause = np.where(stop, 4.0 * WINDOW, 0.0)
+        start = np.cumsum(needed + pause) - needed - pause
+        row, q, is_end = _in_order(paths)
+        q = _held(q)
+        share = np.ones(len(row))
+        share[paths.trace.is_cp[row]] = paths.share
+        ends = np.flatnonzero(is_end)
+        time = np.concatenate([start[row] + share * needed[row], start + needed + pause])
+        order = np.argsort(time, kind="stable")
+        return cls(start, needed, pause, time[order], np.concatenate([q, q[ends]])[order])
+
+    def speed(self, row: Rows, share: FloatArray) -> FloatArray:
+        """Return the joint speeds (n, 6) [rad/s] at ``share`` (n,) of motions ``row`` (n,)."""
+        at = self.start[row] + share * self.needed[row] + 0.5 * self.pause[row] * (share >= 1.0)
+        ways = [
+            np.interp(at + WINDOW, self.time, column) - np.interp(at - WINDOW, self.time, column)
+            for column in self.q.T
+        ]
+        return np.stack(ways, axis=1) / (2.0 * WINDOW)
+
+
+def _in_order(paths: Paths) -> tuple[Rows, FloatArray, np.ndarray]:
+    """Return motion (k,), joints (k, 6) and whether it is the motion's end, in order of time."""
+    ptp = np.flatnonzero(~paths.trace.is_cp)
+    row = np.concatenate([paths.row, ptp])
+    q = np.concatenate([paths.q_sample, paths.q[ptp]])
+    order = np.argsort(row, kind="stable")
+    row, q = row[order], q[order]
+    return row, q, np.r_[row[1:] != row[:-1], True][: len(row)]
+
+
+def _held(q: FloatArray) -> FloatArray:
+    known = np.isfinite(q).all(axis=1)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(q)), -1))
+    return np.where((last >= 0)[:, None], q[np.maximum(last, 0)], 0.0)
+
+
+def directions(q: FloatArray) -> FloatArray:
+    """Return the sign (k, 6) of each joint's last motion along joints (k, 6) in order of time.
+
+    A joint that stands, or has moved back by less than ``TURNED``, keeps the sign before.
+    """
+    sign = np.zeros_like(q)
+    if not len(q):
+        return sign
+    farthest, now = q[0].copy(), np.zeros(6)
+    for i in range(1, len(q)):
+        step = q[i] - farthest
+        turned = (np.abs(step) > TURNED) & (now * step <= 0.0)
+        now = np.where(turned, np.sign(step), now)
+        farthest = np.where(turned | (now * step > 0.0), q[i], farthest)
+        sign[i] = now
+    return sign

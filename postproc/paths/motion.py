@@ -1,0 +1,381 @@
+"""From executed motions to joint paths: where every axis is, all along the program.
+
+Joint targets are taken as they are; Cartesian PTP targets by S and T as the controller does (S is
+the branch, each bit of T the sign of one axis; without them the nearest turn of the branch
+where the robot stands). A path motion keeps the branch it starts in, and its joints follow
+continuously: at every sampled pose the same branch of the inverse kinematics, the nearest turn.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Finding, Rows, Trace
+from postproc.geometry.frames import inverse
+from postproc.kinematics.model import Kinematics
+from postproc.paths.curves import Curves, curves_of
+from postproc.paths.externals import Externals
+from postproc.units import DEG
+
+STEP_LENGTH = 0.015
+"""Longest piece [m] of a path motion between two sampled poses."""
+STEP_ANGLE = 3.0 * DEG
+"""Largest turn [rad] of the tool between two sampled poses."""
+MAX_SAMPLES = 1_500_000
+"""Beyond this the pieces get longer."""
+NEAR_ZERO = 2.0 * DEG
+"""Within this of 0 a controller may override the turn bit of an axis."""
+_CHUNK = 50_000
+_TURN = 2.0 * np.pi
+_LEAP = 20.0 * DEG
+
+
+@dataclass(frozen=True, slots=True)
+class Paths:
+    """Joint paths of a trace of m motions, sampled along the path motions.
+
+    Args:
+        trace: what was run; curves: starts, ends, arcs, lengths.
+        external: (m, k) external axes at the ends [m or rad].
+        q: (m, 6) joints at the end of each motion [rad], NaN where out of reach.
+        row, share: (s,) motion and place on it (0, 1] of each sample; q_sample: (s, 6);
+            point: (s, 3) TCP and axis: (s, 3) tool axis, both in the part (CAM coordinates).
+        end_point, end_axis: (m, 3) the same at the end of every motion.
+        findings: what could not be reached.
+        shift: what ``point`` and ``end_point`` have on top of the commanded motions, if anything.
+    """
+
+    trace: Trace
+    curves: Curves
+    external: FloatArray
+    q: FloatArray
+    row: Rows
+    share: FloatArray
+    q_sample: FloatArray
+    point: FloatArray
+    axis: FloatArray
+    end_point: FloatArray
+    end_axis: FloatArray
+    findings: tuple[Finding, ...]
+    station: Station
+    shift: Shift | None = None
+
+    def __len__(self) -> int:
+        """Return the number of motions."""
+        return len(self.q)
+
+    def points_at(self, row: Rows, share: FloatArray) -> FloatArray:
+        """Return the TCP (n, 3) [m] in the part at ``share`` (n,) of path motions ``row`` (n,)."""
+        station = self.station
+        T = self.curves.flange(row, share, station.externals, self.external)
+        external = self.curves.external_at(row, share, self.external)
+        points: FloatArray = station.in_part(T, external)[0]
+        if self.shift is not None:
+            points = points + self.shift.at(row, share)
+        return points
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """Shift of the tool along path motions: ``value`` (k, 3) [m], part, at ``place`` (k,).
+
+    A place is twice the number of the motion, plus the share of it.
+    """
+
+    place: FloatArray
+    value: FloatArray
+
+    def at(self, row: Rows, share: FloatArray) -> FloatArray:
+        """Return the shift (n, 3) [m] at ``share`` (n,) of path motions ``row`` (n,)."""
+        where = 2.0 * row + share
+        return np.stack([np.interp(where, self.place, v) for v in self.value.T], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """Part, real tool and external axes of a cell."""
+
+    cell: Cell
+    externals: Externals
+
+    def in_part(
+        self, T_robroot_flange: FloatArray, external: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part."""
+        T_part_robroot = inverse(self.cell.T_robroot_base)
+        if self.externals:
+            T_part_robroot = inverse(self.externals.shift(external) @ self.cell.T_robroot_base)
+        T = T_part_robroot @ T_robroot_flange @ self.cell.tool.T_flange_tcp
+        return T[:, :3, 3], T[:, :3, :3] @ self.cell.tool.axis
+
+    def turned_to_part(self, vectors: FloatArray, external: FloatArray) -> FloatArray:
+        """Return vectors (n, 3) of robroot in axes of the part."""
+        T_robroot_part = self.cell.T_robroot_base
+        if not self.externals:
+            return np.asarray(vectors @ T_robroot_part[:3, :3])
+        T = self.externals.shift(external) @ T_robroot_part
+        return np.asarray(np.einsum("nji,nj->ni", T[:, :3, :3], vectors))
+
+
+def joint_paths(
+    trace: Trace,
+    cell: Cell,
+    kinematics: Kinematics,
+    step_length: float = STEP_LENGTH,
+    step_angle: float = STEP_ANGLE,
+) -> Paths:
+    """Return the joint paths of a trace in a cell.
+
+    Args:
+        trace: executed motions.
+        cell: its workpiece frame is the part, its tool the real one.
+        kinematics: of the cell's robot.
+        step_length: longest sampled piece [m].
+        step_angle: largest sampled turn [rad].
+    """
+    return _Solver(trace, cell, kinematics, step_length, step_angle).run()
+
+
+def joints_at_end(trace: Trace, cell: Cell, kinematics: Kinematics) -> FloatArray | None:
+    """Return the joints (6,) [rad] where the last motion ends, None if they are not known."""
+    if len(trace) == 0:
+        return None
+    q = joint_paths(trace, cell, kinematics).q[-1]
+    return q if np.isfinite(q).all() else None
+
+
+class _Solver:
+    """Works out one trace; motions in columns of length m."""
+
+    def __init__(
+        self,
+        trace: Trace,
+        cell: Cell,
+        kinematics: Kinematics,
+        step_length: float,
+        step_angle: float,
+    ) -> None:
+        self.trace, self.cell, self.kinematics = trace, cell, kinematics
+        self.externals = Externals.of(cell)
+        self.station = Station(cell, self.externals)
+        self.external = self.externals.values(np.asarray(trace.external))
+        self.curves = curves_of(trace, kinematics, self.externals, self.external)
+        self.row, self.share = self._samples(step_length, step_angle)
+        self.q = np.full((len(trace), 6), np.nan)
+        self.q_sample = np.full((len(self.row), 6), np.nan)
+        self.point = np.full((len(self.row), 3), np.nan)
+        self.axis = np.full((len(self.row), 3), np.nan)
+        self.findings: list[Finding] = []
+        # First sample of every motion: those of motion i are first[i]..first[i + 1] - 1.
+        self.first = np.searchsorted(self.row, np.arange(len(trace) + 1))
+
+    def run(self) -> Paths:
+        """Return the joint paths."""
+        waiting = self._joint_targets()
+        start = 0
+        for index in [*waiting.tolist(), len(self.trace)]:
+            self._paths(start, index)
+            if index < len(self.trace):
+                self._nearest_target(index)
+            start = index
+        end_point, end_axis = self.station.in_part(self.curves.T_robroot_flange, self.external)
+        return Paths(
+            self.trace,
+            self.curves,
+            self.external,
+            self.q,
+            self.row,
+            self.share,
+            self.q_sample,
+            self.point,
+            self.axis,
+            end_point,
+            end_axis,
+            tuple(self.findings),
+            self.station,
+        )
+
+    def _samples(self, step_length: float, step_angle: float) -> tuple[Rows, FloatArray]:
+        moving = np.flatnonzero(self.trace.is_cp)
+        way = np.maximum(
+            self.curves.length[moving] / step_length, self.curves.turn[moving] / step_angle
+        )
+        way = np.where(np.isfinite(way), way, 1.0)
+        total = float(way.sum())
+        if total > MAX_SAMPLES:
+            way *= MAX_SAMPLES / total
+        pieces = np.maximum(np.ceil(way - 1e-9), 1.0).astype(np.int64)
+        row = np.repeat(moving, pieces)
+        number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
+
+    def _finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
+        self.findings.append(Finding(kind, detail, *self.trace.place(motion), is_error))
+
+    # ---------------------------------------------------------------------------------------- PTP
+
+    def _joint_targets(self) -> Rows:
+        """Fill q of all PTP targets that say their joints; return those that do not."""
+        trace = self.trace
+        self.q[trace.is_axes] = trace.target[trace.is_axes]
+        cartesian = np.flatnonzero(~trace.is_cp & ~trace.is_axes)
+        told = (trace.status[cartesian] >= 0) & (trace.turn[cartesian] >= 0)
+        rows = cartesian[told]
+        if len(rows):
+            slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[rows])
+            branch = trace.status[rows] & 0b111
+            self._by_turn(rows, slots[np.arange(len(rows)), branch], valid)
+        return np.asarray(cartesian[~told])
+
+    def _by_turn(self, rows: Rows, q: FloatArray, valid: BoolArray) -> None:
+        """Choose for each axis the value whose sign is that of its bit in T."""
+        trace, kinematics = self.trace, self.kinematics
+        negative = (trace.turn[rows][:, None] >> np.arange(6)) & 1 == 1
+        wrong = (q < 0.0) != negative
+        step = np.where(negative, -_TURN, _TURN)
+        moved = np.where(wrong & (np.abs(q) > NEAR_ZERO), q + step, q)
+        # An axis that may go round more than once stands at the value nearest to 0 of its sign.
+        out = (moved < kinematics.q_min - 1e-9) | (moved > kinematics.q_max + 1e-9)
+        self.q[rows] = np.where(out, q, moved)
+        for place, row in enumerate(rows.tolist()):
+            if not valid[place, int(trace.status[row]) & 0b111]:
+                self._unreachable(row, valid[place])
+            elif (out[place] & wrong[place]).any():
+                axis = int(np.flatnonzero(out[place] & wrong[place])[0]) + 1
+                self._finding(
+                    "turn", row, f"T {trace.turn[row]}: A{axis} has no such value within its limits"
+                )
+
+    def _unreachable(self, row: int, valid: BoolArray) -> None:
+        others = "in no branch" if not valid.any() else f"with S {self.trace.status[row]}"
+        self._finding("unreachable", row, f"the target is out of reach {others}")
+
+    def _nearest_target(self, row: int) -> None:
+        """Fill q of a Cartesian PTP target without S and T from where the robot stands."""
+        before = self.q[row - 1] if row else np.full(6, np.nan)
+        known = bool(np.isfinite(before).all())
+        if not known:
+            before = self._rest()
+            self._finding("start", row, "the first motion does not say S and T or joint angles")
+        status = int(self.trace.status[row])
+        slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[row])
+        slot = status & 0b111 if status >= 0 else int(self.kinematics.slot(before))
+        if not valid[0, slot]:
+            self._unreachable(row, valid[0])
+            return
+        self.q[row] = self.kinematics.nearest(
+            self.kinematics.split_wrist(slots[0, slot], before), before
+        )
+
+    def _rest(self) -> FloatArray:
+        home = self.cell.motion.home
+        if home is not None:
+            return np.asarray(home)
+        return np.array([0.0, -90.0, 90.0, 0.0, 30.0, 0.0]) * DEG
+
+    # ---------------------------------------------------------------------------------------- paths
+
+    def _paths(self, start: int, stop: int) -> None:
+        """Fill the samples of all path motions in start..stop-1; PTP ends in there are known."""
+        low, high = int(self.first[start]), int(self.first[stop])
+        if low == high:
+            return
+        row = self.row[low:high]
+        fresh = np.r_[True, row[1:] != row[:-1]]
+        is_first = fresh & ((row == 0) | ~self.trace.is_cp[np.maximum(row - 1, 0)])
+        run = np.cumsum(is_first) - 1
+        heads = np.flatnonzero(is_first)
+        q_start = self._run_starts(row[heads])
+        slot = self._branches(low + heads, q_start)
+        principal = np.full((high - low, 6), np.nan)
+        for at in range(0, high - low, _CHUNK):
+            part = slice(at, min(at + _CHUNK, high - low))
+            principal[part] = self._solve(low + at, low + part.stop, slot[run[part]])
+        self.q_sample[low:high] = _continued(principal, run, heads, q_start, self.kinematics)
+        ends = np.r_[row[1:] != row[:-1], True]
+        self.q[row[ends]] = self.q_sample[low:high][ends]
+        self._note_unreachable(row, principal)
+
+    def _run_starts(self, rows: Rows) -> FloatArray:
+        """Return the joints (r, 6) in which runs of path motions begin."""
+        q = np.where((rows > 0)[:, None], self.q[np.maximum(rows - 1, 0)], np.nan)
+        for place in np.flatnonzero(~np.isfinite(q).all(axis=1)).tolist():
+            row = int(rows[place])
+            if row == 0:
+                self._finding(
+                    "start", row, "the first motion is a path motion: nobody knows the arm's pose"
+                )
+            q[place] = self._rest()
+        return q
+
+    def _branches(self, heads: Rows, q_start: FloatArray) -> Rows:
+        """Return the branch (r,) of each run: that of its start, or the one it runs on in."""
+        slot = np.asarray(self.kinematics.slot(q_start)).astype(np.int64)
+        T = self._flanges(heads)
+        slots, valid = self.kinematics.ik(T)
+        gap = np.abs((slots - q_start[:, None, :] + np.pi) % _TURN - np.pi).max(axis=2)
+        gap = np.where(valid, gap, np.inf)
+        best = gap.argmin(axis=1)
+        rows = np.arange(len(heads))
+        # At the border between two branches rounding must not decide.
+        return np.where(gap[rows, slot] > gap[rows, best] + _LEAP, best, slot)
+
+    def _flanges(self, samples: Rows) -> FloatArray:
+        """Return T_robroot_flange (n, 4, 4) of samples."""
+        row, share = self.row[samples], self.share[samples]
+        return self.curves.flange(row, share, self.externals, self.external)
+
+    def _solve(self, low: int, high: int, slot: Rows) -> FloatArray:
+        """Return principal joints (n, 6) of samples low..high-1; note points in the part."""
+        samples = np.arange(low, high)
+        T = self._flanges(samples)
+        slots, valid = self.kinematics.ik(T)
+        rows = np.arange(len(T))
+        external = self.curves.external_at(self.row[samples], self.share[samples], self.external)
+        self.point[low:high], self.axis[low:high] = self.station.in_part(T, external)
+        return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan)
+
+    def _in_part(
+        self, T_robroot_flange: FloatArray, external: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part."""
+        T_part_robroot = inverse(self.cell.T_robroot_base)
+        if self.externals:
+            T_part_robroot = inverse(self.externals.shift(external) @ self.cell.T_robroot_base)
+        T = T_part_robroot @ T_robroot_flange @ self.cell.tool.T_flange_tcp
+        return T[:, :3, 3], T[:, :3, :3] @ self.cell.tool.axis
+
+    def _note_unreachable(self, row: Rows, principal: FloatArray) -> None:
+        lost = np.unique(row[~np.isfinite(principal[:, 0])])
+        for motion in lost[:20].tolist():
+            more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
+            self._finding("unreachable", motion, f"the path leaves the reach of the arm{more}")
+
+
+def _continued(
+    principal: FloatArray,
+    run: Rows,
+    heads: Rows,
+    q_start: FloatArray,
+    kinematics: Kinematics,
+) -> FloatArray:
+    """Return principal values (s, 6) shifted by whole turns so that each run is continuous.
+
+    Samples out of reach are NaN and are passed over.
+    """
+    known = np.isfinite(principal[:, 0])
+    rows = np.arange(len(principal))
+    last = np.maximum.accumulate(np.where(known, rows, -1))
+    before = np.r_[-1, last[:-1]]
+    from_start = before < heads[run]
+    reference = np.where(from_start[:, None], q_start[run], principal[np.maximum(before, 0)])
+    angles = kinematics.split_wrist(principal, reference)
+    wraps = -np.rint((angles - reference) / _TURN)
+    wraps[~known] = 0.0
+    total = np.cumsum(wraps, axis=0)
+    offset = total[heads] - wraps[heads]
+    return np.asarray(angles + _TURN * (total - offset[run]))

@@ -1,1 +1,0 @@
-"""Read, place, plan, check, emit, read back: pure functions without printing."""

@@ -1,0 +1,1 @@
+"""Which states and motions are allowed, and why not."""

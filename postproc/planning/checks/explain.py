@@ -1,0 +1,164 @@
+"""Findings about tags that cannot be run: what stands against them, and what would help."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.errors import Issue, Severity
+from postproc.model.toolpath import ToolPath
+from postproc.planning.checks.feasible import Checker, Reason
+from postproc.planning.checks.remedy import remedy
+from postproc.planning.states.candidates import States
+from postproc.planning.states.ladder import IndexArray, Rule
+from postproc.planning.states.moves import Chosen
+from postproc.planning.states.place import NO_POSE
+from postproc.planning.states.problem import Problem
+from postproc.units import DEG
+
+WORDS = {
+    Reason.UNREACHABLE: "unreachable",
+    Reason.JOINT_LIMIT: "joint limit",
+    Reason.SINGULAR: "singular",
+    Reason.COLLISION: "collision",
+    Reason.SPEED: "speed",
+}
+HELPED = 20
+"""At so many failing tags a remedy is looked for."""
+ALIKE = 50
+"""So many tags at most that fail one after the other for the same reason share a remedy."""
+COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
+
+
+def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Issue:
+    """Return the finding of a tag that fails."""
+    name = problem.toolpath.tag_name(tag)
+    return Issue(
+        Severity.ERROR,
+        f"PLN{int(reason)}",
+        f"tag {name}: {WORDS[reason]}: {detail}",
+        tag,
+        problem.toolpath.source(tag),
+        hint=hint,
+    )
+
+
+def no_pose(toolpath: ToolPath, tag: int) -> Issue:
+    """Return the finding of a tag without a Cartesian target."""
+    name, source = toolpath.tag_name(tag), toolpath.source(tag)
+    return Issue(Severity.ERROR, "PLN206", f"tag {name}: {NO_POSE}", tag, source)
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """Why states and steps failed, as a search saw it.
+
+    ``reason``, ``pair`` (N,) of the states; ``step_reason``: last failure of the step into a rung.
+    """
+
+    tags: IndexArray
+    states: States
+    rule: IndexArray
+    reason: IndexArray
+    pair: IndexArray
+    step_reason: Mapping[int, tuple[Reason, int]]
+    chosen: Chosen
+
+
+class _Remedies:
+    """What would help failing tags: looked for once in a neighbourhood, and not too often.
+
+    Each search tries hundreds of poses; thousands of tags that fail alike need no more than a few.
+    """
+
+    def __init__(self, checker: Checker) -> None:
+        self._checker = checker
+        self._searches = 0
+        self._first, self._row = -1, -1
+        self._reason, self._text = Reason.NONE, ""
+
+    def hint(self, row: int, tag: int, reason: Reason) -> str:
+        """Return what would help the tag of a row; ask for rows in growing order."""
+        beside = row == self._row + 1 and reason is self._reason and row < self._first + ALIKE
+        self._row = row
+        if beside:
+            return self._text
+        self._first, self._reason, self._text = row, reason, ""
+        if self._searches == HELPED:
+            self._text = f"what would help was looked for at {HELPED} tags before this one only"
+            return self._text
+        self._searches += 1
+        found = remedy(self._checker, tag, reason)
+        if found:
+            self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} near by: {found}"
+        return found
+
+
+def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
+    """Return one finding for every tag that has no pose, or that no cut can enter."""
+    issues = []
+    good, entry = evidence.chosen.good, evidence.chosen.entry
+    remedies = _Remedies(checker)
+    for row in np.nonzero(~good)[0].tolist():
+        issues.append(_no_pose(checker, evidence, row, remedies))
+    cut_off = (evidence.rule == Rule.CHAIN) & entry & good
+    cut_off[1:] &= good[:-1]
+    cut_off[:1] = False
+    for row in np.nonzero(cut_off)[0].tolist():
+        issues.append(_no_way(checker, evidence, row))
+    return issues
+
+
+def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Issue:
+    tag = int(evidence.tags[row])
+    if not checker.problem.placement.given[tag]:
+        return no_pose(checker.problem.toolpath, tag)
+    low, high = int(evidence.states.offsets[row]), int(evidence.states.offsets[row + 1])
+    reasons = evidence.reason[low:high]
+    first = np.flatnonzero(np.diff(evidence.states.config[low:high], prepend=-1))
+    pin, same = pinned(checker.problem, tag), 1
+    if pin:  # all columns hold the one turn; the first of them was looked at
+        same = evidence.states.spins.shape[-1]
+        first = first[evidence.states.column[low:high][first] % same == 0]
+    counts = dict(zip(COUNTED, (evidence.states.refused[row] // same).tolist(), strict=True))
+    for reason in COUNTED:
+        counts[reason] = counts[reason] + int((reasons[first] == reason).sum())
+    counts[Reason.COLLISION] = int((reasons[first] == Reason.COLLISION).sum())
+    # The last hurdle is what stands in the way: poses that fail later passed all before.
+    order = (Reason.COLLISION, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
+    main = next((reason for reason in order if counts[reason]), Reason.UNREACHABLE)
+    parts = [f"{counts[r]} {WORDS[r]}" for r in (*COUNTED, Reason.COLLISION) if counts[r]]
+    tried = int(evidence.states.tried[row]) // same
+    detail = f"{pin}none of {tried} poses can be run ({', '.join(parts)})"
+    pairs = evidence.pair[low:high][reasons == Reason.COLLISION]
+    if main is Reason.COLLISION and len(pairs):
+        detail += f"; {_most_frequent(checker, pairs)}"
+    return failure(checker.problem, tag, main, detail, remedies.hint(row, tag, main))
+
+
+def pinned(problem: Problem, tag: int) -> str:
+    """Return ``pinned to a turn of ... deg: `` for a pinned tag, else nothing."""
+    spin = problem.settings.pins.get(problem.toolpath.tag_name(tag))
+    return "" if spin is None else f"pinned to a turn of {spin / DEG:g} deg: "
+
+
+def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
+    numbers, counts = np.unique(pairs[pairs >= 0], return_counts=True)
+    if not len(numbers):
+        return "solids collide"
+    names = checker.pairs[int(numbers[np.argmax(counts)])]
+    return f"most often {names[0]} hits {names[1]}"
+
+
+def _no_way(checker: Checker, evidence: Evidence, row: int) -> Issue:
+    reason, pair = evidence.step_reason.get(row, (Reason.SINGULAR, -1))
+    before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
+    pin = pinned(checker.problem, int(evidence.tags[row]))
+    detail = f"{pin}no cut from tag {before} to here keeps one arm configuration"
+    if other := pinned(checker.problem, int(evidence.tags[row - 1])):
+        detail += f"; tag {before} is {other.rstrip(': ')}"
+    if reason is Reason.COLLISION and 0 <= pair < len(checker.pairs):
+        detail += f"; {checker.pairs[pair][0]} hits {checker.pairs[pair][1]}"
+    return failure(checker.problem, int(evidence.tags[row]), reason, detail)

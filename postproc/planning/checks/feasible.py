@@ -1,0 +1,327 @@
+"""Whether states and motions can be run, and if not, why: reach, limit, singularity, collision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.geometry.frames import rotation_angle
+from postproc.geometry.poses import arc_poses, line_poses, path_length
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.problem import Problem
+from postproc.planning.states.stroke import Strokes
+from postproc.units import DEG
+
+if TYPE_CHECKING:
+    from postproc.collision.scene import Scene
+
+STEP_LENGTH = 0.01
+"""Longest piece [m] of a motion between two checked poses."""
+LARGEST_TURN = 175.0 * DEG
+"""A path motion that turns the tool farther could go either way round on the controller [rad]."""
+STEP_ANGLE = 4.0 * DEG
+"""Largest turn [rad] of the tool between two checked poses."""
+JUMP = 40.0 * DEG
+"""A joint that moves more than this over such a piece is passing a singularity."""
+
+
+class Reason(IntEnum):
+    """Why something cannot be run; the finding is ``PLN`` + number."""
+
+    NONE = 0
+    UNREACHABLE = 101
+    JOINT_LIMIT = 102
+    SINGULAR = 103
+    COLLISION = 104
+    SPEED = 105
+
+
+@dataclass(slots=True)
+class Verdict:
+    """Reason (m,) for each item, and the colliding pair (m,) as an index or -1."""
+
+    reason: IndexArray
+    pair: IndexArray
+
+    @property
+    def good(self) -> BoolArray:
+        """(m,) whether nothing stands against it."""
+        return np.asarray(self.reason == Reason.NONE)
+
+    @classmethod
+    def clean(cls, m: int) -> Verdict:
+        """Return a verdict with nothing against anything."""
+        return cls(np.zeros(m, dtype=np.int64), np.full(m, -1, dtype=np.int64))
+
+    def refuse(self, rows: IndexArray | BoolArray, reason: Reason) -> None:
+        """Set the reason of rows that have none yet."""
+        fresh = np.zeros(len(self.reason), dtype=np.bool_)
+        fresh[rows] = True
+        self.reason[fresh & self.good] = reason
+
+    def collide(self, rows: IndexArray, pairs: IndexArray) -> None:
+        """Note collisions of rows that are good so far, the first of each row."""
+        fresh = np.nonzero(self.reason[rows] == Reason.NONE)[0]
+        fresh = fresh[np.unique(rows[fresh], return_index=True)[1]]
+        self.reason[rows[fresh]], self.pair[rows[fresh]] = Reason.COLLISION, pairs[fresh]
+
+
+@dataclass(slots=True)
+class Lines:
+    """Straight or circular CP motions, one a row.
+
+    Args:
+        T_from: (m, 4, 4) TCP in the workpiece frame; T_to: (m, 4, 4).
+        q_from: (m, 6); q_to: (m, 6) [rad].
+        branch: (m,); contact: (m,) the tool may touch the workpiece.
+        centre, normal, radius, sweep: of an arc; sweep 0 means straight.
+        tilts: (m, 3) [rad] by which the tool is tilted at start and end of arcs, as ``arc_poses``.
+    """
+
+    T_from: FloatArray
+    T_to: FloatArray
+    q_from: FloatArray
+    q_to: FloatArray
+    branch: IndexArray
+    contact: BoolArray
+    centre: FloatArray | None = None
+    normal: FloatArray | None = None
+    radius: FloatArray | None = None
+    sweep: FloatArray | None = None
+    tilts: tuple[FloatArray, FloatArray] | None = None
+
+    def __len__(self) -> int:
+        """Return the number of motions."""
+        return len(self.q_from)
+
+    @property
+    def length(self) -> FloatArray:
+        """(m,) [m] along the path."""
+        start, end = self.T_from[:, :3, 3], self.T_to[:, :3, 3]
+        if self.sweep is None or self.radius is None:
+            return np.asarray(np.linalg.norm(end - start, axis=1))
+        return path_length(start, end, self.radius, self.sweep)
+
+
+@dataclass(slots=True)
+class Track:
+    """Sampled joint paths of motions: row (k,), share (k,) 0..1, joints (k, 6), ends included."""
+
+    row: IndexArray
+    share: FloatArray
+    q: FloatArray
+
+
+@dataclass(slots=True)
+class Checker:
+    """Checks against one problem and one scene (None: no collision check)."""
+
+    problem: Problem
+    strokes: Strokes
+    scene: Scene | None
+    checked: int = field(default=0, init=False)
+    swept: int = field(default=0, init=False)
+    pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
+
+    def states(
+        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
+    ) -> Verdict:
+        """Check poses at tags, with the whole stroke where the tag has one.
+
+        Args:
+            tags: (m,) indices.
+            q: (m, 6) [rad].
+            attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
+            branch: (m,).
+        """
+        verdict = self.poses(tags, q)
+        rows = np.nonzero(self.strokes.is_stroke[tags] & verdict.good)[0]
+        if len(rows):
+            self._stroke(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
+        return verdict
+
+    def poses(self, tags: IndexArray, q: FloatArray) -> Verdict:
+        """Check poses (m, 6) at tags (m,) for collision, without strokes."""
+        verdict = Verdict.clean(len(tags))
+        verdict.refuse(~self.problem.placement.given[tags], Reason.UNREACHABLE)
+        self._hits(verdict, np.arange(len(tags)), q, self.problem.is_contact[tags])
+        return verdict
+
+    def _stroke(
+        self,
+        verdict: Verdict,
+        rows: IndexArray,
+        tags: IndexArray,
+        q: FloatArray,
+        attitude: FloatArray,
+        branch: IndexArray,
+    ) -> None:
+        """Check free way from the top to the start of the feed, then the feed down to the depth."""
+        heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
+        for start, end, touch in ((0, 1, False), (1, 2, True)):
+            moving = (heights[start] - heights[end] > 1e-9) & verdict.good[rows]
+            kept = np.nonzero(moving)[0]
+            lines = Lines(
+                T[start][kept],
+                T[end][kept],
+                joints[start][kept],
+                joints[end][kept],
+                branch[kept],
+                np.full(len(kept), touch),
+            )
+            part = self.lines(lines)[0]
+            bad = ~part.good
+            verdict.reason[rows[kept[bad]]] = part.reason[bad]
+            verdict.pair[rows[kept[bad]]] = part.pair[bad]
+
+    def stroke_ends(
+        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
+    ) -> Verdict:
+        """Check reach, limits and singularity at the ends of strokes; arguments as ``states``."""
+        verdict = Verdict.clean(len(tags))
+        rows = np.nonzero(self.strokes.is_stroke[tags])[0]
+        self._stroke_ends(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
+        return verdict
+
+    def _stroke_ends(
+        self,
+        verdict: Verdict,
+        rows: IndexArray,
+        tags: IndexArray,
+        q: FloatArray,
+        attitude: FloatArray,
+        branch: IndexArray,
+    ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
+        """Return heights (m,), poses and joints at the top, where the feed starts, at the depth."""
+        strokes = self.strokes
+        heights = [strokes.top[tags], strokes.clear[tags], -strokes.depth[tags]]
+        poses: list[FloatArray] = []
+        joints: list[FloatArray] = []
+        for k, height in enumerate(heights):
+            poses.append(self.problem.placement.tcp(tags, attitude, height))
+            if k and np.array_equal(height, heights[k - 1]):
+                joints.append(joints[-1])
+                continue
+            solved, reached = self.problem.solve(poses[-1], branch, q)
+            verdict.refuse(rows[~reached], Reason.UNREACHABLE)
+            solved = np.where(reached[:, None], solved, q)
+            verdict.refuse(rows[~self.problem.within(solved)], Reason.JOINT_LIMIT)
+            verdict.refuse(rows[~self.problem.regular(solved)], Reason.SINGULAR)
+            joints.append(solved)
+        return heights, poses, joints
+
+    def lines(self, lines: Lines) -> tuple[Verdict, Track]:
+        """Check CP motions between their ends, which are taken as checked but for collision."""
+        verdict = Verdict.clean(len(lines))
+        track = self.track(lines, verdict)
+        if self.scene is not None and len(lines):
+            good = verdict.good[track.row]
+            self._sweep(verdict, track.row[good], track.q[good], lines.contact)
+        return verdict, track
+
+    def track(self, lines: Lines, verdict: Verdict) -> Track:
+        """Return the joint paths of CP motions; notes what stands against them."""
+        row, share = self._shares(lines)
+        turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+        verdict.refuse(np.nonzero(turn > LARGEST_TURN)[0], Reason.SINGULAR)
+        inner = (share > 0.0) & (share < 1.0)
+        q = lines.q_from[row] + share[:, None] * (lines.q_to - lines.q_from)[row]
+        if inner.any():
+            which = row[inner]
+            T = poses_between(lines, which, share[inner])
+            solved, reached = self.problem.solve(T, lines.branch[which], q[inner])
+            verdict.refuse(which[~reached], Reason.UNREACHABLE)
+            solved = np.where(reached[:, None], solved, q[inner])
+            verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
+            verdict.refuse(which[~self.problem.regular(solved)], Reason.SINGULAR)
+            q[inner] = solved
+            bulge = _bulge(row, q)[inner]
+            verdict.refuse(which[~self.problem.within(solved - bulge)], Reason.JOINT_LIMIT)
+            verdict.refuse(which[~self.problem.within(solved + bulge)], Reason.JOINT_LIMIT)
+        same = row[1:] == row[:-1]
+        leap = np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)
+        verdict.refuse(row[1:][same & (leap > JUMP)], Reason.SINGULAR)
+        return Track(row, share, q)
+
+    def free_poses(self, q: FloatArray) -> BoolArray:
+        """Return (m,) whether poses (m, 6) are free of any collision, contact included."""
+        verdict = Verdict.clean(len(q))
+        self._hits(verdict, np.arange(len(q)), q, np.zeros(len(q), dtype=np.bool_))
+        return verdict.good
+
+    def joint_moves(self, q_from: FloatArray, q_to: FloatArray) -> Verdict:
+        """Check straight joint moves (m, 6) to (m, 6) for collision."""
+        verdict = Verdict.clean(len(q_from))
+        if self.scene is not None and len(q_from):
+            hits = self.scene.check_paths(q_from, q_to)
+            self.swept += len(q_from)
+            self.pairs = hits.pairs
+            rows = np.nonzero(hits.hit)[0]
+            verdict.collide(rows, hits.pair[rows])
+        return verdict
+
+    def _shares(self, lines: Lines) -> tuple[IndexArray, FloatArray]:
+        """Return row and share of every sample, both ends of each motion included."""
+        turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+        pieces = np.ceil(
+            np.maximum(np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9, 2.0)
+        ).astype(np.int64)
+        row = np.repeat(np.arange(len(lines)), pieces + 1)
+        first = np.cumsum(pieces + 1) - (pieces + 1)
+        share = (np.arange(len(row)) - first[row]) / pieces[row]
+        return row, share
+
+    def _hits(self, verdict: Verdict, rows: IndexArray, q: FloatArray, contact: BoolArray) -> None:
+        if self.scene is None or not len(q):
+            return
+        hits = self.scene.check(np.asarray(q, dtype=np.float64), contact=contact)
+        self.checked += len(q)
+        self.pairs = hits.pairs
+        verdict.collide(rows[hits.hit], hits.pair[hits.hit])
+
+    def _sweep(self, verdict: Verdict, row: IndexArray, q: FloatArray, contact: BoolArray) -> None:
+        """Check the motions between successive samples of the same row."""
+        if self.scene is None or len(q) < 2:
+            return
+        start = np.nonzero(row[1:] == row[:-1])[0]
+        motion = row[start]
+        hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion], track=motion)
+        self.swept += len(start)
+        self.pairs = hits.pairs
+        verdict.collide(motion[hits.hit], hits.pair[hits.hit])
+
+
+def _bulge(row: IndexArray, q: FloatArray) -> FloatArray:
+    """Return how far (k, 6) the joints may leave their samples' range between samples [rad].
+
+    A parabola through three samples rises by an eighth of the second difference between two.
+    """
+    bulge = np.zeros_like(q)
+    inner = np.nonzero((row[1:-1] == row[:-2]) & (row[1:-1] == row[2:]))[0] + 1
+    bulge[inner] = np.abs(q[inner - 1] - 2.0 * q[inner] + q[inner + 1]) / 8.0
+    return bulge
+
+
+def poses_between(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
+    """Return T_base_tcp (k, 4, 4) at ``share`` (k,) of motions ``row`` (k,)."""
+    T_a, T_b = lines.T_from[row], lines.T_to[row]
+    if lines.sweep is None or lines.centre is None or lines.normal is None:
+        return line_poses(T_a, T_b, share)
+    poses = line_poses(T_a, T_b, share)
+    round_ = np.nonzero(lines.sweep[row] > 0.0)[0]
+    if len(round_):
+        which = row[round_]
+        poses[round_] = arc_poses(
+            T_a[round_],
+            T_b[round_],
+            lines.centre[which],
+            lines.normal[which],
+            lines.sweep[which],
+            share[round_],
+            None if lines.tilts is None else (lines.tilts[0][which], lines.tilts[1][which]),
+        )
+    return poses

@@ -1,0 +1,63 @@
+"""Criteria classes of a plan: how much room every tag keeps from what would stop it.
+
+Judged are the joints of every move that serves a tag: the way to the nearest joint limit beyond
+the cell's margin, and the way of the wrist to the straight pose beyond the cell's distance.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+import numpy as np
+
+from postproc.arrays import IntArray
+from postproc.cell.cell import Cell
+from postproc.kinematics.model import build
+from postproc.kinematics.singular import wrist_distance
+from postproc.model.plan import Plan
+from postproc.units import DEG
+
+NEAR = 5.0 * DEG
+"""A tag with less room [rad] than this is acceptable only."""
+CLOSE = 1.0 * DEG
+"""A tag with less room [rad] than this is critical."""
+
+
+class Grade(IntEnum):
+    """Criteria classes, best first."""
+
+    GOOD = 0
+    ACCEPTABLE = 1
+    CRITICAL = 2
+    INVALID = 3
+
+
+def grades(result: Plan, cell: Cell) -> IntArray:
+    """Return the ``Grade`` (n,) of every tag of a plan; invalid: fails, or has no move.
+
+    Args:
+        result: the plan.
+        cell: its cell; margins count from ``[limits]``.
+    """
+    kinematics = build(cell.robot)
+    q = result.q
+    room = np.minimum(q - kinematics.q_min, kinematics.q_max - q).min(axis=1, initial=np.inf)
+    room = np.minimum(
+        room - cell.limits.joint_margin, wrist_distance(kinematics, q) - cell.limits.singularity
+    )
+    least = np.full(len(result.toolpath), np.inf)
+    served = result.tag >= 0
+    np.minimum.at(least, result.tag[served], room[served])
+    runs = np.isfinite(least)
+    runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
+    grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
+    grade[runs] = Grade.GOOD
+    grade[runs & (least < NEAR)] = Grade.ACCEPTABLE
+    grade[runs & (least < CLOSE)] = Grade.CRITICAL
+    return grade
+
+
+def grade_counts(result: Plan, cell: Cell) -> dict[str, int]:
+    """Return how many tags of a plan stand in each class, by its name."""
+    count = np.bincount(grades(result, cell), minlength=len(Grade)).tolist()
+    return {grade.name.lower(): count[grade] for grade in Grade}

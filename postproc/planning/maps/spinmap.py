@@ -1,0 +1,240 @@
+"""The spin map: what every turn about the tool axis would mean at every tag.
+
+Spin by tag, each cell with a class (free, collision, singular, joint limit, unreachable) and the
+stiffness of the best posture that is free there, with the chosen line on it. A cell is free if any
+posture (branch, turns of the joints) can be run, strokes and all. Postures are checked best first,
+so that one check is enough for most cells; only cells without any free posture take them all.
+The tool axis is that of the CAM data: a tag that the plan tilts may be run where its cell is not
+free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.cell.cell import Cell
+from postproc.model.plan import MoveRole, Plan
+from postproc.planning.checks.feasible import Checker, Reason
+from postproc.planning.checks.grade import Grade, grades
+from postproc.planning.planner import checker_of
+from postproc.planning.route.travel import cell_at
+from postproc.planning.states.candidates import States, sample
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.place import Placement, cross_axes
+from postproc.planning.states.settings import PlanOptions, settle
+from postproc.units import DEG, N_PER_MM
+
+Progress = Callable[[int, int, str], None]
+_CHUNK = 200
+_FULL_TURN = 2.0 * np.pi
+
+
+class SpinClass(IntEnum):
+    """Best that any posture offers at a spin."""
+
+    FREE = 0
+    COLLISION = 1
+    SINGULAR = 2
+    JOINT_LIMIT = 3
+    UNREACHABLE = 4
+
+
+_CLASS_OF = {
+    Reason.NONE: SpinClass.FREE,
+    Reason.COLLISION: SpinClass.COLLISION,
+    Reason.SINGULAR: SpinClass.SINGULAR,
+    Reason.JOINT_LIMIT: SpinClass.JOINT_LIMIT,
+    Reason.UNREACHABLE: SpinClass.UNREACHABLE,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SpinMap:
+    """Spins (S,) [rad] by the n tags of a plan.
+
+    ``classes`` (n, S) ``SpinClass``; ``stiffness`` (n, S) [N/m] of the best free posture, NaN where
+    none is free or the cell has no stiffness; ``chosen`` (n,) spin of the plan [rad], within
+    half a turn of the middle of the map, NaN for tags without a move; ``grade`` (n,) ``Grade``.
+    """
+
+    plan: Plan
+    spins: FloatArray
+    classes: IntArray
+    stiffness: FloatArray
+    chosen: FloatArray
+    grade: IntArray
+
+    def __len__(self) -> int:
+        """Return the number of tags."""
+        return len(self.chosen)
+
+    @property
+    def has_stiffness(self) -> bool:
+        """Whether any cell of the map has a stiffness."""
+        return bool(np.isfinite(self.stiffness).any())
+
+    @property
+    def loss(self) -> FloatArray:
+        """(n,) share of stiffness lost against the tag's best free spin of the map, NaN where none.
+
+        Below 0 where the chosen spin lies between those of the map and is better.
+        """
+        best = np.where(np.isfinite(self.stiffness), self.stiffness, -np.inf).max(axis=1)
+        return np.asarray(1.0 - self.plan.stiffness / np.where(best > 0.0, best, np.nan))
+
+    def to_csv(self) -> str:
+        """Return the map as text: one row a tag and spin, fixed digits.
+
+        Columns: tag, line (of the CAM file), spin_deg, class, stiffness_N_per_mm, chosen_deg,
+        grade, loss_percent; the last three are of the tag.
+        """
+        path, loss = self.plan.toolpath, self.loss
+        rows = ["tag,line,spin_deg,class,stiffness_N_per_mm,chosen_deg,grade,loss_percent"]
+        for i in range(len(self)):
+            head = f"{_quoted(path.tag_name(i))},{int(path.line[i])}"
+            grade = Grade(int(self.grade[i])).name.lower()
+            tail = f"{_text(self.chosen[i] / DEG)},{grade},{_text(100.0 * loss[i])}"
+            for j, spin in enumerate((self.spins / DEG).tolist()):
+                kind = SpinClass(int(self.classes[i, j])).name.lower()
+                k = _text(self.stiffness[i, j] / N_PER_MM)
+                rows.append(f"{head},{spin:z.3f},{kind},{k},{tail}")
+        return "\n".join(rows) + "\n"
+
+
+def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> SpinMap:
+    """Return the spin map of all tags of a plan, also of those that failed.
+
+    External axes stand where the plan has them; for a tag without a move as for the tag before.
+
+    Args:
+        result: the plan.
+        cell: its cell, with the strategy and the objective of the call.
+        progress: called with (done, total, what).
+
+    Raises:
+        CellError: as ``planner.plan``.
+    """
+    cell, settings = settle(cell, PlanOptions())
+    n, width = len(result.toolpath), len(settings.spins)
+    classes = np.full((n, width), SpinClass.UNREACHABLE, dtype=np.int32)
+    stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)
+    moves = _last_moves(result)
+    places = _places(result, cell, moves)
+    done = 0
+    for place in np.unique(places, axis=0):
+        here = cell_at(cell, place) if len(place) else cell
+        checker = checker_of(result.toolpath, here, settings)
+        tags = np.flatnonzero((places == place).all(axis=1))
+        for low in range(0, len(tags), _CHUNK):
+            if progress is not None:
+                progress(done, n, "spin map")
+            some = tags[low : low + _CHUNK]
+            classes[some], stiffness[some] = _cells(checker, some)
+            done += len(some)
+        served = tags[moves[tags] >= 0]
+        R_base_tcp = result.T_base_tcp[moves[served], :3, :3]
+        chosen[served] = _spin_of(checker.problem.placement, served, R_base_tcp)
+    middle = 0.5 * float(settings.spins[0] + settings.spins[-1])
+    chosen = chosen - _FULL_TURN * np.round((chosen - middle) / _FULL_TURN)
+    return SpinMap(result, settings.spins, classes, stiffness, chosen, grades(result, cell))
+
+
+def _last_moves(result: Plan) -> IndexArray:
+    """Return for each tag (n,) the last move that works at it, else its last, else -1."""
+    last = np.full(len(result.toolpath), -1)
+    working = np.isin(result.role, (MoveRole.CUT, MoveRole.PLUNGE))
+    for rows in (np.flatnonzero(result.tag >= 0), np.flatnonzero((result.tag >= 0) & working)):
+        last[result.tag[rows]] = rows
+    return last
+
+
+def _places(result: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
+    """Return where the external axes stand (n, k) for each tag [m or rad]."""
+    axes = cell.external_axes
+    if not axes:
+        return np.zeros((len(moves), 0))
+    zero = np.array([np.clip(0.0, axis.q_min, axis.q_max) for axis in axes])
+    known = moves >= 0
+    if not known.any():
+        return np.tile(zero, (len(moves), 1))
+    before = np.maximum.accumulate(np.where(known, np.arange(len(moves)), -1))
+    source = np.where(before < 0, int(np.argmax(known)), before)
+    return np.asarray(result.external[moves[source]])
+
+
+def _spin_of(placement: Placement, tags: IndexArray, R_base_tcp: FloatArray) -> FloatArray:
+    """Return the turn (m,) [rad] about the tool axis of orientations (m, 3, 3) at tags."""
+    first, second = cross_axes(placement.tool_axis)
+    R_zero_tcp = np.swapaxes(placement.R_base_tcp[tags], 1, 2) @ R_base_tcp
+    turned = R_zero_tcp @ first
+    sense = float(np.cross(first, second) @ placement.tool_axis)
+    return np.asarray(np.arctan2(sense * (turned @ second), turned @ first))
+
+
+def _cells(checker: Checker, tags: IndexArray) -> tuple[IntArray, FloatArray]:
+    """Return class (t, S) and stiffness (t, S) of tags (t,)."""
+    problem, width = checker.problem, len(checker.problem.settings.spins)
+    states = sample(problem, tags, problem.settings.spins)
+    every = np.arange(len(states.q))
+    cell = states.tag_of(every) * width + states.column.astype(np.int64)
+    order = np.lexsort((every, states.cost, cell))
+    first = np.searchsorted(cell[order], cell[order], side="left")
+    rank = np.arange(len(order)) - first
+    classes = _without_state(checker, tags).ravel()
+    stiffness = np.full(len(classes), np.nan)
+    collided = np.zeros(int(states.config.max(initial=-1)) + 1, dtype=np.bool_)
+    for k in range(int(rank.max(initial=-1)) + 1):
+        rows = order[rank == k]
+        rows = rows[classes[cell[rows]] != SpinClass.FREE]
+        rows = rows[~collided[states.config[rows]]]
+        found = _verdicts(checker, states, tags, rows)
+        collided[states.config[rows[found == SpinClass.COLLISION]]] = True
+        classes[cell[rows]] = np.minimum(classes[cell[rows]], found)
+        free = rows[found == SpinClass.FREE]
+        stiffness[cell[free]] = states.index[free]
+    return classes.reshape(-1, width), stiffness.reshape(-1, width)
+
+
+def _verdicts(checker: Checker, states: States, tags: IndexArray, rows: IndexArray) -> IndexArray:
+    """Return the ``SpinClass`` (m,) of states (m,), checked with their strokes."""
+    reason = checker.states(
+        tags[states.tag_of(rows)],
+        states.q[rows].astype(np.float64),
+        states.spin_of(rows),
+        states.branch[rows].astype(np.int64),
+    ).reason
+    return np.array([_CLASS_OF[Reason(int(r))] for r in reason], dtype=np.int64)
+
+
+def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
+    """Return the class (t, S) by the postures that reach, limits and singularity rule out."""
+    problem = checker.problem
+    spins = problem.settings.spins
+    which, turn = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T_robroot_flange = problem.placement.flange(problem.placement.tcp(which, turn))
+    slots, valid = problem.kinematics.ik(T_robroot_flange)
+    valid &= problem.placement.given[which][:, None]
+    classes = np.full(valid.shape, SpinClass.UNREACHABLE, dtype=np.int32)
+    middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
+    q = problem.kinematics.nearest(slots[valid], middle)
+    # a posture that nothing rules out counts for nothing here: it is checked as a state
+    classes[valid] = np.select(
+        [~problem.within(q), ~problem.regular(q)],
+        [SpinClass.JOINT_LIMIT, SpinClass.SINGULAR],
+        SpinClass.UNREACHABLE,
+    )
+    best: IntArray = classes.min(axis=1).reshape(len(tags), len(spins))
+    return best
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\n') else text
+
+
+def _text(value: float) -> str:
+    return f"{value:z.3f}" if np.isfinite(value) else ""

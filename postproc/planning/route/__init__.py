@@ -1,0 +1,1 @@
+"""The ways between the tags: connections, detours, cuts, strokes and their speeds."""

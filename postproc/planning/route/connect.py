@@ -1,0 +1,187 @@
+"""How the tool gets from one stretch to the next without touching anything.
+
+Straight in joint space if that is free; else by backing off along the tool axes first; else through
+the points of a way found for another connection; else by a random tree in joint space from both
+ends, shortened afterwards. Checks are asked for in batches: one call costs far more than one row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.planning.checks.feasible import Checker, Lines
+from postproc.planning.route.tree import ROUNDS, rrt_connect
+from postproc.planning.states.ladder import IndexArray
+
+BACK_OFF = (0.05, 0.1, 0.2, 0.4)
+"""Heights [m] by which both ends back off along their tool axes, tried in turn."""
+_LONGER = 1.2
+"""The points of a way serve another connection if its way gets no longer than this times."""
+_HOPELESS = 5
+"""After so many trees that found no way ..."""
+_FEW = 6
+"""... the next ones grow no more often than this."""
+GIVE_UP = 40
+"""After so many no more are grown: what is left is walled in."""
+
+
+@dataclass(slots=True)
+class Ends:
+    """Where m connections start and end.
+
+    Args:
+        tag_from: (m,); tag_to: (m,).
+        height_from: (m,) [m] above the tag where the tool leaves; height_to: where it arrives.
+        q_from: (m, 6); q_to: (m, 6) [rad].
+    """
+
+    tag_from: IndexArray
+    tag_to: IndexArray
+    height_from: FloatArray
+    height_to: FloatArray
+    q_from: FloatArray
+    q_to: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of connections."""
+        return len(self.tag_to)
+
+    def take(self, rows: IndexArray) -> Ends:
+        """Return some of the connections."""
+        return Ends(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True, slots=True)
+class Detour:
+    """Points on the way: joints (k, 6), and whether the motion TO each is straight (LIN).
+
+    ``last_is_line``: so is the motion from the last of them to the end.
+    """
+
+    q: FloatArray
+    is_line: BoolArray
+    last_is_line: bool
+
+
+def detours(
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
+) -> dict[int, Detour]:
+    """Return free ways round for connections (m,) by row; rows without one are missing.
+
+    Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
+    """
+    ways: dict[int, Detour] = {}
+    for height in BACK_OFF:
+        rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+        if not len(rows):
+            return ways
+        found = _by_backing_off(checker, ends.take(rows), attitude, branch, height)
+        ways.update({int(rows[row]): way for row, way in found.items()})
+    rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+    for row, points in _by_trees(checker, ends, rows).items():
+        ways[row] = Detour(points, np.zeros(len(points), dtype=np.bool_), False)
+    return ways
+
+
+def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:
+    """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
+
+    What is in the way of one connection is mostly in the way of many: the points of every way found
+    are offered to the connections that are left, there and back, before the next tree grows.
+    """
+    ways: dict[int, FloatArray] = {}
+    failures = 0
+    while len(rows) and failures < GIVE_UP:
+        row, rows = int(rows[0]), rows[1:]
+        rounds = ROUNDS if failures < _HOPELESS else _FEW
+        way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], rounds)
+        if way is None:
+            failures += 1
+            continue
+        ways[row] = way
+        if not len(way) or not len(rows):
+            continue
+        limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
+        for points in (way, way[::-1]):
+            start, end = ends.q_from[rows], ends.q_to[rows]
+            good = _length(start, points, end) <= limit
+            for a, b in ((start, points[:1]), (points[-1:], end)):
+                near = np.nonzero(good)[0]
+                a, b = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
+                good[near] = checker.joint_moves(a[near], b[near]).good
+            ways.update((taken, points) for taken in rows[good].tolist())
+            rows = rows[~good]
+    return ways
+
+
+def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the lengths (m,) [rad] of ways from starts (m, 6) through points to ends (m, 6)."""
+    inner = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+    outer = np.linalg.norm(way[0] - start, axis=1) + np.linalg.norm(end - way[-1], axis=1)
+    return np.asarray(inner + outer)
+
+
+def _by_backing_off(
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: float
+) -> dict[int, Detour]:
+    up_from, from_free = _lifted(
+        checker, ends.tag_from, ends.height_from, ends.q_from, attitude, branch, height
+    )
+    up_to, to_free = _lifted(
+        checker, ends.tag_to, ends.height_to, ends.q_to, attitude, branch, height
+    )
+    options = (
+        (from_free & to_free, up_from, up_to, (True, True)),
+        (from_free, up_from, ends.q_to, (True, False)),
+        (to_free, ends.q_from, up_to, (False, True)),
+    )
+    ways: dict[int, Detour] = {}
+    for possible, start, end, lifted in options:
+        rows = np.array([row for row in np.nonzero(possible)[0].tolist() if row not in ways])
+        if not len(rows):
+            continue
+        free = checker.joint_moves(start[rows], end[rows]).good
+        for row in rows[free].tolist():
+            points = [q for q, up in zip((start[row], end[row]), lifted, strict=True) if up]
+            lines = [True, False] if all(lifted) else [lifted[0]]
+            ways[row] = Detour(np.array(points), np.array(lines), lifted[1])
+    return ways
+
+
+def _lifted(
+    checker: Checker,
+    tag: IndexArray,
+    base: FloatArray,
+    q: FloatArray,
+    attitude: FloatArray,
+    branch: IndexArray,
+    height: float,
+) -> tuple[FloatArray, BoolArray]:
+    """Return the joints (m, 6) ``height`` above where the tool stands, and if the way is free."""
+    problem = checker.problem
+    low = problem.placement.tcp(tag, attitude[tag], base)
+    high = problem.placement.tcp(tag, attitude[tag], base + height)
+    solved, reached = problem.solve(high, branch[tag], q)
+    solved = np.where(reached[:, None], solved, q)
+    good = reached & problem.within(solved) & problem.regular(solved)
+    rows = np.nonzero(good)[0]
+    lines = Lines(
+        low[rows],
+        high[rows],
+        q[rows],
+        solved[rows],
+        branch[tag[rows]],
+        np.zeros(len(rows), dtype=np.bool_),
+    )
+    good[rows] = checker.lines(lines)[0].good
+    return solved, good
+
+
+def free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
+    """Return the joints (k, 6) between start and goal of a free way, none if it is straight."""
+    if checker.joint_moves(start[None], goal[None]).good[0]:
+        return np.zeros((0, 6))
+    return rrt_connect(checker, start, goal)

@@ -1,0 +1,110 @@
+"""The moves of cuts: lines stay lines, arcs become circular moves where the controller can."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.geometry.frames import angle_between
+from postproc.geometry.poses import arc_points, arc_poses
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.model.toolpath import MotionKind
+from postproc.planning.route.drill import ARRIVE
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.moves import Chosen, Moves, moves
+from postproc.planning.states.problem import Problem
+from postproc.units import DEG
+
+LARGEST_CIRC = 120.0 * DEG
+"""A longer arc is split: the aux point fixes a circle well only when it is far from both ends."""
+_CUT = 200
+_FLAT = 1e-6
+_SAME_AXIS = 1e-6
+TILTED_PIECE = 15.0 * DEG
+"""Longest piece of an arc on which the tool is tilted: the tilt goes round with the arc, while the
+controller turns the tool about one axis from the start to the end of a piece."""
+
+
+def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Moves]:
+    """Return the moves of all linear and circular cuts.
+
+    Args:
+        problem: what is asked.
+        chosen: poses of the tags.
+        leaves: (n, 6) joints in which the tool leaves each tag.
+    """
+    kind = np.asarray(problem.toolpath.kind)
+    feed = np.asarray(problem.toolpath.feed)
+    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)) & chosen.good
+    entered = np.nonzero(cuts & chosen.entry)[0]
+    T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)
+    parts = [moves(entered, ARRIVE, MoveKind.PTP, MoveRole.ENTRY, T[entered], chosen.q[entered])]
+    lines = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.LINEAR))[0]
+    parts.append(
+        moves(lines, _CUT, MoveKind.LIN, MoveRole.CUT, T[lines], chosen.q[lines], feed[lines])
+    )
+    arcs = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.ARC))[0]
+    if len(arcs):
+        parts += _arcs(problem, chosen, arcs, T, leaves, feed)
+    return parts
+
+
+def _arcs(
+    problem: Problem,
+    chosen: Chosen,
+    tags: IndexArray,
+    T: FloatArray,
+    leaves: FloatArray,
+    feed: FloatArray,
+) -> list[Moves]:
+    toolpath = problem.toolpath
+    numbers = np.asarray(toolpath.arc)[tags]
+    centre, normal = toolpath.arcs.centre[numbers], toolpath.arcs.normal[numbers]
+    sweep, radius = toolpath.arcs.sweep[numbers], toolpath.arcs.radius[numbers]
+    start, end = T[tags - 1], T[tags]
+    rise = np.abs(np.einsum("ij,ij->i", end[:, :3, 3] - start[:, :3, 3], normal))
+    axis = problem.placement.axis_base
+    turned = angle_between(axis(tags - 1), axis(tags))
+    circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.settings.arcs == "circ")
+    chord = 2.0 * np.arccos(np.clip(1.0 - problem.settings.chord / radius, -1.0, 1.0))
+    widest = np.where(circular, LARGEST_CIRC, np.clip(chord, 1e-3, LARGEST_CIRC))
+    tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))
+    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
+    widest = np.where(tilted, np.minimum(widest, TILTED_PIECE), widest)
+    pieces = np.maximum(1, np.ceil(sweep / widest - 1e-9)).astype(np.int64)
+    row = np.repeat(np.arange(len(tags)), pieces)
+    piece = np.arange(len(row)) - (np.cumsum(pieces) - pieces)[row]
+    share = (piece + 1) / pieces[row]
+    last = piece == pieces[row] - 1
+    poses = arc_poses(
+        *(start[row], end[row], centre[row], normal[row], sweep[row], share),
+        (tilts[0][row], tilts[1][row]),
+    )
+    poses[last] = end[row[last]]
+    q_from, q_to = leaves[tags - 1][row], chosen.q[tags][row]
+    q = q_from + share[:, None] * (q_to - q_from)
+    q, _ = problem.solve(poses, chosen.branch[tags][row], q)
+    q[last] = q_to[last]
+    part = moves(
+        tags[row],
+        _CUT + piece,
+        np.where(circular[row], MoveKind.CIRC, MoveKind.LIN),
+        MoveRole.CUT,
+        poses,
+        q,
+        feed[tags][row],
+    )
+    round_ = np.nonzero(circular[row])[0]
+    which = row[round_]
+    part.aux[round_] = arc_points(
+        start[which][:, :3, 3],
+        end[which][:, :3, 3],
+        centre[which],
+        normal[which],
+        sweep[which],
+        share[round_] - 0.5 / pieces[which],
+    )
+    part.sweep[round_] = sweep[which] / pieces[which]
+    part.centre[round_], part.normal[round_] = centre[which], normal[which]
+    return [part]

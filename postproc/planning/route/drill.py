@@ -1,0 +1,94 @@
+"""The moves of strokes: arrive above, go to the clearance height, drill by pecks, leave."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.moves import Chosen, Moves, moves
+from postproc.planning.states.problem import Problem
+from postproc.planning.states.stroke import Strokes, pecks
+
+ARRIVE = 100
+"""Order of the move that arrives at a tag; moves on the way there come before."""
+_CLEAR = 110
+_FIRST_PECK = 120
+LEAVE = 1_000_000
+TOUCH_SPEED = 0.1
+"""Speed [m/s] to and from a point that is only touched, where no feed is given."""
+PECK_GAP = 0.5e-3
+"""After a full lift the tool returns fast to this height [m] above where it stopped drilling."""
+
+
+def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves]:
+    """Return the moves of all tags with a stroke; the one that arrives is a joint move."""
+    tags = np.nonzero(strokes.is_stroke & chosen.good)[0]
+    if not len(tags):
+        return []
+    toolpath, rapid = problem.toolpath, problem.settings.rapid_speed
+    top = _at(problem, chosen, tags, strokes.top[tags])
+    role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.APPROACH)
+    parts = [moves(tags, ARRIVE, MoveKind.PTP, role, *top)]
+    lower = tags[strokes.clear[tags] < strokes.top[tags] - 1e-9]
+    if len(lower):
+        clear = _at(problem, chosen, lower, strokes.clear[lower])
+        parts.append(moves(lower, _CLEAR, MoveKind.LIN, MoveRole.APPROACH, *clear, rapid))
+    feeds = _feeds(problem, tags)
+    cycles = np.asarray(toolpath.cycle)[tags]
+    for cycle in np.unique(cycles).tolist():
+        rows = cycles == cycle
+        parts += _pecks(problem, strokes, chosen, tags[rows], feeds[rows], cycle)
+    parts.append(moves(tags, LEAVE, MoveKind.LIN, MoveRole.RETRACT, *top, rapid))
+    return parts
+
+
+def _pecks(
+    problem: Problem,
+    strokes: Strokes,
+    chosen: Chosen,
+    tags: IndexArray,
+    feed: FloatArray,
+    number: int,
+) -> list[Moves]:
+    """Return the plunges and lifts of the holes of one cycle."""
+    cycle = problem.toolpath.cycles[number] if number >= 0 else None
+    plan = pecks(cycle) if cycle is not None else [(0.0, float(strokes.clear[tags[0]]))]
+    dwell = cycle.dwell if cycle is not None else 0.0
+    rapid = problem.settings.rapid_speed
+    parts = []
+    for k, (depth, lift) in enumerate(plan):
+        order, last = _FIRST_PECK + 3 * k, k == len(plan) - 1
+        bottom = _at(problem, chosen, tags, np.full(len(tags), -depth))
+        parts.append(
+            moves(tags, order, MoveKind.LIN, MoveRole.PLUNGE, *bottom, feed, dwell if last else 0.0)
+        )
+        if last:
+            break
+        up = _at(problem, chosen, tags, np.full(len(tags), lift))
+        parts.append(moves(tags, order + 1, MoveKind.LIN, MoveRole.LIFT, *up, rapid))
+        if lift > PECK_GAP - depth:
+            back = _at(problem, chosen, tags, np.full(len(tags), PECK_GAP - depth))
+            parts.append(moves(tags, order + 2, MoveKind.LIN, MoveRole.LIFT, *back, rapid))
+    return parts
+
+
+def _feeds(problem: Problem, tags: IndexArray) -> FloatArray:
+    """Return the feed (m,) of strokes [m/s]: the cycle's, the path's, the cell's; NaN without."""
+    toolpath = problem.toolpath
+    own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
+    feed = own[np.asarray(toolpath.cycle)[tags]]
+    feed = np.where(np.isfinite(feed), feed, np.asarray(toolpath.feed)[tags])
+    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    touched = (np.asarray(toolpath.cycle)[tags] < 0) & ~np.isfinite(feed)
+    return np.where(touched, TOUCH_SPEED, feed)
+
+
+def _at(
+    problem: Problem, chosen: Chosen, tags: IndexArray, height: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return poses and joints of tags at a height above them."""
+    T_base_tcp = problem.placement.tcp(tags, chosen.attitude[tags], height)
+    q, _ = problem.solve(T_base_tcp, chosen.branch[tags], chosen.q[tags])
+    return T_base_tcp, q

@@ -1,0 +1,225 @@
+"""From chosen poses to the moves of the controller, in order, with speeds, blends and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.errors import Issue
+from postproc.geometry.frames import inverse
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.model.toolpath import EventKind, MotionKind
+from postproc.planning.checks.explain import failure
+from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
+from postproc.planning.route.connect import GIVE_UP, Detour, Ends, detours, free_way
+from postproc.planning.route.cuts import cut_moves
+from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves
+from postproc.planning.route.speeds import Timed, timed
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.moves import Chosen, Moves, in_order, moves
+from postproc.planning.states.problem import Problem
+
+STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
+"""Events before which the robot stands still."""
+_HOME = -1000
+_NOT_SEARCHED = (
+    f"after {GIVE_UP} connections without a free way only backing off along the tool axis was tried"
+)
+
+
+@dataclass(slots=True)
+class Route:
+    """All moves in order with speeds and times, and what was found on the way."""
+
+    moves: Moves
+    timed: Timed
+    issues: list[Issue] = field(default_factory=list)
+
+
+def route(checker: Checker, chosen: Chosen) -> Route:
+    """Return the moves that run the chosen poses.
+
+    Connections that cannot be made free of collision are findings at their tag.
+    """
+    problem = checker.problem
+    issues: list[Issue] = []
+    holes = hole_moves(problem, checker.strokes, chosen)
+    arrives, leaves = _ends(problem, checker, chosen)
+    parts = [*holes, *cut_moves(problem, chosen, leaves)]
+    parts += _free_tags(problem, chosen)
+    parts += _home(checker, chosen, arrives, issues)
+    table = in_order(parts)
+    ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
+    as_line, blocked = _decide(checker, chosen, ends, issues)
+    rapid = problem.settings.rapid_speed
+    rows = arriving[as_line]
+    table.kind[rows] = MoveKind.LIN
+    table.speed[rows] = rapid
+    extra = [
+        _detour_moves(problem, ends, row, way, table, arriving, chosen)
+        for row, way in sorted(blocked.items())
+    ]
+    if extra:
+        table = in_order([table, *extra])
+    result = timed(checker, table, _stops_before(problem, table), issues)
+    return Route(table, result, issues)
+
+
+def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
+    """Return the joints (n, 6) in which the tool arrives at and leaves each tag."""
+    q = chosen.q.copy()
+    tags = np.nonzero(checker.strokes.is_stroke & chosen.good)[0]
+    if len(tags):
+        top = problem.placement.tcp(tags, chosen.attitude[tags], checker.strokes.top[tags])
+        q[tags], _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
+    return q, q
+
+
+def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
+    """Return the moves to rapid and joint tags, as joint moves for now."""
+    kind = np.asarray(problem.toolpath.kind)
+    tags = np.nonzero(np.isin(kind, (MotionKind.RAPID, MotionKind.JOINT)) & chosen.good)[0]
+    role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.RAPID)
+    T = problem.placement.tcp(tags, chosen.attitude[tags])
+    return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
+
+
+def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) -> list[Moves]:
+    """Return the moves from home to the first tag's approach and from the last back home."""
+    problem = checker.problem
+    tags = np.nonzero(chosen.good)[0]
+    if problem.cell.motion.home is None or not len(tags):
+        return []
+    home = np.asarray(problem.cell.motion.home)
+    parts = []
+    for tag, way, order in (
+        (int(tags[0]), (home, q[tags[0]]), _HOME),
+        (int(tags[-1]), (q[tags[-1]], home), LEAVE + 1),
+    ):
+        between = free_way(checker, *way)
+        if between is None:
+            detail = "no free way was found between home and here"
+            issues.append(failure(problem, tag, Reason.COLLISION, detail))
+            between = np.zeros((0, 6))
+        points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
+        role = np.full(len(points), MoveRole.RAPID)
+        role[:1] = MoveRole.ENTRY if order == _HOME else MoveRole.RAPID
+        k = len(points)
+        where, numbers = np.full(k, tag), order + np.arange(k)
+        T_base_tcp = _poses(problem, points)
+        parts.append(moves(where, numbers, MoveKind.PTP, role, T_base_tcp, points))
+    return parts
+
+
+def _poses(problem: Problem, q: FloatArray) -> FloatArray:
+    """Return T_base_tcp (k, 4, 4) of joints (k, 6)."""
+    T_robroot_tcp = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
+    return np.asarray(inverse(problem.placement.T_robroot_base) @ T_robroot_tcp)
+
+
+def _connections(
+    problem: Problem,
+    checker: Checker,
+    chosen: Chosen,
+    table: Moves,
+    arrives: FloatArray,
+    leaves: FloatArray,
+) -> tuple[Ends, IndexArray]:
+    """Return the ends of all joint moves but the first, and their rows in the table."""
+    good = np.nonzero(chosen.good)[0]
+    arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
+    arriving = arriving[table.tag[arriving] > good.min(initial=len(chosen.good))]
+    to = table.tag[arriving]
+    before = good[np.searchsorted(good, to) - 1]
+    top = checker.strokes.top
+    return Ends(before, to, top[before], top[to], leaves[before], arrives[to]), arriving
+
+
+def _decide(
+    checker: Checker, chosen: Chosen, ends: Ends, issues: list[Issue]
+) -> tuple[BoolArray, dict[int, Detour]]:
+    """Return which connections run straight (LIN), and the detours of those that are not free."""
+    problem = checker.problem
+    as_line = _straight_rapids(checker, chosen, ends)
+    rest = np.nonzero(~as_line)[0]
+    verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
+    stuck = np.nonzero(~verdict.good)[0]
+    found = detours(checker, ends.take(rest[stuck]), chosen.attitude, chosen.branch)
+    for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
+        row = int(rest[stuck[i]])
+        name = problem.toolpath.tag_name(int(ends.tag_from[row]))
+        detail = _blocked(checker, verdict, int(stuck[i]), name)
+        hint = _NOT_SEARCHED if count >= GIVE_UP else ""
+        issues.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
+    return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
+
+
+def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
+    pair = int(verdict.pair[row])
+    what = " and ".join(checker.pairs[pair]) if 0 <= pair < len(checker.pairs) else "solids"
+    return f"no free way was found here from tag {name}: {what} collide on the direct one"
+
+
+def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
+    """Return (m,) the rapids that run straight: same branch, every pose between feasible."""
+    kind = np.asarray(checker.problem.toolpath.kind)
+    straight: BoolArray = (
+        (kind[ends.tag_to] == MotionKind.RAPID)
+        & ~chosen.entry[ends.tag_to]
+        & (chosen.branch[ends.tag_from] == chosen.branch[ends.tag_to])
+    )
+    rows = np.nonzero(straight)[0]
+    if not len(rows):
+        return straight
+    place = checker.problem.placement
+    a, b = ends.tag_from[rows], ends.tag_to[rows]
+    lines = Lines(
+        place.tcp(a, chosen.attitude[a], ends.height_from[rows]),
+        place.tcp(b, chosen.attitude[b], ends.height_to[rows]),
+        ends.q_from[rows],
+        ends.q_to[rows],
+        chosen.branch[b],
+        np.zeros(len(rows), dtype=np.bool_),
+    )
+    straight[rows] = checker.lines(lines)[0].good
+    return straight
+
+
+def _detour_moves(
+    problem: Problem,
+    ends: Ends,
+    row: int,
+    way: Detour,
+    table: Moves,
+    arriving: IndexArray,
+    chosen: Chosen,
+) -> Moves:
+    tag = int(ends.tag_to[row])
+    if way.last_is_line:
+        table.kind[arriving[row]] = MoveKind.LIN
+        table.speed[arriving[row]] = problem.settings.rapid_speed
+        table.role[arriving[row]] = MoveRole.APPROACH
+    T_base_tcp = _poses(problem, way.q)
+    k = len(way.q)
+    return moves(
+        np.full(k, tag),
+        np.arange(k),
+        np.where(way.is_line, MoveKind.LIN, MoveKind.PTP),
+        MoveRole.RAPID,
+        T_base_tcp,
+        way.q,
+        np.where(way.is_line, problem.settings.rapid_speed, np.nan),
+    )
+
+
+def _stops_before(problem: Problem, table: Moves) -> BoolArray:
+    """Return (m,) whether the robot stands still before a move because of an event."""
+    stops = np.zeros(len(table), dtype=np.bool_)
+    for event in problem.toolpath.events:
+        if event.kind in STOPS:
+            row = int(np.searchsorted(table.tag, event.index))
+            if row < len(table):
+                stops[row] = True
+    return stops

@@ -1,0 +1,100 @@
+"""The cell with its external axes somewhere, and the pose in which the arm travels with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell.cell import Cell
+from postproc.geometry.frames import inverse, rotation_about, transform
+from postproc.planning.checks.feasible import Checker
+from postproc.planning.route.connect import free_way
+from postproc.units import DEG
+
+MakeChecker = Callable[[Cell], Checker]
+_LOOKS = 80
+SMALLEST_LOOK = 0.02
+"""The external axes move at least this [m] between two looks."""
+LARGEST_RADIUS = 3.0
+"""No part of a workpiece is farther from its positioner's axis [m]; assumed."""
+
+
+def cell_at(cell: Cell, values: FloatArray) -> Cell:
+    """Return the cell with its external axes at values (k,) [m or rad], as one without them."""
+    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
+    T_world_base = T_world_robroot @ cell.T_robroot_base
+    for axis, value in zip(cell.external_axes, values.tolist(), strict=True):
+        if axis.kind == "rail":
+            T_world_robroot = transform(np.eye(3), value * axis.axis) @ T_world_robroot
+        else:
+            R = rotation_about(axis.axis, np.array(value))
+            origin = axis.T_world_axis[:3, 3]
+            T_world_base = transform(R, origin - R @ origin) @ T_world_base
+    robot = replace(cell.robot, T_world_robroot=T_world_robroot)
+    T_robroot_base = inverse(T_world_robroot) @ T_world_base
+    workpiece = replace(cell.workpiece, T_robroot_base=T_robroot_base)
+    return replace(cell, robot=robot, workpiece=workpiece, external_axes=())
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """A pose to travel in, and the joints on the way to it (k, 6) and from it (l, 6)."""
+
+    leave: FloatArray
+    pose: FloatArray
+    arrive: FloatArray
+
+
+def travel_between(
+    cell: Cell,
+    q_from: FloatArray,
+    q_to: FloatArray,
+    places: tuple[FloatArray, FloatArray],
+    make_checker: MakeChecker,
+) -> Travel | None:
+    """Return a pose that is free all the way between stations, with free ways to and from it."""
+    low, high = np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)
+    folded = [
+        np.clip([a1, -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0], low, high)
+        for a1 in (float(q_from[0]), 0.0)
+    ]
+    home = [] if cell.motion.home is None else [np.asarray(cell.motion.home)]
+    first, last = (make_checker(cell_at(cell, place)) for place in places)
+    for pose in (*home, *folded, q_from, q_to):
+        if not _slides_free(cell, pose, places, make_checker):
+            continue
+        leave = free_way(first, q_from, pose)
+        arrive = None if leave is None else free_way(last, pose, q_to)
+        if leave is not None and arrive is not None:
+            return Travel(leave, np.asarray(pose), arrive)
+    return None
+
+
+def _slides_free(
+    cell: Cell, q: FloatArray, places: tuple[FloatArray, FloatArray], make_checker: MakeChecker
+) -> bool:
+    """Return whether the arm is free in a pose while the external axes move.
+
+    By conservative advancement: nothing moves farther than the smallest distance before the next
+    look.
+    """
+    way = places[1] - places[0]
+    radius = np.array(
+        [1.0 if axis.kind == "rail" else LARGEST_RADIUS for axis in cell.external_axes]
+    )
+    length = float((np.abs(way) * radius).sum())
+    share = 0.0
+    for _ in range(_LOOKS):
+        scene = make_checker(cell_at(cell, places[0] + share * way)).scene
+        if scene is None:
+            return True
+        if scene.check(q[None]).hit[0]:
+            return False
+        if share >= 1.0:
+            return True
+        room = float(scene.clearance(q[None], most=length + 1.0)[0])
+        share = min(1.0, share + max(0.95 * room, SMALLEST_LOOK) / length)
+    return False

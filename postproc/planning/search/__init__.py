@@ -1,0 +1,1 @@
+"""The best sequence of states."""

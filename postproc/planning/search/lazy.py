@@ -1,0 +1,108 @@
+"""The best way whose states and steps are free, checking as little as possible.
+
+Checking whether a state collides costs a thousand times more than its place in the search. So
+the search runs as if nothing collided, only the best way is checked, what fails is taken out,
+and the search is repaired; when the best way passes, it is the best of all ways that pass. States
+beside a failing one are checked along with it, because the next best way mostly runs there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray
+from postproc.planning.states.ladder import NONE, IndexArray, Ladder
+
+CheckStates = Callable[[IndexArray], BoolArray]
+CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
+Beside = Callable[[IndexArray], IndexArray]
+Widen = Callable[[list[tuple[int, int]]], list[tuple[int, int]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The best free way: state (n,) of every rung or ``NONE``, and how much work it was."""
+
+    path: IndexArray
+    rounds: int
+    checked: int
+    forbidden: int
+
+
+def search(
+    ladder: Ladder,
+    check_states: CheckStates,
+    check_steps: CheckSteps | None = None,
+    beside: Beside | None = None,
+    widen: Widen | None = None,
+    step_rounds: int = 200,
+) -> Found:
+    """Return the cheapest way of which every state and every step passes its check.
+
+    Args:
+        ladder: the graph; failing states and steps are taken out of it.
+        check_states: states (m,) -> (m,) whether each passes; asked once for each state.
+        check_steps: states from (m,), to (m,) -> (m,) whether each step passes; asked for the
+            unbroken steps of ways whose states all pass, once for each.
+        beside: failing states (m,) -> further states known to fail, in any order.
+        widen: failing steps -> steps worth a check along with them.
+        step_rounds: after so many rounds of failing steps the rungs whose steps still fail are cut
+            off from those before (``ladder.broken``).
+    """
+    ladder.solve()
+    known = np.zeros(len(ladder.position), dtype=np.bool_)
+    passed: set[tuple[int, int]] = set()
+    rounds = forbidden = failures = 0
+    while True:
+        rounds += 1
+        path = ladder.path()
+        failing = _check(path[path != NONE], known, check_states)
+        if len(failing):
+            if beside is not None:
+                failing = np.unique(np.concatenate([failing, beside(failing)]))
+                known[failing] = True
+            ladder.remove(failing)
+            continue
+        bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)
+        if not bad or check_steps is None:
+            return Found(path, rounds, int(known.sum()), forbidden)
+        failures += 1
+        if widen is not None:
+            more = [step for step in widen(bad) if step not in passed]
+            bad = sorted({*bad, *_failing_steps(more, passed, check_steps)})
+        forbidden += len(bad)
+        if failures > step_rounds:
+            ladder.cut(ladder.rung_of(np.array([to for _, to in bad])))
+        else:
+            ladder.forbid(bad)
+
+
+def _check(states: IndexArray, known: BoolArray, check: CheckStates) -> IndexArray:
+    """Check the states not known yet; return those that fail."""
+    todo = states[~known[states]]
+    if not len(todo):
+        return todo
+    known[todo] = True
+    return todo[~check(todo)]
+
+
+def _bad_steps(
+    ladder: Ladder, path: IndexArray, passed: set[tuple[int, int]], check: CheckSteps
+) -> list[tuple[int, int]]:
+    joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~ladder.broken[1:]
+    pairs = zip(path[:-1][joined].tolist(), path[1:][joined].tolist(), strict=True)
+    return _failing_steps([pair for pair in pairs if pair not in passed], passed, check)
+
+
+def _failing_steps(
+    todo: list[tuple[int, int]], passed: set[tuple[int, int]], check: CheckSteps
+) -> list[tuple[int, int]]:
+    if not todo:
+        return []
+    ends = np.array(todo)
+    good = check(ends[:, 0], ends[:, 1])
+    passed.update(pair for pair, fine in zip(todo, good.tolist(), strict=True) if fine)
+    return [pair for pair, fine in zip(todo, good.tolist(), strict=True) if not fine]

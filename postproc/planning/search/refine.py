@@ -1,0 +1,209 @@
+"""Attitudes between the grid: state costs and travel made as small as they locally get.
+
+The grid search finds the right valley; inside it the cost is smooth. One Newton step for all tags
+at once is a tridiagonal system, because a tag meets only its two neighbours. A step is halved until
+the sum falls, so the result is never worse than the grid's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.planning.states.candidates import evaluate
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.problem import Problem
+from postproc.units import DEG
+
+REFINED_GRID = 0.001 * DEG
+"""Refined angles are rounded to this, far coarser than what differs between machines."""
+_PROBE = 0.25 * DEG
+_ROUNDS = 12
+_ENOUGH = 1e-7
+
+
+@dataclass(slots=True)
+class Course:
+    """An attitude and a branch for each of n tags, with the joints that follow [rad].
+
+    ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
+    each tag, 0 where it is free.
+    """
+
+    tags: IndexArray
+    attitude: FloatArray
+    branch: IndexArray
+    q: FloatArray
+    weight: FloatArray
+
+    def travel(self, q: FloatArray) -> float:
+        """Return the weighted sum of squared joint changes along joints (n, 6)."""
+        return float((self.weight[1:] * (np.diff(q, axis=0) ** 2).sum(axis=1)).sum())
+
+    def tcp(self, problem: Problem, attitude: FloatArray) -> FloatArray:
+        """Return T_base_tcp (n, 4, 4) of the tags in other attitudes (n, 3)."""
+        return problem.placement.tcp(self.tags, attitude)
+
+
+@dataclass(slots=True)
+class Room:
+    """Where the tags of a course may move: ``free`` (n, 3), ``low`` and ``high`` (n, 3) [rad].
+
+    One column for each angle of the attitude.
+    """
+
+    free: BoolArray
+    low: FloatArray
+    high: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _Angle:
+    """One angle of the attitude that is moved, the others held: column, largest step [rad]."""
+
+    column: int
+    bound: float
+
+    def moved(self, attitude: FloatArray, step: FloatArray | float) -> FloatArray:
+        """Return attitudes (n, 3) with the angle moved."""
+        result = attitude.copy()
+        result[:, self.column] += step
+        return result
+
+
+def refine(problem: Problem, course: Course, room: Room) -> Course:
+    """Return the course with the attitudes of free tags moved to a local optimum.
+
+    One angle after the other, the spin last: it mostly ends at a bound of reach, where tags would
+    no longer tilt together.
+
+    Args:
+        problem: what is asked.
+        course: a course on the grid.
+        room: which tags may move, and how far.
+    """
+    bounds = (problem.settings.step, problem.settings.tilt.step, problem.settings.tilt.step)
+    angles = [_Angle(column, 0.5 * bound) for column, bound in enumerate(bounds)]
+    tilts = [angle for angle in angles[1:] if room.free[:, angle.column].any()]
+    for angle in [*tilts, angles[0]]:
+        course = _refined(problem, course, room, angle)
+    return course
+
+
+def _refined(problem: Problem, course: Course, room: Room, angle: _Angle) -> Course:
+    """Return the course with one angle of the attitudes moved to a local optimum."""
+    attitude, q, at = course.attitude.copy(), course.q.copy(), angle.column
+    free, low, high = room.free[:, at], room.low[:, at], room.high[:, at]
+    cost = _costs(problem, course, attitude, q)
+    total = float(cost.sum()) + course.travel(q)
+    for _ in range(_ROUNDS):
+        step = _newton(problem, course, angle, (attitude, q, cost), free)
+        step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
+        taken = _descend(problem, course, angle, (attitude, q), step, total)
+        if taken is None:
+            break
+        gain = total - taken[3]
+        attitude, q, cost, total = taken
+        if gain < _ENOUGH * max(1.0, abs(total)):
+            break
+    rounded = course.attitude.copy()
+    fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
+    rounded[:, at] = np.clip(fine, low, high)
+    solved, good = _joints(problem, course, rounded, q)
+    return Course(
+        course.tags,
+        np.where(good[:, None], rounded, course.attitude),
+        course.branch,
+        np.where(good[:, None], solved, course.q),
+        course.weight,
+    )
+
+
+def _descend(
+    problem: Problem,
+    course: Course,
+    angle: _Angle,
+    now: tuple[FloatArray, FloatArray],
+    step: FloatArray,
+    total: float,
+) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
+    """Return attitude, joints, costs, sum after the largest halved step that lowers the sum."""
+    attitude, q = now
+    for share in (1.0, 0.5, 0.25, 0.1, 0.03):
+        moved = angle.moved(attitude, share * step)
+        solved, good = _joints(problem, course, moved, q)
+        moved = np.where(good[:, None], moved, attitude)
+        solved = np.where(good[:, None], solved, q)
+        cost = _costs(problem, course, moved, solved)
+        new = float(cost.sum()) + course.travel(solved)
+        if new < total:
+            return moved, solved, cost, new
+    return None
+
+
+def _newton(
+    problem: Problem,
+    course: Course,
+    angle: _Angle,
+    now: tuple[FloatArray, FloatArray, FloatArray],
+    movable: BoolArray,
+) -> FloatArray:
+    """Return the Newton step (n,) [rad], 0 where a tag cannot move."""
+    attitude, q, cost = now
+    sides = [_joints(problem, course, angle.moved(attitude, d), q) for d in (-_PROBE, _PROBE)]
+    moving = movable & sides[0][1] & sides[1][1]
+    below, above = (np.where(moving[:, None], solved, q) for solved, _ in sides)
+    cost_below = _costs(problem, course, angle.moved(attitude, -_PROBE), below)
+    cost_above = _costs(problem, course, angle.moved(attitude, _PROBE), above)
+    slope = np.where(moving, (cost_above - cost_below) / (2.0 * _PROBE), 0.0)
+    bend = np.where(moving, (cost_above - 2.0 * cost + cost_below) / _PROBE**2, 0.0)
+    rate = (above - below) / (2.0 * _PROBE)
+    leap = np.diff(q, axis=0)
+    w = course.weight[1:]
+    gradient = slope
+    gradient[1:] += 2.0 * w * np.einsum("ij,ij->i", leap, rate[1:])
+    gradient[:-1] -= 2.0 * w * np.einsum("ij,ij->i", leap, rate[:-1])
+    square = np.einsum("ij,ij->i", rate, rate)
+    diagonal = np.maximum(bend, 0.0) + 1e-9
+    diagonal[1:] += 2.0 * w * square[1:]
+    diagonal[:-1] += 2.0 * w * square[:-1]
+    beside = -2.0 * w * np.einsum("ij,ij->i", rate[1:], rate[:-1])
+    diagonal[~moving] = 1.0
+    gradient[~moving] = 0.0
+    beside[~(moving[1:] & moving[:-1])] = 0.0
+    step = tridiagonal(diagonal, beside, -gradient)
+    return np.clip(step, -angle.bound, angle.bound)
+
+
+def _joints(
+    problem: Problem, course: Course, attitude: FloatArray, q: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    solved, reached = problem.solve(course.tcp(problem, attitude), course.branch, q)
+    solved = np.where(reached[:, None], solved, q)
+    return solved, reached & problem.within(solved) & problem.regular(solved)
+
+
+def _costs(problem: Problem, course: Course, attitude: FloatArray, q: FloatArray) -> FloatArray:
+    T_base_tcp = course.tcp(problem, attitude)
+    return evaluate(problem, course.tags, attitude[:, 0], T_base_tcp, q)[0]
+
+
+def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a symmetric tridiagonal system.
+
+    Args:
+        diagonal: (n,).
+        beside: (n-1,) entries beside the diagonal.
+        right: (n,) right-hand side.
+    """
+    d, e, r = diagonal.tolist(), beside.tolist(), right.tolist()
+    for i in range(1, len(d)):
+        factor = e[i - 1] / d[i - 1]
+        d[i] -= factor * e[i - 1]
+        r[i] -= factor * r[i - 1]
+    x = [0.0] * len(d)
+    for i in range(len(d) - 1, -1, -1):
+        x[i] = (r[i] - (e[i] * x[i + 1] if i + 1 < len(d) else 0.0)) / d[i]
+    return np.array(x)

@@ -1,0 +1,380 @@
+"""External axes: where the rail stands and how the positioner is turned for every tag.
+
+The axes are indexed: they stand still while the tool works and move between stations with the
+arm in a pose that is free all along. Which station serves which tags is the best sequence over all
+of them: stiffness (or reach) of each tag at each station of a grid, and a price for every change;
+a cut keeps its station. Each run of tags at one station is then planned as a job of its own in the
+cell as it stands there.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.errors import Issue, Severity
+from postproc.geometry.frames import inverse
+from postproc.kinematics.model import build
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.model.toolpath import Event, ToolPath
+from postproc.planning.checks.feasible import Reason
+from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
+from postproc.planning.search.hunt import step_rules
+from postproc.planning.states.candidates import sample
+from postproc.planning.states.ladder import IndexArray, Rule
+from postproc.planning.states.settings import Settings
+from postproc.timing.profile import joint_move_time
+from postproc.units import DEG
+
+RAIL_STEP = 0.25
+"""Distance [m] between stations on a rail."""
+TURN_STEP = 30.0 * DEG
+"""Angle between stations of a positioner."""
+MOST_STATIONS = 400
+CHANGE = 3.0
+"""Price of a change of station, in the units of the objectives: 100 % of stiffness is about 1."""
+UNREACHED = 1e6
+SPEED_UP_TIME = 0.5
+"""Time [s] in which an external axis reaches its speed; assumed."""
+_ROUNDS = 12
+PlanHere = Callable[[ToolPath, Cell], Plan]
+
+
+def stations_of(cell: Cell) -> FloatArray:
+    """Return the grid of stations (g, k): 0 among each axis' values where its range holds it."""
+    columns = []
+    share = MOST_STATIONS ** (1.0 / len(cell.external_axes))
+    for axis in cell.external_axes:
+        step = RAIL_STEP if axis.kind == "rail" else TURN_STEP
+        step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
+        low, high = np.ceil(axis.q_min / step - 1e-9), np.floor(axis.q_max / step + 1e-9)
+        inner = np.arange(low, high + 1) * step
+        columns.append(np.unique(np.concatenate([[axis.q_min], inner, [axis.q_max]])))
+    return np.array(list(itertools.product(*(column.tolist() for column in columns))))
+
+
+@dataclass(slots=True)
+class _Stations:
+    """The search for stations: costs of units (u, g), and what failed."""
+
+    toolpath: ToolPath
+    cell: Cell
+    values: FloatArray
+    units: list[tuple[int, int]]
+    cost: FloatArray
+    done: dict[tuple[int, int, int], Plan] = field(default_factory=dict)
+
+    def runs(self) -> list[tuple[int, int, int]]:
+        """Return runs of tags [low, high) with their station, at least total cost."""
+        chosen = _cheapest(self.cost, self._change())
+        runs: list[tuple[int, int, int]] = []
+        for (low, high), station in zip(self.units, chosen.tolist(), strict=True):
+            if runs and runs[-1][2] == station:
+                runs[-1] = (runs[-1][0], high, station)
+            else:
+                runs.append((low, high, station))
+        return runs
+
+    def _change(self) -> FloatArray:
+        reach = np.array([axis.q_max - axis.q_min for axis in self.cell.external_axes])
+        gap = np.abs(self.values[:, None] - self.values[None]) / reach
+        return np.where(gap.max(axis=2) > 0.0, CHANGE + gap.sum(axis=2), 0.0)
+
+    def blame(self, run: tuple[int, int, int], result: Plan) -> bool:
+        """Close stations to the units that failed there; return whether there is another."""
+        low, _, station = run
+        again = False
+        for issue in result.errors:
+            if issue.tag_index is None:
+                continue
+            tag = low + issue.tag_index
+            unit = next(i for i, (a, b) in enumerate(self.units) if a <= tag < b)
+            if self.cost[unit, station] < UNREACHED:
+                self.cost[unit, station] = UNREACHED
+                again |= bool((self.cost[unit] < UNREACHED).any())
+        return again
+
+
+def plan_stations(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    make_checker: MakeChecker,
+    plan_here: PlanHere,
+) -> Plan:
+    """Return the plan of a toolpath in a cell with external axes.
+
+    Args:
+        toolpath: what was read.
+        cell: with at least one external axis.
+        settings: of the plan.
+        make_checker: cell without external axes to the checks of the whole toolpath in it.
+        plan_here: part of the toolpath and such a cell to a plan.
+    """
+    values = stations_of(cell)
+    units, cost, reach = _costs(toolpath, cell, settings, values, make_checker)
+    search = _Stations(toolpath, cell, values, units, cost)
+    for _ in range(_ROUNDS):
+        runs, again = search.runs(), False
+        for run in runs:
+            if run not in search.done:
+                here = cell_at(cell, values[run[2]])
+                search.done[run] = plan_here(_part(toolpath, run[0], run[1]), here)
+            again |= search.blame(run, search.done[run])
+        if not again:
+            break
+    plans = [search.done[run] for run in runs]
+    result = _joined(toolpath, cell, values, runs, plans, make_checker)
+    return replace(result, issues=_told(result, cell, units, reach))
+
+
+def _costs(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    values: FloatArray,
+    make_checker: MakeChecker,
+) -> tuple[list[tuple[int, int]], FloatArray, BoolArray]:
+    """Return units of tags that keep a station, their cost (u, g), and reach (n, g) of the tags."""
+    n, tags = len(toolpath), np.arange(len(toolpath))
+    quality = np.full((n, len(values)), -np.inf)
+    rule = np.zeros(n, dtype=np.int64)
+    for g in range(len(values)):
+        problem = make_checker(cell_at(cell, values[g])).problem
+        rule = step_rules(problem)
+        states = sample(problem, tags, settings.spins, tilts=problem.tilts)
+        rows = states.tag_of(np.arange(len(states.q)))
+        index = states.index if settings.weights.main else np.ones(len(rows), dtype=np.float32)
+        np.maximum.at(quality[:, g], rows, np.log(np.maximum(index.astype(np.float64), 1e-30)))
+    best = quality.max(axis=1, keepdims=True)
+    loss = np.where(np.isfinite(quality), np.where(np.isfinite(best), best, 0.0) - quality, np.nan)
+    loss = np.nan_to_num(loss, nan=UNREACHED)
+    starts = np.nonzero(rule != Rule.CHAIN)[0]
+    starts = np.unique(np.concatenate([[0], starts])) if n else starts
+    ends = np.append(starts[1:], n)
+    cost = np.add.reduceat(loss, starts, axis=0) if n else np.zeros((0, len(values)))
+    units = list(zip(starts.tolist(), ends.tolist(), strict=True))
+    return units, np.minimum(cost, UNREACHED), np.isfinite(quality)
+
+
+def _told(
+    result: Plan, cell: Cell, units: list[tuple[int, int]], reach: BoolArray
+) -> tuple[Issue, ...]:
+    """Return the findings; those of a cut that no single station reaches all along say so."""
+    names = " or ".join(axis.name for axis in cell.external_axes)
+    hint = f"cuts keep their place of {names}: lift the tool somewhere on the way"
+    told = list(result.issues)
+    for low, high in units:
+        part = reach[low:high]
+        if high - low == 1 or part.all(axis=0).any() or not part.any(axis=1).all():
+            continue
+        first, last = (result.toolpath.tag_name(tag) for tag in (low, high - 1))
+        text = f"the cut from tag {first} to {last} needs {names} to move within it"
+        for i, issue in enumerate(told):
+            if issue.severity is Severity.ERROR and issue.tag_index in range(low, high):
+                told[i] = replace(issue, message=f"{issue.message}; {text}", hint=hint)
+    return tuple(told)
+
+
+def _cheapest(cost: FloatArray, change: FloatArray) -> IndexArray:
+    """Return the station (u,) of every unit by dynamic programming."""
+    value, back = cost[0].copy(), []
+    for row in cost[1:]:
+        steps = value[:, None] + change
+        back.append(np.argmin(steps, axis=0))
+        value = steps.min(axis=0) + row
+    chosen = [int(np.argmin(value))]
+    for pointers in reversed(back):
+        chosen.append(int(pointers[chosen[-1]]))
+    return np.array(chosen[::-1], dtype=np.int64)
+
+
+def _part(toolpath: ToolPath, low: int, high: int) -> ToolPath:
+    """Return tags [low, high) with the events that stand before them."""
+    n = len(toolpath)
+    last = high == n
+    events = tuple(
+        Event(event.index - low, event.kind, event.value, event.text, event.line)
+        for event in toolpath.events
+        if low <= event.index < high or (last and event.index >= n)
+    )
+    columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")
+    changes: dict[str, object] = {name: getattr(toolpath, name)[low:high] for name in columns}
+    for name in ("rotations", "joints", "names"):
+        value = getattr(toolpath, name)
+        if value is not None:
+            changes[name] = value[low:high]
+    return replace(toolpath, events=events, extra={}, **changes)  # type: ignore[arg-type]
+
+
+def _joined(
+    toolpath: ToolPath,
+    cell: Cell,
+    values: FloatArray,
+    runs: list[tuple[int, int, int]],
+    plans: list[Plan],
+    make_checker: MakeChecker,
+) -> Plan:
+    """Return one plan of all runs, with the moves of the external axes between them."""
+    issues: list[Issue] = []
+    pieces: list[Plan] = []
+    places: list[FloatArray] = []
+    events: list[tuple[int, Event]] = []
+    moves = 0
+    for i, (run, part) in enumerate(zip(runs, plans, strict=True)):
+        here = values[run[2]]
+        shifted = _shifted(part, run[0], toolpath)
+        issues += shifted.issues
+        if i and len(part) and pieces:
+            ends = (places[-1][-1], here)
+            between, where = _between(cell, pieces[-1], shifted, ends, make_checker, issues)
+            pieces.append(between)
+            places.append(where)
+            moves += len(between)
+        events += [(row + moves, replace_index(event, run[0])) for row, event in part.events]
+        if len(part):
+            pieces.append(shifted)
+            places.append(np.tile(here, (len(part), 1)))
+            moves += len(part)
+    return _stacked(toolpath, pieces, places, tuple(events), issues, plans)
+
+
+def replace_index(event: Event, low: int) -> Event:
+    """Return an event of a part as one of the whole toolpath."""
+    return Event(event.index + low, event.kind, event.value, event.text, event.line)
+
+
+def _shifted(part: Plan, low: int, toolpath: ToolPath) -> Plan:
+    issues = tuple(
+        replace(issue, tag_index=None if issue.tag_index is None else issue.tag_index + low)
+        for issue in part.issues
+    )
+    n = len(toolpath)
+    unknown = np.full(n, np.nan)
+    return replace(
+        part,
+        toolpath=toolpath,
+        tag=part.tag + np.int32(low),
+        issues=issues,
+        stiffness=_placed(unknown, part.stiffness, low),
+        stiffness_initial=_placed(unknown, part.stiffness_initial, low),
+        clearance=_placed(unknown, part.clearance, low),
+    )
+
+
+def _placed(whole: FloatArray, values: FloatArray, low: int) -> FloatArray:
+    result = whole.copy()
+    result[low : low + len(values)] = values
+    return result
+
+
+def _between(
+    cell: Cell,
+    before: Plan,
+    after: Plan,
+    places: tuple[FloatArray, FloatArray],
+    make_checker: MakeChecker,
+    issues: list[Issue],
+) -> tuple[Plan, FloatArray]:
+    """Return the moves from one station to the next: to a travel pose, the axes, and on."""
+    q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
+    travel = travel_between(cell, q_from, q_to, places, make_checker)
+    if travel is None:
+        issues.append(
+            Issue(
+                Severity.ERROR,
+                f"PLN{int(Reason.COLLISION)}",
+                "no pose was found in which the arm is free while the external axes move to here",
+                tag,
+                after.toolpath.source(tag),
+                hint="give [motion] home_deg, a pose that is free at every station",
+            )
+        )
+        travel = Travel(np.zeros((0, 6)), q_from, np.zeros((0, 6)))
+    q = np.concatenate([travel.leave, [travel.pose, travel.pose], travel.arrive])
+    k, at_start = len(q), len(travel.leave) + 1
+    where = np.concatenate(
+        [np.tile(places[0], (at_start, 1)), np.tile(places[1], (k - at_start, 1))]
+    )
+    share = float(after.ptp_fraction[0])
+    robot = cell.robot
+    external = np.array([axis.qd_max for axis in cell.external_axes])
+    steps = np.vstack([q_from[None], q])
+    speed = np.asarray(robot.qd_max) * share
+    duration = joint_move_time(steps[:-1], steps[1:], speed, robot.qdd_max)
+    slide = np.stack(places)
+    duration[at_start] = joint_move_time(
+        slide[:1], slide[1:], external * share, external / SPEED_UP_TIME
+    )[0]
+    between = replace(
+        after,
+        kind=np.full(k, MoveKind.PTP),
+        role=np.full(k, MoveRole.RAPID),
+        tag=np.full(k, tag),
+        T_base_tcp=np.array(
+            [_pose(cell, row, values) for row, values in zip(q, where, strict=True)]
+        ),
+        q=q,
+        blend=np.zeros(k),
+        dwell=np.zeros(k),
+        speed=np.full(k, np.nan),
+        ptp_fraction=np.full(k, share),
+        duration=duration,
+        branch=np.asarray(build(robot).slot(q)),
+        spin=np.full(k, after.spin[0]),
+        aux=np.full((k, 3), np.nan),
+        external=np.zeros((k, 0)),
+        events=(),
+        compensation=None,
+    )
+    return between, where
+
+
+def _pose(cell: Cell, q: FloatArray, values: FloatArray) -> FloatArray:
+    here = cell_at(cell, values)
+    T_robroot_tcp = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
+    return np.asarray(inverse(here.T_robroot_base) @ T_robroot_tcp)
+
+
+def _stacked(
+    toolpath: ToolPath,
+    pieces: list[Plan],
+    places: list[FloatArray],
+    events: tuple[tuple[int, Event], ...],
+    issues: list[Issue],
+    plans: list[Plan],
+) -> Plan:
+    model = plans[0]
+    columns = (
+        *("kind", "role", "tag", "T_base_tcp", "aux", "q", "spin", "branch", "speed"),
+        *("ptp_fraction", "blend", "dwell", "duration"),
+    )
+    changes: dict[str, object] = {
+        name: np.concatenate([getattr(piece, name) for piece in pieces])
+        if pieces
+        else getattr(model, name)
+        for name in columns
+    }
+    per_tag: dict[str, object] = {}
+    for name in ("stiffness", "stiffness_initial", "clearance"):
+        values = np.full(len(toolpath), np.nan)
+        for piece in pieces:
+            own = getattr(piece, name)
+            values = np.where(np.isfinite(own), own, values)
+        per_tag[name] = values
+    k = places[0].shape[1] if places else 0
+    return replace(
+        model,
+        toolpath=toolpath,
+        external=np.concatenate(places) if places else np.zeros((0, k)),
+        events=events,
+        issues=tuple(dict.fromkeys(issues)),
+        settings={**model.settings, "stations": len(plans)},
+        **changes,  # type: ignore[arg-type]
+        **per_tag,  # type: ignore[arg-type]
+    )

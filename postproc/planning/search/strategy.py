@@ -1,0 +1,150 @@
+"""Which pose every tag gets: the strategies ``global``, ``each`` and ``smooth``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.errors import Issue
+from postproc.planning.checks.explain import explained
+from postproc.planning.checks.feasible import Checker
+from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
+from postproc.planning.search.keytags import arc_length
+from postproc.planning.search.refine import Course, Room, refine
+from postproc.planning.states.ladder import Rule
+from postproc.planning.states.moves import Chosen
+from postproc.planning.states.problem import Problem
+
+Step = Callable[[int, int, str], None]
+_REVERTS = 6
+_SPREADS = 6
+_HEAVIER = 8.0
+
+
+def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
+    """Return the pose of every tag, the findings, and a record of the work."""
+    if checker.problem.settings.strategy == "smooth":
+        from postproc.planning.search.smooth import smooth
+
+        return smooth(checker, step)
+    tags = np.arange(len(checker.problem))
+    step(0, len(tags), "search")
+    hunt = Hunt.of(checker, tags, each=checker.problem.settings.strategy == "each")
+    found = hunt.run()
+    chosen = hunt.chosen(found)
+    record = hunt.record(found, chosen)
+    if checker.problem.settings.refine and checker.problem.settings.strategy == "global":
+        step(0, len(tags), "refine")
+        chosen = refined(checker, chosen, hunt.weight)
+        record["travel_rad2"] = travel(chosen)
+    step(len(tags), len(tags), "search")
+    return chosen, explained(checker, hunt.evidence(chosen)), record
+
+
+def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
+    """Return the chosen poses moved off the grid, where that stands the checks."""
+    problem, settings = checker.problem, checker.problem.settings
+    tags = np.nonzero(chosen.good)[0]
+    if len(tags) == 0:
+        return chosen
+    linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
+    grid = Course(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
+    names = problem.toolpath.tag_name
+    free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
+    room = _room(problem, grid, free)
+    known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
+    for _ in range(_REVERTS):
+        course = _slowed(problem, refine(problem, grid, room), room)
+        passed &= (course.attitude == known.attitude).all(axis=1)
+        passed &= (course.q == known.q).all(axis=1)
+        bad = _failing(checker, course, np.asarray(room.free.any(axis=1)), passed)
+        if not bad.any():
+            break
+        room.free &= ~bad[:, None]
+        known, passed = course, ~bad
+    else:
+        course = grid
+    attitude, q = chosen.attitude.copy(), chosen.q.copy()
+    attitude[tags], q[tags] = course.attitude, course.q
+    return Chosen(attitude, chosen.branch, q, chosen.good, chosen.entry)
+
+
+def _room(problem: Problem, grid: Course, free: BoolArray) -> Room:
+    """Return where the tags may move: ``free`` (n,) in spin, and in tilt where a cut has any."""
+    low, high = problem.cell.optimize.range
+    if high - low >= 2.0 * np.pi - 1e-9:
+        low, high = -np.inf, np.inf
+    allowed = problem.settings.tilt
+    limits = np.array([(low, high), allowed.lead, allowed.side])
+    chain = (step_rules(problem)[grid.tags] == Rule.CHAIN) & (grid.weight > 0.0)
+    cut = np.cumsum(~chain)
+    tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
+    tilted &= problem.placement.may_tilt[grid.tags]
+    return Room(
+        np.column_stack([free, tilted & any(allowed.lead), tilted & any(allowed.side)]),
+        np.minimum(limits[:, 0], grid.attitude),
+        np.maximum(limits[:, 1], grid.attitude),
+    )
+
+
+def _slowed(problem: Problem, course: Course, room: Room) -> Course:
+    """Return the course with its turns spread where an axis would be too fast at the feed.
+
+    The weight of travel is raised on the steps that are too fast, so that the turn spreads over
+    the tags around them.
+    """
+    time = _feed_times(problem, course)
+    speed = np.asarray(problem.cell.robot.qd_max)
+    for _ in range(_SPREADS):
+        need = np.abs(np.diff(course.q, axis=0) / speed).max(axis=1, initial=0.0)
+        fast = np.append(False, need > time)
+        if not fast.any():
+            break
+        heavier = np.where(fast, _HEAVIER * course.weight, course.weight)
+        heavy = Course(course.tags, course.attitude, course.branch, course.q, heavier)
+        course = refine(problem, heavy, room)
+    return course
+
+
+def _feed_times(problem: Problem, course: Course) -> FloatArray:
+    """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
+    toolpath, b = problem.toolpath, course.tags[1:]
+    feed = np.asarray(toolpath.feed)[b]
+    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    step = np.diff(arc_length(toolpath)[course.tags])
+    is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (course.weight[1:] > 0.0)
+    timed = is_cut & np.isfinite(feed) & (step > 1e-6)
+    return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
+
+
+def _failing(checker: Checker, course: Course, free: BoolArray, passed: BoolArray) -> BoolArray:
+    """Return (n,) the tags of a course that fail, by themselves or by a cut into or out of them.
+
+    ``free`` (n,): tags that may have been moved off the grid; ``passed`` (n,): tags that stand as
+    they did when they were found good, as were the cuts between two of them.
+    """
+    moved = np.nonzero(free & ~passed)[0]
+    bad = np.zeros(len(course.tags), dtype=np.bool_)
+    verdict = checker.states(
+        course.tags[moved], course.q[moved], course.attitude[moved], course.branch[moved]
+    )
+    bad[moved[~verdict.good]] = True
+    rule = step_rules(checker.problem)[course.tags]
+    b = np.nonzero((rule == Rule.CHAIN) & (course.weight > 0.0))[0]
+    b = b[(b > 0)]
+    b = b[(free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])]
+    if len(b):
+        a = b - 1
+        verdict = check_chain(
+            checker,
+            (course.tags[a], course.tags[b]),
+            (course.attitude[a], course.attitude[b]),
+            (course.q[a], course.q[b]),
+            course.branch[b],
+        )
+        fails = ~verdict.good
+        bad[a[fails]] = True
+        bad[b[fails]] = True
+    return bad & free

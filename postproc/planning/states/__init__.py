@@ -1,0 +1,1 @@
+"""Which robot states serve a tag and what each costs."""

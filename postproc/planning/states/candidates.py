@@ -1,0 +1,316 @@
+"""Candidate states of every tag: spin about the tool axis, tilt of it, IK branch, turns of joints.
+
+What cannot be reached, is over a joint limit or near a singular wrist is left out and counted, so
+that a tag without any state can say why.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import FloatArray
+from postproc.planning.states.costs import StateContext, state_costs
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.problem import Problem
+from postproc.planning.states.tilt import UPRIGHT
+
+BRANCHES = 8
+_CHUNK = 2000
+_FULL_TURN = 2.0 * np.pi
+
+
+@dataclass(slots=True)
+class States:
+    """The states of tags behind each other; tag ``i`` has ``offsets[i]:offsets[i+1]``.
+
+    Args:
+        offsets: (n+1,).
+        q: (N, 6) [rad], single precision: good to place a state, exact joints are solved anew.
+        column: (N,) number of the attitude: that of the tilt times S plus that of the spin;
+            branch: (N,) 0..7.
+        config: (N,) number of (tag, column, branch): turn copies share it, and what collides.
+        cost: (N,) of the objectives, the best of each tag is 0.
+        index: (N,) stiffness along the objective's direction [N/m], NaN without.
+        spins: (S,) or (n, S) [rad]; tilts: (T, 2) lead and side [rad].
+        refused: (n, 3) configurations out of reach, over a limit, near a singularity.
+        tried: (n,) configurations of each tag.
+    """
+
+    offsets: IndexArray
+    q: NDArray[np.float32]
+    column: NDArray[np.int16]
+    branch: NDArray[np.int8]
+    config: IndexArray
+    cost: FloatArray
+    index: NDArray[np.float32]
+    spins: FloatArray
+    tilts: FloatArray
+    refused: IndexArray
+    tried: IndexArray
+
+    def __len__(self) -> int:
+        """Return the number of tags."""
+        return len(self.offsets) - 1
+
+    def tag_of(self, states: IndexArray) -> IndexArray:
+        """Return the tag (m,) of states (m,)."""
+        tags: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
+        return tags
+
+    def spin_of(self, states: IndexArray) -> FloatArray:
+        """Return the spin (m,) [rad] of states (m,)."""
+        turn = self.column[states] % self.spins.shape[-1]
+        if self.spins.ndim == 1:
+            return np.asarray(self.spins[turn])
+        return np.asarray(self.spins[self.tag_of(states), turn])
+
+    def attitude_of(self, states: IndexArray) -> FloatArray:
+        """Return spin, lead and side tilt (m, 3) [rad] of states (m,)."""
+        tilt = self.tilts[self.column[states] // self.spins.shape[-1]]
+        return np.column_stack([self.spin_of(states), tilt])
+
+
+def sample(
+    problem: Problem,
+    tags: IndexArray,
+    spins: FloatArray,
+    branch: IndexArray | None = None,
+    near: FloatArray | None = None,
+    tilts: FloatArray = UPRIGHT,
+) -> States:
+    """Return the states of tags (n,).
+
+    Args:
+        problem: what is asked.
+        tags: (n,) indices of tags.
+        spins: (S,) the same for every tag, or (n, S) [rad].
+        branch: (n,) keep this branch only; None: all eight.
+        near: (n, 6) keep only the turns nearest to these joints; None: all turns (or the
+            principal ones, by the setting ``turns``).
+        tilts: (T, 2) lead and side [rad], none at all first; tags that may not tilt take only that.
+    """
+    width = spins.shape[-1] * len(tilts)
+    size = max(1, _CHUNK // width)
+    parts = [
+        _chunk(
+            problem,
+            tags[low : low + size],
+            spins if spins.ndim == 1 else spins[low : low + size],
+            tilts,
+            None if branch is None else branch[low : low + size],
+            None if near is None else near[low : low + size],
+        )
+        for low in range(0, len(tags), size)
+    ]
+    counts = np.concatenate([part.counts for part in parts]) if parts else np.zeros(0, np.int64)
+    offsets = np.concatenate([[0], np.cumsum(counts)])
+    configs = np.cumsum([0, *(part.configs for part in parts)])
+    return States(
+        offsets=offsets,
+        q=_joined([part.q for part in parts], np.zeros((0, 6), np.float32)),
+        column=_joined([part.column for part in parts], np.zeros(0, np.int16)),
+        branch=_joined([part.branch for part in parts], np.zeros(0, np.int8)),
+        config=_joined(
+            [part.config + first for part, first in zip(parts, configs, strict=False)],
+            np.zeros(0, np.int64),
+        ),
+        cost=_joined([part.cost for part in parts], np.zeros(0)),
+        index=_joined([part.index for part in parts], np.zeros(0, np.float32)),
+        spins=spins,
+        tilts=tilts,
+        refused=_joined([part.refused for part in parts], np.zeros((0, 3), np.int64)),
+        tried=_joined([part.tried for part in parts], np.zeros(0, np.int64)),
+    )
+
+
+@dataclass(slots=True)
+class _Part:
+    counts: IndexArray
+    configs: int
+    q: NDArray[np.float32]
+    column: NDArray[np.int16]
+    branch: NDArray[np.int8]
+    config: IndexArray
+    cost: FloatArray
+    index: NDArray[np.float32]
+    refused: IndexArray
+    tried: IndexArray
+
+
+def _chunk(
+    problem: Problem,
+    tags: IndexArray,
+    spins: FloatArray,
+    tilts: FloatArray,
+    branch: IndexArray | None,
+    near: FloatArray | None,
+) -> _Part:
+    n = len(tags)
+    row, column, attitude = _attitudes(problem, tags, spins, tilts)
+    which = tags[row]
+    T_base_tcp = problem.placement.tcp(which, attitude)
+    slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
+    valid &= problem.placement.given[which][:, None]
+    if branch is not None:
+        kept = np.zeros_like(valid)
+        kept[np.arange(len(which)), branch[row]] = True
+        valid &= kept
+    pose, slot = np.nonzero(valid)
+    q = slots[pose, slot]
+    low, high = _turn_range(problem, q)
+    inside = np.asarray((low <= high).all(axis=1))
+    good = inside & problem.regular(q)
+    tried = n_of(row, n) * (BRANCHES if branch is None else 1)
+    refused = np.stack(
+        [
+            tried - n_of(row[pose], n),
+            n_of(row[pose[~inside]], n),
+            n_of(row[pose[inside & ~good]], n),
+        ],
+        axis=1,
+    )
+    pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
+    if near is not None:
+        q, source = _nearest(problem, q, near[row[pose]])
+    else:
+        q, source = _copies(q, low, high, all_turns=problem.settings.turns)
+    cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
+    owner = row[pose[source]]
+    _subtract_best(cost, owner)
+    return _Part(
+        counts=n_of(owner, n),
+        configs=len(pose),
+        q=q.astype(np.float32),
+        column=column[pose[source]].astype(np.int16),
+        branch=slot[source].astype(np.int8),
+        config=source.astype(np.int64),
+        cost=cost,
+        index=index.astype(np.float32),
+        refused=refused,
+        tried=tried,
+    )
+
+
+def _attitudes(
+    problem: Problem, tags: IndexArray, spins: FloatArray, tilts: FloatArray
+) -> tuple[IndexArray, IndexArray, FloatArray]:
+    """Return row of ``tags`` (m,), column (m,) and attitude (m, 3) of all poses to look at."""
+    n, turns = len(tags), spins.shape[-1]
+    use = np.ones((n, len(tilts), turns), dtype=np.bool_)
+    use[:, 1:] = problem.placement.may_tilt[tags][:, None, None]
+    row, tilt, turn = np.nonzero(use)
+    spin = np.broadcast_to(spins, (n, turns))[row, turn]
+    return row, tilt * turns + turn, np.column_stack([spin, tilts[tilt]])
+
+
+def n_of(rows: IndexArray, n: int) -> IndexArray:
+    """Return how often each of ``0..n-1`` stands in ``rows``."""
+    return np.bincount(rows, minlength=n).astype(np.int64)
+
+
+def _turn_range(problem: Problem, q: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the fewest and the most whole turns (m, 6) that bring an angle within its limits."""
+    margin = problem.cell.limits.joint_margin - 1e-9
+    low = np.ceil((np.asarray(problem.kinematics.q_min) + margin - q) / _FULL_TURN)
+    high = np.floor((np.asarray(problem.kinematics.q_max) - margin - q) / _FULL_TURN)
+    return low.astype(np.int64), high.astype(np.int64)
+
+
+def _copies(
+    q: FloatArray, low: IndexArray, high: IndexArray, *, all_turns: bool
+) -> tuple[FloatArray, IndexArray]:
+    """Return every in-limit turn of configurations (m, 6), and the row each comes from.
+
+    Ordered by row. Without ``all_turns`` only the turn nearest to the principal value stays.
+    """
+    best = np.clip(0, low, high)
+    base = q + _FULL_TURN * best
+    rows = np.arange(len(q))
+    if not all_turns or not len(q):
+        return base, rows
+    wide = np.nonzero((high > low).any(axis=0))[0].tolist()
+    copies, sources = [base], [rows]
+    spans = [range(int(low[:, j].min()), int(high[:, j].max()) + 1) for j in wide]
+    for shift in itertools.product(*spans):
+        turns = np.array(shift, dtype=np.int64)
+        fits = ((low[:, wide] <= turns) & (turns <= high[:, wide])).all(axis=1)
+        fits &= (best[:, wide] != turns).any(axis=1)
+        chosen = np.nonzero(fits)[0]
+        if len(chosen):
+            copy = base[chosen]
+            copy[:, wide] = q[chosen][:, wide] + _FULL_TURN * turns
+            copies.append(copy)
+            sources.append(chosen)
+    source = np.concatenate(sources)
+    order = np.argsort(source, kind="stable")
+    return np.concatenate(copies)[order], source[order]
+
+
+def _nearest(problem: Problem, q: FloatArray, q_near: FloatArray) -> tuple[FloatArray, IndexArray]:
+    moved = q + _FULL_TURN * np.round((q_near - q) / _FULL_TURN)
+    kept = np.nonzero(problem.within(moved))[0]
+    return moved[kept], kept
+
+
+def _costs(
+    problem: Problem,
+    tag: IndexArray,
+    spin: FloatArray,
+    T_base_tcp: FloatArray,
+    q: FloatArray,
+    source: IndexArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return cost and index of every state; turn copies share what does not depend on the turn."""
+    weights = problem.settings.weights
+    if not weights.states or not len(q):
+        return np.zeros(len(q)), np.full(len(q), np.nan)
+    shared = all(part.is_stiffness or part.is_of_pose for _, _, part in weights.states)
+    first = np.searchsorted(source, np.arange(len(tag))) if shared else source
+    if shared:
+        present = np.isin(np.arange(len(tag)), source)
+        first = np.minimum(first, len(q) - 1)
+        rows, joints = np.arange(len(tag)), q[first]
+    else:
+        rows, joints = source, q
+        present = np.ones(len(q), dtype=np.bool_)
+    cost, index = evaluate(problem, tag[rows], spin[rows], T_base_tcp[rows], joints)
+    if shared:
+        cost[~present] = 0.0
+        return cost[source], index[source]
+    return cost, index
+
+
+def evaluate(
+    problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return cost (m,) and stiffness index (m,) of poses with known joints."""
+    R_robroot_base = np.asarray(problem.placement.T_robroot_base)[:3, :3]
+    context = StateContext(
+        kinematics=problem.kinematics,
+        cell=problem.cell,
+        q=q,
+        tag=tag,
+        spin=spin,
+        R_robroot_tcp=R_robroot_base @ T_base_tcp[:, :3, :3],
+        normal=problem.normal[tag],
+        c_joint=None if problem.c_joint is None else problem.c_joint(q),
+        tilt=problem.tilt_of(tag, T_base_tcp),
+    )
+    return state_costs(problem.settings.weights, context)
+
+
+def _subtract_best(cost: FloatArray, row: IndexArray) -> None:
+    """Make the best cost of every row 0, in place; rows are sorted."""
+    if not len(cost):
+        return
+    starts = np.nonzero(np.diff(row, prepend=-1))[0]
+    best = np.minimum.reduceat(cost, starts)
+    cost -= np.repeat(best, np.diff(np.append(starts, len(row))))
+
+
+def _joined(parts: list[NDArray], empty: NDArray) -> NDArray:  # type: ignore[type-arg]
+    return np.concatenate(parts) if parts else empty

@@ -1,0 +1,235 @@
+"""The ladder graph: one rung of states per tag, the cheapest way from the first rung to the last.
+
+Nothing here knows a robot. A state is a point of six coordinates with a cost of its own and a
+group; a step costs the weighted square of the distance between two points. Inside a chain (CP
+motion) a step must keep the group and no coordinate may move more than half a turn.
+
+The search is exact dynamic programming. Edges are never stored: the costs of all steps between
+two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
+Removing states (a collision found on the best way) repairs the values from the first changed rung
+on and stops as soon as the values agree again up to a constant. Between two wide rungs the matrix
+is worked out in blocks, a chain's group by group, so that memory stays bounded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import BoolArray, FloatArray
+
+IndexArray = NDArray[np.int64]
+
+NONE = -1
+"""No state: the rung is empty."""
+WIDE = 4_000_000
+"""Largest matrix of steps that is worked out at once."""
+_SAME = 1e-11
+_HALF_TURN = np.pi + 1e-9
+
+
+class Rule(IntEnum):
+    """What a step into a rung may do."""
+
+    FREE = 0
+    """Any state to any state."""
+    CHAIN = 1
+    """Same group, no coordinate moves more than half a turn."""
+
+
+@dataclass(slots=True)
+class Ladder:
+    """States of all rungs behind each other, with the values of the search.
+
+    Args:
+        offsets: (n+1,) rung ``i`` holds the states ``offsets[i]:offsets[i+1]``.
+        position: (N, d) coordinates, joint angles [rad].
+        cost: (N,) cost of each state, infinite for one that is out.
+        group: (N,) label that a chain must keep.
+        rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
+        weight: (n,) weight of the squared distance of that step.
+    """
+
+    offsets: IndexArray
+    position: NDArray[np.floating[Any]]
+    cost: FloatArray
+    group: NDArray[np.integer[Any]]
+    rule: IndexArray
+    weight: FloatArray
+    value: FloatArray = field(init=False)
+    back: NDArray[np.uint16] = field(init=False)
+    broken: BoolArray = field(init=False)
+    _square: FloatArray = field(init=False)
+    _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
+    _cut: set[int] = field(init=False, default_factory=set)
+    _solved: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        """Make room for the values of the search."""
+        states = len(self.position)
+        self.cost = np.array(self.cost, dtype=np.float64)
+        self.value = np.full(states, np.inf)
+        self.back = np.zeros(states, dtype=np.uint16)
+        self.broken = np.zeros(len(self), dtype=np.bool_)
+        self._square = np.einsum(
+            "ij,ij->i", self.position, self.position, dtype=np.float64, casting="same_kind"
+        )
+        if len(self) and int(np.diff(self.offsets).max()) > np.iinfo(np.uint16).max:
+            raise ValueError("Ladder: more than 65535 states on one rung")
+
+    def __len__(self) -> int:
+        """Return the number of rungs."""
+        return len(self.offsets) - 1
+
+    def rung_of(self, states: IndexArray) -> IndexArray:
+        """Return the rung (m,) of each state."""
+        rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
+        return rungs
+
+    def solve(self) -> None:
+        """Find the value of every state from scratch."""
+        for i in range(len(self)):
+            self._update(i)
+        self._solved = True
+
+    def remove(self, states: IndexArray) -> None:
+        """Take states out and repair the values."""
+        self.cost[states] = np.inf
+        self._repair(self.rung_of(np.asarray(states)))
+
+    def forbid(self, steps: list[tuple[int, int]]) -> None:
+        """Take single steps (state from, state to) out and repair the values."""
+        rungs = self.rung_of(np.array([to for _, to in steps]))
+        for rung, step in zip(rungs.tolist(), steps, strict=True):
+            self._forbidden.setdefault(rung, []).append(step)
+        self._repair(rungs)
+
+    def cut(self, rungs: IndexArray) -> None:
+        """Separate rungs from those before them for good and repair the values."""
+        self._cut.update(rungs.tolist())
+        self._repair(np.asarray(rungs))
+
+    def path(self) -> IndexArray:
+        """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
+        chosen = np.full(len(self), NONE, dtype=np.int64)
+        follow = NONE
+        for i in range(len(self) - 1, -1, -1):
+            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+            if follow == NONE and high > low:
+                best = low + int(np.argmin(self.value[low:high]))
+                follow = best if np.isfinite(self.value[best]) else NONE
+            chosen[i] = follow
+            if follow == NONE or self.broken[i] or i == 0:
+                follow = NONE
+            else:
+                follow = int(self.offsets[i - 1]) + int(self.back[follow])
+        return chosen
+
+    def total(self, path: IndexArray) -> float:
+        """Return the cost of a way: its states and its steps; broken steps are free."""
+        kept = path[path != NONE]
+        states = float(self.cost[kept].sum())
+        joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~self.broken[1:]
+        leap = self.position[path[1:][joined]] - self.position[path[:-1][joined]]
+        return states + float((self.weight[1:][joined] * (leap**2).sum(axis=1)).sum())
+
+    def _repair(self, rungs: IndexArray) -> None:
+        """Recompute from every changed rung on until the values agree again."""
+        if not self._solved:
+            return
+        waiting = sorted(set(rungs.tolist()), reverse=True)
+        i = 0
+        while waiting:
+            i = max(i, waiting.pop())
+            while i < len(self):
+                changed = self._update(i)
+                while waiting and waiting[-1] <= i:
+                    waiting.pop()
+                i += 1
+                if not changed:
+                    break
+
+    def _update(self, i: int) -> bool:
+        """Compute the values of one rung anew, smallest 0; return whether they changed."""
+        low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+        value = self._step(i, low, high)
+        lowest = value.min() if high > low else np.inf
+        if lowest < np.inf:
+            value -= lowest
+        old = self.value[low:high]
+        changed = not (self._solved and _equal(old, value))
+        old[:] = value
+        return changed
+
+    def _step(self, i: int, low: int, high: int) -> FloatArray:
+        cost: FloatArray = self.cost[low:high]
+        before, after = int(self.offsets[i - 1]) if i else 0, int(self.offsets[i])
+        if i == 0 or high == low or after == before or i in self._cut:
+            self.broken[i] = True
+            return cost.copy()
+        value = np.full(high - low, np.inf)
+        for a, b in self._blocks(i, np.arange(before, after), np.arange(low, high)):
+            steps = self._steps(i, a, b)
+            back = steps.argmin(axis=1)
+            self.back[b] = a[back] - before
+            value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
+        self.broken[i] = not value.min() < np.inf
+        return cost.copy() if self.broken[i] else value
+
+    def _blocks(
+        self, i: int, before: IndexArray, now: IndexArray
+    ) -> Iterator[tuple[IndexArray, IndexArray]]:
+        """Return states before and now whose steps are worked out at once; every state now once."""
+        if len(before) * len(now) <= WIDE:
+            yield before, now
+            return
+        groups = [(before, now)]
+        if self.rule[i] == Rule.CHAIN:
+            of_before, of_now = self.group[before], self.group[now]
+            shared = np.intersect1d(of_before, of_now).tolist()
+            groups = [(before[of_before == group], now[of_now == group]) for group in shared]
+        for a, b in groups:
+            size = max(1, WIDE // len(a))
+            for low in range(0, len(b), size):
+                yield a, b[low : low + size]
+
+    def _steps(self, i: int, before: IndexArray, now: IndexArray) -> FloatArray:
+        """Return value + step cost (m now, m before) of states, both rising."""
+        w = float(self.weight[i])
+        a, b = self.position[before], self.position[now]
+        d = a.shape[1]
+        left = np.empty((len(b), d + 2))
+        right = np.empty((len(a), d + 2))
+        np.multiply(b, -2.0 * w, out=left[:, :d])
+        left[:, d] = 1.0
+        left[:, d + 1] = self._square[now]
+        right[:, :d] = a
+        np.multiply(self._square[before], w, out=right[:, d])
+        right[:, d] += self.value[before]
+        right[:, d + 1] = w
+        steps: FloatArray = left @ right.T
+        if self.rule[i] == Rule.CHAIN:
+            self._keep_chain(steps, before, now)
+        for state, to in self._forbidden.get(i, ()):
+            row, column = int(np.searchsorted(now, to)), int(np.searchsorted(before, state))
+            if row < len(now) and now[row] == to and column < len(before):
+                steps[row, column] = np.inf if before[column] == state else steps[row, column]
+        return steps
+
+    def _keep_chain(self, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
+        """Take out the steps that a chain may not do."""
+        a, b = self.position[before], self.position[now]
+        steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+        reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
+        for j in np.nonzero(reach > _HALF_TURN)[0]:
+            steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf
+
+
+def _equal(old: FloatArray, new: FloatArray) -> bool:
+    with np.errstate(invalid="ignore"):
+        return bool(((old == new) | (np.abs(old - new) < _SAME)).all())

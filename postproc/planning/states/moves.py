@@ -1,0 +1,99 @@
+"""Moves of the controller in columns, before they are put in order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.planning.states.ladder import IndexArray
+
+
+@dataclass(slots=True)
+class Chosen:
+    """The pose chosen for every tag.
+
+    ``attitude`` (n, 3): spin, lead and side tilt [rad]; ``good`` (n,): the tag can be run;
+    ``entry`` (n,): it is entered anew, by a joint move, rather than from the tag before. Columns of
+    tags that are not good hold no meaning.
+    """
+
+    attitude: FloatArray
+    branch: IndexArray
+    q: FloatArray
+    good: BoolArray
+    entry: BoolArray
+
+    @property
+    def spin(self) -> FloatArray:
+        """(n,) turn about the CAM tool axis [rad]."""
+        return self.attitude[:, 0]
+
+
+@dataclass(slots=True)
+class Moves:
+    """One move a row; ``order`` sorts the moves of one tag. Other columns as in ``Plan``.
+
+    ``speed`` is NaN for PTP, and for a cut without any feed.
+    """
+
+    tag: IndexArray
+    order: IndexArray
+    kind: IndexArray
+    role: IndexArray
+    T_base_tcp: FloatArray
+    q: FloatArray
+    speed: FloatArray
+    dwell: FloatArray
+    aux: FloatArray
+    sweep: FloatArray
+    centre: FloatArray
+    normal: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of moves."""
+        return len(self.tag)
+
+
+def moves(
+    tag: IndexArray,
+    order: int | IndexArray,
+    kind: MoveKind | IndexArray,
+    role: MoveRole | IndexArray,
+    T_base_tcp: FloatArray,
+    q: FloatArray,
+    speed: float | FloatArray = float("nan"),
+    dwell: float | FloatArray = 0.0,
+) -> Moves:
+    """Return moves (m,) with single values repeated; no arcs."""
+    m = len(tag)
+    nowhere = np.full((m, 3), np.nan)
+    return Moves(
+        np.asarray(tag, dtype=np.int64),
+        np.broadcast_to(np.asarray(order, dtype=np.int64), (m,)).copy(),
+        np.broadcast_to(np.asarray(kind, dtype=np.int64), (m,)).copy(),
+        np.broadcast_to(np.asarray(role, dtype=np.int64), (m,)).copy(),
+        T_base_tcp,
+        q,
+        np.broadcast_to(np.asarray(speed, dtype=np.float64), (m,)).copy(),
+        np.broadcast_to(np.asarray(dwell, dtype=np.float64), (m,)).copy(),
+        nowhere,
+        np.zeros(m),
+        nowhere.copy(),
+        nowhere.copy(),
+    )
+
+
+def in_order(parts: list[Moves]) -> Moves:
+    """Return all moves, by tag and order."""
+    tag = np.concatenate([part.tag for part in parts])
+    order = np.concatenate([part.order for part in parts])
+    rows = np.lexsort((order, tag))
+    return Moves(
+        *(
+            np.concatenate([getattr(part, column.name) for part in parts])[rows]
+            for column in fields(Moves)
+        )
+    )

@@ -1,0 +1,45 @@
+"""Wishes about the pose: away from limits and singular poses, near the reference spin, upright."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.kinematics.singular import smallest_singular_value, wrist_distance
+from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
+
+WELL_CONDITIONED = 0.3
+"""Smallest singular value of the Jacobian (metres per radian) that counts as far from singular."""
+
+
+@objective("limits")
+def limits(context: StateContext) -> FloatArray:
+    """Return the mean over the joints of (distance from mid range / half range)^4, 1 at a limit."""
+    low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
+    share = (context.q - 0.5 * (low + high)) / (0.5 * (high - low))
+    return np.asarray((share**4).mean(axis=1))
+
+
+@objective("singularity")
+def singularity(context: StateContext) -> FloatArray:
+    """Return 0 for a bent wrist and a well conditioned arm, 1 at a singular pose."""
+    wrist = 1.0 - np.sin(wrist_distance(context.kinematics, context.q))
+    p_flange_tcp = np.asarray(context.cell.tool.T_flange_tcp)[:3, 3]
+    smallest = smallest_singular_value(context.kinematics, context.q, p_flange_tcp)
+    arm = 1.0 - np.minimum(smallest / WELL_CONDITIONED, 1.0)
+    return np.asarray(0.5 * wrist + 0.5 * arm)
+
+
+@objective("spin")
+def spin(context: StateContext) -> FloatArray:
+    """Return the squared turn about the tool axis against the reference, in units of 10 degrees."""
+    turn = np.mod(context.spin + np.pi, 2.0 * np.pi) - np.pi
+    return np.asarray((turn / TRAVEL_UNIT) ** 2)
+
+
+@objective("tilt", is_of_pose=True)
+def tilt(context: StateContext) -> FloatArray:
+    """Return the squared angle of the tool axis to that of the CAM data, in units of 10 degrees."""
+    if context.tilt is None:
+        return np.zeros(len(context.q))
+    return np.asarray((context.tilt / TRAVEL_UNIT) ** 2)

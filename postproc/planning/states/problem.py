@@ -1,0 +1,128 @@
+"""The planning problem: one toolpath in one cell, and the poses it asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.geometry.frames import angle_between, apply
+from postproc.kinematics.model import Kinematics
+from postproc.kinematics.singular import wrist_distance
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states.place import Placement, cross_axes
+from postproc.planning.states.settings import Settings
+from postproc.planning.states.tilt import UPRIGHT
+from postproc.stiffness.cartesian import joint_compliance
+
+Compliance = Callable[[FloatArray], FloatArray]
+_FULL_TURN = 2.0 * np.pi
+
+
+@dataclass(frozen=True, slots=True)
+class Problem:
+    """Everything that candidates, checks and routes need; no state of its own.
+
+    ``normal`` (n, 3) unit, robroot: across tool axis and path, per tag. ``c_joint``: joint
+    compliance (m, 6) [rad/(N*m)] of configurations (m, 6), None without stiffness.
+    ``tilts`` (T, 2): lead and side [rad] to search at tags that may tilt, none at all first.
+    """
+
+    toolpath: ToolPath
+    cell: Cell
+    kinematics: Kinematics
+    placement: Placement
+    settings: Settings
+    normal: FloatArray
+    c_joint: Compliance | None
+    tilts: FloatArray = field(default_factory=lambda: UPRIGHT)
+
+    def __len__(self) -> int:
+        """Return the number of tags."""
+        return len(self.toolpath)
+
+    @property
+    def is_hole(self) -> BoolArray:
+        """(n,) tags that are reached by a stroke along the tool axis."""
+        return np.asarray(self.toolpath.kind == MotionKind.HOLE)
+
+    @property
+    def is_contact(self) -> BoolArray:
+        """(n,) tags where the tool may touch the workpiece."""
+        kind = np.asarray(self.toolpath.kind)
+        return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
+
+    def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
+        """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""
+        if len(self.tilts) == 1:
+            return None
+        axis = T_base_tcp[:, :3, :3] @ self.placement.tool_axis
+        return angle_between(axis, self.placement.axis_base(tags))
+
+    def solve(
+        self, T_base_tcp: FloatArray, branch: IndexArray, q_near: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return the joints (m, 6) that reach TCP poses (m, 4, 4) in the given branches.
+
+        Every joint takes the turn nearest to ``q_near``, whether or not within limits; the
+        second value says where the pose is within reach.
+        """
+        q, valid = self.kinematics.ik_in(self.placement.flange(T_base_tcp), branch)
+        return nearest_turn(q, q_near), valid
+
+    def within(self, q: FloatArray) -> BoolArray:
+        """Return (m,) whether all joints keep the margin of the cell from their limits."""
+        return self.kinematics.within_limits(q, self.cell.limits.joint_margin)
+
+    def regular(self, q: FloatArray) -> BoolArray:
+        """Return (m,) whether the wrist keeps its distance from the straight pose."""
+        return np.asarray(wrist_distance(self.kinematics, q) >= self.cell.limits.singularity - 1e-9)
+
+
+def nearest_turn(q: FloatArray, q_near: FloatArray) -> FloatArray:
+    """Return angles shifted by whole turns to lie within half a turn of ``q_near``."""
+    moved: FloatArray = q + _FULL_TURN * np.round((q_near - q) / _FULL_TURN)
+    return moved
+
+
+def stiffness_of(cell: Cell) -> Compliance | None:
+    """Return joint compliance as a function of the configuration, None without stiffness.
+
+    What a model of the arm knows goes before the cell's constant.
+    """
+    if cell.joint_compliance is not None:
+        return cell.joint_compliance
+    if cell.joint_stiffness is None:
+        return None
+    constant = joint_compliance(cell.joint_stiffness)
+    return lambda q: np.broadcast_to(constant, q.shape)
+
+
+def path_normals(toolpath: ToolPath, placement: Placement) -> FloatArray:
+    """Return the normal (n, 3) of the path in the work plane, robroot.
+
+    The work plane is normal to the tool axis; the normal lies in it, across the way from the tag
+    before to the tag behind. Where the way has no part in that plane (a single hole, a plunge)
+    the tool frame's second cross axis at spin 0 stands in.
+    """
+    points = np.asarray(toolpath.points)
+    tags = np.arange(len(points))
+    axis = placement.axis_base(tags)
+    along = np.zeros_like(points)
+    along[1:] += np.diff(points, axis=0)
+    along[:-1] += np.diff(points, axis=0)
+    across = np.cross(axis, along)
+    size = np.linalg.norm(across, axis=1, keepdims=True)
+    stand_in = placement.R_base_tcp @ cross_axes(placement.tool_axis)[1]
+    normal = np.where(size > 1e-9, across / np.maximum(size, 1e-9), stand_in)
+    turned: FloatArray = normal @ np.asarray(placement.T_robroot_base)[:3, :3].T
+    return turned
+
+
+def robroot_points(problem: Problem) -> FloatArray:
+    """Return the tags' points (n, 3) [m] in robroot."""
+    return apply(problem.placement.T_robroot_base, problem.placement.p_base_tcp)

@@ -1,0 +1,62 @@
+"""Strokes: the way along the tool axis by which a hole or a point is reached and left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.model.toolpath import Cycle, MotionKind, ToolPath
+
+
+@dataclass(frozen=True, slots=True)
+class Strokes:
+    """Heights above the tag along the tool axis, (n,) [m]; 0 for tags without a stroke.
+
+    ``top``: where the tool arrives and leaves; ``clear``: where the feed starts; ``depth``: how
+    far below the tag the tip goes.
+    """
+
+    is_stroke: BoolArray
+    top: FloatArray
+    clear: FloatArray
+    depth: FloatArray
+
+
+def strokes_of(toolpath: ToolPath, approach: float) -> Strokes:
+    """Return the strokes of a toolpath.
+
+    A hole takes them from its cycle: the tool arrives at the higher of clearance and retract
+    height. A hole without a cycle (a point of a list without a depth) is a point to touch: the
+    tool comes down from ``approach`` [m] above it and goes back there.
+    """
+    n = len(toolpath)
+    is_stroke = np.asarray(toolpath.kind) == MotionKind.HOLE
+    heights = np.zeros((len(toolpath.cycles) + 1, 3))
+    for i, cycle in enumerate(toolpath.cycles):
+        heights[i] = max(cycle.clearance, cycle.retract), cycle.clearance, cycle.depth
+    heights[-1] = approach, approach, 0.0
+    rows = heights[np.asarray(toolpath.cycle)] if n else np.zeros((0, 3))
+    rows = np.where(is_stroke[:, None], rows, 0.0)
+    return Strokes(is_stroke, rows[:, 0], rows[:, 1], rows[:, 2])
+
+
+def pecks(cycle: Cycle, chip: float = 1e-3) -> list[tuple[float, float]]:
+    """Return the pecks of a cycle: (depth to drill to, height to lift to) [m, m].
+
+    Depths count below the tag, heights above it (a height may be negative: chip breaking lifts by
+    ``chip`` only). The last peck drills to the cycle's depth; its height is the clearance.
+    """
+    first = cycle.peck_first or cycle.peck
+    step = cycle.peck or first
+    if step <= 0.0 or cycle.depth <= 0.0:
+        return [(cycle.depth, cycle.clearance)]
+    depths = []
+    depth = first
+    while depth < cycle.depth - 1e-9:
+        depths.append(depth)
+        depth += step
+    depths.append(cycle.depth)
+    lifts = [chip - d if cycle.break_chip else cycle.clearance for d in depths[:-1]]
+    return list(zip(depths, [*lifts, cycle.clearance], strict=True))

@@ -1,0 +1,5 @@
+"""APT/CL of the CAM systems."""
+
+from postproc.readers.apt import reader
+
+__all__ = ["reader"]

@@ -1,0 +1,218 @@
+"""The end of a reading: splines put in their places, arcs computed, everything frozen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.model.toolpath import Arcs, Cycle, Event, MotionKind, ToolPath
+from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
+from postproc.readers.apt.dialect import ArcSense
+from postproc.readers.apt.nurbs import discretised
+from postproc.readers.apt.state import AptState, Columns
+
+_NONE = -1
+Shift = NDArray[np.int64]
+
+
+@dataclass(slots=True)
+class Table:
+    """All tags in columns of length n, as in ``ToolPath``."""
+
+    points: FloatArray
+    axes: FloatArray
+    kind: IntArray
+    feed: FloatArray
+    line: IntArray
+    operation: IntArray
+    tool: IntArray
+    cycle: IntArray
+
+
+def finished_toolpath(state: AptState, path: str) -> ToolPath:
+    """Return the toolpath of a state that has seen the whole file."""
+    table = _joined(state)
+    records = ArcRecords.joined(state.columns.arcs)
+    state.columns = Columns()
+    shift: Shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    if state.splines:
+        table, shift = _with_splines(state, table)
+        before = np.searchsorted([s.tag for s in state.splines], records.tag, side="right")
+        records = replace(records, tag=(records.tag + shift[before]).astype(np.int32))
+    arcs = _arcs(state, table, records)
+    arc_column = np.full(len(table.kind), _NONE, dtype=np.int32)
+    arc_column[records.tag] = np.arange(len(records.tag))
+    _settle_feeds(table, state.cycles)
+    return ToolPath(
+        path=path,
+        name=Path(path).stem,
+        format="apt",
+        dialect=state.dialect.name,
+        units=state.units,
+        points=table.points,
+        axes=table.axes,
+        kind=table.kind,
+        feed=table.feed,
+        line=table.line,
+        operation=table.operation,
+        tool=table.tool,
+        arc=arc_column,
+        cycle=table.cycle,
+        operations=tuple(state.operations),
+        tools=tuple(state.tools.tools),
+        arcs=arcs,
+        cycles=tuple(state.cycles),
+        events=_events(state, shift),
+        unknown_words=dict(sorted(state.unknown.items())),
+        words=dict(sorted(state.words.items())),
+        warnings=state.faults.warnings,
+        recovered=state.faults.fixes,
+    )
+
+
+def _joined(state: AptState) -> Table:
+    columns = state.columns
+    n = state.done
+    return Table(
+        np.concatenate([np.zeros((0, 3)), *columns.points]),
+        np.concatenate([np.zeros((0, 3)), *columns.axes]),
+        _ints(columns.kind),
+        np.concatenate([np.zeros(0), *columns.feed]),
+        _ints(columns.line),
+        _ints(columns.operation),
+        state.tools.column(n),
+        _ints(columns.cycle),
+    )
+
+
+def _ints(parts: list[IntArray]) -> IntArray:
+    joined: IntArray = np.concatenate([np.zeros(0, dtype=np.int32), *parts])
+    return joined
+
+
+def _with_splines(state: AptState, table: Table) -> tuple[Table, Shift]:
+    """Return the table with the points of the splines, and how many stand before each spline."""
+    shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    parts: list[Table] = []
+    at = 0
+    current: FloatArray | None = state.start
+    for i, spline in enumerate(state.splines):
+        parts.append(_slice(table, at, spline.tag))
+        if spline.tag > at:
+            current = _end_point(table, state.cycles, spline.tag - 1)
+        at = spline.tag
+        if current is None:
+            raise state.faults.error(
+                "APT083", "a NURBS with no point before it to start from", spline.line
+            )
+        points = discretised(spline, current, state.options.chord_tolerance)
+        current = points[-1]
+        shift[i + 1] = shift[i] + len(points)
+        axis = table.axes[at - 1] if at else np.array([0.0, 0.0, 1.0])
+        m = len(points)
+        parts.append(
+            Table(
+                points,
+                np.tile(axis, (m, 1)),
+                np.full(m, MotionKind.LINEAR, dtype=np.int32),
+                np.full(m, spline.feed),
+                np.full(m, spline.line, dtype=np.int32),
+                np.full(m, spline.operation, dtype=np.int32),
+                np.full(m, table.tool[at - 1] if at else _NONE, dtype=np.int32),
+                np.full(m, _NONE, dtype=np.int32),
+            )
+        )
+        state.faults.warn(
+            "APT131", "NURBS driven as straight pieces within the chord tolerance", spline.line
+        )
+    parts.append(_slice(table, at, len(table.kind)))
+    joined = Table(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("points", "axes", "kind", "feed", "line", "operation", "tool", "cycle")
+        )
+    )
+    return joined, shift
+
+
+def _slice(table: Table, first: int, last: int) -> Table:
+    rows = slice(first, last)
+    return Table(
+        table.points[rows], table.axes[rows], table.kind[rows], table.feed[rows],
+        table.line[rows], table.operation[rows], table.tool[rows], table.cycle[rows],
+    )  # fmt: skip
+
+
+def _end_point(table: Table, cycles: list[Cycle], i: int) -> FloatArray:
+    """Return where the tool stands after tag i: after a hole at its retract height."""
+    point: FloatArray = table.points[i]
+    if table.kind[i] == MotionKind.HOLE:
+        point = point + cycles[table.cycle[i]].retract * table.axes[i]
+    return point
+
+
+def _arcs(state: AptState, table: Table, records: ArcRecords) -> Arcs:
+    starts = np.full((len(records.tag), 3), np.nan)
+    later = records.tag > 0
+    before = records.tag[later] - 1
+    starts[later] = table.points[before]
+    holes = np.flatnonzero(table.kind[before] == MotionKind.HOLE)
+    if len(holes):
+        rows = np.flatnonzero(later)[holes]
+        starts[rows] = [_end_point(table, state.cycles, int(i)) for i in before[holes]]
+    if state.start is not None:
+        starts[~later] = state.start
+    ends = table.points[records.tag]
+    arcs = arcs_between(records, starts, ends, state.faults)
+    if state.dialect.arc_sense is ArcSense.WORD:
+        cut_before, cut_after = straight_neighbours(table.points, table.kind, records.tag)
+        against = tangency(arcs, starts, ends, cut_before, cut_after).sum(axis=1) == -2
+        for row in np.flatnonzero(against).tolist():
+            state.faults.warn(
+                "APT132",
+                "the sense written for an arc is against the straight cuts at both of its ends",
+                int(records.line[row]),
+            )
+    return arcs
+
+
+def straight_neighbours(
+    points: FloatArray, kind: IntArray, tags: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the directions of the straight cuts before and after the motions to these tags.
+
+    Returns:
+        two arrays (m, 3) [m], NaN where the neighbour is no straight cut.
+    """
+    n = len(points)
+    before = np.full((len(tags), 3), np.nan)
+    after = np.full((len(tags), 3), np.nan)
+    rows = np.flatnonzero((tags >= 2) & (kind[tags - 1] == MotionKind.LINEAR))
+    rows = rows[kind[tags[rows] - 2] != MotionKind.HOLE]
+    before[rows] = points[tags[rows] - 1] - points[tags[rows] - 2]
+    rows = np.flatnonzero(tags + 1 < n)
+    rows = rows[kind[tags[rows] + 1] == MotionKind.LINEAR]
+    after[rows] = points[tags[rows] + 1] - points[tags[rows]]
+    return before, after
+
+
+def _settle_feeds(table: Table, cycles: list[Cycle]) -> None:
+    """Rapids have no feed; a hole has its cycle's feed, else the modal one."""
+    table.feed[table.kind == MotionKind.RAPID] = np.nan
+    if cycles:
+        of_cycle = np.array([cycle.feed for cycle in cycles])[table.cycle]
+        own = (table.cycle >= 0) & ~np.isnan(of_cycle)
+        table.feed[own] = of_cycle[own]
+
+
+def _events(state: AptState, shift: Shift) -> tuple[Event, ...]:
+    if not state.splines:
+        return tuple(record.event for record in state.events)
+    return tuple(
+        replace(record.event, index=record.event.index + int(shift[record.splines]))
+        for record in state.events
+    )

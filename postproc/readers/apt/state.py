@@ -1,0 +1,291 @@
+"""What is in force while a CL file is read, and the columns of the toolpath that grow from it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import IntArray
+from postproc.geometry.frames import FloatArray
+from postproc.model.toolpath import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.readers.apt.arcs import ArcRecords
+from postproc.readers.apt.dialect import AxisRule, Dialect
+from postproc.readers.apt.frames import AXIS_NORM_GAP, MatrixComment, TiltedTable
+from postproc.readers.apt.modal import Modal
+from postproc.readers.apt.motion import Motions
+from postproc.readers.apt.tools import ToolTable
+from postproc.readers.base import ReadOptions
+from postproc.readers.text.faults import Faults
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class SplineRecord:
+    """A NURBS of the file: the tag it stands before, its numbers [m], and what is in force."""
+
+    tag: int
+    line: int
+    knots: tuple[float, ...]
+    points: FloatArray
+    feed: float
+    operation: int
+
+
+@dataclass(slots=True)
+class SplineDraft:
+    """A NURBS whose KNOT and CNTRL lines are still coming, numbers as written."""
+
+    line: int
+    tag: int
+    R: FloatArray
+    t: FloatArray
+    feed: float
+    operation: int
+    knots: list[float] = field(default_factory=list)
+    points: list[list[float]] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class EventRecord:
+    """An event with the number of splines read before it, so that it keeps its place."""
+
+    event: Event
+    splines: int
+
+
+@dataclass(slots=True)
+class Columns:
+    """Finished blocks of tags, to be joined at the end."""
+
+    points: list[FloatArray] = field(default_factory=list)
+    axes: list[FloatArray] = field(default_factory=list)
+    kind: list[IntArray] = field(default_factory=list)
+    feed: list[FloatArray] = field(default_factory=list)
+    line: list[IntArray] = field(default_factory=list)
+    operation: list[IntArray] = field(default_factory=list)
+    tool: list[IntArray] = field(default_factory=list)
+    cycle: list[IntArray] = field(default_factory=list)
+    arcs: list[ArcRecords] = field(default_factory=list)
+
+
+class AptState:
+    """Modal state of one reading.
+
+    Args:
+        dialect: the file's dialect.
+        options: as given by the caller.
+        faults: collects findings.
+        scale: metres per unit of length of the file.
+        units: name of that unit.
+    """
+
+    def __init__(
+        self, dialect: Dialect, options: ReadOptions, faults: Faults, scale: float, units: str
+    ) -> None:
+        self.dialect = dialect
+        self.options = options
+        self.faults = faults
+        self.scale = scale
+        self.units = units
+        self.columns = Columns()
+        self.done = 0
+        """Tags in finished blocks."""
+        self.at = 0
+        """Index in the block of the next point."""
+        self.operations: list[Operation] = []
+        self.tools = ToolTable()
+        self.cycles: list[Cycle] = []
+        self.events: list[EventRecord] = []
+        self.splines: list[SplineRecord] = []
+        self.unknown: dict[str, int] = {}
+        self.words: Counter[str] = Counter()
+        self.feed = Modal(NAN)
+        self.operation = Modal(-1)
+        self.cycle = Modal(-1)
+        self.frame = Modal(0)
+        self.axis = Modal(0)
+        self.frames: list[tuple[FloatArray, FloatArray]] = [(np.eye(3), np.zeros(3))]
+        self.axis_table: list[tuple[float, float, float]] = [(0.0, 0.0, 1.0)]
+        self.start: FloatArray | None = None
+        """Where FROM put the tool before the first motion [m], part frame."""
+        self.spindle = NAN
+        """Turns per second, unsigned."""
+        self.revolution_feed: float | None = None
+        """Feed per turn [m] in force, None if the feed is per time."""
+        self.cycle_words: dict[str, float] = {}
+        self.cycle_index: dict[str, int] = {}
+        """Index by the text of the cycle: NaN is not equal to itself."""
+        self.cycle_memo: dict[str, tuple[int, dict[str, float]]] = {}
+        """Index and parameters by text, of cycles that depend on nothing else."""
+        self.feed_memo: dict[str, float] = {}
+        """Feed by text, of feeds that depend on nothing else."""
+        self.table = TiltedTable()
+        self.matrix = MatrixComment()
+        self.last_point: FloatArray | None = None
+        """The last point in file coordinates and units, for increments."""
+        self.last_open = 0
+        """Line of the last TOOL PATH, which an end word must close."""
+        self.last_end = 0
+        """Line of the last word that may end a file."""
+        self.spline: SplineDraft | None = None
+
+    @property
+    def tag(self) -> int:
+        """Index of the next tag in the whole file, splines not counted."""
+        return self.done + self.at
+
+    def add_event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
+        """Keep an event before the next motion."""
+        self.events.append(EventRecord(Event(self.tag, kind, value, text, line), len(self.splines)))
+
+    def add_operation(self, name: str, line: int) -> None:
+        """Begin an operation at the next point."""
+        self.operations.append(Operation(name, line))
+        self.operation.set(self.at, len(self.operations) - 1)
+
+    def add_tool(self, line: int, **data: float | str | int) -> CamTool:
+        """Begin or complete the tool at the next point."""
+        return self.tools.update(self.tag, line, **data)
+
+    def set_feed(self, value: float) -> None:
+        """Let a feed [m/s] hold from the next point on."""
+        self.feed.set(self.at, value)
+
+    def set_axis(self, i: float, j: float, k: float) -> None:
+        """Let a tool axis hold for points that give none, from the next point on."""
+        self.axis_table.append((i, j, k))
+        self.axis.mark(self.at, len(self.axis_table) - 1)
+
+    def set_frame(self, R: FloatArray, t: FloatArray) -> None:
+        """Let ``p_part = R p_file + t`` [m] hold from the next point on."""
+        self.frames.append((R, t))
+        self.frame.set(self.at, len(self.frames) - 1)
+        self.last_point = None
+
+    def close_block(self, motions: Motions, first_line: int) -> None:
+        """Append a block's points, with what was in force at each, to the columns."""
+        k = len(motions.lines)
+        lines = (motions.lines + first_line).astype(np.int32)
+        self._resolve_increments(motions, lines)
+        axes = self._axes(motions.points, lines)
+        points = motions.points[:, :3] * self.scale
+        frame = self.frame.column(k).astype(np.int32)
+        cycle = self.cycle.column(k).astype(np.int32)
+        arcs = self._arc_records(motions, frame)
+        for index in np.unique(frame[frame > 0]).tolist():
+            R, t = self.frames[index]
+            rows = frame == index
+            points[rows] = points[rows] @ R.T + t
+            axes[rows] = axes[rows] @ R.T
+        kind = np.full(k, MotionKind.LINEAR, dtype=np.int32)
+        kind[motions.rapid] = MotionKind.RAPID
+        kind[arcs.tag] = MotionKind.ARC
+        kind[cycle >= 0] = MotionKind.HOLE
+        self._check_kinds(motions, kind, arcs)
+        columns = self.columns
+        columns.points.append(points)
+        columns.axes.append(axes)
+        columns.kind.append(kind)
+        columns.feed.append(self.feed.column(k))
+        columns.line.append(lines)
+        columns.operation.append(self.operation.column(k).astype(np.int32))
+        columns.cycle.append(cycle)
+        columns.arcs.append(
+            ArcRecords(
+                arcs.tag + self.done,
+                arcs.line,
+                arcs.centre,
+                arcs.normal,
+                arcs.tangent,
+                arcs.radius,
+                arcs.turns,
+            )
+        )
+        self.done += k
+        self.at = 0
+
+    def _resolve_increments(self, motions: Motions, lines: IntArray) -> None:
+        """Turn GODLTA increments into points, in file coordinates."""
+        points = motions.points
+        for i in motions.relative:
+            before = points[i - 1] if i > 0 else self.last_point
+            if before is None:
+                raise self.faults.error(
+                    "APT025", "GODLTA with no point before it to start from", int(lines[i])
+                )
+            step = points[i, :3].copy()
+            if np.isnan(step[0]):
+                step = step[2] * np.array(self.axis_table[int(self.axis.value)])
+            points[i, :3] = before[:3] + step
+        if len(points):
+            self.last_point = points[-1].copy()
+
+    def _axes(self, points: FloatArray, lines: IntArray) -> FloatArray:
+        """Return the unit tool axis (k, 3) in file coordinates, by the dialect's rule."""
+        k = len(points)
+        index, origin = self.axis.column_with_origin(k)
+        axes: FloatArray = np.array(self.axis_table)[index.astype(np.int64)]
+        given = ~np.isnan(points[:, 3])
+        if given.any():
+            axes[given] = self._normalised(points[given, 3:6], lines[given])
+            if self.dialect.axis_rule is AxisRule.KEEP:
+                last = np.maximum.accumulate(np.where(given, np.arange(k), -1))
+                kept = (last >= origin) & (last >= 0)
+                axes = np.where(kept[:, None], axes[last], axes)
+                if kept[-1]:
+                    self.axis_table.append(tuple(axes[-1].tolist()))
+                    self.axis = Modal(len(self.axis_table) - 1)
+        return axes
+
+    def _normalised(self, axes: FloatArray, lines: IntArray) -> FloatArray:
+        length = np.linalg.norm(axes, axis=1)
+        zero = np.flatnonzero(length < AXIS_NORM_GAP)
+        if len(zero):
+            raise self.faults.error("APT026", "the tool axis is a zero vector", int(lines[zero[0]]))
+        for i in np.flatnonzero(np.abs(length - 1.0) > AXIS_NORM_GAP)[:20].tolist():
+            self.faults.fix(
+                "APT027",
+                f"the tool axis has length {length[i]:.4f}, expected 1",
+                "its direction is taken",
+                int(lines[i]),
+            )
+        unit: FloatArray = axes / length[:, None] + 0.0
+        return unit
+
+    def _arc_records(self, motions: Motions, frame: IntArray) -> ArcRecords:
+        target = motions.arc_target.astype(np.int32)
+        centre = motions.arcs[:, :3] * self.scale
+        normal = motions.arcs[:, 3:6] * motions.arc_sign[:, None]
+        tangent = np.array(motions.arc_tangent)
+        of_arc = frame[target]
+        for index in np.unique(of_arc[of_arc > 0]).tolist():
+            R, t = self.frames[index]
+            rows = of_arc == index
+            centre[rows] = centre[rows] @ R.T + t
+            normal[rows] = normal[rows] @ R.T
+            tangent[rows] = tangent[rows] @ R.T
+        return ArcRecords(
+            target,
+            motions.arc_line.astype(np.int32),
+            centre,
+            normal,
+            tangent,
+            motions.arcs[:, 6] * self.scale,
+            motions.arc_turns.astype(np.int32),
+        )
+
+    def _check_kinds(self, motions: Motions, kind: IntArray, arcs: ArcRecords) -> None:
+        """An arc inside a drill cycle or driven as a rapid has no single meaning."""
+        wrong = np.flatnonzero(kind[arcs.tag] != MotionKind.ARC)
+        if len(wrong):
+            raise self.faults.error(
+                "APT039", "an arc inside a drill cycle", int(arcs.line[wrong[0]])
+            )
+        rapid = np.flatnonzero(motions.rapid[arcs.tag])
+        if len(rapid):
+            self.faults.warn(
+                "APT130", "RAPID before an arc: the arc is driven at feed", int(arcs.line[rapid[0]])
+            )

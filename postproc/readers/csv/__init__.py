@@ -1,0 +1,5 @@
+"""Points and holes as CSV."""
+
+from postproc.readers.csv import reader
+
+__all__ = ["reader"]

@@ -1,0 +1,187 @@
+"""Rows of a point list to motions: which are holes, their drill cycles, operations and tools."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import IntArray
+from postproc.geometry.frames import FloatArray
+from postproc.model.toolpath import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.readers.text.faults import Faults
+from postproc.units import MM
+
+DEFAULT_CLEARANCE = 2.0 * MM
+"""Height [m] above a hole where the feed starts, without a column for it."""
+DEFAULT_RETRACT = 10.0 * MM
+"""Height [m] above a hole where the tool ends, without a column for it."""
+_NONE = -1
+Index = NDArray[np.int64]
+_MOTIONS = {
+    "rapid": MotionKind.RAPID, "g0": MotionKind.RAPID, "g00": MotionKind.RAPID,
+    "linear": MotionKind.LINEAR, "lin": MotionKind.LINEAR, "g1": MotionKind.LINEAR,
+    "g01": MotionKind.LINEAR, "feed": MotionKind.LINEAR, "cut": MotionKind.LINEAR,
+    "hole": MotionKind.HOLE, "drill": MotionKind.HOLE,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class HoleColumns:
+    """Columns (n,) in SI units, None where the file has none; ``depth`` NaN = no hole."""
+
+    depth: FloatArray | None
+    diameter: FloatArray | None
+    clearance: FloatArray | None
+    retract: FloatArray | None
+    peck: FloatArray | None
+    dwell: FloatArray | None
+    motion: list[str] | None
+
+
+def motion_kinds(
+    columns: HoleColumns, line: IntArray, faults: Faults
+) -> tuple[IntArray, IntArray, tuple[Cycle, ...]]:
+    """Return kind (n,) and cycle (n,) of every row, and the table of cycles.
+
+    Raises:
+        ReadError: CSV030 for a negative depth, CSV031 for an unknown motion, CSV032 for a hole
+            without a depth.
+    """
+    n = len(line)
+    kind = np.full(n, MotionKind.LINEAR, dtype=np.int32)
+    if columns.depth is not None:
+        kind[~np.isnan(columns.depth)] = MotionKind.HOLE
+    if columns.motion is not None:
+        named = _named_kinds(columns.motion, line, faults)
+        kind[named >= 0] = named[named >= 0]
+    holes = np.flatnonzero(kind == MotionKind.HOLE)
+    cycle = np.full(n, _NONE, dtype=np.int32)
+    if len(holes) == 0:
+        return kind, cycle, ()
+    depth = _depths(columns, holes, line, faults)
+    table, index = distinct_rows(_parameters(columns, holes, depth))
+    cycle[holes] = index
+    return kind, cycle, tuple(_cycle(row) for row in table.tolist())
+
+
+def distinct_rows(table: FloatArray) -> tuple[FloatArray, Index]:
+    """Return the distinct rows of a table (n, c), and which of them each row is (n,)."""
+    code = np.zeros(len(table), dtype=np.int64)
+    for column in table.T:
+        values, index = np.unique(column, return_inverse=True)
+        code = code * len(values) + index
+        _, code = np.unique(code, return_inverse=True)
+    first = np.full(int(code.max(initial=-1)) + 1, len(table), dtype=np.int64)
+    np.minimum.at(first, code, np.arange(len(table)))
+    return table[first], code
+
+
+def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
+    kinds = {text: _MOTIONS.get(text.lower(), _NONE) for text in set(motion)}
+    unknown = [text for text in kinds if text and kinds[text] == _NONE]
+    if unknown:
+        row = next(i for i, text in enumerate(motion) if text in unknown)
+        raise faults.error(
+            "CSV031", "unknown motion, expected rapid, linear or hole", int(line[row]), motion[row]
+        )
+    return np.array([kinds[text] for text in motion], dtype=np.int32)
+
+
+def _depths(columns: HoleColumns, holes: Index, line: IntArray, faults: Faults) -> FloatArray:
+    if columns.depth is None or np.isnan(columns.depth[holes]).any():
+        missing = holes if columns.depth is None else holes[np.isnan(columns.depth[holes])]
+        raise faults.error("CSV032", "a hole without a depth", int(line[missing[0]]))
+    depth: FloatArray = columns.depth[holes]
+    for row in np.flatnonzero(depth < 0.0)[:20].tolist():
+        faults.fix(
+            "CSV030",
+            f"a depth of {depth[row] / MM:g} mm, expected how far below the point, above zero",
+            "its size is taken",
+            int(line[holes[row]]),
+        )
+    return np.asarray(np.abs(depth))
+
+
+def _parameters(columns: HoleColumns, holes: Index, depth: FloatArray) -> FloatArray:
+    def of(values: FloatArray | None, default: float) -> FloatArray:
+        if values is None:
+            return np.full(len(holes), default)
+        return np.where(np.isnan(values[holes]), default, np.abs(values[holes]))
+
+    clearance = of(columns.clearance, DEFAULT_CLEARANCE)
+    retract = of(columns.retract, DEFAULT_RETRACT)
+    if columns.retract is None:
+        retract = np.maximum(retract, clearance)
+    return np.column_stack(
+        [
+            depth,
+            clearance,
+            retract,
+            of(columns.peck, 0.0),
+            of(columns.dwell, 0.0),
+            of(columns.diameter, -1.0),
+        ]
+    )
+
+
+def _cycle(row: list[float]) -> Cycle:
+    depth, clearance, retract, peck, dwell, diameter = row
+    return Cycle(
+        kind="peck" if peck > 0.0 else "drill",
+        depth=depth,
+        clearance=clearance,
+        retract=retract,
+        peck_first=peck,
+        peck=peck,
+        dwell=dwell,
+        diameter=diameter if diameter >= 0.0 else float("nan"),
+    )
+
+
+def operation_runs(
+    names: list[str] | None, line: IntArray
+) -> tuple[IntArray, tuple[Operation, ...]]:
+    """Return the operation (n,) of each row; an empty name goes on with the one before."""
+    n = len(line)
+    if names is None:
+        return np.full(n, _NONE, dtype=np.int32), ()
+    runs: list[Operation] = []
+    index: list[int] = []
+    for name, same in groupby(names):
+        if name and not (runs and runs[-1].name == name):
+            runs.append(Operation(name, int(line[len(index)])))
+        index += [len(runs) - 1] * sum(1 for _ in same)
+    return np.array(index, dtype=np.int32), tuple(runs)
+
+
+def tool_calls(
+    numbers: FloatArray | None, line: IntArray, faults: Faults
+) -> tuple[IntArray, tuple[CamTool, ...], tuple[Event, ...]]:
+    """Return the tool (n,) of each row, the distinct tools, and an event for every change.
+
+    Raises:
+        ReadError: CSV033 for a number that no tool can have.
+    """
+    n = len(line)
+    if numbers is None:
+        return np.full(n, _NONE, dtype=np.int32), (), ()
+    wrong = np.flatnonzero(~np.isnan(numbers) & ((numbers < 0) | (numbers != np.round(numbers))))
+    if len(wrong):
+        raise faults.error("CSV033", "a tool number must be whole", int(line[wrong[0]]))
+    known = ~np.isnan(numbers)
+    distinct, index = np.unique(numbers[known], return_inverse=True)
+    column = np.full(n, _NONE, dtype=np.int32)
+    column[known] = index.reshape(-1)
+    changes = np.flatnonzero(np.diff(column, prepend=_NONE) != 0)
+    first = {int(column[row]): int(line[row]) for row in changes[::-1].tolist()}
+    tools = tuple(
+        CamTool(int(number), line=first.get(i, 1)) for i, number in enumerate(distinct.tolist())
+    )
+    events = tuple(
+        Event(row, EventKind.TOOL_CHANGE, float(numbers[row]), "", int(line[row]))
+        for row in changes.tolist()
+    )
+    return column, tools, events

@@ -1,0 +1,328 @@
+"""Point lists as tables: the layout found from the first rows, then all rows in bulk.
+
+The fields are found by the positions of the separators and evaluated column by column
+(``decimals``); a row that is in any way unusual is taken apart on its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import FloatArray
+from postproc.readers.text.blocks import TextBlock, check_line_length
+from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens
+from postproc.readers.text.faults import Faults
+from postproc.readers.text.spans import trim_end, trim_start
+
+Index = NDArray[np.int64]
+_SAMPLE_ROWS = 200
+_WIDEST_TEXT = 48
+_BLANK = " "
+_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a file is written: separator (a blank stands for any blanks), decimal sign, width.
+
+    ``header``: names of the first row, None if it holds data; ``header_line``: its number.
+    """
+
+    separator: str
+    decimal_comma: bool
+    width: int
+    header: tuple[str, ...] | None
+    header_line: int
+    first_row: tuple[str, ...] = ()
+    """First row of data."""
+    first_row_line: int = 0
+
+
+@dataclass(slots=True)
+class Rows:
+    """Rows of one block: ``line`` (n,), numeric columns (n, c), texts of the text columns.
+
+    ``empty`` (n, c): fields that were left empty, NaN in ``numbers``.
+    """
+
+    line: Index
+    numbers: FloatArray
+    empty: NDArray[np.bool_]
+    texts: dict[int, list[str]] = field(default_factory=dict)
+
+
+def decoded(raw: bytes) -> str:
+    """Return text that is UTF-8 if it can be, else Latin-1."""
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")
+
+
+def is_number(text: str, decimal_comma: bool) -> bool:
+    """Return whether a field is a number in the file's way of writing."""
+    return parse_number(text.replace(",", ".") if decimal_comma else text) is not None
+
+
+def layout_of(block: TextBlock, faults: Faults) -> Layout:
+    """Return the layout of a file from its first block.
+
+    Raises:
+        ReadError: CSV002 if there is no row of data.
+    """
+    rows = list(_sample(block))
+    if not rows:
+        raise faults.error("CSV002", "no row of data", 1)
+    separator, decimal_comma = _separator([text for _, text in rows])
+    fields = [split_row(text, separator) for _, text in rows]
+    has_header = _is_header(fields, decimal_comma)
+    header = tuple(fields[0]) if has_header else None
+    body = fields[1:] if has_header else fields
+    if not body:
+        raise faults.error("CSV002", "a header but no row of data", rows[0][0])
+    width = len(header) if header is not None else _usual_width(body)
+    at = 1 if has_header else 0
+    return Layout(
+        separator, decimal_comma, width, header, rows[0][0] if has_header else 0,
+        tuple(body[0]), rows[at][0],
+    )  # fmt: skip
+
+
+def split_row(text: str, separator: str) -> list[str]:
+    """Return the fields of one row, quotes and outer blanks removed."""
+    if separator == _BLANK:
+        return text.split()
+    if '"' in text:
+        row = next(csv.reader([text.replace("\r", " ")], delimiter=separator))
+        return [part.strip() for part in row]
+    return [part.strip() for part in text.split(separator)]
+
+
+def _sample(block: TextBlock) -> Iterator[tuple[int, str]]:
+    """Yield number and text of the first rows, without empty lines and comments."""
+    end = 0
+    found = 0
+    line = block.first_line
+    while found < _SAMPLE_ROWS and end < len(block.data):
+        begin, end = end, block.data.find(b"\n", end) + 1
+        text = decoded(block.data[begin:end]).strip()
+        if text and not text.startswith("#"):
+            found += 1
+            yield line, text
+        line += 1
+
+
+def _separator(rows: list[str]) -> tuple[str, bool]:
+    """Return the separator and whether the comma is the decimal sign."""
+    body = rows[1:] or rows
+    for candidate in (";", "\t"):
+        if all(candidate in row for row in body):
+            fields = [part for row in body for part in row.split(candidate)]
+            commas = sum(1 for part in fields if _DECIMAL_COMMA.match(part))
+            points = sum(1 for part in fields if "," not in part and _is_plain(part))
+            return candidate, commas > 0 and (commas >= points or not _any_point(fields))
+    if all("," in row for row in body):
+        with_comma = [part for row in body for part in row.split() if "," in part]
+        if len(with_comma) >= 3 * len(body) and all(map(_DECIMAL_COMMA.match, with_comma)):
+            return _BLANK, True
+        return ",", False
+    return _BLANK, False
+
+
+def _is_plain(part: str) -> bool:
+    return "." in part and parse_number(part) is not None
+
+
+def _any_point(fields: list[str]) -> bool:
+    return any(_is_plain(part) for part in fields)
+
+
+def _is_header(fields: list[list[str]], decimal_comma: bool) -> bool:
+    """Return whether the first row names columns: words where the next rows have numbers."""
+    first = fields[0]
+    numeric = [is_number(part, decimal_comma) for part in first]
+    if all(numeric) or sum(numeric) >= 3:
+        return False
+    return not any(numeric)
+
+
+def _usual_width(rows: list[list[str]]) -> int:
+    widths = [len(row) - (1 if row and not row[-1] else 0) for row in rows]
+    return max(set(widths), key=lambda width: (widths.count(width), width))
+
+
+def parse_rows(
+    block: TextBlock, layout: Layout, numeric: list[int], texts: list[int], faults: Faults
+) -> Rows:
+    """Return the rows of a block.
+
+    Args:
+        block: whole lines.
+        layout: of the file.
+        numeric: columns to evaluate.
+        texts: columns to keep as text.
+        faults: for the errors.
+
+    Raises:
+        ReadError: CSV003 for a row of another width, CSV004 for a field that is no number.
+    """
+    data = block.data.replace(b",", b".") if layout.decimal_comma else block.data
+    buffer = np.frombuffer(data, dtype=np.uint8)
+    check_line_length(faults.path, _longest_line(buffer), block.first_line)
+    begins, ends, lines, odd = _fields(buffer, data, block, layout)
+    columns = np.array(numeric, dtype=np.int64)
+    values, valid = parse_tokens(buffer, begins[:, columns].ravel(), ends[:, columns].ravel())
+    shape = (len(lines), len(numeric))
+    numbers, good = values.reshape(shape), valid.reshape(shape)
+    too_large = np.abs(numbers) > LARGEST
+    empty = np.zeros(shape, dtype=np.bool_)
+    suspect = np.flatnonzero((~good | too_large).any(axis=1))
+    for row in suspect.tolist():
+        for at, column in enumerate(numeric):
+            if good[row, at] and not too_large[row, at]:
+                continue
+            raw = data[begins[row, column] : ends[row, column]]
+            text = decoded(raw).strip().strip('"').strip()
+            numbers[row, at] = _number(text, int(lines[row]), column, layout, faults)
+            empty[row, at] = not text
+    original = np.frombuffer(block.data, dtype=np.uint8)
+    kept = {
+        column: _texts(original, block.data, begins[:, column], ends[:, column]) for column in texts
+    }
+    result = Rows(lines, numbers, empty, kept)
+    return _with_odd_rows(result, odd, layout, numeric, texts, faults) if odd else result
+
+
+def _longest_line(buffer: NDArray[np.uint8]) -> int:
+    return int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())
+
+
+def _number(text: str, line: int, column: int, layout: Layout, faults: Faults) -> float:
+    """Return the value of an unusual field, NaN if it is empty."""
+    if not text:
+        return float("nan")
+    value = parse_number(text.replace(",", ".") if layout.decimal_comma else text)
+    if value is None or abs(value) > LARGEST:
+        name = layout.header[column] if layout.header else f"column {column + 1}"
+        raise faults.error(
+            "CSV004", f"{name} needs a number of at most 1e9, not", line, text or "nothing"
+        )
+    return value
+
+
+def _texts(buffer: NDArray[np.uint8], data: bytes, begins: Index, ends: Index) -> list[str]:
+    """Return fields as text: short ASCII ones by columns, others one by one."""
+    begins = trim_start(buffer, begins, ends)
+    ends = trim_end(buffer, begins, ends)
+    length = ends - begins
+    width = int(length.max(initial=0))
+    if not data.isascii() or not 0 < width <= _WIDEST_TEXT:
+        pairs = zip(begins.tolist(), ends.tolist(), strict=True)
+        return [decoded(data[begin:end]) for begin, end in pairs]
+    padded = np.concatenate([buffer, np.zeros(width, dtype=np.uint8)])
+    rows = np.lib.stride_tricks.sliding_window_view(padded, width)[begins]
+    rows[np.arange(width) >= length[:, None]] = 0
+    texts: list[str] = rows.view(f"S{width}")[:, 0].astype(f"U{width}").tolist()
+    return texts
+
+
+def _fields(
+    buffer: NDArray[np.uint8], data: bytes, block: TextBlock, layout: Layout
+) -> tuple[Index, Index, Index, list[tuple[int, str]]]:
+    """Return begins (n, width) and ends of the fields of all plain rows, their lines, odd rows."""
+    line_ends = np.flatnonzero(buffer == ord("\n"))
+    starts = np.concatenate([[0], line_ends[:-1] + 1])
+    if layout.separator == _BLANK:
+        begin, end = _blank_fields(buffer)
+    else:
+        begin = end = np.flatnonzero(buffer == ord(layout.separator))
+    first = np.searchsorted(begin, starts)
+    count = np.searchsorted(begin, line_ends) - first
+    quoted = b'"' in data
+    wanted = layout.width if layout.separator == _BLANK else layout.width - 1
+    header = starts_of_header(layout, block)
+    plain = (count == wanted) & (buffer[starts] != ord("#"))
+    if header is not None:
+        plain[header] = False
+    if quoted:
+        marks = np.flatnonzero(buffer == ord('"'))
+        plain &= np.searchsorted(marks, starts) == np.searchsorted(marks, line_ends)
+    rows = np.flatnonzero(plain)
+    rows = rows[_not_blank(buffer, starts[rows], line_ends[rows])] if wanted == 0 else rows
+    index = first[rows][:, None] + np.arange(wanted)
+    if layout.separator == _BLANK:
+        begins, ends = begin[index], end[index]
+    else:
+        between = begin[index]
+        begins = np.concatenate([starts[rows][:, None], between + 1], axis=1)
+        ends = np.concatenate([between, line_ends[rows][:, None]], axis=1)
+    rest = np.flatnonzero(~plain)
+    odd = [
+        (block.first_line + int(line), decoded(block.data[starts[line] : line_ends[line]]).strip())
+        for line in rest.tolist()
+        if line != header
+    ]
+    odd = [(line, text) for line, text in odd if text and not text.startswith("#")]
+    return begins, ends, rows + block.first_line, odd
+
+
+def starts_of_header(layout: Layout, block: TextBlock) -> int | None:
+    """Return the line index of the header in this block, None if it is not in it."""
+    at = layout.header_line - block.first_line
+    return at if layout.header_line and at >= 0 else None
+
+
+def _blank_fields(buffer: NDArray[np.uint8]) -> tuple[Index, Index]:
+    solid = buffer > ord(" ")
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], solid, [False]]).astype(np.int8)))
+    return edge[0::2], edge[1::2]
+
+
+def _not_blank(buffer: NDArray[np.uint8], starts: Index, ends: Index) -> NDArray[np.bool_]:
+    solid = np.concatenate([[0], np.cumsum(buffer > ord(" "))])
+    return np.asarray(solid[ends] > solid[starts])
+
+
+def _with_odd_rows(
+    rows: Rows,
+    odd: list[tuple[int, str]],
+    layout: Layout,
+    numeric: list[int],
+    texts: list[int],
+    faults: Faults,
+) -> Rows:
+    """Merge the rows that were not plain, in line order."""
+    lines: list[int] = []
+    numbers: list[list[float]] = []
+    more: dict[int, list[str]] = {column: [] for column in texts}
+    for line, text in odd:
+        fields = split_row(text, layout.separator)
+        if len(fields) == layout.width + 1 and not fields[-1]:
+            fields.pop()
+        if len(fields) != layout.width:
+            raise faults.error(
+                "CSV003", f"{len(fields)} fields, expected {layout.width}", line, text
+            )
+        lines.append(line)
+        numbers.append([_number(fields[c].strip('"'), line, c, layout, faults) for c in numeric])
+        for column in texts:
+            more[column].append(fields[column])
+    if not lines:
+        return rows
+    order = np.argsort(np.concatenate([rows.line, np.array(lines)]), kind="stable")
+    extra = np.array(numbers).reshape(len(lines), len(numeric))
+    joined = {
+        column: [(rows.texts[column] + more[column])[i] for i in order.tolist()] for column in texts
+    }
+    return Rows(
+        np.concatenate([rows.line, np.array(lines)])[order],
+        np.concatenate([rows.numbers, extra])[order],
+        np.concatenate([rows.empty, np.isnan(extra)])[order],
+        joined,
+    )

@@ -1,0 +1,5 @@
+"""DELMIA robot tasks as XML."""
+
+from postproc.readers.delmia import reader
+
+__all__ = ["reader"]

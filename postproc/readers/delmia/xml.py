@@ -1,0 +1,361 @@
+"""DELMIA's OLP XML to records: streamed, so that memory does not grow with the file.
+
+External entities, DTDs and the network are off, and a document type declaration is an error: no
+OLP file has one, and entities are the way to blow up a reader.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import BinaryIO
+
+from lxml import etree
+
+from postproc.files import open_input
+from postproc.readers.delmia.records import (
+    N_JOINTS,
+    NAN,
+    Call,
+    Document,
+    Item,
+    Motion,
+    MotionProfile,
+    OtherActivity,
+    RobotData,
+    pose,
+)
+from postproc.readers.text.blocks import check_text
+from postproc.readers.text.decimals import parse_number
+from postproc.readers.text.faults import Faults
+from postproc.units import DEG, INCH, MM, PERCENT
+
+_LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
+_ANGLES = {"deg": DEG, "rad": 1.0}
+_JOINTS = {**_ANGLES, **_LENGTHS}
+_SPEEDS = {"m/s": 1.0, "mm/s": MM}
+_MOST_BYTES = 1 << 23
+"""No part of a file as long as this is without a finished activity or list."""
+_LONG_FILE = 65535
+_FIRST_ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
+_FARTHEST = 1e6
+"""No position lies farther off [m]."""
+_ROOT = "OLPData"
+_CALL = "DNBIgpCallRobotTask"
+_MOTION = "DNBRobotMotionActivity"
+_TAGS = ("GeneralInfo", "ToolProfileList", "MotionProfileList", "AccuracyProfileList",
+         "ObjectFrameProfileList", "Activity", "ActivityList", "Resource")  # fmt: skip
+
+
+class _Checked:
+    """A stream that refuses binary data and document type declarations as they pass."""
+
+    def __init__(self, stream: BinaryIO, faults: Faults) -> None:
+        self._stream = stream
+        self._faults = faults
+        self._tail = b""
+        self._line = 1
+        self.unclaimed = 0
+        """Bytes since the last element that was taken."""
+
+    def read(self, size: int = -1) -> bytes:
+        """Return the next bytes."""
+        chunk = self._stream.read(size)
+        check_text(self._faults.path, chunk, self._line)
+        if self._line == 1 and not self._tail:
+            self._check_root(chunk)
+        self.unclaimed += len(chunk)
+        if self.unclaimed > _MOST_BYTES:
+            raise self._faults.error(
+                "DEL006",
+                f"{_MOST_BYTES >> 20} MB without a whole activity, expected OLP XML",
+                self._line,
+            )
+        seen = self._tail + chunk
+        at = seen.find(b"<!DOCTYPE")
+        if at >= 0:
+            raise self._faults.error(
+                "DEL002",
+                "a document type declaration, expected plain OLP XML without DTD or entities",
+                self._line + seen.count(b"\n", 0, at),
+            )
+        self._line += chunk.count(b"\n")
+        self._tail = seen[-8:].replace(b"\n", b" ")
+        return chunk
+
+    def _check_root(self, head: bytes) -> None:
+        match = _FIRST_ELEMENT.search(_COMMENT.sub(b"", head))
+        if match and match.group(1).rpartition(b":")[2] != _ROOT.encode():
+            tag = match.group(1)[:40].decode("latin-1")
+            raise self._faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
+
+
+def read_document(path: str, faults: Faults) -> Document:
+    """Return everything in an OLP file that matters to a path.
+
+    Raises:
+        ReadError: DEL001 if the XML is not well-formed, DEL002 for a DTD, DEL003 for another root,
+            DEL004 for a number or unit, DEL005 for a missing element, DEL014 for two robots with
+            tasks, DEL015 for two tasks of one name.
+    """
+    document = Document()
+    with open_input(path) as stream:
+        checked = _Checked(stream, faults)
+        events = etree.iterparse(
+            checked,
+            events=("end",),
+            tag=_TAGS,
+            resolve_entities=False,
+            no_network=True,
+            load_dtd=False,
+            huge_tree=False,
+            remove_comments=True,
+            remove_pis=True,
+        )
+        try:
+            _walk(events, checked, document, faults)
+        except etree.XMLSyntaxError as problem:
+            message = str(problem.msg or problem).split("(<string>")[0]
+            raise faults.error(
+                "DEL001", f"not well-formed XML: {message}", problem.lineno or 1
+            ) from None
+    root = events.root
+    if root is None or root.tag != _ROOT:
+        tag = "nothing" if root is None else str(root.tag)[:40]
+        raise faults.error("DEL003", f"the root element is {tag}, expected {_ROOT}", 1)
+    return document
+
+
+def _walk(events: etree.iterparse, checked: _Checked, document: Document, faults: Faults) -> None:
+    reader = _ElementReader(document, faults)
+    for _, element in events:
+        reader.take(element)
+        checked.unclaimed = 0
+        if element.tag != "Activity":
+            element.clear()
+            continue
+        element.clear()
+        parent = element.getparent()
+        while parent is not None and element.getprevious() is not None:
+            del parent[0]
+
+
+class _ElementReader:
+    """Takes finished elements one after the other."""
+
+    def __init__(self, document: Document, faults: Faults) -> None:
+        self._document = document
+        self._faults = faults
+        self._robot = RobotData()
+        self._items: list[Item] = []
+        self._has_tasks = False
+        self._bases: dict[tuple[str, ...], tuple[float, ...]] = {}
+
+    def take(self, element: etree._Element) -> None:
+        """Take one element of ``_TAGS``."""
+        handler = {
+            "Activity": self._activity,
+            "ActivityList": self._task,
+            "GeneralInfo": self._general,
+            "ToolProfileList": self._tools,
+            "MotionProfileList": self._motions,
+            "AccuracyProfileList": self._accuracies,
+            "ObjectFrameProfileList": self._objects,
+            "Resource": self._resource,
+        }[str(element.tag)]
+        handler(element)
+
+    def _general(self, element: etree._Element) -> None:
+        self._robot.name = _text(element.find("ResourceName"))
+        self._robot.coordinates = _text(element.find("DownloadCoordinates"))
+        speed = element.find("MaxSpeed")
+        if speed is not None and _text(speed):
+            value = self._number(_text(speed), speed)
+            self._robot.max_speed = value * self._unit(speed, _SPEEDS)
+
+    def _tools(self, element: etree._Element) -> None:
+        self._robot.tools = [_text(profile.find("Name")) for profile in element.iter("ToolProfile")]
+
+    def _motions(self, element: etree._Element) -> None:
+        for profile in element.iter("MotionProfile"):
+            basis, speed = _text(profile.find("MotionBasis")), profile.find("Speed")
+            made = MotionProfile()
+            if speed is not None and speed.get("Value"):
+                value = self._number(speed.get("Value", ""), speed)
+                if speed.get("Units", "%") == "%" and basis.lower() != "time":
+                    made = MotionProfile(share=value * PERCENT)
+                elif speed.get("Units") in _SPEEDS:
+                    made = MotionProfile(speed=value * self._unit(speed, _SPEEDS))
+            self._robot.motions[_text(profile.find("Name"))] = made
+
+    def _accuracies(self, element: etree._Element) -> None:
+        for profile in element.iter("AccuracyProfile"):
+            blend = 0.0
+            value = profile.find("AccuracyValue")
+            if _text(profile.find("FlyByMode")).lower() == "on":
+                blend = NAN
+                if _text(profile.find("AccuracyType")).lower() == "distance" and value is not None:
+                    blend = self._number(value.get("Value", ""), value)
+                    blend *= self._unit(value, _LENGTHS)
+            self._robot.blends[_text(profile.find("Name"))] = blend
+
+    def _objects(self, element: etree._Element) -> None:
+        for profile in element.iter("ObjectFrameProfile"):
+            frame = profile.find("ObjectFrame")
+            if frame is None:
+                raise self._missing("ObjectFrame", profile)
+            xyz = self._xyz(self._child(frame, "ObjectFramePosition"))
+            rpy = self._rpy(self._child(frame, "ObjectFrameOrientation"))
+            reference = frame.get("ReferenceFrame", "World")
+            self._robot.objects[_text(profile.find("Name"))] = (reference, pose(xyz, rpy))
+
+    def _resource(self, element: etree._Element) -> None:
+        if self._has_tasks:
+            if self._document.robot.name or self._document.robot.objects:
+                raise self._faults.error(
+                    "DEL014",
+                    f"tasks of two robots, {self._document.robot.name!r} and {self._robot.name!r}",
+                    _line(element),
+                    hint="export one robot's tasks to a file",
+                )
+            self._document.robot = self._robot
+        self._robot, self._has_tasks = RobotData(), False
+
+    def _task(self, element: etree._Element) -> None:
+        name = element.get("Task", "")
+        if name in self._document.tasks:
+            raise self._faults.error("DEL015", f"two tasks of the name {name!r}", _line(element))
+        self._document.tasks[name] = self._items
+        self._document.task_lines[name] = _line(element)
+        self._items, self._has_tasks = [], True
+
+    def _activity(self, element: etree._Element) -> None:
+        kind = element.get("ActivityType", "")
+        if kind == _CALL:
+            self._items.append(Call(_line(element), _text(self._child(element, "CallName"))))
+        elif kind == _MOTION or element.find("Target") is not None:
+            self._items.append(self._motion(element, self._child(element, "Target")))
+        elif element.find("JointTarget") is not None:
+            self._items.append(self._motion(element, element))
+        else:
+            name = _text(element.find("ActivityName"))
+            self._items.append(OtherActivity(_line(element), kind or "Activity", name))
+
+    def _motion(self, element: etree._Element, target: etree._Element) -> Motion:
+        listed = element.find("MotionAttributes")
+        attributes: dict[str, str] = {}
+        if listed is not None:
+            attributes = {str(child.tag): _text(child) for child in listed}
+        base = target.find("BaseWRTWorld")
+        xyz = rpy = (NAN, NAN, NAN)
+        tag = group = ""
+        cartesian = target.find("CartesianTarget")
+        if cartesian is not None:
+            xyz = self._xyz(self._child(cartesian, "Position"))
+            rpy = self._rpy(self._child(cartesian, "Orientation"))
+            named = cartesian.find("Tag")
+            if named is not None:
+                tag, group = _text(named), named.get("TagGroup", "")
+        return Motion(
+            line=_line(element),
+            name=tag or element.get("Operation", "") or _text(element.find("ActivityName")),
+            group=group,
+            kind=attributes.get("MotionType", ""),
+            via=target.get("ViaPoint", "false").lower() == "true",
+            motion_profile=attributes.get("MotionProfile", ""),
+            tool_profile=attributes.get("ToolProfile", ""),
+            accuracy_profile=attributes.get("AccuracyProfile", ""),
+            object_profile=attributes.get("ObjectFrameProfile", ""),
+            xyz=xyz,
+            rpy=rpy,
+            base=self._base(base) if base is not None else (0.0,) * 6,
+            joints=self._joints(target.find("JointTarget"), element, cartesian is None),
+        )
+
+    def _base(self, element: etree._Element) -> tuple[float, ...]:
+        """Return the robot's base in the world; it is the same for most targets."""
+        position, orientation = (
+            self._child(element, "Position"),
+            self._child(element, "Orientation"),
+        )
+        key = (*position.attrib.values(), *orientation.attrib.values())
+        known = self._bases.get(key)
+        if known is None:
+            known = self._bases[key] = (*self._xyz(position), *self._rpy(orientation))
+        return known
+
+    def _joints(
+        self, element: etree._Element | None, activity: etree._Element, needed: bool
+    ) -> tuple[float, ...]:
+        """Return the first six joints [rad] in the order of their DOF numbers."""
+        if element is None:
+            if needed:
+                raise self._missing("CartesianTarget or JointTarget", activity)
+            return ()
+        found: dict[int, float] = {}
+        for joint in element.iter("Joint"):
+            number = parse_number(joint.get("DOFNumber", ""))
+            if number is None:
+                raise self._faults.error("DEL004", "a Joint without DOFNumber", _line(joint))
+            if number > N_JOINTS:
+                self._faults.warn("DEL120", "positions of external axes are left out", _line(joint))
+                continue
+            value = self._number(_text(self._child(joint, "JointValue")), joint)
+            found[int(number)] = value * self._unit(joint, _JOINTS)
+        return tuple(found.get(i, NAN) for i in range(1, N_JOINTS + 1))
+
+    def _xyz(self, element: etree._Element) -> tuple[float, float, float]:
+        unit, get = self._unit(element, _LENGTHS), element.get
+        x = self._number(get("X", ""), element)
+        y = self._number(get("Y", ""), element)
+        z = self._number(get("Z", ""), element)
+        return x * unit, y * unit, z * unit
+
+    def _rpy(self, element: etree._Element) -> tuple[float, float, float]:
+        unit, get = self._unit(element, _ANGLES), element.get
+        roll = self._number(get("Roll", ""), element)
+        pitch = self._number(get("Pitch", ""), element)
+        yaw = self._number(get("Yaw", ""), element)
+        return roll * unit, pitch * unit, yaw * unit
+
+    def _number(self, text: str, element: etree._Element) -> float:
+        value = parse_number(text)
+        if value is None or abs(value) > _FARTHEST:
+            raise self._faults.error(
+                "DEL004", f"{element.tag} needs a number, not", _line(element), text or "nothing"
+            )
+        return value
+
+    def _unit(self, element: etree._Element, known: dict[str, float]) -> float:
+        name = element.get("Units", "")
+        if name not in known:
+            expected = ", ".join(known)
+            raise self._faults.error(
+                "DEL004", f"{element.tag} has Units {name[:20]!r}, expected {expected}",
+                _line(element),
+            )  # fmt: skip
+        return known[name]
+
+    def _child(self, element: etree._Element, tag: str) -> etree._Element:
+        child = element.find(tag)
+        if child is None:
+            raise self._missing(tag, element)
+        return child
+
+    def _missing(self, tag: str, element: etree._Element) -> Exception:
+        return self._faults.error("DEL005", f"{element.tag} without {tag}", _line(element))
+
+
+def _text(element: etree._Element | None) -> str:
+    return (element.text or "").strip() if element is not None else ""
+
+
+def _line(element: etree._Element) -> int:
+    """Return the line of the start tag.
+
+    Beyond line 65534 libxml2 keeps a text's line only, the one where it ends.
+    """
+    line = element.sourceline
+    if not isinstance(line, int):
+        return 1
+    return line - (element.text or "").count("\n") if line >= _LONG_FILE else line

@@ -1,0 +1,1 @@
+"""Text input at speed: blocks, numbers, spans, collected faults."""

@@ -1,0 +1,92 @@
+"""Text files in blocks of whole lines, so that memory does not grow with the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from postproc.errors import ReadError, SourceRef
+from postproc.files import open_input
+
+BLOCK_BYTES = 1 << 22
+LONGEST_LINE = 1 << 16
+"""No statement or row of a real file comes near this many bytes."""
+_BOM = b"\xef\xbb\xbf"
+
+
+@dataclass(frozen=True, slots=True)
+class TextBlock:
+    """Whole lines, each ended by a line feed; ``first_line`` is the number of the first one."""
+
+    data: bytes
+    first_line: int
+
+
+def last_line_end(data: bytes) -> int:
+    """Return where the last whole line ends."""
+    return data.rfind(b"\n") + 1
+
+
+def text_blocks(path: str, cut: Callable[[bytes], int] = last_line_end) -> Iterator[TextBlock]:
+    """Yield the lines of a file in blocks.
+
+    CR LF stays as it is (the CR counts as a blank); files with CR alone are translated.
+
+    Args:
+        path: the file.
+        cut: returns where the last whole unit of the data ends, at a line end.
+
+    Raises:
+        ReadError: IO001, IO002; IO012 if it is no text; IO015 if a line is too long.
+    """
+    line = 1
+    rest = b""
+    with open_input(path) as stream:
+        while chunk := stream.read(BLOCK_BYTES):
+            check_text(path, chunk, line)
+            if line == 1 and not rest:
+                chunk = chunk.removeprefix(_BOM)
+            data = rest + _line_feeds(chunk)
+            end = cut(data)
+            if len(data) - end > LONGEST_LINE:
+                _check_length(path, data[end:], line + data.count(b"\n", 0, end))
+            if end:
+                yield TextBlock(data[:end], line)
+                line += data.count(b"\n", 0, end)
+            rest = data[end:]
+    if rest.strip():
+        _check_length(path, rest, line)
+        yield TextBlock(rest if rest.endswith(b"\n") else rest + b"\n", line)
+
+
+def _line_feeds(chunk: bytes) -> bytes:
+    """Translate the line ends of files that have carriage returns only."""
+    return chunk.replace(b"\r", b"\n") if b"\n" not in chunk else chunk
+
+
+def _check_length(path: str, data: bytes, line: int) -> None:
+    end = data.find(b"\n")
+    check_line_length(path, end if end >= 0 else len(data), line)
+
+
+def check_line_length(path: str, length: int, line: int) -> None:
+    """Raise ReadError IO015 for a line of more characters than any real one has."""
+    if length > LONGEST_LINE:
+        raise ReadError(
+            "IO015",
+            f"a line of more than {LONGEST_LINE} characters, expected one statement or row a line",
+            SourceRef(path, line),
+        )
+
+
+def check_text(path: str, data: bytes, first_line: int) -> None:
+    """Raise ReadError IO012 if ``data``, which begins at ``first_line``, is no text."""
+    at = data.find(b"\0")
+    if at < 0:
+        return
+    line = first_line + data.count(b"\n", 0, at)
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        message = "UTF-16 text, expected ASCII, Latin-1 or UTF-8; save the file in one of these"
+    else:
+        message = "NUL byte, so this is a binary or damaged file; expected text"
+    raise ReadError("IO012", message, SourceRef(path, line))

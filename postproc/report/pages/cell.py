@@ -1,0 +1,103 @@
+"""The page of a cell: what it is, what is wrong with it, and how it looks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.errors import Severity
+from postproc.report.parts.page import Page, escape, table
+from postproc.report.parts.scene_data import T_world_base, add_scene
+from postproc.units import DEG
+
+if TYPE_CHECKING:
+    from postproc.arrays import FloatArray
+    from postproc.cell.cell import Cell
+    from postproc.errors import Issue
+
+
+def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> bytes:
+    """Return the page of a cell as one self-contained HTML file.
+
+    The robot stands at home, or upright (A2 -90, A3 90) where the cell names no home; frames are
+    those of the robot root, of the workpiece and of the tool.
+
+    Args:
+        cell: the cell.
+        facts: what ``check --json`` says of it.
+        issues: findings.
+    """
+    from postproc.collision.scene import Scene
+    from postproc.kinematics.model import build
+
+    kinematics = build(cell.robot)
+    scene = Scene.build(cell, kinematics)
+    has_home = cell.motion.home is not None
+    home = np.asarray(cell.motion.home) if has_home else _upright(cell)
+    hits = scene.check(home[None])
+    page = Page(f"Cell {cell.name}", _lead(cell, issues))
+    add_scene(page, cell, kinematics, scene)
+    page.script("cell.js")
+    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
+    T_world_tcp = T_world_robroot @ kinematics.fk(home) @ cell.tool.T_flange_tcp
+    frames = (("robot root", T_world_robroot), ("base", T_world_base(cell)), ("tcp", T_world_tcp))
+    page.data |= {
+        "home": [float(v) for v in home],
+        "reach": float(np.linalg.norm(T_world_tcp[:3, 3] - T_world_robroot[:3, 3])),
+        "colliding": list(hits.pairs[int(hits.pair[0])]) if has_home and hits.hit[0] else [],
+        "frames": [{"name": n, "matrix": [float(v) for v in T.ravel()]} for n, T in frames],
+    }
+    where = "at home" if has_home else "upright"
+    note = f'<p class="soft">The robot {where}; axes of robot root, base and tool: x red, y green, '
+    page.section("The cell", f'<div id="scene"></div>{note}z blue.</p>', "wide")
+    page.section("Axes", '<div id="axes"></div>', "third")
+    page.section("What is wrong", _findings(issues), "half")
+    page.section("What it is", table(("", ""), _facts(facts)), "half")
+    return page.render()
+
+
+def _upright(cell: Cell) -> FloatArray:
+    upright = np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]) * DEG
+    inside = np.all((upright >= cell.robot.q_min) & (upright <= cell.robot.q_max))
+    return upright if inside else np.zeros(6)
+
+
+def _lead(cell: Cell, issues: Sequence[Issue]) -> list[str]:
+    errors = sum(issue.severity is Severity.ERROR for issue in issues)
+    warnings = sum(issue.severity is Severity.WARNING for issue in issues)
+    if errors:
+        first = next(issue for issue in issues if issue.severity is Severity.ERROR)
+        return [f"This cell cannot work as it is: {first.message}."]
+    if warnings:
+        word = "one warning" if warnings == 1 else f"{warnings} warnings"
+        return [f"This cell works, with {word}.", f"Robot {cell.robot.name}."]
+    return ["Nothing is wrong with this cell.", f"Robot {cell.robot.name}."]
+
+
+def _findings(issues: Sequence[Issue]) -> str:
+    if not issues:
+        return '<p class="good">nothing</p>'
+    marks = {Severity.ERROR: "bad", Severity.WARNING: "warn"}
+    items = "".join(
+        f'<li class="{marks.get(issue.severity, "soft")}">'
+        + (f"line {issue.source.line}: " if issue.source else "")
+        + f"{escape(issue.message)}</li>"
+        for issue in issues
+    )
+    return f"<ul>{items}</ul>"
+
+
+def _facts(facts: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    for key, value in facts.items():
+        name = f"{prefix}{key}".replace("_", " ")
+        if isinstance(value, Mapping):
+            rows += _facts(value, f"{name} ")
+        elif isinstance(value, list):
+            shown = [f"{v:g}" if isinstance(v, float) else str(v) for v in value]
+            rows.append((name, "  ".join(shown) or "none"))
+        else:
+            rows.append((name, "none" if value is None else str(value)))
+    return rows

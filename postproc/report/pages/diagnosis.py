@@ -1,0 +1,321 @@
+"""The page of a diagnosis: plain words first, then where, which effect, what is left, what next."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.gap.answers.along import Along
+from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.summary import summary
+from postproc.gap.answers.where import Part, parts
+from postproc.gap.data.dataset import Samples
+from postproc.gap.robot_model import effect_of
+from postproc.kinematics.model import build
+from postproc.report.parts.headline import headline
+from postproc.report.parts.page import Page, escape, table
+from postproc.report.parts.rows_view import RowsView, add_rows
+from postproc.report.parts.svg import Series, bar_chart, line_chart
+from postproc.report.parts.tag_values import TagColumn
+from postproc.units import DEG, MM, PERCENT
+
+_MOST_POINTS = 1500
+_BINS = 12
+
+
+def diagnosis_page(
+    finding: Finding,
+    content: dict[str, Any],
+    cell: Cell | None = None,
+    path: Along | None = None,
+) -> bytes:
+    """Return the page as bytes.
+
+    Args:
+        finding: the diagnosis.
+        content: its document, as printed by ``--json``.
+        cell: whose robot is drawn; None: the points alone.
+        path: where the rows lie on a program.
+    """
+    title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
+    page = Page(title, [headline(content)])
+    _space(page, finding, cell)
+    words = "".join(f"<p>{escape(line)}</p>" for line in summary(content))
+    page.section("In words", words)
+    page.section("Effects, on rows that were not fitted", _effects(content))
+    page.section("Gap before and after", _before_after(finding), "half")
+    page.section("Gap along the campaign", _along(finding), "half")
+    if path is not None:
+        page.section("Gap along the program", _program(finding, content, path))
+    page.section("Where: joints, direction, conditions", _where(content), "half")
+    for part in parts(finding):
+        page.section(f"{part.name}: the data against the cause", _against(finding, part), "half")
+    page.section("What is left: tests of the residual", _tests(content), "half")
+    page.section("Numbers of the adopted effects", _numbers(content), "wide")
+    page.section("What to measure next", _next(content))
+    return page.render()
+
+
+def _effects(content: dict[str, Any]) -> str:
+    rows = []
+    for item in content["effects"]:
+        known = item["shrinkage"] is not None
+        interval = item["shrinkage_ci"]
+        rows.append(
+            (
+                item["name"],
+                "adopted" if item["adopted"] else item.get("reason", ""),
+                f"{item['probability']:.3f}",
+                f"{item['rms_before_mm']:.4f}" if known else "-",
+                f"{item['rms_after_mm']:.4f}" if known else "-",
+                _percent(item["shrinkage"]) if known else "-",
+                f"{_percent(interval[0])} to {_percent(interval[1])}" if interval else "-",
+                ", ".join(item["confounded_with"]) or "-",
+            )
+        )
+    rows += [
+        (item["name"], f"not testable: needs {', '.join(item['needs'])}", *["-"] * 6)
+        for item in content["not_testable"]
+    ]
+    head = (
+        *("effect", "verdict", "probability", "before [mm]", "after [mm]"),
+        *("shrinkage", "90 % interval", "cannot be told from"),
+    )
+    return table(head, rows)
+
+
+def _percent(value: float) -> str:
+    return f"{value / PERCENT:.1f} %"
+
+
+def _before_after(finding: Finding) -> str:
+    before, after = _sizes(finding)
+    edges = np.linspace(0.0, float(np.quantile(before, 0.995)) + 1e-9, 31)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    lines = [
+        Series(name, middle, np.histogram(values, edges)[0].astype(np.float64))
+        for name, values in (("before", before), ("after", after))
+    ]
+    return line_chart(lines, "distance from the simulated point [mm]", "rows")
+
+
+def _sizes(finding: Finding) -> tuple[FloatArray, FloatArray]:
+    """Return the gap and the residual (n,) of the rows kept [mm]."""
+    kept = finding.kept
+    gap = finding.problem.measured - finding.baseline
+    before = np.linalg.norm(gap, axis=1)[kept] / MM
+    return before, np.linalg.norm(finding.residual, axis=1)[kept] / MM
+
+
+def _along(finding: Finding) -> str:
+    before, after = _sizes(finding)
+    time = finding.problem.samples.time
+    axis = np.flatnonzero(finding.kept) if time is None else time[finding.kept]
+    order = np.argsort(axis, kind="stable")[:: max(1, len(axis) // _MOST_POINTS)]
+    x = np.asarray(axis[order], dtype=np.float64)
+    label = "row" if time is None else "time [s]"
+    noise = 3.0**0.5 * finding.noise / MM
+    return line_chart(
+        [Series("before", x, before[order]), Series("after", x, after[order])],
+        label,
+        "distance [mm]",
+        [("noise", noise)],
+    )
+
+
+def _space(page: Page, finding: Finding, cell: Cell | None) -> None:
+    """Add the rows in space: where they were measured, how far off, and what is left."""
+    before, after = _sizes(finding)
+    rows = np.flatnonzero(finding.kept)
+    some = slice(None, None, max(1, len(rows) // _MOST_POINTS))
+    picked = rows[some]
+    gap = (finding.problem.measured - finding.baseline)[picked]
+    columns = [
+        TagColumn("gap", "gap", "mm", before[some], "high"),
+        TagColumn("left", "left", "mm", after[some], "high"),
+        *(TagColumn(f"d{axis}", f"d{axis}", "mm", gap[:, k] / MM) for k, axis in enumerate("xyz")),
+    ]
+    ids = finding.problem.measurements.ids
+    view = RowsView(
+        "row",
+        [str(ids[row]) for row in picked],
+        finding.problem.measured[picked],
+        columns,
+        finding.problem.samples.q[picked],
+        gap,
+    )
+    arm = None if cell is None else build(cell.robot)
+    add_rows(page, "Where: the gap over the workspace", view, cell, arm)
+
+
+def _program(finding: Finding, content: dict[str, Any], path: Along) -> str:
+    """Return the gap over the way along the program, and its worst stretches."""
+    before, after = _sizes(finding)
+    on = path.on[finding.kept]
+    way = path.way[finding.kept][on] / MM
+    order = np.argsort(way, kind="stable")
+    lines = [
+        Series(name, way[order], values[on][order], marks=True)
+        for name, values in (("before", before), ("after", after))
+    ]
+    chart = line_chart(lines, "way along the program [mm]", "distance [mm]", size=(1120, 260))
+    entry = content["where"]["program"]
+    worst = sorted(entry["stretches"], key=lambda s: (-s["rms_mm"], s["from_mm"]))[:12]
+    rows = [
+        (
+            item["operation"] or "-",
+            f"{item['from_mm']:.0f} to {item['to_mm']:.0f}",
+            item["line"],
+            item["n"],
+            f"{item['rms_mm']:.3f}",
+            f"{item['max_mm']:.3f}",
+            f"{item['left_rms_mm']:.3f}",
+        )
+        for item in worst
+    ]
+    beside = f"<p>{entry['rows_beside']} rows do not lie on it.</p>" if entry["rows_beside"] else ""
+    head = (
+        *("worst stretches: operation", "way [mm]", "line", "rows"),
+        *("rms [mm]", "largest [mm]", "left [mm]"),
+    )
+    return chart + beside + table(head, rows)
+
+
+def _where(content: dict[str, Any]) -> str:
+    where = content["where"]
+    joints = sorted(where["joints"], key=lambda item: int(item["joint"]))
+    values = np.array([item["share"] for item in joints])
+    bars = bar_chart(
+        [f"A{item['joint']}" for item in joints],
+        [Series("share", values, values)],
+        "share of the explained gap",
+        size=(560, 200),
+    )
+    axis = ", ".join(f"{v:.2f}" for v in where["direction"]["axis"])
+    text = (
+        f"<p>Mostly along ({escape(axis)}) in the robot root:"
+        f" {_percent(where['direction']['share'])} of it.</p>"
+    )
+    rows = [(item["name"], _percent(item["share"])) for item in where["conditions"][:10]]
+    cells = [
+        (
+            " to ".join("/".join(f"{v:.0f}" for v in cell[k]) for k in ("min_mm", "max_mm")),
+            cell["n"],
+            f"{cell['rms_mm']:.3f}",
+        )
+        for cell in where["cells"][:6]
+    ]
+    return (
+        bars
+        + text
+        + table(("condition", "share of the gap"), rows)
+        + table(("worst cells x/y/z [mm]", "rows", "rms [mm]"), cells)
+    )
+
+
+def _against(finding: Finding, part: Part) -> str:
+    """Return measured against explained, with everything else that was adopted taken out."""
+    kept = finding.kept
+    own = part.moved[kept]
+    seen = own + finding.residual[kept]
+    size = np.linalg.norm(own, axis=1)
+    along = np.einsum("ni,ni->n", seen, own / (size[:, None] + 1e-15))
+    x, name = _cause(finding.problem.samples, part, kept, size)
+    cuts = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)))
+    if len(cuts) < 3:
+        return "<p>The cause has too few levels to draw.</p>"
+    index = np.clip(np.searchsorted(cuts, x, side="right") - 1, 0, len(cuts) - 2)
+    bins = [np.flatnonzero(index == k) for k in range(len(cuts) - 1)]
+    bins = [rows for rows in bins if len(rows)]
+    middle = np.array([float(np.mean(x[rows])) for rows in bins])
+    measured = np.array([float(np.mean(along[rows])) for rows in bins]) / MM
+    explained = np.array([float(np.mean(size[rows])) for rows in bins]) / MM
+    spread = np.array([float(np.std(along[rows]) / np.sqrt(len(rows))) for rows in bins]) / MM
+    lines = [
+        Series("measured", middle, measured, measured - spread, measured + spread, True),
+        Series("this effect", middle, explained),
+    ]
+    text = f"<p>{escape(effect_of(part.name).title)}.</p>"
+    return text + line_chart(lines, name, "along the effect [mm]")
+
+
+def _cause(
+    samples: Samples, part: Part, kept: BoolArray, size: FloatArray
+) -> tuple[FloatArray, str]:
+    """Return what an effect is drawn over, and its label."""
+    effect = effect_of(part.name)
+    if "wrench" in effect.needs:
+        return np.linalg.norm(samples.column("wrench")[kept, :3], axis=1), "force [N]"
+    if "temperature" in effect.needs:
+        return samples.column("temperature")[kept], "temperature [degC]"
+    if "qd" in effect.needs:
+        return np.linalg.norm(samples.column("qd")[kept], axis=1) / DEG, "joint speed [deg/s]"
+    energy = np.sum(part.turn**2, axis=0)
+    if bool(np.any(energy > 0)) and not effect.needs:
+        joint = int(np.argmax(energy))
+        return samples.q[kept, joint] / DEG, f"A{joint + 1} [deg]"
+    return size / MM, "expected size [mm]"
+
+
+def _tests(content: dict[str, Any]) -> str:
+    rows = [
+        (d["name"], f"{d['p_value']:.2g}", f"{d['rms_mm']:.4f}")
+        for d in content["residual"]["depends_on"]
+    ]
+    text = "".join(
+        f"<p>It {escape(item['title'])}: {escape(item['action'])}.</p>"
+        for item in content["residual"]["resembles"]
+    )
+    head = ("the rest follows", "p-value", "part that follows [mm rms]")
+    return text + table(head, rows)
+
+
+def _numbers(content: dict[str, Any]) -> str:
+    rows = []
+    for item in content["effects"]:
+        if not item["adopted"]:
+            continue
+        low, high = item["interval_90"]["low"], item["interval_90"]["high"]
+        rows += [
+            (item["name"], key, _shown(value), _shown(low.get(key)), _shown(high.get(key)))
+            for key, value in item["parameters"].items()
+        ]
+    return table(("effect", "number", "value", "90 % from", "to"), rows)
+
+
+def _shown(value: Any) -> str:  # noqa: ANN401 - a number or nested lists
+    if isinstance(value, list):
+        return "[" + ", ".join(_shown(v) for v in value) + "]"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    return "-" if value is None else str(value)
+
+
+def _next(content: dict[str, Any]) -> str:
+    rows = [
+        (
+            item.get("id", k + 1),
+            " ".join(f"{v:.2f}" for v in item["q_deg"]),
+            " ".join("-0+"[side + 1] for side in item["approach"]) if "approach" in item else "-",
+            " ".join(f"{v:.0f}" for v in item["force_N"]) if "force_N" in item else "-",
+            " ".join(f"{v:.1f}" for v in item["expected_mm"]),
+            item["why"],
+            _separated(item),
+        )
+        for k, item in enumerate(content["next_measurements"])
+    ]
+    if not rows:
+        return "<p>Nothing is ambiguous on these rows.</p>"
+    head = (
+        *("row", "A1 to A6 [deg]", "approach", "load [N]", "expected at [mm]"),
+        *("why", "separation of all [sigma]"),
+    )
+    return table(head, rows)
+
+
+def _separated(item: dict[str, Any]) -> str:
+    ways = item.get("separation_if_sigma", {})
+    return "; ".join(f"{value:g} if {name}" for name, value in ways.items()) or "-"

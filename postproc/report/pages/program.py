@@ -1,0 +1,286 @@
+"""The page of a converted program: robot, part and path in 3D, tags, charts, both texts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.errors import Severity
+from postproc.model.plan import MoveKind, MoveRole
+from postproc.planning.checks.grade import grade_counts
+from postproc.planning.maps.failing_poses import failing_poses
+from postproc.planning.maps.spin_index import SpinMap, spin_map
+from postproc.planning.states.place import stand_ins
+from postproc.report.parts.page import Page, escape, packed, packed_text
+from postproc.report.parts.scene_data import T_world_base, add_scene
+from postproc.report.parts.tag_values import TagColumn, moves_of_tags, tag_columns
+from postproc.report.parts.texts import cam_lines
+from postproc.units import DEG, N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.arrays import IntArray
+    from postproc.cell.cell import Cell
+    from postproc.errors import Issue
+    from postproc.model.plan import Plan
+    from postproc.model.toolpath import ToolPath
+    from postproc.report.parts.program_text import ProgramText
+
+_MOST_FINDINGS = 200
+_LEVELS = 65534
+
+
+def program_page(
+    plan: Plan,
+    cell: Cell,
+    issues: Sequence[Issue] = (),
+    text: ProgramText | None = None,
+) -> bytes:
+    """Return the page of a plan as one self-contained HTML file.
+
+    Args:
+        plan: the plan; one that failed shows its failing tags and the solids that hit.
+        cell: the cell it was planned for.
+        issues: all findings of the conversion.
+        text: the program text, read back; None when no text was written.
+    """
+    from postproc.collision.scene import Scene
+    from postproc.kinematics.model import build
+
+    kinematics = build(cell.robot)
+    scene = Scene.build(cell, kinematics)
+    failing = {
+        int(i.tag_index): i.message
+        for i in issues
+        if i.severity is Severity.ERROR and i.tag_index is not None
+    }
+    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, issues, failing), _room(plan, cell)])
+    moves = moves_of_tags(plan)
+    columns = tag_columns(plan, cell, moves, scene, text)
+    spins = spin_map(plan, cell, moves, scene)
+    add_scene(page, cell, kinematics, scene)
+    page.script("list.js")
+    page.script("program.js")
+    page.data |= {
+        **_moves(plan, cell),
+        **_tags(plan.toolpath, columns),
+        **_texts(plan, text),
+        "failing": {str(tag): message for tag, message in failing.items()},
+        "poses": {
+            str(tag): pose.to_page()
+            for tag, pose in failing_poses(plan.toolpath, cell, kinematics, scene, issues).items()
+        },
+        "move_of_tag": packed(moves, "int32"),
+        "objective": str(cell.optimize.objective),
+        "spin_map": None if spins is None else _spin_map_data(spins),
+    }
+    motion_sections(page, columns, "Tags", spins=True)
+    page.section("Time per operation", _operations(plan), "half")
+    page.section("Findings", _findings(issues), "half")
+    return page.render()
+
+
+def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool = False) -> None:
+    """Add what all pages of motions have: scene, list, texts, joint charts; ``rows``: its heading.
+
+    ``spins`` adds the chart over the turn about the tool axis.
+    """
+    page.section("Robot and path", _scene_html(columns), "seven")
+    page.section(rows, _TAGS_HTML, "five")
+    page.section("CAM file and program", _SOURCE_HTML, "seven" if spins else "")
+    if spins:
+        heading = "Stiffness over the turn about the tool axis"
+        page.section(heading, '<div id="spin"></div>', "five")
+    page.section("Joint angles", _ANGLES_HTML, "half")
+    page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
+
+
+def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[str]:
+    tags, total = len(plan.toolpath), float(np.nansum(plan.duration))
+    if failing:
+        first = failing[min(failing)]
+        return [f"No complete program: {len(failing)} of {tags} tags fail.", f"First: {first}"]
+    errors = [issue for issue in issues if issue.severity is Severity.ERROR]
+    if errors:
+        return [f"No program: {errors[0].message}."]
+    lines = [f"{tags} tags, {len(plan)} controller points, about {time_span(total)}."]
+    good = plan.stiffness[np.isfinite(plan.stiffness)]
+    if len(good):
+        mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM
+        start = plan.stiffness_initial[np.isfinite(plan.stiffness_initial)]
+        gain = (
+            f", {mean / (start.mean() / N_PER_MM) - 1:+.0%} against unturned" if len(start) else ""
+        )
+        lines.append(f"Stiffness mean {mean:.0f} N/mm{gain}, lowest {low:.0f} N/mm.")
+    if plan.compensation_note:
+        lines.append(plan.compensation_note)
+    return lines
+
+
+def _room(plan: Plan, cell: Cell) -> str:
+    counts = ", ".join(f"{count} {name}" for name, count in grade_counts(plan, cell).items())
+    return f"Room to joint limits and straight wrist: {counts}."
+
+
+def time_span(seconds: float) -> str:
+    """Return a time for people: ``90 s``, ``22 min``, ``3 h 5 min``."""
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 120 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
+    """Return the moves in columns; points are given in the workpiece frame."""
+    rapid = ~np.isfinite(plan.speed) | np.isin(plan.role, (MoveRole.ENTRY, MoveRole.RAPID))
+    circles = np.flatnonzero(plan.kind == MoveKind.CIRC)
+    return {
+        "q": packed(plan.q),
+        "time": packed(np.cumsum(np.nan_to_num(plan.duration))),
+        "positions": packed(plan.T_base_tcp[:, :3, 3]),
+        "tag": packed(plan.tag, "int32"),
+        "rapid": packed(rapid, "uint8"),
+        "circles": packed(circles, "int32"),
+        "aux": packed(plan.aux[circles]),
+        **_stations(plan, cell),
+    }
+
+
+def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
+    """Return where robot and workpiece stand, move by move, when external axes move them."""
+    from postproc.planning.route.travel import cell_at
+
+    if not cell.external_axes or not plan.external.shape[1]:
+        return {"stations": [], "station": packed(np.zeros(0), "uint16")}
+    values, row = np.unique(plan.external, axis=0, return_inverse=True)
+    here = [cell_at(cell, value) for value in values]
+    frames = [
+        [[float(v) for v in T.ravel()] for T in (at.robot.T_world_robroot, T_world_base(at))]
+        for at in here
+    ]
+    return {"stations": frames, "station": packed(row.ravel(), "uint16")}
+
+
+def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
+    path = stand_ins(path)[0]
+    points = path.points
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
+    return {
+        "names": [path.tag_name(i) for i in range(len(path))],
+        "lines": packed(path.line, "int32"),
+        "columns": [column.to_page() for column in columns],
+        "tag_positions": packed(points),
+        "tag_axes": packed(path.axes),
+        "centre": [float(v) for v in (low + high) / 2],
+        "extent": float(np.linalg.norm(high - low)),
+    }
+
+
+def _texts(plan: Plan, text: ProgramText | None) -> dict[str, Any]:
+    """Return the lines of the CAM file near tags, and the program with the line of each move."""
+    known = text is not None and len(text) == len(plan)
+    return {
+        "cam": packed_text(cam_lines(plan.toolpath)),
+        "krl_files": [] if text is None else list(text.files),
+        "krl": [] if text is None else [packed_text(t) for t in text.texts],
+        "krl_file": packed(text.file if known and text else np.zeros(0), "int32"),
+        "krl_line": packed(text.line if known and text else np.zeros(0), "int32"),
+    }
+
+
+def _operations(plan: Plan) -> str:
+    """Return a table with a bar for each operation: working, other motions, waits."""
+    path = plan.toolpath
+    if len(plan) == 0:
+        return "<p>nothing to run</p>"
+    index: IntArray = np.where(plan.tag >= 0, path.operation[plan.tag], -1)
+    working = np.isin(plan.role, (MoveRole.CUT, MoveRole.PLUNGE))
+    seconds = np.nan_to_num(plan.duration)
+    names = {-1: "(no name)", **{i: op.name for i, op in enumerate(path.operations)}}
+    rows = []
+    for k in dict.fromkeys(index.tolist()):
+        mine = index == k
+        rows.append((names[k], float(seconds[mine & working].sum()), float(seconds[mine].sum())))
+    longest = max((total for _, _, total in rows), default=0.0) or 1.0
+    body = "".join(
+        f"<tr><td>{escape(name)}</td><td>{work:.1f}</td><td>{total - work:.1f}</td>"
+        f'<td>{total:.1f}</td><td class="text">'
+        f'<i class="bar-a" style="width:{work / longest * 140:.1f}px"></i>'
+        f'<i class="bar-b" style="width:{(total - work) / longest * 140:.1f}px"></i></td></tr>'
+        for name, work, total in rows
+    )
+    total = sum(row[2] for row in rows)
+    return (
+        '<table class="data" id="operations"><thead><tr><th>operation</th><th>working [s]</th>'
+        "<th>moving [s]</th><th>total [s]</th><th></th></tr></thead>"
+        f"<tbody>{body}</tbody></table><p>{total:.1f} s in all, estimated</p>"
+    )
+
+
+def _findings(issues: Sequence[Issue]) -> str:
+    if not issues:
+        return '<p class="good">none</p>'
+    rows = "".join(
+        f'<tr class="{"failing" if i.severity is Severity.ERROR else ""}"'
+        + (f' data-goto="{i.tag_index}"' if i.tag_index is not None else "")
+        + f'><td class="text wrap">{escape(i)}'
+        + (f"<br>{escape(i.hint)}" if i.hint else "")
+        + "</td></tr>"
+        for i in issues[:_MOST_FINDINGS]
+    )
+    left = len(issues) - _MOST_FINDINGS
+    more = f"<p>and {left} more</p>" if left > 0 else ""
+    return f'<div class="scroll"><table id="findings">{rows}</table></div>{more}'
+
+
+def _scene_html(columns: list[TagColumn]) -> str:
+    order = sorted(columns, key=lambda column: column.key != "stiffness")
+    options = "".join(
+        f'<option value="{column.key}">{escape(column.label)} [{column.unit}]</option>'
+        for column in order
+    )
+    return (
+        '<div id="scene"></div><div class="bar"><button id="play">play</button>'
+        '<input type="range" id="slider" min="0" max="1000" step="any" value="0" '
+        'aria-label="time"><span id="clock"></span></div>'
+        '<div class="bar"><label>speed <select id="speed"><option>1</option>'
+        "<option selected>5</option><option>20</option><option>100</option></select></label>"
+        '<label>view <select id="view"><option>cell</option><option>part</option>'
+        "<option>tag</option></select></label>"
+        f'<label>colour <select id="colour">{options}</select></label>'
+        '<span id="low"></span><span class="legend" id="legend"></span><span id="high"></span>'
+        "</div>"
+    )
+
+
+_TAGS_HTML = (
+    '<div class="bar"><label><input type="checkbox" id="failing"> failing only</label>'
+    '<span id="more"></span></div><div class="scroll" id="list"><table id="tags"><thead><tr></tr>'
+    "</thead><tbody></tbody></table></div>"
+)
+_SOURCE_HTML = (
+    '<p id="which"></p><div class="two"><div><h3>CAM file</h3><pre id="cam"></pre></div>'
+    '<div><h3 id="krl_file">program</h3><pre id="krl"></pre></div></div>'
+)
+_ANGLES_HTML = (
+    '<div class="bar"><label>axis <select id="axis"><option value="all">all</option>'
+    + "".join(f'<option value="{j}">A{j + 1}</option>' for j in range(6))
+    + '</select></label><span>dashed: limits of the axis</span></div><div id="angles"></div>'
+)
+
+
+def _spin_map_data(spin_map: SpinMap) -> dict[str, Any]:
+    """Return the map for the page's scripts, in 65534 levels: 0 is a gap."""
+    values = spin_map.index / N_PER_MM
+    known = np.isfinite(values)
+    low, high = (values[known].min(), values[known].max()) if known.any() else (0.0, 1.0)
+    scale = (high - low) or 1.0
+    level = np.where(known, np.round((np.nan_to_num(values) - low) / scale * _LEVELS) + 1, 0)
+    return {
+        "spins": [float(v) for v in np.round(spin_map.spins / DEG, 6)],
+        "low": float(low),
+        "step": float(scale / _LEVELS),
+        "level": packed(level, "uint16"),
+        "hit": None if spin_map.hit is None else packed(spin_map.hit, "uint8"),
+    }

@@ -1,0 +1,76 @@
+"""The page of stiffness over the rotation about the tool axis, per key tag."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.planning.maps.spin_curves import INDICES, SpinCurves, spin_degrees
+from postproc.report.parts.page import Page, table
+from postproc.report.parts.svg import Series, line_chart
+from postproc.units import N_PER_MM, PERCENT
+
+_PAIRS = (("axial", "seed_kx"), ("normal", "seed_kv"), ("radial", "first_cross", "second_cross"))
+
+
+def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
+    """Return the page as bytes.
+
+    Args:
+        curves: indices over the spin.
+        title: name of the toolpath.
+        stiffness: what the joint stiffness is, in words.
+    """
+    lead = [f"Stiffness of the tool point over the rotation about the tool axis; {stiffness}."]
+    if curves.coaxial:
+        lead.append(
+            "The tool axis lies on axis 6: the rotation turns axis 6 alone and changes no "
+            "stiffness. Turning the tool gains nothing here."
+        )
+    page = Page(f"Stiffness of {title}", lead)
+    page.section("Best rotation by tag", _best(curves))
+    page.section("All tags", _comparison(curves, "axial"), "half")
+    page.section("All tags", _comparison(curves, "normal"), "half")
+    for row, name in enumerate(curves.names):
+        charts = "".join(_chart(curves, row, names) for names in _PAIRS)
+        page.section(f"Tag {name}", f'<div class="grid">{charts}</div>')
+    meaning = [(name, text) for name, text in INDICES.items()]
+    page.section("What the curves are", table(("curve", "stiffness"), meaning))
+    return page.render()
+
+
+def _chart(curves: SpinCurves, row: int, names: tuple[str, ...]) -> str:
+    x = spin_degrees(curves)
+    series = [Series(name, x, curves.values[name][row] / N_PER_MM) for name in names]
+    return line_chart(series, "rotation about the tool axis [deg]", "N/mm", size=(460, 210))
+
+
+def _comparison(curves: SpinCurves, name: str) -> str:
+    x = spin_degrees(curves)
+    shown = range(min(len(curves.names), 6))
+    series = [Series(curves.names[i], x, curves.values[name][i] / N_PER_MM) for i in shown]
+    return f"<p>{INDICES[name]}</p>" + line_chart(
+        series, "rotation about the tool axis [deg]", "N/mm"
+    )
+
+
+def _best(curves: SpinCurves) -> str:
+    degrees = spin_degrees(curves)
+    rows = []
+    for row, name in enumerate(curves.names):
+        cells: list[str] = [name]
+        for index in ("axial", "normal", "seed_kx", "seed_kv"):
+            at = int(curves.best(index)[row])
+            if at < 0:
+                cells += ["not reachable", "", ""]
+                continue
+            gain = float(curves.gain(index)[row])
+            cells += [
+                f"{degrees[at]:+.0f}",
+                f"{curves.values[index][row, at] / N_PER_MM:.0f}",
+                f"{gain / PERCENT:+.1f} %" if np.isfinite(gain) else "-",
+            ]
+        rows.append(cells)
+    head = ["tag"]
+    for index in ("axial", "normal", "seed_kx", "seed_kv"):
+        head += [f"{index} [deg]", "N/mm", "over 0 deg"]
+    return table(head, rows)

@@ -1,0 +1,112 @@
+"""A view of rows in space: points with values, arrows, and the robot in the posture of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.report.parts.page import Page, escape, packed
+from postproc.report.parts.scene_data import add_viewer, body_data, robot_data
+
+if TYPE_CHECKING:
+    from postproc.arrays import FloatArray
+    from postproc.cell.cell import Cell
+    from postproc.kinematics.model import Kinematics
+    from postproc.report.parts.tag_values import TagColumn
+
+_SHOWN_ARROW = 0.06
+"""Share of the extent that the longest arrow gets at first."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowsView:
+    """What is shown.
+
+    Args:
+        what: one row in a word, such as ``row``, ``posture``, ``point``.
+        names: (n,) of the rows.
+        points: (n, 3) [m] in robroot (in the workpiece frame without a robot).
+        columns: numbers of the rows; the first is the colour at first.
+        q: (n, 6) [rad] posture of each row, or None.
+        vectors: (n, 3) [m] arrows at the points, or None.
+        notes: (n,) texts, or None.
+    """
+
+    what: str
+    names: Sequence[str]
+    points: FloatArray
+    columns: Sequence[TagColumn]
+    q: FloatArray | None = None
+    vectors: FloatArray | None = None
+    notes: Sequence[str] | None = None
+
+
+def add_rows(
+    page: Page,
+    heading: str,
+    view: RowsView,
+    cell: Cell | None = None,
+    kinematics: Kinematics | None = None,
+) -> None:
+    """Add the 3D view and the list of rows to a page, with the robot where a cell is given."""
+    if cell is not None and kinematics is not None:
+        robot = robot_data(cell, kinematics)
+        page.data["robot"] = {**robot, "T_world_base": robot["T_world_robroot"]}
+        solids = body_data(cell, kinematics)
+        page.data["bodies"] = [body for body in solids if body["kind"] != "workpiece"]
+    page.data["rows"] = _rows(view)
+    add_viewer(page)
+    page.script("list.js")
+    page.script("rows.js")
+    page.section(heading, _html(view), "seven")
+    page.section(f"{view.what.capitalize()}s", _LIST_HTML, "five")
+
+
+def _rows(view: RowsView) -> dict[str, Any]:
+    points = np.asarray(view.points, dtype=np.float64).reshape(-1, 3)
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
+    return {
+        "what": view.what,
+        "names": list(view.names),
+        "points": packed(points),
+        "columns": [column.to_page() for column in view.columns],
+        "q": None if view.q is None else packed(view.q),
+        "vectors": None if view.vectors is None else packed(view.vectors),
+        "notes": None if view.notes is None else list(view.notes),
+        "centre": [float(v) for v in (low + high) / 2],
+        "extent": float(np.linalg.norm(high - low)),
+    }
+
+
+def _html(view: RowsView) -> str:
+    options = "".join(
+        f'<option value="{column.key}">{escape(column.label)} [{column.unit}]</option>'
+        for column in view.columns
+    )
+    return (
+        '<div id="scene"></div><div class="bar">'
+        f'<label>colour <select id="colour">{options}</select></label><span id="low"></span>'
+        '<span class="legend" id="legend"></span><span id="high"></span>'
+        f"{_arrow_html(view)}</div>"
+    )
+
+
+def _arrow_html(view: RowsView) -> str:
+    if view.vectors is None or not len(view.vectors):
+        return ""
+    longest = float(np.linalg.norm(view.vectors, axis=1).max())
+    extent = float(np.linalg.norm(np.ptp(view.points, axis=0)))
+    start = np.log10(max(_SHOWN_ARROW * extent / max(longest, 1e-12), 1.0))
+    return (
+        f'<label>arrows <input type="range" id="stretch" min="0" max="{start + 1.0:.2f}" '
+        f'step="0.01" value="{start:.2f}"></label><span id="factor"></span>'
+    )
+
+
+_LIST_HTML = (
+    '<div class="bar"><span id="more"></span></div><div class="scroll" id="list"><table id="tags">'
+    "<thead><tr></tr></thead><tbody></tbody></table></div>"
+)

@@ -1,0 +1,149 @@
+"""Numbers of every tag that a program page shows: as columns of a list and as colours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from postproc.geometry.frames import angle_between
+from postproc.model.plan import MoveRole
+from postproc.model.toolpath import MotionKind
+from postproc.process.tilt import TiltRange
+from postproc.report.parts.page import packed
+from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
+
+if TYPE_CHECKING:
+    from postproc.arrays import FloatArray
+    from postproc.cell.cell import Cell
+    from postproc.collision.scene import Scene
+    from postproc.model.plan import Plan
+    from postproc.planning.states.ladder import IndexArray
+    from postproc.report.parts.program_text import ProgramText
+
+FARTHEST = 0.1
+"""Clearances beyond this [m] are shown as this: near solids matter, and far ones cost time."""
+_WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
+
+
+@dataclass(frozen=True, slots=True)
+class TagColumn:
+    """One number per tag (n,) in the unit of files; ``worse`` is "low", "high" or empty."""
+
+    key: str
+    label: str
+    unit: str
+    values: FloatArray
+    worse: str = ""
+
+    def to_page(self) -> dict[str, Any]:
+        """Return the column for the page's scripts."""
+        return {
+            "key": self.key,
+            "label": self.label,
+            "unit": self.unit,
+            "worse": self.worse,
+            "values": packed(self.values),
+        }
+
+
+def moves_of_tags(plan: Plan) -> IndexArray:
+    """Return for each tag (n,) the move that works at it, else its first, else -1."""
+    chosen = np.full(len(plan.toolpath), -1)
+    order = np.arange(len(plan))[::-1]
+    working = np.isin(plan.role, _WORKING)
+    for rows in (order, order[working[order]]):
+        served = rows[plan.tag[rows] >= 0]
+        chosen[plan.tag[served]] = served
+    return chosen
+
+
+def tag_columns(
+    plan: Plan, cell: Cell, moves: IndexArray, scene: Scene, text: ProgramText | None
+) -> list[TagColumn]:
+    """Return the columns of a plan; those without a single number are left out.
+
+    Args:
+        plan: the plan.
+        cell: its cell.
+        moves: (n,) from ``moves_of_tags``.
+        scene: solids of the cell.
+        text: the program text, for the deviation.
+    """
+    columns = [
+        TagColumn("spin", "turn", "deg", _of_moves(plan.spin, moves) / DEG),
+        TagColumn("tilt", "tilt", "deg", _tilt(plan, cell, moves) / DEG),
+        TagColumn("stiffness", "stiffness", "N/mm", plan.stiffness / N_PER_MM, "low"),
+        TagColumn("feed", "feed", "mm/min", _feed(plan, moves) / MM_PER_MIN),
+        TagColumn("clearance", "clearance", "mm", _clearance(plan, moves, scene) / MM, "low"),
+        TagColumn("margin", "margin", "deg", _margin(plan, cell) / DEG, "low"),
+        TagColumn("deviation", "deviation", "mm", _deviation(plan, text) / MM, "high"),
+    ]
+    return [column for column in columns if np.isfinite(column.values).any()]
+
+
+def _of_moves(values: FloatArray, moves: IndexArray) -> FloatArray:
+    result = np.full(len(moves), np.nan)
+    known = moves >= 0
+    result[known] = values[moves[known]]
+    return result
+
+
+def _tilt(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
+    """Return the angle [rad] of the tool axis to the CAM data's, NaN in cells without tilt."""
+    result = np.full(len(moves), np.nan)
+    if TiltRange.of(cell):
+        known = np.flatnonzero(moves >= 0)
+        axis = plan.T_base_tcp[moves[known], :3, :3] @ np.asarray(cell.tool.axis)
+        result[known] = angle_between(-axis, plan.toolpath.axes[known])
+    return result
+
+
+def _feed(plan: Plan, moves: IndexArray) -> FloatArray:
+    """Return the programmed path speed [m/s] where the tool works, else the feed of the input."""
+    planned = _of_moves(plan.speed, moves)
+    is_rapid = plan.toolpath.kind == MotionKind.RAPID
+    return np.where(is_rapid, np.nan, np.where(np.isfinite(planned), planned, plan.toolpath.feed))
+
+
+def _clearance(plan: Plan, moves: IndexArray, scene: Scene) -> FloatArray:
+    """Return the smallest distance at each tag [m], ``FARTHEST`` at most."""
+    if np.isfinite(plan.clearance).any():
+        return np.minimum(plan.clearance, FARTHEST)
+    result = np.full(len(moves), np.nan)
+    known = np.flatnonzero(moves >= 0)
+    if len(known):
+        contact = plan.toolpath.kind[known] != MotionKind.RAPID
+        poses = np.hstack([plan.q, plan.external])[moves[known]]
+        result[known] = scene.clearance(poses, contact, FARTHEST)
+    if not (result < FARTHEST).any():
+        return np.full(len(moves), np.nan)  # nothing is near anywhere: no column
+    return result
+
+
+def _margin(plan: Plan, cell: Cell) -> FloatArray:
+    """Return the smallest way [rad] of any joint to its limit over the moves of each tag."""
+    result = np.full(len(plan.toolpath), np.inf)
+    q = plan.q
+    least = np.minimum(q - cell.robot.q_min, cell.robot.q_max - q).min(axis=1, initial=np.inf)
+    served = plan.tag >= 0
+    np.minimum.at(result, plan.tag[served], least[served])
+    return np.where(np.isfinite(result), result, np.nan)
+
+
+def _deviation(plan: Plan, text: ProgramText | None) -> FloatArray:
+    """Return how far [m] the program's own text is from the CAM point (holes: from the axis)."""
+    path = plan.toolpath
+    result = np.full(len(path), np.nan)
+    if text is None or len(text) != len(plan):
+        return result
+    rows = np.flatnonzero((plan.tag >= 0) & np.isin(plan.role, _WORKING))
+    tags = plan.tag[rows]
+    off = text.point[rows] - path.points[tags]
+    along = np.einsum("ij,ij->i", off, path.axes[tags])[:, None] * path.axes[tags]
+    off = np.where((path.kind[tags] == MotionKind.HOLE)[:, None], off - along, off)
+    # several moves may work on the way to one tag; the last of them is the tag
+    last = np.flatnonzero(np.diff(tags, append=-1) != 0)
+    result[tags[last]] = np.linalg.norm(off[last], axis=1)
+    return result

@@ -1,0 +1,1 @@
+"""Joint stiffness from measured deflections."""

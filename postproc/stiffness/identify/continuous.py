@@ -1,0 +1,293 @@
+"""Joint compliance as a smooth function of the joint angles: Gaussian processes on its logarithm.
+
+log c_i(q) = log c0_i + b_i + g_i(q) with b_i ~ N(0, 1) and g_i a Gaussian process over all six
+angles, kernel amplitude² exp(-½ Σ_j ((q_j - q'_j)/length_j)²). Lengths, amplitude and noise come
+from the marginal likelihood (linearised around the current fit) on a spread-out subset; the field
+itself from all load responses by damped Gauss-Newton on at most ``NODES`` kernel centres, so that
+a thousand configurations cost no more than a hundred. A compliance is never negative, the field
+never jumps, and where nothing was measured it returns to the constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.stiffness.field import ContinuousField, kernel
+from postproc.stiffness.identify.cases import LoadCases
+from postproc.stiffness.identify.constant import HUBER, ConstantFit, robust_sigma
+from postproc.stiffness.identify.observability import FINEST
+
+NODES = 160
+SUBSET = 100
+"""Cases that the marginal likelihood looks at."""
+_OFFSET_SD = 1.0
+_JITTER = 1e-6
+_LOG_LENGTH = (-2.0, 2.5)
+_LOG_AMPLITUDE = (-4.0, 1.0)
+_ROUNDS = 3
+_ROUNDS_SEEN = 3
+"""The less a model leaves unexplained, the more joints it sees; so twice or three times."""
+_STEPS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Hyper:
+    """Kernel lengths (6,) [rad], amplitude of log c, and noise sigma [m]."""
+
+    lengths: FloatArray
+    amplitude: float
+    sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class ContinuousFit:
+    """A fitted field with what was learnt on the way.
+
+    ``covariance`` (k*f, k*f) of the feature weights of the k seen joints; ``weight`` (n,) of the
+    cases.
+    """
+
+    field: ContinuousField
+    hyper: Hyper
+    weight: FloatArray
+    covariance: FloatArray
+    factor: FloatArray
+    seen: BoolArray
+
+    def log_sd(self, q: FloatArray) -> FloatArray:
+        """Return one sigma of log c (n, 6) at joint angles (n, 6); NaN for an unseen joint."""
+        P = _features(q, self.field.nodes, self.hyper, self.factor)
+        size = P.shape[1]
+        sd = np.full((len(q), 6), np.nan)
+        for place, joint in enumerate(np.flatnonzero(self.seen)):
+            block = self.covariance[place * size : (place + 1) * size, :][
+                :, place * size : (place + 1) * size
+            ]
+            sd[:, joint] = np.sqrt(np.einsum("nf,fg,ng->n", P, block, P))
+        return sd
+
+
+def fit_continuous(
+    cases: LoadCases, constant: ConstantFit, hyper: Hyper | None = None, nodes: int = NODES
+) -> ContinuousFit:
+    """Fit the field.
+
+    Args:
+        cases: load responses.
+        constant: constant fit of the same cases: start, prior mean, and which joints are seen.
+        hyper: kernel and noise; None: found from the data.
+        nodes: largest number of kernel centres.
+    """
+    seen = constant.observability.seen
+    current = hyper or _start(cases, constant)
+    for _ in range(_ROUNDS_SEEN):
+        fit = _fit_seen(cases, constant, seen, current, nodes, search=hyper is None)
+        current = fit.hyper
+        more = constant.seen_with(cases, current.sigma)
+        if bool(np.all(more == seen)):
+            break
+        seen = more
+    return fit
+
+
+def _fit_seen(
+    cases: LoadCases,
+    constant: ConstantFit,
+    seen: BoolArray,
+    current: Hyper,
+    nodes: int,
+    search: bool,
+) -> ContinuousFit:
+    c0 = constant.centre[seen]
+    centres = cases.q[_spread(cases.q, cases.posture, nodes)]
+    subset = cases.rows(_subset(cases))
+    log_ratio = np.zeros((len(subset), int(seen.sum())))
+    for _ in range(_ROUNDS if search else 0):
+        current = _maximise(subset, c0, seen, log_ratio, current, cases)
+        part = _Fit(subset, c0, seen, _nodes_of(subset), current)
+        log_ratio = part.solve(np.ones(len(subset)))[0]
+    fit = _Fit(cases, c0, seen, centres, current)
+    weight = np.ones(len(cases))
+    v: FloatArray | None = None
+    for _ in range(2):
+        ratio, v = fit.solve(weight, v)
+        weight = _huber(cases, c0, seen, ratio)
+    _, v = fit.solve(weight, v)
+    return ContinuousFit(fit.field(v), current, weight, fit.covariance(v, weight), fit.factor, seen)
+
+
+class _Fit:
+    """Damped Gauss-Newton on whitened feature weights v (k, f); the prior of v is N(0, 1)."""
+
+    def __init__(
+        self,
+        cases: LoadCases,
+        c0: FloatArray,
+        seen: BoolArray,
+        nodes: FloatArray,
+        hyper: Hyper,
+    ) -> None:
+        self.hyper = hyper
+        self.nodes = nodes
+        self.seen = seen
+        self.c0 = c0
+        K = kernel(nodes, nodes, hyper.lengths) + _JITTER * np.eye(len(nodes))
+        self.factor: FloatArray = np.asarray(np.linalg.cholesky(K))
+        self.P = _features(cases.q, nodes, hyper, self.factor)
+        self.A = cases.A[:, :, seen] * c0 / hyper.sigma
+        self.d = cases.d / hyper.sigma
+
+    def solve(
+        self, weight: FloatArray, start: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the log ratios (n, k) to c0 and the feature weights v (k, f)."""
+        v = np.zeros((len(self.c0), self.P.shape[1])) if start is None else start
+        cost, left, ratio = self._cost(v, weight)
+        damping = 1e-3
+        for _ in range(_STEPS):
+            H, gradient = self._normal(v, weight, left, ratio)
+            before = cost
+            while damping < 1e8:
+                step = np.linalg.solve(H + damping * np.eye(len(H)), gradient).reshape(v.shape)
+                tried = self._cost(v + step, weight)
+                if tried[0] < cost:
+                    v = v + step
+                    cost, left, ratio = tried
+                    damping = max(damping / 5.0, 1e-7)
+                    break
+                damping *= 5.0
+            if before - cost < 1e-7 * abs(cost) + 1e-9:
+                break
+        return self.P @ v.T, v
+
+    def _cost(self, v: FloatArray, weight: FloatArray) -> tuple[float, FloatArray, FloatArray]:
+        log_ratio = np.clip(self.P @ v.T, -20.0, 20.0)
+        ratio = np.exp(log_ratio)
+        left = self.d - np.einsum("nij,nj->ni", self.A, ratio)
+        with np.errstate(over="ignore"):
+            data = float(np.sum(weight[:, None] * left * left))
+        return 0.5 * data + 0.5 * float(np.sum(v * v)), left, ratio
+
+    def _normal(
+        self, v: FloatArray, weight: FloatArray, left: FloatArray, ratio: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        B = self.A * ratio[:, None, :] * np.sqrt(weight)[:, None, None]
+        wide = np.einsum("nai,nf->naif", B, self.P).reshape(3 * len(B), -1)
+        H = wide.T @ wide + np.eye(wide.shape[1])
+        residual = (left * np.sqrt(weight)[:, None]).reshape(-1)
+        return H, wide.T @ residual - v.reshape(-1)
+
+    def covariance(self, v: FloatArray, weight: FloatArray) -> FloatArray:
+        """Return the covariance of v around the optimum (Laplace)."""
+        _, left, ratio = self._cost(v, weight)
+        H, _ = self._normal(v, weight, left, ratio)
+        return np.asarray(np.linalg.inv(H))
+
+    def field(self, v: FloatArray) -> ContinuousField:
+        """Return the field of feature weights."""
+        weights = np.zeros((len(self.nodes), 6))
+        base = np.full(6, np.nan)
+        back = np.linalg.solve(self.factor.T, v[:, :-1].T)
+        weights[:, self.seen] = self.hyper.amplitude * back
+        base[self.seen] = np.log(self.c0) + _OFFSET_SD * v[:, -1]
+        return ContinuousField(self.nodes, self.hyper.lengths, base, weights)
+
+
+def _features(q: FloatArray, nodes: FloatArray, hyper: Hyper, factor: FloatArray) -> FloatArray:
+    """Return whitened features (n, m+1): kernel to the nodes, and a constant."""
+    K = kernel(q, nodes, hyper.lengths)
+    smooth = hyper.amplitude * np.linalg.solve(factor, K.T).T
+    return np.hstack([smooth, np.full((len(q), 1), _OFFSET_SD)])
+
+
+def _start(cases: LoadCases, constant: ConstantFit) -> Hyper:
+    sigma = cases.floor.sigma if cases.floor else 0.3 * constant.sigma
+    return Hyper(np.ones(6), 0.5, max(sigma, FINEST))
+
+
+def _maximise(
+    cases: LoadCases,
+    c0: FloatArray,
+    seen: BoolArray,
+    log_ratio: FloatArray,
+    start: Hyper,
+    whole: LoadCases,
+) -> Hyper:
+    """Return the hyper-parameters of largest marginal likelihood around the current field."""
+    from scipy.optimize import minimize
+
+    ratio = np.exp(log_ratio)
+    B = cases.A[:, :, seen] * (c0 * ratio)[:, None, :]
+    y = cases.d - B.sum(axis=2) + np.einsum("nij,nj->ni", B, log_ratio)
+    unit = start.sigma
+    known = whole.floor is not None and whole.floor.dof >= 30
+    guess = np.array([*np.log(start.lengths), np.log(start.amplitude), 0.0])
+    noise_range = (-0.7, 0.7) if known else (-4.0, 4.0)
+
+    def objective(theta: FloatArray) -> float:
+        hyper = Hyper(np.exp(theta[:6]), float(np.exp(theta[6])), float(np.exp(theta[7])))
+        # weak beliefs: lengths near a radian, ratios near e^0.5, noise as it was read
+        prior = 0.5 * float(np.sum(theta[:6] ** 2)) + 0.5 * float(theta[6] + 0.7) ** 2
+        prior += 0.5 * float(theta[7] / (0.2 if known else 2.0)) ** 2
+        return prior - _log_evidence(cases.q, B / unit, y / unit, hyper)
+
+    bounds = [_LOG_LENGTH] * 6 + [_LOG_AMPLITUDE, noise_range]
+    found = minimize(objective, guess, method="L-BFGS-B", bounds=bounds, options={"maxiter": 30})
+    return Hyper(
+        np.exp(found.x[:6]),
+        float(np.exp(found.x[6])),
+        max(unit * float(np.exp(found.x[7])), FINEST),
+    )
+
+
+def _log_evidence(q: FloatArray, B: FloatArray, y: FloatArray, hyper: Hyper) -> float:
+    """Return the log marginal likelihood of y = Σ_i B_i (b_i + g_i) + noise."""
+    K = hyper.amplitude**2 * kernel(q, q, hyper.lengths) + _OFFSET_SD**2
+    n = 3 * len(q)
+    rows = B.reshape(n, -1)
+    S = (rows @ rows.T) * np.repeat(np.repeat(K, 3, axis=0), 3, axis=1)
+    S[np.diag_indices(n)] += hyper.sigma**2
+    try:
+        L = np.linalg.cholesky(S)
+    except np.linalg.LinAlgError:
+        return -1e12
+    z = np.linalg.solve(L, y.reshape(-1))
+    return -0.5 * float(z @ z) - float(np.sum(np.log(np.diag(L))))
+
+
+def _huber(cases: LoadCases, c0: FloatArray, seen: BoolArray, log_ratio: FloatArray) -> FloatArray:
+    left = cases.d - np.einsum("nij,nj->ni", cases.A[:, :, seen] * c0, np.exp(log_ratio))
+    size = np.linalg.norm(left, axis=1)
+    limit = HUBER * max(robust_sigma(size), FINEST)
+    return np.asarray(np.minimum(1.0, limit / np.maximum(size, 1e-300)))
+
+
+def _subset(cases: LoadCases) -> IntArray:
+    """Return cases of spread-out postures, all loads of a posture together."""
+    per_posture = max(len(cases) / len(np.unique(cases.posture)), 1.0)
+    rows = _spread(cases.q, cases.posture, max(int(SUBSET / per_posture), 8))
+    return np.asarray(np.flatnonzero(np.isin(cases.posture, cases.posture[rows])))
+
+
+def _nodes_of(cases: LoadCases) -> FloatArray:
+    _, first = np.unique(cases.posture, return_index=True)
+    return cases.q[np.sort(first)]
+
+
+def _spread(q: FloatArray, posture: IntArray, count: int) -> IntArray:
+    """Return one row per posture, at most ``count``, each farthest from those before it."""
+    _, first = np.unique(posture, return_index=True)
+    first = np.sort(first)
+    if len(first) <= count:
+        return np.asarray(first)
+    points = q[first] / np.maximum(q[first].std(axis=0), 1e-3)
+    distance = np.sum((points - points.mean(axis=0)) ** 2, axis=1)
+    chosen = []
+    for _ in range(count):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.sum((points - points[chosen[-1]]) ** 2, axis=1))
+        distance[chosen[-1]] = -1.0
+    return np.asarray(first[np.sort(chosen)])

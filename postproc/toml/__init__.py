@@ -1,0 +1,1 @@
+"""Reading TOML with its line numbers, and writing it."""

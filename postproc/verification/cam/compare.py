@@ -1,0 +1,359 @@
+"""The executed path against the CAM file.
+
+Every point of the file (the bottom of a hole, else the tag itself) must be an end point of a
+motion, in the file's order, within the tolerance; the tool's axis there must be the file's, or
+tilted against it as the cell allows (see ``tilt``). How
+the program gets from one point to the next is judged by what the file asks for:
+
+- a rapid: any way will do (collisions are another check);
+- a line or an arc: its whole length must be run by path motions within the path tolerance; the
+  tool may leave and come back by joint motions or along its axis (see ``elements.follow``);
+- a hole: it must come down the hole's axis from the clearance height, stop exactly at the bottom,
+  wait there as asked, and leave along the axis to the retract height. Steps in between (pecks) are
+  free, but only what has been drilled may be entered faster than the feed.
+
+A point that the program does not go to is *missed*; if it goes there at another time, it is out of
+*order*. Both count with the distance to where the program does go between the neighbours.
+
+With a model of the arm all this is asked of the real tool: the commanded points may be off the file
+by what the arm is expected to give way (see ``real``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Finding, Rows, Way
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.paths.moments import Displacement
+from postproc.units import DEG, MM
+from postproc.verification.cam.elements import Followed, element_to, follow
+from postproc.verification.cam.feeds import AT_MOST, Feeds
+from postproc.verification.cam.holes import check_holes
+from postproc.verification.cam.matching import Wanted, match, wanted_of
+from postproc.verification.cam.real import RealPaths, real_paths
+from postproc.verification.cam.tilt import Tilts, check_between
+from postproc.verification.checks import Result
+from postproc.verification.report import Expectation
+
+AXIS_LIMIT = 0.95
+"""A feed that would need more than this share of an axis's speed may be programmed lower."""
+SHIFTED_AXIS_LIMIT = 0.9
+"""The same for a program whose points are shifted: axes need a little more or less speed there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerances:
+    """How far the program may be from the CAM file.
+
+    ``position`` [m] of points, ``axis`` [rad] of the tool axis there, ``path`` [m] along arcs and
+    lines beside the points; None: the chord tolerance of the cell.
+    """
+
+    position: float = 0.01 * MM
+    axis: float = 0.005 * DEG
+    path: float | None = None
+
+
+@dataclass(slots=True)
+class Comparison:
+    """What the comparison found.
+
+    ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
+    may be meant; ``is_cut`` (m,): motions that cut;
+    ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed tilt; ``tilt`` (n,)
+    [rad] that was used of it; ``real``: the paths that were compared; ``nominal_error`` (n,) [m] of
+    the commanded point, None without a model of the arm.
+    """
+
+    wanted: Wanted
+    served: Rows
+    latest: Rows
+    is_cut: BoolArray
+    position_error: FloatArray
+    axis_error: FloatArray
+    tilt: FloatArray
+    real: RealPaths
+    nominal_error: FloatArray | None = None
+
+    def expectation(self) -> Expectation | None:
+        """Return the deviations of the real and of the commanded tool, None without a model."""
+        if self.nominal_error is None:
+            return None
+        known = np.isfinite(self.position_error) & np.isfinite(self.nominal_error)
+        values = [self.position_error[known], self.nominal_error[known]]
+        both = [(float(v.max(initial=0.0)), _rms(v)) for v in values]
+        return Expectation(*both[0], *both[1])
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def compare(
+    result: Result,
+    cell: Cell,
+    toolpath: ToolPath,
+    tolerances: Tolerances,
+    displacement: Displacement | None = None,
+) -> Comparison:
+    """Compare a program with the CAM file it was made from.
+
+    Args:
+        result: joint paths of the program; collects the findings.
+        cell: the chord tolerance and the feed where the file gives none.
+        toolpath: what was asked for.
+        tolerances: how far the program may be off.
+        displacement: of the real tool point against the commanded one; None: as commanded.
+    """
+    paths = result.paths
+    wanted = wanted_of(toolpath)
+    n = len(toolpath)
+    real = RealPaths.nominal(paths, n)
+    if displacement is not None:
+        real = real_paths(paths, cell, toolpath, displacement)
+    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    visits = match(wanted.point, _visited(real), tolerances.position, own, real.case)
+    served = visits.first
+    comparison = Comparison(
+        wanted,
+        served,
+        visits.last,
+        np.zeros(len(paths), dtype=np.bool_),
+        np.zeros(n),
+        np.zeros(n),
+        np.zeros(n),
+        real,
+        None if displacement is None else np.zeros(n),
+    )
+    tilts = Tilts.of(toolpath, cell)
+    _points(result, comparison, toolpath, tolerances, tilts)
+    path_tolerance = tolerances.path if tolerances.path is not None else _chord(cell)
+    limit = AXIS_LIMIT if displacement is None else SHIFTED_AXIS_LIMIT
+    feeds = Feeds(result, toolpath, cell, limit)
+    motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
+    if tilts.allowed:
+        check_between(result, tilts, toolpath, motions, comparison.tilt)
+    check_holes(result, real, wanted, served, comparison.is_cut, tolerances.position, feeds)
+    feeds.report()
+    return comparison
+
+
+def _visited(real: RealPaths) -> FloatArray:
+    """Return the end points (cases, m, 3), far away where a motion has none."""
+    points = real.end_point
+    return np.where(np.isfinite(points), points, 1e9)
+
+
+def _chord(cell: Cell) -> float:
+    chord = cell.motion.options.get("chord_mm", 0.01)
+    return (float(chord) if isinstance(chord, int | float) else 0.01) * MM
+
+
+# --------------------------------------------------------------------------------------- points
+
+
+def _points(
+    result: Result,
+    comparison: Comparison,
+    toolpath: ToolPath,
+    tolerances: Tolerances,
+    tilts: Tilts,
+) -> None:
+    paths, wanted, served = result.paths, comparison.wanted, comparison.served
+    found = np.flatnonzero(served >= 0)
+    if len(found):
+        motion = served[found]
+        real = comparison.real
+        off = real.end_point[real.case[found], motion] - wanted.point[found]
+        comparison.position_error[found] = np.linalg.norm(off, axis=1)
+        if comparison.nominal_error is not None:
+            off = paths.end_point[motion] - wanted.point[found]
+            comparison.nominal_error[found] = np.linalg.norm(off, axis=1)
+        error, tilt = tilts.judge(found, paths.end_axis[motion])
+        comparison.axis_error[found], comparison.tilt[found] = error, tilt
+        _measure_points(result, comparison, found)
+        if tilts.allowed:
+            most = int(found[int(tilt.argmax())])
+            value = float(comparison.tilt[most] / DEG)
+            result.measure("tilt", value, "deg", int(served[most]))
+        _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
+    _missed(result, comparison, toolpath, tolerances.position, tilts)
+
+
+def _measure_points(result: Result, comparison: Comparison, found: Rows) -> None:
+    for name, values, unit, size in (
+        ("position", comparison.position_error, "mm", MM),
+        ("axis", comparison.axis_error, "deg", DEG),
+    ):
+        row = int(found[int(values[found].argmax())])
+        result.measure(name, float(values[row] / size), unit, int(comparison.served[row]))
+
+
+def _wrong_axes(
+    result: Result, comparison: Comparison, toolpath: ToolPath, found: Rows, limit: float
+) -> None:
+    bad = found[comparison.axis_error[found] > limit]
+    for row in bad[np.argsort(-comparison.axis_error[bad], kind="stable")][:AT_MOST].tolist():
+        result.finding(
+            "axis",
+            int(comparison.served[row]),
+            f"the tool axis is {comparison.axis_error[row] / DEG:.4f} deg off at tag "
+            f"{_tag(toolpath, row)}" + _more(len(bad)),
+        )
+
+
+def _missed(
+    result: Result, comparison: Comparison, toolpath: ToolPath, tolerance: float, tilts: Tilts
+) -> None:
+    """Report tags that no motion goes to, with how far off the program is there."""
+    served, wanted, paths = comparison.served, comparison.wanted, result.paths
+    lost = np.flatnonzero(served < 0)
+    if not len(lost):
+        return
+    every, case = _visited(comparison.real), comparison.real.case
+    before = np.maximum.accumulate(served)
+    behind = np.minimum.accumulate(np.where(served < 0, len(paths), served)[::-1])[::-1]
+    for number, row in enumerate(lost.tolist()):
+        visited = every[case[row]]
+        low, high = max(int(before[row]), 0), min(int(behind[row]) + 1, len(paths))
+        gap = np.linalg.norm(visited[low:high] - wanted.point[row], axis=1)
+        if not len(gap):
+            comparison.position_error[row] = np.inf
+            result.findings += _nowhere(result, toolpath, row)
+            continue
+        nearest = low + int(gap.argmin())
+        if comparison.nominal_error is not None:
+            off = paths.end_point[nearest] - wanted.point[row]
+            comparison.nominal_error[row] = float(np.linalg.norm(off))
+        comparison.position_error[row] = float(gap.min())
+        error, _ = tilts.judge(np.array([row]), paths.end_axis[nearest : nearest + 1])
+        comparison.axis_error[row] = float(error[0])
+        if number < AT_MOST:
+            kind, text = _how(wanted, row, visited, nearest, tolerance)
+            result.finding(kind, nearest, f"tag {_tag(toolpath, row)}: {text}" + _more(len(lost)))
+    worst = int(lost[int(comparison.position_error[lost].argmax())])
+    if np.isfinite(comparison.position_error[worst]):
+        value = float(comparison.position_error[worst] / MM)
+        result.measure("position", value, "mm", min(int(max(before[worst], 0)), len(paths) - 1))
+
+
+def _nowhere(result: Result, toolpath: ToolPath, row: int) -> list[Finding]:
+    names = result.paths.trace.files
+    text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
+    return [] if row else [Finding("missed", text, names[0] if names else "", 1)]
+
+
+def _how(
+    wanted: Wanted, row: int, visited: FloatArray, nearest: int, tolerance: float
+) -> tuple[str, str]:
+    """Return kind and words for a tag that was not served."""
+    off = visited[nearest] - wanted.point[row]
+    distance = float(np.linalg.norm(off))
+    anywhere = float(np.linalg.norm(visited - wanted.point[row], axis=1).min())
+    if anywhere <= tolerance:
+        return "order", "the program goes there, but not in the order of the CAM file"
+    if wanted.depth[row] > 0.0:
+        along = float(off @ wanted.axis[row])
+        side = float(np.linalg.norm(off - along * wanted.axis[row]))
+        if side <= 10.0 * tolerance:
+            where = "deeper" if along > 0.0 else "higher"
+            return "depth", f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
+    return "position", f"the program goes no nearer than {distance / MM:.4f} mm"
+
+
+def _tag(toolpath: ToolPath, row: int) -> str:
+    return f"{toolpath.tag_name(row)} (line {int(toolpath.line[row])})"
+
+
+def _more(count: int) -> str:
+    return f", {count} such tags" if count > AT_MOST else ""
+
+
+# ------------------------------------------------------------------------------------- elements
+
+
+def _elements(
+    result: Result,
+    comparison: Comparison,
+    toolpath: ToolPath,
+    tolerance: float,
+    feeds: Feeds,
+) -> dict[int, tuple[int, ...]]:
+    """Check lines and arcs between served tags; return the motions that cut towards each tag."""
+    served, kind = comparison.served, comparison.wanted.kind
+    rows = np.flatnonzero(np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)))
+    rows = rows[rows > 0]
+    rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
+    rows = rows[kind[rows - 1] != MotionKind.HOLE]
+    step = served[rows] - served[rows - 1]
+    direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
+    direct &= result.paths.trace.way[served[rows]] == Way.LIN
+    comparison.is_cut[served[rows[direct]]] = True
+    feeds.expect_rows(rows[direct], served[rows[direct]])
+    worst = _bent(result, comparison, toolpath, rows[direct], tolerance)
+    motions: dict[int, tuple[int, ...]] = {}
+    motions |= {row: (int(served[row]),) for row in rows[direct].tolist()}
+    faults = 0
+    for row in rows[~direct & (step > 0)].tolist():
+        done = follow(
+            element_to(toolpath, row),
+            comparison.real.of(row),
+            int(served[row - 1]) + 1,
+            int(served[row]),
+            tolerance,
+            comparison.real.of(row - 1),
+        )
+        comparison.is_cut[list(done.covered)] = True
+        motions[row] = done.covered
+        feeds.expect(row, done.covered)
+        if worst is None or done.deviation > worst.deviation:
+            worst = done
+        if done.fault or done.deviation > tolerance:
+            faults += 1
+            if faults <= AT_MOST:
+                text = done.fault or f"{done.deviation / MM:.4f} mm beside the path"
+                result.finding("path", done.motion, f"to tag {_tag(toolpath, row)}: {text}")
+    if worst is not None:
+        result.measure("path", worst.deviation / MM, "mm", worst.motion)
+    return motions
+
+
+def _bent(
+    result: Result, comparison: Comparison, toolpath: ToolPath, rows: Rows, tolerance: float
+) -> Followed | None:
+    """Return how far the real tool leaves straight lines that are right at both ends.
+
+    Commanded points cannot; the arm gives way by another amount in the middle of a long line.
+    """
+    real = comparison.real
+    if comparison.nominal_error is None or not len(rows):
+        return None
+    tag = np.full(len(result.paths), -1)
+    tag[comparison.served[rows]] = rows
+    own = tag[result.paths.row]
+    sample = np.flatnonzero((own >= 0) & (result.paths.share < 1.0))
+    if not len(sample):
+        return None
+    own, progress = own[sample], result.paths.share[sample, None]
+    every = np.stack([paths.point for paths in real.paths])
+    # where the load changes from tag to tag, it does so along the line
+    points = (1.0 - progress) * every[real.case[own - 1], sample]
+    points = points + progress * every[real.case[own], sample]
+    start = np.asarray(toolpath.points)[own - 1]
+    way = np.asarray(toolpath.points)[own] - start
+    square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-24)
+    share = np.clip(np.einsum("ij,ij->i", points - start, way) / square, 0.0, 1.0)
+    off = np.linalg.norm(points - start - share[:, None] * way, axis=1)
+    off = np.where(np.isfinite(off), off, 0.0)
+    place = int(off.argmax())
+    motion = int(result.paths.row[sample[place]])
+    beside = int(np.unique(own[off > tolerance]).size)
+    if beside:
+        text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
+        result.finding("path", motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
+    return Followed(float(off[place]), motion)

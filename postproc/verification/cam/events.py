@@ -1,0 +1,179 @@
+"""What happens between the motions: spindle, coolant, stops, dwells of the CAM file, all present?
+
+Routines are recognised by the names that the cell gives them (``krl.hooks``). Each event of the
+file must be there, in order, and behind the motion to the tag before it and not later than the
+motion to the tag it stands before.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.cell.cell import Cell
+from postproc.controller.trace import EventWord, Rows, TraceEvent
+from postproc.model.toolpath import Event, EventKind, ToolPath
+from postproc.units import RPM
+from postproc.verification.checks import Result
+
+DEFAULT_HOOKS: Mapping[str, str] = {
+    "spindle_on": "PP_SPINDLE_ON",
+    "spindle_off": "PP_SPINDLE_OFF",
+    "coolant_on": "PP_COOLANT_ON",
+    "coolant_off": "PP_COOLANT_OFF",
+    "stop": "PP_STOP",
+    "optional_stop": "PP_OPTIONAL_STOP",
+    "tool_change": "PP_TOOL_CHANGE",
+}
+"""Event to routine, where the cell says nothing else."""
+_COUNTED = (
+    EventKind.SPINDLE_ON,
+    EventKind.SPINDLE_OFF,
+    EventKind.COOLANT_ON,
+    EventKind.COOLANT_OFF,
+    EventKind.STOP,
+    EventKind.OPTIONAL_STOP,
+    EventKind.TOOL_CHANGE,
+)
+_LISTED = 20
+
+
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """First and last motion before which an event of the file may happen."""
+
+    first: int
+    last: int
+
+
+def hook_names(cell: Cell) -> dict[str, str]:
+    """Return the routine, in upper case, of every kind of event."""
+    given = cell.krl.options.get("hooks")
+    names = {**DEFAULT_HOOKS, **(dict(given) if isinstance(given, Mapping) else {})}
+    return {kind: str(name).upper() for kind, name in names.items()}
+
+
+def check_events(
+    result: Result, cell: Cell, toolpath: ToolPath, served: Rows, latest: Rows
+) -> None:
+    """Compare the events of a program with those of its CAM file.
+
+    Args:
+        result: the program; collects the findings.
+        cell: names of the routines.
+        toolpath: what was asked for.
+        served: (n,) motion that goes to each tag, -1 for none.
+        latest: (n,) the last one that may be meant.
+    """
+    spans = _Spans(served, latest, len(result.paths))
+    names = hook_names(cell)
+    for kind in _COUNTED:
+        asked = [event for event in toolpath.events if event.kind is kind]
+        have = _calls(result, kind, names[str(kind)])
+        _compare_kind(result, kind, names[str(kind)], asked, have, spans)
+    _compare_dwells(result, toolpath, spans)
+
+
+def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
+    words = {EventWord.HOOK}
+    if kind is EventKind.STOP:
+        words.add(EventWord.HALT)
+    return [
+        event
+        for event in result.paths.trace.events
+        if event.word in words and (event.name == name or event.word is EventWord.HALT)
+    ]
+
+
+class _Spans:
+    """Where in the program an event of the file belongs."""
+
+    def __init__(self, served: Rows, latest: Rows, count: int) -> None:
+        known = np.where(served >= 0, served, -1)
+        self._before = np.r_[0, np.maximum.accumulate(known) + 1] if len(known) else np.zeros(1)
+        later = np.where(latest >= 0, latest, count)
+        behind = np.minimum.accumulate(later[::-1])[::-1] if len(later) else later
+        self._behind = np.r_[behind, count]
+
+    def of(self, event: Event) -> _Span:
+        """Return the span of an event."""
+        index = min(max(event.index, 0), len(self._behind) - 1)
+        return _Span(int(self._before[index]), int(self._behind[index]))
+
+
+def _compare_kind(
+    result: Result,
+    kind: EventKind,
+    name: str,
+    asked: list[Event],
+    have: list[TraceEvent],
+    spans: _Spans,
+) -> None:
+    words = str(kind).replace("_", " ")
+    if len(have) < len(asked):
+        _tell(result, "event", have[-1] if have else None, _count(words, name, have, asked), True)
+        return
+    if len(have) > len(asked):
+        _tell(result, "event", have[-1], _count(words, name, have, asked), False)
+        return
+    faults = 0
+    for event, call in zip(asked, have, strict=True):
+        text = _difference(kind, words, event, call, spans.of(event))
+        faults += bool(text)
+        if text and faults <= _LISTED:
+            _tell(result, "event", call, text, True)
+
+
+def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) -> str:
+    lines = ", ".join(str(event.line) for event in asked[:5])
+    where = f" (lines {lines})" if asked else ""
+    return f"{words}: {len(have)} calls of {name}, the CAM file asks for {len(asked)}{where}"
+
+
+def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: _Span) -> str:
+    if kind is EventKind.SPINDLE_ON and event.value:
+        rpm = event.value / RPM
+        if not math.isclose(call.value, rpm, rel_tol=1e-3, abs_tol=1e-3):
+            return f"spindle speed {call.value:g} 1/min, line {event.line} asks for {rpm:g}"
+    if kind is EventKind.TOOL_CHANGE and int(event.value) != call.value:
+        return f"tool {call.value:g}, line {event.line} asks for {event.value:g}"
+    if not span.first <= call.motion <= span.last:
+        when = "early" if call.motion < span.first else "late"
+        return f"{words} comes too {when}: line {event.line} of the CAM file has it elsewhere"
+    return ""
+
+
+def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
+    """Compare the dwells that stand between tags (those of cycles belong to the holes)."""
+    waits = [event for event in result.paths.trace.events if event.word is EventWord.DWELL]
+    motions = np.array([event.motion for event in waits], dtype=np.int64)
+    seconds = np.array([event.value for event in waits])
+    asked: dict[_Span, float] = {}
+    lines: dict[_Span, int] = {}
+    for event in toolpath.events:
+        if event.kind is EventKind.DWELL:
+            span = spans.of(event)
+            asked[span] = asked.get(span, 0.0) + event.value
+            lines.setdefault(span, event.line)
+    for span, value in asked.items():
+        inside = (motions >= span.first) & (motions <= span.last)
+        have = float(np.nansum(seconds[inside]))
+        if have < value - max(1e-3, 0.01 * value):
+            text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
+            last = len(result.paths) - 1
+            if last >= 0:
+                result.finding("dwell", min(span.first, last), text)
+        elif have > value + max(1e-3, 0.01 * value) and len(result.paths):
+            text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
+            result.finding("dwell", min(span.first, len(result.paths) - 1), text, is_error=False)
+
+
+def _tell(result: Result, kind: str, call: TraceEvent | None, text: str, is_error: bool) -> None:
+    from postproc.controller.trace import Finding
+
+    files = result.paths.trace.files
+    file, line = (files[call.file], call.line) if call else (files[0] if files else "", 1)
+    result.findings.append(Finding(kind, text, file, line, is_error))

@@ -1,0 +1,87 @@
+"""Whether every motion that cuts has the feed of the CAM file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell.cell import Cell
+from postproc.controller.trace import Rows
+from postproc.model.toolpath import ToolPath
+from postproc.units import MM_PER_MIN
+from postproc.verification.cam.real import feeds_of
+from postproc.verification.checks import Result, speed_shares
+
+FEED_TOLERANCE = 1e-3
+"""Share by which a feed may differ from the file's."""
+AT_MOST = 20
+"""So many findings of one kind are listed one by one."""
+
+
+class Feeds:
+    """Collects which feed each motion should have, and compares."""
+
+    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell, limit: float) -> None:
+        self._result = result
+        self._limit = limit
+        self._cell = cell
+        self._feed = feeds_of(toolpath, cell)
+        self._speed = result.paths.trace.column("speed")
+        self._motions: list[Rows] = []
+        self._wanted: list[FloatArray] = []
+
+    def expect_rows(self, rows: Rows, motions: Rows) -> None:
+        """Expect the feed of each tag (r,) at one motion (r,)."""
+        self._motions.append(np.asarray(motions, dtype=np.int32))
+        self._wanted.append(self._feed[rows])
+
+    def expect(self, row: int, motions: tuple[int, ...]) -> None:
+        """Expect the feed of a tag at all these motions."""
+        if motions:
+            self.expect_rows(np.full(len(motions), row), np.array(motions, dtype=np.int32))
+
+    def report(self) -> None:
+        """Compare and report the worst."""
+        if not self._motions:
+            return
+        motions, wanted = np.concatenate(self._motions), np.concatenate(self._wanted)
+        known = np.isfinite(wanted) & (wanted > 0.0)
+        motions, wanted = motions[known], wanted[known]
+        if not len(motions):
+            return
+        have = self._speed[motions]
+        error = np.abs(have / wanted - 1.0)
+        row = int(error.argmax())
+        self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
+        bad = np.flatnonzero(error > FEED_TOLERANCE)
+        forced = self._forced(motions[bad], have[bad] / wanted[bad])
+        self._list(motions, have, wanted, bad[forced], is_error=False)
+        self._list(motions, have, wanted, bad[~forced], is_error=True)
+
+    def _forced(self, motions: Rows, share: FloatArray) -> BoolArray:
+        """Return which motions (b,) are slow because an axis could not follow the asked feed.
+
+        Args:
+            motions: (b,) motions.
+            share: (b,) programmed feed over asked feed.
+        """
+        paths = self._result.paths
+        needed = np.zeros(len(paths))
+        if len(motions) and len(paths.row):
+            np.maximum.at(needed, paths.row, speed_shares(paths, self._cell).max(axis=1))
+        return (share < 1.0) & (needed[motions] > self._limit * share)
+
+    def _list(
+        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, *, is_error: bool
+    ) -> None:
+        why = "" if is_error else ": an axis could not follow"
+        error = np.abs(have / wanted - 1.0)
+        for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
+            more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
+            self._result.finding(
+                "feed",
+                int(motions[place]),
+                f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
+                f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}{why}",
+                is_error,
+            )

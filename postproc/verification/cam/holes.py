@@ -1,0 +1,187 @@
+"""Whether holes are drilled as the cycle says: down the axis, to the depth, and out again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from postproc.arrays import BoolArray, IntArray
+from postproc.controller.trace import Blend, EventWord
+from postproc.units import MM
+from postproc.verification.cam.matching import Wanted
+from postproc.verification.cam.real import RealPaths
+from postproc.verification.checks import Result
+
+NEAR = 10.0
+"""A vertex within this many tolerances of the hole's axis lies on it."""
+DWELL_SHARE = 0.01
+DWELL_SLACK = 1e-3
+"""A dwell may differ by this share, and by so many seconds."""
+_LISTED = 20
+_STOPPED = (Blend.EXACT, Blend.THROUGH)
+
+
+class Feeds(Protocol):
+    """Collects the feed that motions should have."""
+
+    def expect(self, row: int, motions: tuple[int, ...]) -> None:
+        """Expect the feed of a tag at these motions."""
+        ...
+
+
+def check_holes(
+    result: Result,
+    real: RealPaths,
+    wanted: Wanted,
+    served: IntArray,
+    is_cut: BoolArray,
+    tolerance: float,
+    feeds: Feeds,
+) -> None:
+    """Check every hole that the program drills; its drilling motions are marked in ``is_cut``."""
+    rows = np.flatnonzero(wanted.is_hole & (served >= 0))
+    if not len(rows):
+        return
+    dwells = _dwells(result)
+    checker = _Holes(result, real, wanted, served, NEAR * tolerance)
+    for row in rows.tolist():
+        drilled = checker.check(row)
+        is_cut[list(drilled)] = True
+        feeds.expect(row, drilled)
+        checker.dwell(row, dwells.get(int(served[row]), 0.0))
+
+
+def _dwells(result: Result) -> dict[int, float]:
+    """Return the seconds waited behind each motion."""
+    found: dict[int, float] = {}
+    for event in result.paths.trace.events:
+        if event.word is EventWord.DWELL:
+            found[event.motion - 1] = found.get(event.motion - 1, 0.0) + event.value
+    return found
+
+
+class _Holes:
+    """Looks at the motions around the bottom of one hole after the other."""
+
+    def __init__(
+        self, result: Result, real: RealPaths, wanted: Wanted, served: IntArray, near: float
+    ) -> None:
+        self._result = result
+        self._wanted = wanted
+        self._served = served
+        self._near = near
+        self._case = real.case.tolist()
+        self._all_points = [paths.end_point.tolist() for paths in real.paths]
+        self._points = self._all_points[0]
+        self._is_cp = result.paths.trace.is_cp.tolist()
+        self._blend = result.paths.trace.blend.tolist()
+        self._told: dict[str, int] = {}
+        count = len(self._points)
+        self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
+        later = np.where(served >= 0, served, count)
+        self._behind = np.r_[np.minimum.accumulate(later[::-1])[::-1], count]
+
+    def check(self, row: int) -> tuple[int, ...]:
+        """Check one hole and return the motions that drill."""
+        wanted, bottom = self._wanted, int(self._served[row])
+        self._points = self._all_points[self._case[row]]
+        base, axis = wanted.point[row].tolist(), wanted.axis[row].tolist()
+        if self._blend[bottom] not in _STOPPED:
+            self._tell("blended_plunge", bottom, "the bottom of the hole is blended: not reached")
+        earlier = int(self._served[row - 1]) if row else -1
+        down = list(self._walk(bottom, -1, base, axis, earlier))
+        top = max((height for _, height in down), default=0.0)
+        needed = float(wanted.clear[row] + wanted.depth[row])
+        if top < needed - self._near:
+            self._tell(
+                "plunge",
+                bottom,
+                f"the tool comes onto the hole's axis {(needed - top) / MM:.3f} mm too low",
+            )
+        self._way_out(row, bottom, base, axis)
+        self._inside(row, base, axis, needed)
+        return self._drilling(down, bottom, needed)
+
+    def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
+        """Below the clearance height the tool may only move along the axis, never by PTP."""
+        first = int(self._before[row]) + 1
+        last = min(int(self._behind[row + 1]), len(self._points))
+        places = [self._on_axis(v, base, axis) for v in range(max(first - 1, 0), last)]
+        offset = max(first - 1, 0)
+        for number, height in enumerate(places):
+            if height is None or not -self._near < height < clear - self._near:
+                continue
+            for motion, other in ((number, number - 1), (number + 1, number + 1)):
+                if not 0 <= other < len(places):
+                    continue
+                if places[other] is None or not self._is_cp[motion + offset]:
+                    text = f"the tool moves sideways {(clear - height) / MM:.3f} mm deep"
+                    self._tell("plunge", motion + offset, text)
+                    return
+
+    def _on_axis(self, vertex: int, base: list[float], axis: list[float]) -> float | None:
+        """Return the height above the bottom of a vertex on the hole's axis, None beside it."""
+        a, b, c = (p - q for p, q in zip(self._points[vertex], base, strict=True))
+        height = -(a * axis[0] + b * axis[1] + c * axis[2])
+        d, e, f = (p + height * q for p, q in zip((a, b, c), axis, strict=True))
+        return height if d * d + e * e + f * f <= self._near * self._near else None
+
+    def _way_out(self, row: int, bottom: int, base: list[float], axis: list[float]) -> None:
+        wanted = self._wanted
+        out = [height for _, height in self._walk(bottom, 1, base, axis, len(self._points))]
+        lift = float(wanted.retract[row] or wanted.clear[row])
+        needed = float(wanted.depth[row]) + lift
+        if max(out, default=0.0) < needed - self._near:
+            self._tell(
+                "retract",
+                min(bottom + 1, len(self._points) - 1),
+                f"the tool leaves the hole's axis {(needed - max(out, default=0.0)) / MM:.3f} mm "
+                "too low",
+            )
+
+    def _walk(
+        self, bottom: int, way: int, base: list[float], axis: list[float], stop: int
+    ) -> Iterator[tuple[int, float]]:
+        """Yield (vertex, height above the bottom) along the axis, backwards or forwards."""
+        vertex = bottom
+        while True:
+            motion = vertex if way < 0 else vertex + 1
+            vertex += way
+            if not 0 <= vertex < len(self._points) or not self._is_cp[motion]:
+                return
+            if way < 0 and vertex <= stop:
+                return
+            height = self._on_axis(vertex, base, axis)
+            if height is None:
+                return
+            yield vertex, height
+
+    def _drilling(
+        self, down: list[tuple[int, float]], bottom: int, clear: float
+    ) -> tuple[int, ...]:
+        """Return the motions that go deeper than any before, below the clearance height."""
+        drilled: list[int] = []
+        deepest = clear
+        before = down[-1][1] if down else 0.0
+        for vertex, height in [*reversed(down[:-1]), (bottom, 0.0)]:
+            if height < deepest - self._near and height < before:
+                drilled.append(vertex)
+                deepest = height
+                if self._blend[vertex - 1] not in _STOPPED:
+                    self._tell("blended_plunge", vertex - 1, "the point before a plunge is blended")
+            before = height
+        return tuple(drilled)
+
+    def dwell(self, row: int, seconds: float) -> None:
+        """Compare the dwell at the bottom."""
+        asked = float(self._wanted.dwell[row])
+        if abs(seconds - asked) > max(DWELL_SHARE * asked, DWELL_SLACK) and asked > 0.0:
+            text = f"{seconds:g} s at the bottom, the CAM file asks for {asked:g} s"
+            self._tell("dwell", int(self._served[row]), text)
+
+    def _tell(self, kind: str, motion: int, text: str) -> None:
+        self._told[kind] = self._told.get(kind, 0) + 1
+        if self._told[kind] <= _LISTED:
+            self._result.finding(kind, motion, text)

@@ -1,0 +1,214 @@
+"""Finds, for every point the CAM file asks for, the motion of the program that goes there.
+
+The program may have any layout: more motions (approaches, pecks, re-entries, sub-programs) between
+those of the CAM file, or fewer where the file repeats a point. What must hold is the order. First
+the earliest embedding is tried, which is exact: if the points can be found in order at all within
+the tolerance, it finds them. Only if it fails, all pairs within the tolerance are searched for the
+longest chain that is in order on both sides; what is left over is missing or out of order.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.model.toolpath import MotionKind, ToolPath
+
+SAME = 1e-9
+"""Two points of the file nearer than this [m] are one."""
+MAX_PAIRS = 5_000_000
+PLACE = 1e-5
+"""Size [m] of the cells in which pairs are counted beforehand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What the CAM file asks for: one row a tag (r = n).
+
+    ``point`` (r, 3) [m] where the tip must go: the bottom of a hole, else the tag; ``axis`` (r, 3)
+    unit, where the tool's axis must point (into the part); ``top`` (r, 3) the tag itself.
+    ``clear``, ``retract``, ``depth`` (r,) [m] of holes, 0 else.
+    """
+
+    point: FloatArray
+    axis: FloatArray
+    top: FloatArray
+    clear: FloatArray
+    retract: FloatArray
+    depth: FloatArray
+    dwell: FloatArray
+    kind: IntArray
+
+    @property
+    def is_hole(self) -> np.ndarray:
+        """(r,) holes with a cycle."""
+        return np.asarray((self.kind == MotionKind.HOLE) & (self.depth + self.clear > 0.0))
+
+
+def wanted_of(toolpath: ToolPath) -> Wanted:
+    """Return what a toolpath asks for."""
+    kind = np.asarray(toolpath.kind)
+    table = np.array(
+        [[c.depth, c.clearance, c.retract, c.dwell] for c in toolpath.cycles] + [[0.0] * 4]
+    )
+    rows = table[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros((0, 4))
+    rows = np.where((kind == MotionKind.HOLE)[:, None], rows, 0.0)
+    outward = np.asarray(toolpath.axes)
+    point = np.asarray(toolpath.points) - outward * rows[:, :1]
+    return Wanted(
+        point=point,
+        axis=-outward,
+        top=np.asarray(toolpath.points),
+        clear=rows[:, 1],
+        retract=rows[:, 2],
+        depth=rows[:, 0],
+        dwell=rows[:, 3],
+        kind=np.asarray(kind, dtype=np.int32),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Visits:
+    """Which motion goes to each wanted point: ``first`` and ``last`` (r,) possible, -1 for none.
+
+    A place that the program passes more than once may serve a point early or late; both are in
+    order with all others.
+    """
+
+    first: IntArray
+    last: IntArray
+
+
+def match(
+    wanted: FloatArray,
+    visited: FloatArray,
+    tolerance: float,
+    is_own: BoolArray | None = None,
+    case: IntArray | None = None,
+) -> Visits:
+    """Return for each wanted point which visited point serves it.
+
+    Args:
+        wanted: (r, 3) [m] in order.
+        visited: (v, 3) [m] in order, or (c, v, 3) under each of c loads.
+        tolerance: [m].
+        is_own: (r,) points that need a visit of their own (the end of a full circle); any other
+            point that repeats the one before shares its visit. None: no such points.
+        case: (r,) the load that counts for each point; None: the first.
+    """
+    visited = visited[None] if visited.ndim == 2 else visited
+    if not len(wanted) or not visited.shape[1]:
+        nothing = np.full(len(wanted), -1, dtype=np.int32)
+        return Visits(nothing, nothing)
+    new = np.r_[True, np.linalg.norm(np.diff(wanted, axis=0), axis=1) > SAME]
+    if is_own is not None:
+        new |= is_own
+    distinct = wanted[new]
+    group = np.cumsum(new) - 1
+    load = np.zeros(len(distinct), dtype=np.int32) if case is None else case[new]
+    found = _earliest(distinct, visited, tolerance, load)
+    if found is None:
+        found = _longest_chain(distinct, visited, tolerance, load)
+        return Visits(found[group], found[group])
+    latest = _earliest(distinct[::-1], visited[:, ::-1], tolerance, load[::-1])
+    count = visited.shape[1]
+    last = found if latest is None else np.asarray(count - 1 - latest[::-1], dtype=np.int32)
+    return Visits(found[group], last[group])
+
+
+def _earliest(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> IntArray | None:
+    """Return the earliest visits in order, None if a point has none behind the one before."""
+    limit = tolerance * tolerance
+    found = np.empty(len(wanted), dtype=np.int32)
+    at, count = 0, visited.shape[1]
+    columns = [[column.tolist() for column in points.T] for points in visited]
+    for row, ((a, b, c), load) in enumerate(zip(wanted.tolist(), case.tolist(), strict=True)):
+        x, y, z = columns[load]
+        while at < count:
+            d, e, f = x[at] - a, y[at] - b, z[at] - c
+            if d * d + e * e + f * f <= limit:
+                break
+            at += 1
+        else:
+            return None
+        found[row] = at
+        at += 1
+    return found
+
+
+def _longest_chain(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> IntArray:
+    """Return the visits of the longest common subsequence of points within the tolerance."""
+    rows, visits = _pairs(wanted, visited, tolerance, case)
+    tails: list[int] = []
+    tail_pairs: list[int] = []
+    before = np.full(len(rows), -1, dtype=np.int64)
+    # Within a row visits fall, so that no two pairs of a row can stand in one chain.
+    for pair, visit in enumerate(visits.tolist()):
+        place = bisect_left(tails, visit)
+        if place == len(tails):
+            tails.append(visit)
+            tail_pairs.append(pair)
+        else:
+            tails[place], tail_pairs[place] = visit, pair
+        before[pair] = tail_pairs[place - 1] if place else -1
+    found = np.full(len(wanted), -1, dtype=np.int32)
+    pair = tail_pairs[-1] if tail_pairs else -1
+    while pair >= 0:
+        found[rows[pair]] = visits[pair]
+        pair = int(before[pair])
+    return found
+
+
+def _pairs(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows and visits of all pairs within the tolerance, by row, visits falling."""
+    from scipy.spatial import cKDTree
+
+    near: list[list[int]] = [[] for _ in range(len(wanted))]
+    left = MAX_PAIRS
+    for load in np.unique(case).tolist():
+        own = np.flatnonzero(case == load)
+        left -= _meetings(wanted[own], visited[load])
+        if left < 0:
+            # The path comes back to the same places over and over: keep the nearest in sequence.
+            return _few_pairs(wanted, visited, tolerance, case)
+        tree, other = cKDTree(wanted[own]), cKDTree(visited[load])
+        for row, found in zip(own.tolist(), tree.query_ball_tree(other, tolerance), strict=True):
+            near[row] = found
+    counts = np.array([len(item) for item in near])
+    rows = np.repeat(np.arange(len(wanted)), counts)
+    visits = np.array([v for item in near for v in sorted(item, reverse=True)], dtype=np.int64)
+    return rows, visits
+
+
+def _meetings(wanted: FloatArray, visited: FloatArray) -> int:
+    """Return about how many pairs share a place; counted in cells, as trees are slow at that."""
+    places = np.rint(np.concatenate([wanted, visited]) / PLACE).astype(np.int64)
+    _, cell = np.unique(places, axis=0, return_inverse=True)
+    cell = cell.reshape(-1)
+    count = int(cell.max()) + 1
+    ours = np.bincount(cell[: len(wanted)], minlength=count)
+    return int(ours @ np.bincount(cell[len(wanted) :], minlength=count))
+
+
+def _few_pairs(
+    wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return pairs near the diagonal of equal progress only."""
+    rows, visits = [], []
+    share = visited.shape[1] / len(wanted)
+    for row, point in enumerate(wanted):
+        low = max(0, int(row * share) - 100)
+        window = visited[case[row], low : low + 201]
+        close = np.flatnonzero(np.linalg.norm(window - point, axis=1) <= tolerance)
+        visits += (low + close[::-1]).tolist()
+        rows += [row] * len(close)
+    return np.array(rows, dtype=np.int64), np.array(visits, dtype=np.int64)

@@ -1,0 +1,126 @@
+"""Where the real tool goes: the executed path shifted by what a model of the arm expects.
+
+A load acts where the tool works. That is a question of the CAM file: the tags of a cut or a hole
+are met with the wrench of their operation, rapid tags with none. Each load case is one set of
+paths; in it a motion works if it is a path motion about as fast as the feeds of the case or slower.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.cell.cell import Cell
+from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.paths.moments import Displacement, moments_of
+from postproc.paths.motion import Paths, Shift
+
+FASTER = 1.5
+"""A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""
+_STILL = 1e-5
+"""A joint motion shorter than this [rad] goes nowhere: what acted before it, still acts."""
+WORKING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
+"""Tags at which the tool works."""
+
+
+@dataclass(frozen=True, slots=True)
+class RealPaths:
+    """Paths of the real tool, one set for each load case; ``case`` (n,) of every tag."""
+
+    paths: tuple[Paths, ...]
+    case: IntArray
+
+    @classmethod
+    def nominal(cls, paths: Paths, n: int) -> RealPaths:
+        """Return the commanded paths as the only case of n tags."""
+        return cls((paths,), np.zeros(n, dtype=np.int32))
+
+    def of(self, tag: int) -> Paths:
+        """Return the paths under the load of a tag."""
+        return self.paths[int(self.case[tag])]
+
+    @property
+    def end_point(self) -> FloatArray:
+        """(cases, m, 3) [m] where motions end, in the part."""
+        return np.stack([paths.end_point for paths in self.paths])
+
+
+def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
+    """Return the feed (n,) [m/s] that each tag asks for: cycle, tag, cell; NaN without any."""
+    feed = np.asarray(toolpath.feed)
+    feed = np.where(np.isfinite(feed), feed, cell.motion.feed)
+    own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
+    cycle = own[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros(0)
+    is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
+    return np.where(is_hole & np.isfinite(cycle), cycle, feed)
+
+
+def real_paths(
+    paths: Paths, cell: Cell, toolpath: ToolPath, displacement: Displacement
+) -> RealPaths:
+    """Return the paths of the real tool under every load of a CAM file.
+
+    Args:
+        paths: as commanded.
+        cell: the process loads, and the feed where the file gives none.
+        toolpath: what was asked for.
+        displacement: real minus nominal tool point.
+    """
+    wrenches, case = load_cases(toolpath, cell)
+    ends, samples = moments_of(paths, cell)
+    idle = _in_part(paths, displacement(ends.idle()), displacement(samples.idle()))
+    nothing = np.zeros(len(paths), dtype=np.bool_)
+    sets = [_moved(paths, idle, idle, nothing)]
+    feed = feeds_of(toolpath, cell)
+    speed = paths.trace.column("speed")
+    for number, wrench in enumerate(wrenches, 1):
+        known = feed[(case == number) & np.isfinite(feed)]
+        works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
+        works |= _stands(paths) & np.r_[False, works[:-1]]
+        loaded = _in_part(
+            paths, displacement(ends.under(wrench)), displacement(samples.under(wrench))
+        )
+        sets.append(_moved(paths, idle, loaded, works))
+    return RealPaths(tuple(sets), case)
+
+
+def load_cases(toolpath: ToolPath, cell: Cell) -> tuple[list[FloatArray], IntArray]:
+    """Return the wrenches (6,) of the process, and for each tag (n,) 0 or which of them + 1."""
+    names = [operation.name for operation in toolpath.operations]
+    table = np.array([*(cell.process.wrench_of(name) for name in names), cell.process.wrench_tcp])
+    distinct, which = np.unique(table, axis=0, return_inverse=True)
+    operation = np.asarray(toolpath.operation)
+    known = (operation >= 0) & (operation < len(names))
+    case = 1 + which.reshape(-1)[np.where(known, operation, len(names))]
+    case = np.where(np.isin(toolpath.kind, WORKING), case, 0)
+    return list(distinct), case.astype(np.int32)
+
+
+def _stands(paths: Paths) -> BoolArray:
+    """Return (m,) joint motions that go nowhere, as at the head of a sub-program."""
+    step = np.full(len(paths), np.inf)
+    step[1:] = np.abs(np.diff(paths.q, axis=0)).max(axis=1)
+    return np.asarray(~paths.trace.is_cp & (step < _STILL))
+
+
+def _in_part(paths: Paths, at_ends: FloatArray, at_samples: FloatArray) -> FloatArray:
+    """Return shifts at ends, then samples (m + s, 3), turned from robroot to the part."""
+    external = np.concatenate(
+        [paths.external, paths.curves.external_at(paths.row, paths.share, paths.external)]
+    )
+    return paths.station.turned_to_part(np.concatenate([at_ends, at_samples]), external)
+
+
+def _moved(paths: Paths, idle: FloatArray, loaded: FloatArray, works: BoolArray) -> Paths:
+    """Return the paths shifted by ``loaded`` (m + s, 3) where the tool works, by ``idle`` else."""
+    m = len(paths)
+    ends = np.where(works[:, None], loaded[:m], idle[:m])
+    inner = np.where(works[paths.row][:, None], loaded[m:], idle[m:])
+    before = np.maximum(np.arange(m) - 1, 0)
+    starts = np.where(works[:, None], loaded[before], idle[before])
+    place = np.concatenate([2.0 * np.arange(m), 2.0 * paths.row + paths.share])
+    order = np.argsort(place, kind="stable")
+    shift = Shift(place[order], np.concatenate([starts, inner])[order])
+    return replace(paths, end_point=paths.end_point + ends, point=paths.point + inner, shift=shift)
