@@ -55,9 +55,9 @@ def expand(jobs: Sequence[Job], split: str | None) -> Work:
 
 
 def _sections(job: Job, rule: tuple[str, float], taken: set[str]) -> list[Job]:
-    from postproc.cell.cache import shared_cell
+    from postproc.cell import shared_cell
     from postproc.jobs.convert import read_toolpath
-    from postproc.process.pointlist import as_served
+    from postproc.process import as_served
 
     cell = shared_cell(job.request.cell)
     path = as_served(read_toolpath(job.request, cell), cell)

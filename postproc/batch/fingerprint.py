@@ -15,7 +15,7 @@ from postproc.files import read_bytes
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job
-    from postproc.model.toolpath import ToolPath
+    from postproc.model import ToolPath
 
 UNREADABLE = "-"
 """In place of the hash of what cannot be read; never current."""
@@ -84,7 +84,7 @@ def _file(path: str) -> str:
 
 @lru_cache(maxsize=64)
 def _cell(path: str) -> str:
-    from postproc.cell.cache import cell_files, shared_cell
+    from postproc.cell import cell_files, shared_cell
 
     try:
         cell = shared_cell(path)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
-from postproc.toml.text import Location, TomlText, load_toml
+from postproc.toml import Location, TomlText, load_toml
 
 if TYPE_CHECKING:
-    from postproc.model.toolpath import ToolPath
+    from postproc.model import ToolPath
 
 SUFFIXES = (".apt", ".aptsource", ".cl", ".cls", ".clsf", ".clt", ".csv", ".ncl", ".xml")
 """File name endings taken from a folder; Creo's version numbers (``.ncl.8``) count too."""
@@ -191,7 +191,7 @@ def unique_name(name: str, key: str, taken: set[str]) -> str:
     A name that is taken gets a short mark made from the key, so that it does not depend on how
     many others have the same.
     """
-    from postproc.krl.text.names import legal_name
+    from postproc.krl import legal_name
 
     given, salt = name, ""
     while given.upper() in taken:
@@ -208,7 +208,7 @@ def make_jobs(sources: Sequence[str], base: ConvertRequest, overrides: Overrides
     A name is the input's own; where two inputs would get the same one, the first has it and the
     others get a mark made from their path.
     """
-    from postproc.krl.text.names import legal_name
+    from postproc.krl import legal_name
 
     taken: set[str] = set()
     jobs = []

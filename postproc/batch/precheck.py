@@ -36,13 +36,13 @@ def require_call(jobs: Sequence[Job]) -> None:
 
 
 def _try(job: Job) -> None:
-    from postproc.cell.cache import shared_cell
-    from postproc.planning.states.settings import PlanOptions, settle
+    from postproc.cell import shared_cell
+    from postproc.planning import PlanOptions, settle
 
     request = job.request
     options = PlanOptions(strategy=request.strategy, objective=request.objective)
     settle(shared_cell(request.cell), options)
     if request.model:
-        from postproc.model.modelfile import load_model
+        from postproc.model import load_model
 
         load_model(request.model)

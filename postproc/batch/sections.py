@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from postproc.batch.jobs import Job, unique_name
 from postproc.errors import DataError, SourceRef
-from postproc.krl.text.names import legal_name
-from postproc.model.toolpath import Arcs, Event, EventKind, MotionKind, ToolPath
+from postproc.krl import legal_name
+from postproc.model import Arcs, Event, EventKind, MotionKind, ToolPath
 from postproc.units import MM
 
 _Rows = NDArray[np.signedinteger[Any]]
@@ -247,8 +247,8 @@ def _led_in(path: ToolPath, rows: _Rows, part: ToolPath) -> ToolPath:
 
 def caller_program(name: str, sections: list[str]) -> dict[str, bytes]:
     """Return a program that calls the sections' programs in order; each sets itself up."""
-    from postproc.emitters.kuka.emitter import render_files
-    from postproc.krl.text.program import Call, KrlModule, Routine
+    from postproc.emitters import render_files
+    from postproc.krl import Call, KrlModule, Routine
 
     routine = Routine(name, tuple(Call(section) for section in sections))
     attributes = ("ACCESS RVP", "REL 1")

@@ -38,12 +38,12 @@ from postproc.cell.schema import (
     Table,
     ToolSolid,
 )
-from postproc.cell.urdf.file import read_urdf_robot
+from postproc.cell.urdf import read_urdf_robot
 from postproc.errors import CellError
 from postproc.files import read_bytes
-from postproc.geometry.frames import transform_from_kuka
+from postproc.geometry import transform_from_kuka
 from postproc.resources import templates_folder
-from postproc.toml.text import Location, TomlText, parse_toml
+from postproc.toml import Location, TomlText, parse_toml
 from postproc.units import DEG, MM, MM_PER_MIN, NMM_PER_RAD, PERCENT
 
 _AXES = {

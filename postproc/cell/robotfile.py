@@ -13,7 +13,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell.cell import OpwGeometry, Origin, Provenance, Robot
 from postproc.errors import CellError, SourceRef
-from postproc.toml.text import TomlText, load_toml
+from postproc.toml import TomlText, load_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _FOLDER = Path(__file__).resolve().parent / "robots"

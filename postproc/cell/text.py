@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from postproc.cell.schema import CellFile, Placement
-from postproc.toml.write import toml_value
+from postproc.toml import toml_value
 
 Values = Mapping[str, Any]
 _WIDTH = 100

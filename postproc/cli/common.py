@@ -16,8 +16,8 @@ import click
 from postproc.errors import ExitCode, Issue
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import Cell
-    from postproc.model.toolpath import ToolPath
+    from postproc.cell import Cell
+    from postproc.model import ToolPath
 
 P = ParamSpec("P")
 R = TypeVar("R")

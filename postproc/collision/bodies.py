@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell.cell import Cell, MeshPlacement, UrdfGeometry
+from postproc.cell import Cell, MeshPlacement, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
 from postproc.collision.urdf_solids import urdf_links
 from postproc.errors import Issue, Severity
-from postproc.geometry.frames import inverse, transform
+from postproc.geometry import inverse, transform
 
 WORLD = -1
 """Stands for a link where a body does not move."""

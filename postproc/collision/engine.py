@@ -22,7 +22,7 @@ from postproc.collision.pairs import (
 from postproc.collision.pieces import PieceBounds
 from postproc.collision.shape import Shape
 from postproc.collision.sweep import SweepBound
-from postproc.geometry.frames import inverse
+from postproc.geometry import inverse
 
 CHUNK = 1000
 """Configurations handled at once, so that intermediate arrays stay in the cache."""

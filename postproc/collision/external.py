@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import ExternalAxis
-from postproc.geometry.frames import inverse, rotation_about, transform
+from postproc.cell import ExternalAxis
+from postproc.geometry import inverse, rotation_about, transform
 
 JOINTS = 6
 WORLD_LINK = 7

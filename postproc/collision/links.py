@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import OpwGeometry, Robot
+from postproc.cell import OpwGeometry, Robot
 from postproc.collision.arm import Arm
 from postproc.collision.mesh import Mesh, joined, loft, ring
-from postproc.geometry.frames import inverse, transform
+from postproc.geometry import inverse, transform
 
 _SIDES = 24
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
-from postproc.cell.cell import MeshPlacement
+from postproc.cell import MeshPlacement
 from postproc.errors import CellError, ReadError, SourceRef
 from postproc.files import read_bytes
-from postproc.geometry.frames import apply
+from postproc.geometry import apply
 
 CYLINDER_SIDES = 32
 """Sides of the prism that stands for a cylinder; it encloses the true cylinder."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import Body, bodies_of, pulled_back
@@ -21,7 +21,7 @@ from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
 from postproc.errors import CellError, DataError, Issue, Severity
-from postproc.geometry.frames import inverse
+from postproc.geometry import inverse
 from postproc.units import MM
 
 

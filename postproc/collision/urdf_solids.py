@@ -8,9 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import UrdfGeometry
-from postproc.cell.urdf.body import fixed_parts, origin_of, values_of
-from postproc.cell.urdf.chain import read_chain
+from postproc.cell import UrdfGeometry, fixed_parts, origin_of, read_chain, values_of
 from postproc.collision.mesh import Mesh, box, cylinder, load_mesh, loft, ring
 from postproc.errors import CellError, Issue, Severity, SourceRef
 

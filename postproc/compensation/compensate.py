@@ -20,23 +20,20 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out, real_point
-from postproc.controller.interpreter import run
-from postproc.emitters.kuka.emitter import emit
+from postproc.controller import run
+from postproc.emitters import emit
 from postproc.errors import DataError, EmitError, Issue, Severity, SourceRef
-from postproc.gap.robot_model import RobotModel
-from postproc.geometry.frames import inverse
-from postproc.kinematics.model import Kinematics
-from postproc.model.modelfile import ModelFile, load_model
-from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.paths.moments import Clock, Moments, moments_of
-from postproc.paths.motion import joint_paths
-from postproc.stiffness.field import ContinuousField
-from postproc.stiffness.fieldfile import field_of
+from postproc.gap import RobotModel
+from postproc.geometry import inverse
+from postproc.kinematics import Kinematics
+from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
+from postproc.paths import Clock, Moments, joint_paths, moments_of
+from postproc.stiffness import ContinuousField, field_of
 from postproc.units import DEG, MM, UM
-from postproc.verification.verify import world_of
+from postproc.verification import world_of
 
 WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 """Moves in which the process force acts; in all others only the dead load does."""

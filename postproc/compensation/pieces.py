@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Rows
-from postproc.geometry.curves import turn_between, turned
-from postproc.geometry.frames import inverse, transform
-from postproc.kinematics.model import Kinematics
-from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.cell import Cell
+from postproc.controller import Rows
+from postproc.geometry import inverse, transform, turn_between, turned
+from postproc.kinematics import Kinematics
+from postproc.model import MoveKind, MoveRole, Plan
 from postproc.units import DEG, MM
 
 LOOK = 20.0 * MM

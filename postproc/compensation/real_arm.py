@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.gap.robot_model import RobotModel, effect_of
-from postproc.geometry.frames import apply
-from postproc.kinematics.model import Kinematics, build
-from postproc.model.modelfile import ModelFile, entry
-from postproc.paths.moments import Displacement, Moments, directions
-from postproc.stiffness.cartesian import moved_wrench
-from postproc.stiffness.fieldfile import field_of
+from postproc.cell import Cell
+from postproc.gap import RobotModel, effect_of
+from postproc.geometry import apply
+from postproc.kinematics import Kinematics, build
+from postproc.model import ModelFile, entry
+from postproc.paths import Displacement, Moments, directions
+from postproc.stiffness import field_of, moved_wrench
 from postproc.units import STANDARD_GRAVITY
 
 FOLLOWS_MOTION = frozenset({"direction", "qd"})

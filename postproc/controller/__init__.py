@@ -1,1 +1,37 @@
 """Runs KRL text as the controller does; knows no planner and passes no judgement."""
+
+from postproc.controller.control import Activation
+from postproc.controller.interpreter import Interpreter, World, run
+from postproc.controller.modules import load_program
+from postproc.controller.motions import Motions
+from postproc.controller.runtime import UNKNOWN, pose_of, text_of
+from postproc.controller.trace import (
+    Blend,
+    EventWord,
+    Finding,
+    Rows,
+    Settings,
+    Trace,
+    TraceEvent,
+    Way,
+)
+
+__all__ = [
+    "UNKNOWN",
+    "Activation",
+    "Blend",
+    "EventWord",
+    "Finding",
+    "Interpreter",
+    "Motions",
+    "Rows",
+    "Settings",
+    "Trace",
+    "TraceEvent",
+    "Way",
+    "World",
+    "load_program",
+    "pose_of",
+    "run",
+    "text_of",
+]

@@ -9,8 +9,7 @@ from typing import Any
 
 from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
-from postproc.krl.text.expression import Node, parse_expression
-from postproc.krl.text.program import Control, KrlModule, Routine
+from postproc.krl import Control, KrlModule, Node, Routine, parse_expression
 
 MAX_JUMPS = 1_000_000
 """Jumps backwards in one run; more means that the program does not end."""

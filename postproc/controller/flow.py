@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from postproc.krl.text.program import Control, Routine
+from postproc.krl import Control, Routine
 
 _OPENERS = {
     "IF": "ENDIF",

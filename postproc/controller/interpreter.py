@@ -35,9 +35,8 @@ from postproc.controller.runtime import (
 from postproc.controller.state import MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
-from postproc.kinematics.model import Kinematics
-from postproc.krl.text.expression import Node, Reference, parse_expression
-from postproc.krl.text.program import (
+from postproc.kinematics import Kinematics
+from postproc.krl import (
     Assign,
     Axes,
     Call,
@@ -47,7 +46,9 @@ from postproc.krl.text.program import (
     Halt,
     KrlModule,
     Move,
+    Node,
     Pose,
+    Reference,
     Routine,
     SplineBegin,
     SplineEnd,
@@ -55,6 +56,7 @@ from postproc.krl.text.program import (
     Value,
     WaitFor,
     WaitSec,
+    parse_expression,
 )
 
 MAX_DEPTH = 50

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from postproc.controller.runtime import UNKNOWN, component
-from postproc.krl.text.program import Aggregate
+from postproc.krl import Aggregate
 
 SILENT = frozenset(
     {

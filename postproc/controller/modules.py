@@ -6,14 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from postproc.errors import KrlError, SourceRef
-from postproc.krl.text.parse import parse_module
-from postproc.krl.text.program import (
-    Call,
-    Interrupt,
-    KrlModule,
-    Statement,
-    Trigger,
-)
+from postproc.krl import Call, Interrupt, KrlModule, Statement, Trigger, parse_module
 
 
 def load_program(src_path: str | Path) -> tuple[KrlModule, ...]:

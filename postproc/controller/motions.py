@@ -9,16 +9,7 @@ from postproc.controller.runtime import Evaluator
 from postproc.controller.state import MotionState, Values
 from postproc.controller.targets import Targets, numbers_of
 from postproc.controller.trace import Blend, Way
-from postproc.krl.text.program import (
-    Assign,
-    Axes,
-    Expr,
-    Move,
-    MoveWord,
-    Pose,
-    SplineBegin,
-    SplineEnd,
-)
+from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
 MAX_MOTIONS = 5_000_000
 """A program that makes more motions does not come to an end."""

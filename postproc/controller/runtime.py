@@ -12,18 +12,24 @@ from dataclasses import replace
 from typing import Any
 
 from postproc.arrays import FloatArray
-from postproc.geometry.frames import inverse, kuka_from_transform, transform_from_kuka
-from postproc.krl.text.expression import (
+from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
+from postproc.krl import (
+    Aggregate,
+    Axes,
     Binary,
+    Enum,
+    Expr,
     FunctionCall,
     Node,
+    Pose,
     Reference,
     Structure,
+    Text,
     Unary,
+    Value,
     parse_expression,
+    pose_or_axes,
 )
-from postproc.krl.text.literals import pose_or_axes
-from postproc.krl.text.program import Aggregate, Axes, Enum, Expr, Pose, Text, Value
 from postproc.units import DEG
 
 

@@ -16,8 +16,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of
 from postproc.controller.trace import Settings
-from postproc.geometry.frames import inverse
-from postproc.krl.text.program import Aggregate, Enum, Pose
+from postproc.geometry import inverse
+from postproc.krl import Aggregate, Enum, Pose
 from postproc.units import DEG, MM, PERCENT
 
 DEFAULT_SPEED = 2.0

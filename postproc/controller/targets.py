@@ -12,9 +12,9 @@ from postproc.arrays import FloatArray
 from postproc.controller.recorder import Numbers
 from postproc.controller.runtime import UNKNOWN, axes_with, matrix_of, pose_of, pose_with
 from postproc.controller.state import MotionState
-from postproc.geometry.frames import inverse
-from postproc.kinematics.model import Kinematics
-from postproc.krl.text.program import Axes, Pose
+from postproc.geometry import inverse
+from postproc.kinematics import Kinematics
+from postproc.krl import Axes, Pose
 from postproc.units import DEG
 
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from postproc.controller.modules import load_program
+from postproc.controller import load_program
 from postproc.errors import KrlError, SourceRef
 from postproc.files import read_bytes, write_files
-from postproc.krl.text.parse import load_modules
-from postproc.krl.text.program import KrlModule
+from postproc.krl import KrlModule, load_modules
 
 _MANIFEST = "manifest.json"
 """What a batch keeps about the programs of a folder; it goes with them."""

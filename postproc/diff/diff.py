@@ -17,8 +17,7 @@ from typing import Any
 
 from postproc.diff.lines import Program, differences, program_of
 from postproc.errors import KrlError, SourceRef
-from postproc.krl.text.parse import load_modules, parse_files, require_sound
-from postproc.krl.text.program import KrlModule
+from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.units import MM
 
 _SHOWN = 40
@@ -179,7 +178,7 @@ def diff_files(
 
 
 def _program(path: str | Path) -> Program:
-    from postproc.controller.modules import load_program
+    from postproc.controller import load_program
 
     modules = load_program(path)
     require_sound(modules)

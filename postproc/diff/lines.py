@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.controller.trace import Blend, EventWord, Trace, TraceEvent, Way
+from postproc.controller import Blend, EventWord, Trace, TraceEvent, Way
 from postproc.diff.align import Indices, Lines, align
 from postproc.diff.listing import listing, spaced
 from postproc.diff.settings import setting_differences
-from postproc.geometry.frames import rotation_angle, rotation_from_abc
-from postproc.krl.text.program import KrlModule
+from postproc.geometry import rotation_angle, rotation_from_abc
+from postproc.krl import KrlModule
 from postproc.units import DEG, MM
 
 _GRID_MM = 1e-3

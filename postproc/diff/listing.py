@@ -16,15 +16,18 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.controller.control import Activation
-from postproc.controller.interpreter import Interpreter, World
-from postproc.controller.motions import Motions
-from postproc.controller.runtime import UNKNOWN, text_of
-from postproc.controller.trace import EventWord, Trace
+from postproc.controller import (
+    UNKNOWN,
+    Activation,
+    EventWord,
+    Interpreter,
+    Motions,
+    Trace,
+    World,
+    text_of,
+)
 from postproc.errors import KrlError, SourceRef
-from postproc.krl.text.lexer import KrlSyntaxError, tokenise
-from postproc.krl.text.literals import components
-from postproc.krl.text.program import (
+from postproc.krl import (
     Assign,
     Axes,
     Call,
@@ -32,14 +35,17 @@ from postproc.krl.text.program import (
     Expr,
     Interrupt,
     KrlModule,
+    KrlSyntaxError,
     Move,
     Pose,
     Raw,
     SplineBegin,
     SplineEnd,
     Trigger,
+    components,
+    render_statement,
+    tokenise,
 )
-from postproc.krl.text.render import render_statement
 
 MAX_INLINED = 1000
 """A routine that is called more often is listed as a call from then on."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from postproc.controller.trace import Blend, Settings, Trace
+from postproc.controller import Blend, Settings, Trace
 from postproc.units import DEG, MM
 
 

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Protocol
 from postproc.registry import Registry
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import Cell
-    from postproc.krl.text.names import NameAllocator
-    from postproc.model.plan import Plan
+    from postproc.cell import Cell
+    from postproc.krl import NameAllocator
+    from postproc.model import Plan
 
 
 class Emitter(Protocol):
@@ -38,5 +38,5 @@ class Emitter(Protocol):
         ...
 
 
-REGISTRY: Registry[Emitter] = Registry("emitters", "postproc.emitters")
+EMITTERS: Registry[Emitter] = Registry("emitters", "postproc.emitters")
 """All emitters by name."""

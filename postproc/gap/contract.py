@@ -13,11 +13,11 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError, PluginError
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, State
-from postproc.gap.fit.linear import Gram, block_of
+from postproc.gap.fit import Gram, block_of
 from postproc.gap.robot_model import columns, evaluate
-from postproc.model.modelfile import ModelFile
+from postproc.model import ModelFile
 
 Check = Callable[[Effect, Samples], None]
 _SMALL = 1e-3

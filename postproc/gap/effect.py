@@ -17,13 +17,13 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.model.modelfile import ModelFile, entry
+from postproc.model import ModelFile, entry
 from postproc.registry import Registry
 
 if TYPE_CHECKING:
-    from postproc.gap.data.dataset import Arm, Samples
+    from postproc.gap.data import Arm, Samples
 
-REGISTRY: Registry[Effect] = Registry("effects", "postproc.gap.effects")
+EFFECTS: Registry[Effect] = Registry("effects", "postproc.gap.effects")
 Setting = Mapping[str, Any]
 
 
@@ -168,7 +168,7 @@ def register(cls: type[Effect]) -> type[Effect]:
     Raises:
         PluginError: if the name is taken.
     """
-    REGISTRY.register(cls.name)(cls())
+    EFFECTS.register(cls.name)(cls())
     return cls
 
 

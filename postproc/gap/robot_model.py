@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import DataError
-from postproc.gap.data.dataset import Arm, Samples, make_samples
-from postproc.gap.data.reference import reference_of
-from postproc.gap.effect import REGISTRY, Basis, Effect, State
-from postproc.geometry.frames import apply, inverse, rotation_about
-from postproc.kinematics.model import Kinematics
-from postproc.model.modelfile import ModelFile, Registration
+from postproc.gap.data import Arm, Samples, make_samples, reference_of
+from postproc.gap.effect import EFFECTS, Basis, Effect, State
+from postproc.geometry import apply, inverse, rotation_about
+from postproc.kinematics import Kinematics
+from postproc.model import ModelFile, Registration
 
 _FIXED_POINT_STEPS = 8
 """Each step shrinks the error by the deflection over the arm's length, 1e-3 to 1e-2."""
@@ -83,7 +82,7 @@ def effect_of(name: str) -> Effect:
     Raises:
         DataError: GAP002 if no effect has this name.
     """
-    known = dict(REGISTRY)
+    known = dict(EFFECTS)
     if name not in known:
         raise DataError("GAP002", f"no effect is named {name!r}, known are {', '.join(known)}")
     return known[name]

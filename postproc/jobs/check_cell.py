@@ -9,16 +9,14 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell, Provenance
-from postproc.collision.scene import Scene
+from postproc.cell import Cell, Provenance
+from postproc.collision import Scene
 from postproc.errors import CellError, Issue, Severity, SourceRef
-from postproc.geometry.frames import inverse, kuka_from_transform, rotation_about, transform
-from postproc.kinematics.model import Kinematics, build
-from postproc.kinematics.singular import wrist_distance
-from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
-from postproc.planning.states.settings import PlanOptions, settle
-from postproc.process.tilt import TiltRange
-from postproc.toml.text import Location, TomlText, load_toml
+from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
+from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
+from postproc.planning import PlanOptions, settle
+from postproc.process import TiltRange
+from postproc.toml import Location, TomlText, load_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _SOFTEST_USUAL = 1e4

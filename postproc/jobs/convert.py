@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.cell.cache import shared_cell
+from postproc.cell import shared_cell
 from postproc.errors import CellError, DataError, EmitError, Issue, Severity, SourceRef, fold
 from postproc.units import MM, N_PER_MM
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import Cell
-    from postproc.model.modelfile import ModelFile
-    from postproc.model.plan import Plan
-    from postproc.model.toolpath import ToolPath
-    from postproc.verification.report import Expectation, VerifyReport
+    from postproc.cell import Cell
+    from postproc.model import ModelFile, Plan, ToolPath
+    from postproc.verification import Expectation, VerifyReport
 
 Progress = Callable[[int, int, str], None]
 
@@ -119,7 +117,7 @@ def convert(
     Raises:
         PostprocError: if the input, the cell or an option is wrong.
     """
-    from postproc.planning.states.settings import PlanOptions, settle
+    from postproc.planning import PlanOptions, settle
 
     clock = _Clock()
     wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
@@ -133,8 +131,8 @@ def convert(
         cell = with_pins(cell, toolpath, request.pins)
     model = None
     if request.model:
-        from postproc.compensation.real_arm import cell_with_model
-        from postproc.model.modelfile import load_model
+        from postproc.compensation import cell_with_model
+        from postproc.model import load_model
 
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
@@ -149,7 +147,7 @@ def convert(
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
     from postproc.jobs.joint_targets import with_joint_targets
-    from postproc.readers.base import ReadOptions, read
+    from postproc.readers import ReadOptions, read
 
     options = ReadOptions(
         units=request.units,
@@ -178,7 +176,7 @@ def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
     """
     from difflib import get_close_matches
 
-    from postproc.readers.csv.pins import read_pins
+    from postproc.readers import read_pins
 
     pins = read_pins(path)
     names = {toolpath.tag_name(tag) for tag in range(len(toolpath))}
@@ -203,8 +201,8 @@ def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
         return None
 
     def normals(points: Any) -> Any:  # noqa: ANN401 - arrays in, arrays out
-        from postproc.collision.scene import Scene
-        from postproc.kinematics.model import build
+        from postproc.collision import Scene
+        from postproc.kinematics import build
 
         return Scene.shared(cell, build(cell.robot)).surface_normals(points)
 
@@ -219,18 +217,18 @@ def make_plan(
     model: ModelFile | None = None,
 ) -> Plan:
     """Plan the toolpath and compensate it when a model is given."""
-    from postproc.planning.planner import plan as plan_toolpath
-    from postproc.planning.states.settings import PlanOptions
+    from postproc.planning import PlanOptions
+    from postproc.planning import plan as plan_toolpath
 
     options = PlanOptions(partial=request.partial, name=request.name)
     room = cell
     if model is not None:
-        from postproc.compensation.compensate import with_room
+        from postproc.compensation import with_room
 
         room = with_room(cell)
     result = plan_toolpath(toolpath, room, options, progress)
     if model is not None and len(result) and (request.partial or not result.errors):
-        from postproc.compensation.compensate import compensate
+        from postproc.compensation import compensate
 
         result = compensate(result, cell, model)
     return result
@@ -244,8 +242,8 @@ def _emit_checked(
     model: ModelFile | None,
 ) -> tuple[str, dict[str, bytes], tuple[Issue, ...], VerifyReport | None]:
     """Return program name, files, all findings and the check; no files when it fails."""
-    from postproc.emitters.kuka.emitter import emit, render_files
-    from postproc.krl.text.names import NameAllocator
+    from postproc.emitters import emit, render_files
+    from postproc.krl import NameAllocator
 
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
     if len(plan) == 0 or (plan.errors and not request.partial):
@@ -279,15 +277,14 @@ def check_text(
     A compensated program is judged by where the real tool is expected. Collisions were proven by
     the planner along the same motions and are not searched again.
     """
-    from postproc.krl.lint import lint
-    from postproc.krl.text.parse import parse_files
-    from postproc.verification.verify import verify_modules
+    from postproc.krl import lint, parse_files
+    from postproc.verification import verify_modules
 
     modules = parse_files(files)
     findings = [i for i in lint(modules) if i.severity is not Severity.NOTE]
     displacement = None
     if plan.compensation is not None and model is not None:
-        from postproc.compensation.real_arm import displacement_of
+        from postproc.compensation import displacement_of
 
         displacement = displacement_of(cell, model)
     report = verify_modules(
@@ -331,8 +328,7 @@ def _is_excused(cell: Cell, model: ModelFile, report: VerifyReport) -> bool:
     Effects that follow the motion change within a line, where no commanded point can answer. What
     is left of them is small; more is a fault.
     """
-    from postproc.compensation.compensate import LEFT_OF_MOTION
-    from postproc.compensation.real_arm import RealArm
+    from postproc.compensation import LEFT_OF_MOTION, RealArm
 
     expected = report.expectation
     follows = RealArm.of(cell, model).follows_motion
@@ -360,7 +356,7 @@ def failures(conversion: Conversion) -> list[dict[str, Any]]:
 
 def document(conversion: Conversion) -> dict[str, Any]:
     """Return the ``postproc.convert/1`` document."""
-    from postproc.planning.checks.grade import grade_counts
+    from postproc.planning import grade_counts
 
     plan = conversion.plan
     return {

@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.cell.cell import Cell
-from postproc.collision.scene import Scene
-from postproc.emitters.kuka.emitter import emit, render_files
-from postproc.emitters.kuka.style import KrlStyle
-from postproc.geometry.frames import inverse
+from postproc.cell import Cell
+from postproc.collision import Scene
+from postproc.emitters import KrlStyle, emit, render_files
+from postproc.geometry import inverse
 from postproc.jobs.ways import AreFree
-from postproc.kinematics.model import Kinematics, build
-from postproc.krl.text.program import Call, Halt, KrlModule, Statement
-from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.model.toolpath import Event, EventKind, MotionKind, ToolPath
+from postproc.kinematics import Kinematics, build
+from postproc.krl import Call, Halt, KrlModule, Statement
+from postproc.model import Event, EventKind, MotionKind, MoveKind, MoveRole, Plan, ToolPath
 
 IsFree = Callable[[FloatArray], BoolArray]
 """Joint angles (n, 6) [rad] to (n,) free of collision."""

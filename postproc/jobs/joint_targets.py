@@ -13,12 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import Issue, Severity
-from postproc.geometry.frames import inverse, rotation_angle, transform
-from postproc.kinematics.model import build
-from postproc.model.toolpath import ToolPath
-from postproc.planning.states.place import has_pose
+from postproc.geometry import inverse, rotation_angle, transform
+from postproc.kinematics import build
+from postproc.model import ToolPath
+from postproc.planning import has_pose
 from postproc.units import DEG, MM
 
 FEWEST = 3

@@ -14,17 +14,22 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.answers.diagnose import Finding
-from postproc.gap.answers.next_pose import NextPose, Reach
-from postproc.gap.answers.next_poses import next_poses, questions, reassessed
+from postproc.gap import Finding, NextPose, Reach, next_poses, questions, reassessed
 from postproc.jobs import drive
 from postproc.jobs.ways import free_ways
-from postproc.kinematics.model import build
-from postproc.measurement.file import DIRECTION, EXPECTED, JOINTS, ORIENTATION, SPEED, WRENCH
-from postproc.measurement.rows import MeasurementSet
-from postproc.stiffness.sample.sampling import travel_order
+from postproc.kinematics import build
+from postproc.measurement import (
+    DIRECTION,
+    EXPECTED,
+    JOINTS,
+    ORIENTATION,
+    SPEED,
+    WRENCH,
+    MeasurementSet,
+)
+from postproc.stiffness.sample import travel_order
 from postproc.units import DEG, MM
 
 NAME = "next_measurements"

@@ -8,22 +8,25 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import StiffnessError
 from postproc.jobs import drive
 from postproc.jobs.ways import with_free_ways
-from postproc.kinematics.model import Kinematics, build
-from postproc.stiffness.identify.observability import observe, showing_load
-from postproc.stiffness.sample.measuring import (
+from postproc.kinematics import Kinematics, build
+from postproc.stiffness.identify import observe, showing_load
+from postproc.stiffness.sample import (
     TRACKER_SIGMA,
     SampleRequest,
     Sampling,
+    SamplingPlan,
+    choose,
     expected_compliance,
+    features,
     largest_force,
     load_regressors,
+    plan_sampling,
+    travel_order,
 )
-from postproc.stiffness.sample.optimal import choose, features
-from postproc.stiffness.sample.sampling import SamplingPlan, plan_sampling, travel_order
 
 Progress = Callable[[int, int, str], None]
 FIRST_LINE = 5

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.stiffness.sample.sampling import SamplingPlan
+from postproc.stiffness.sample import SamplingPlan
 
 AreFree = Callable[[FloatArray, FloatArray], BoolArray]
 """Joint angles (m, 6) from and to [rad]: is the straight PTP between them free (m,)."""

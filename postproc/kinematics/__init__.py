@@ -1,1 +1,22 @@
 """Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""
+
+from postproc.kinematics.branch import status_turn
+from postproc.kinematics.model import Kinematics, build
+from postproc.kinematics.singular import (
+    elbow_distance,
+    shoulder_distance,
+    smallest_singular_value,
+    wrist_distance,
+)
+from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
+
+__all__ = [
+    "Kinematics",
+    "build",
+    "elbow_distance",
+    "is_coaxial_with_axis_6",
+    "shoulder_distance",
+    "smallest_singular_value",
+    "status_turn",
+    "wrist_distance",
+]

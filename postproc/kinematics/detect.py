@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import OpwGeometry
-from postproc.geometry.frames import inverse, rotation_y, rotation_z, transform
+from postproc.cell import OpwGeometry
+from postproc.geometry import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.opw import OpwArm
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.cell.cell import OpwGeometry, Robot
+from postproc.cell import OpwGeometry, Robot
 from postproc.errors import KinematicsError
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats
-from postproc.cell.cell import OpwGeometry
-from postproc.geometry.frames import inverse, rotation_y, rotation_z, transform
+from postproc.cell import OpwGeometry
+from postproc.geometry import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.chain import SerialChain
 
 TURN = 2.0 * np.pi

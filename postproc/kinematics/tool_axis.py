@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
-from postproc.geometry.frames import apply, inverse
+from postproc.geometry import apply, inverse
 from postproc.kinematics.model import Kinematics
 
 _SAME_LINE = 1e-6

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import UrdfGeometry
-from postproc.cell.urdf.chain import read_chain
+from postproc.cell import UrdfGeometry, read_chain
 from postproc.errors import KinematicsError, SourceRef
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.detect import ortho_parallel

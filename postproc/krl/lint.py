@@ -51,7 +51,7 @@ from postproc.krl.rules.speeds import speeds
 from postproc.krl.rules.status import status_and_turn
 from postproc.krl.rules.structure import blocks, declarations, parses
 from postproc.krl.rules.subject import LintOptions, Rule, Subject
-from postproc.krl.text.program import KrlModule
+from postproc.krl.text import KrlModule
 
 RULES: tuple[Rule, ...] = (
     parses,

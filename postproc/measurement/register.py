@@ -11,10 +11,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import SourceRef, StiffnessError
-from postproc.geometry.frames import apply, inverse, rotation_about, transform
-from postproc.kinematics.model import Kinematics
+from postproc.geometry import apply, inverse, rotation_about, transform
+from postproc.kinematics import Kinematics
 from postproc.measurement.rows import MeasurementSet
-from postproc.model.modelfile import Registration
+from postproc.model import Registration
 
 FEWEST_UNLOADED = 12
 FEWEST_POSTURES = 6

@@ -1,1 +1,33 @@
 """Frozen data types that the layers hand to each other; no numerics beyond shape checks."""
+
+from postproc.model.modelfile import ModelFile, Registration, entry, load_model, save_model
+from postproc.model.plan import MoveKind, MoveRole, Plan
+from postproc.model.toolpath import (
+    Arcs,
+    CamTool,
+    Cycle,
+    Event,
+    EventKind,
+    MotionKind,
+    Operation,
+    ToolPath,
+)
+
+__all__ = [
+    "Arcs",
+    "CamTool",
+    "Cycle",
+    "Event",
+    "EventKind",
+    "ModelFile",
+    "MotionKind",
+    "MoveKind",
+    "MoveRole",
+    "Operation",
+    "Plan",
+    "Registration",
+    "ToolPath",
+    "entry",
+    "load_model",
+    "save_model",
+]

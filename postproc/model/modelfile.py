@@ -24,9 +24,8 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.errors import DataError, SourceRef
-from postproc.geometry.frames import kuka_from_transform, transform_from_kuka
-from postproc.toml.text import TomlText, load_toml
-from postproc.toml.write import toml_key, toml_table, toml_value
+from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
 from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
 
 SCHEMA = "postproc.model/1"

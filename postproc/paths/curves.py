@@ -7,18 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.controller.trace import Rows, Trace, Way
-from postproc.geometry.curves import (
+from postproc.controller import Rows, Trace, Way
+from postproc.geometry import (
     Circles,
     around,
     circles,
+    inverse,
+    rotation_from_abc,
     spline_points,
     spline_tangents,
+    transform,
     turn_between,
     turned,
 )
-from postproc.geometry.frames import inverse, rotation_from_abc, transform
-from postproc.kinematics.model import Kinematics
+from postproc.kinematics import Kinematics
 from postproc.paths.externals import Externals
 
 

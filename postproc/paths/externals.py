@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell, ExternalAxis
-from postproc.geometry.frames import inverse, rotation_about, transform
+from postproc.cell import Cell, ExternalAxis
+from postproc.geometry import inverse, rotation_about, transform
 from postproc.units import DEG, MM
 
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Rows
+from postproc.cell import Cell
+from postproc.controller import Rows
 from postproc.paths.motion import Paths
 from postproc.paths.times import chains, durations, motion_times
 from postproc.units import DEG

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Finding, Rows, Trace
-from postproc.geometry.frames import inverse
-from postproc.kinematics.model import Kinematics
+from postproc.cell import Cell
+from postproc.controller import Finding, Rows, Trace
+from postproc.geometry import inverse
+from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
 from postproc.units import DEG

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Blend, EventWord, Rows
+from postproc.cell import Cell
+from postproc.controller import Blend, EventWord, Rows
 from postproc.paths.motion import Paths
 
 SLOWEST = 1e-7

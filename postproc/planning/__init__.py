@@ -1,1 +1,52 @@
 """Candidates per tag, costs, ladder search, key tags and smoothing, motions in between."""
+
+from postproc.planning.checks import CLOSE, NEAR, Grade, grade_counts
+from postproc.planning.maps import (
+    INDICES,
+    SpinClass,
+    SpinCurves,
+    SpinIndex,
+    SpinMap,
+    failing_poses,
+    spin_curves,
+    spin_degrees,
+    spin_index,
+    spin_map,
+)
+from postproc.planning.planner import plan
+from postproc.planning.route import cell_at
+from postproc.planning.search import arc_length
+from postproc.planning.states import (
+    OBJECTIVES,
+    IndexArray,
+    PlanOptions,
+    has_pose,
+    settle,
+    stand_ins,
+)
+
+__all__ = [
+    "CLOSE",
+    "INDICES",
+    "NEAR",
+    "OBJECTIVES",
+    "Grade",
+    "IndexArray",
+    "PlanOptions",
+    "SpinClass",
+    "SpinCurves",
+    "SpinIndex",
+    "SpinMap",
+    "arc_length",
+    "cell_at",
+    "failing_poses",
+    "grade_counts",
+    "has_pose",
+    "plan",
+    "settle",
+    "spin_curves",
+    "spin_degrees",
+    "spin_index",
+    "spin_map",
+    "stand_ins",
+]

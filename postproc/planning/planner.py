@@ -9,28 +9,31 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import Issue, Severity
-from postproc.kinematics.model import build
-from postproc.model.plan import Plan
-from postproc.model.toolpath import ToolPath
-from postproc.planning.checks.feasible import Checker
-from postproc.planning.route.route import Route, route
-from postproc.planning.search.hunt import step_rules
-from postproc.planning.search.sequence import ordered, ordered_by_place
-from postproc.planning.search.station import plan_stations
-from postproc.planning.search.strategy import choose
-from postproc.planning.states.candidates import evaluate
-from postproc.planning.states.costs import TRAVEL
-from postproc.planning.states.ladder import Rule
-from postproc.planning.states.moves import Chosen
-from postproc.planning.states.place import place_given
-from postproc.planning.states.problem import Problem, path_normals, stiffness_of
-from postproc.planning.states.settings import PlanOptions, Settings, settle
-from postproc.planning.states.stroke import strokes_of
-from postproc.planning.states.tilt import UPRIGHT, feed_directions, tilt_grid
-from postproc.process.order import reordered
-from postproc.process.pointlist import as_served
+from postproc.kinematics import build
+from postproc.model import Plan, ToolPath
+from postproc.planning.checks import Checker
+from postproc.planning.route import Route, route
+from postproc.planning.search import choose, ordered, ordered_by_place, plan_stations, step_rules
+from postproc.planning.states import (
+    TRAVEL,
+    UPRIGHT,
+    Chosen,
+    PlanOptions,
+    Problem,
+    Rule,
+    Settings,
+    evaluate,
+    feed_directions,
+    path_normals,
+    place_given,
+    settle,
+    stiffness_of,
+    strokes_of,
+    tilt_grid,
+)
+from postproc.process import as_served, reordered
 from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
@@ -182,7 +185,7 @@ def _clearance(checker: Checker, chosen: Chosen, options: PlanOptions) -> FloatA
 
 
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    from postproc.collision.scene import Scene
+    from postproc.collision import Scene
 
     return Scene.shared(problem.cell, problem.kinematics)
 

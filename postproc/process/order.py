@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.model import MotionKind, ToolPath
 
 
 def hole_runs(toolpath: ToolPath) -> list[tuple[int, int]]:

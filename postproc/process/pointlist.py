@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.cell.cell import Cell
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.cell import Cell
+from postproc.model import MotionKind, ToolPath
 
 
 def as_served(toolpath: ToolPath, cell: Cell) -> ToolPath:

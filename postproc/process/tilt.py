@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.units import DEG
 
 SHARPEST = 100.0 * DEG

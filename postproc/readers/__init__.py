@@ -1,5 +1,12 @@
 """CAM files to ToolPath; one format per file, found by the registry."""
 
-from postproc.readers.base import ReadOptions, read
+from postproc.readers.base import READERS, Reader, ReadOptions, read
+from postproc.readers.csv import read_pins
 
-__all__ = ["ReadOptions", "read"]
+__all__ = [
+    "READERS",
+    "ReadOptions",
+    "Reader",
+    "read",
+    "read_pins",
+]

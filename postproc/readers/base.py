@@ -14,8 +14,8 @@ from typing import Protocol
 from postproc.arrays import FloatArray
 from postproc.errors import ReadError, SourceRef, UsageError
 from postproc.files import open_input
-from postproc.model.toolpath import ToolPath
-from postproc.readers.text.blocks import check_text
+from postproc.model import ToolPath
+from postproc.readers.text import check_text
 from postproc.registry import Registry
 from postproc.units import INCH, MM
 

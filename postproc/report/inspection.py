@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import Issue
-from postproc.model.toolpath import EventKind, MotionKind, ToolPath
+from postproc.model import EventKind, MotionKind, ToolPath
 from postproc.units import MM, MM_PER_MIN
 
 SCHEMA = "postproc.inspect/1"

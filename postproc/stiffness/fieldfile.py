@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError
-from postproc.model.modelfile import ModelFile, entry
+from postproc.model import ModelFile, entry
 from postproc.stiffness.field import (
     ConstantField,
     ContinuousField,

@@ -1,1 +1,19 @@
 """Estimated times and speed profiles; the only user of ruckig."""
+
+from postproc.timing.profile import (
+    ORIENTATION_SPEED,
+    PATH_ACCELERATION,
+    axis_speed_cap,
+    chain_profile,
+    joint_move_time,
+    line_time,
+)
+
+__all__ = [
+    "ORIENTATION_SPEED",
+    "PATH_ACCELERATION",
+    "axis_speed_cap",
+    "chain_profile",
+    "joint_move_time",
+    "line_time",
+]

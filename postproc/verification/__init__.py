@@ -1,1 +1,16 @@
 """The independent eye: runs program text on the robot model and compares programs."""
+
+from postproc.verification.cam import Tolerances
+from postproc.verification.report import Expectation, Run, VerifyReport, Violation
+from postproc.verification.verify import verify, verify_modules, world_of
+
+__all__ = [
+    "Expectation",
+    "Run",
+    "Tolerances",
+    "VerifyReport",
+    "Violation",
+    "verify",
+    "verify_modules",
+    "world_of",
+]

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Blend, EventWord, Finding, Rows
-from postproc.kinematics.model import Kinematics
-from postproc.kinematics.singular import elbow_distance, shoulder_distance, wrist_distance
-from postproc.paths.motion import Paths
-from postproc.paths.times import SLOWEST, motion_times
+from postproc.cell import Cell
+from postproc.controller import Blend, EventWord, Finding, Rows
+from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
+from postproc.paths import SLOWEST, Paths, motion_times
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Worst
 

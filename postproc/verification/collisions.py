@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Rows
-from postproc.kinematics.model import Kinematics
+from postproc.cell import Cell
+from postproc.controller import Rows
+from postproc.kinematics import Kinematics
 from postproc.verification.checks import Result
 
 TRAVEL_STEP = 0.1
@@ -36,7 +36,7 @@ def check_collisions(
     """
     if not (cell.obstacles or cell.tool.meshes or cell.workpiece.meshes):
         return False
-    from postproc.collision.scene import Scene
+    from postproc.collision import Scene
 
     trace = result.paths.trace
     q, motion, share = _sequence(result)

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from postproc.controller.trace import Finding
+from postproc.controller import Finding
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.controller.trace import Rows
-    from postproc.paths.motion import Paths
+    from postproc.controller import Rows
+    from postproc.paths import Paths
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,30 +19,16 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.cell.cell import Cell
-from postproc.controller.interpreter import World, run
-from postproc.controller.modules import load_program
-from postproc.controller.runtime import pose_of
-from postproc.controller.trace import Trace, Way
-from postproc.geometry.frames import rotation_angle
-from postproc.kinematics.model import Kinematics, build
-from postproc.krl.text.expression import Reference, parse_expression
-from postproc.krl.text.parse import require_sound
-from postproc.krl.text.program import (
-    Assign,
-    Axes,
-    KrlModule,
-    Pose,
-)
-from postproc.model.toolpath import ToolPath
-from postproc.paths.moments import Displacement
-from postproc.paths.motion import joint_paths, joints_at_end
-from postproc.paths.times import cycle_time, durations
-from postproc.process.pointlist import as_served
+from postproc.cell import Cell
+from postproc.controller import Trace, Way, World, load_program, pose_of, run
+from postproc.geometry import rotation_angle
+from postproc.kinematics import Kinematics, build
+from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_expression, require_sound
+from postproc.model import ToolPath
+from postproc.paths import Displacement, cycle_time, durations, joint_paths, joints_at_end
+from postproc.process import as_served
 from postproc.units import DEG, MM
-from postproc.verification.cam.compare import Comparison, Tolerances
-from postproc.verification.cam.events import check_events
-from postproc.verification.cam.order import compare_served
+from postproc.verification.cam import Comparison, Tolerances, check_events, compare_served
 from postproc.verification.checks import (
     Result,
     check_blending,

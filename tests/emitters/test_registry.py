@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.emitters.base import REGISTRY
+from postproc.emitters.base import EMITTERS
 from postproc.krl.text.names import NameAllocator
 from postproc.model.toolpath import EventKind
 
@@ -20,9 +20,9 @@ EVENTS = [
 ]
 
 
-@pytest.fixture(params=[name for name, _ in REGISTRY])
+@pytest.fixture(params=[name for name, _ in EMITTERS])
 def emitter(request):
-    return REGISTRY.get(request.param)
+    return EMITTERS.get(request.param)
 
 
 def test_two_runs_give_the_same_bytes_and_leave_the_plan_alone(emitter):
@@ -37,7 +37,7 @@ def test_two_runs_give_the_same_bytes_and_leave_the_plan_alone(emitter):
 
 
 def test_the_built_in_emitter_is_found():
-    assert "kuka_krl" in dict(REGISTRY)
+    assert "kuka_krl" in dict(EMITTERS)
 
 
 SCRIPT = """

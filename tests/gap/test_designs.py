@@ -7,7 +7,7 @@ import pytest
 
 from postproc.gap.answers.designs import Designs, designs, transfers
 from postproc.gap.data.dataset import make_samples
-from postproc.gap.effect import REGISTRY
+from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.linear import block_of
 from postproc.gap.robot_model import RobotModel
@@ -76,7 +76,7 @@ def test_repeats_of_one_pose_are_no_design(arm):
 
 def bench_of(arm, rng, n, always=()):
     samples = make_samples(arm, random_q(rng, n))
-    known = dict(REGISTRY)
+    known = dict(EFFECTS)
     blocks = tuple(
         block_of(known[name], samples, known[name].prepare(samples))
         for name in ("base_frame", "tool_frame", "joint_offset", "gear_coupling")

@@ -10,7 +10,7 @@ import pytest
 from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.predict import predict
-from postproc.gap.effect import REGISTRY
+from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.problem import pose_problem
 from postproc.geometry.frames import apply, rotation_from_abc, transform
 from postproc.measurement.file import read_measurements
@@ -115,7 +115,7 @@ def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path)
 
 
 def test_poses_yet_to_be_measured_lack_the_columns_that_no_effect_knows(samples):
-    windup = dict(REGISTRY)["friction_windup"]
+    windup = dict(EFFECTS)["friction_windup"]
     usual = replace(samples, extra={"humidity": np.full(len(samples), 50.0)})
     setting = {"columns": {"humidity": (50.0, 10.0)}}
     expected = windup.basis(usual, setting).joint

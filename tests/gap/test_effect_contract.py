@@ -7,11 +7,11 @@ import pytest
 
 from postproc.errors import DataError, PluginError
 from postproc.gap import contract
-from postproc.gap.effect import REGISTRY, Basis, Effect, Parameter, register
+from postproc.gap.effect import EFFECTS, Basis, Effect, Parameter, register
 from postproc.gap.robot_model import effect_of
 from postproc.model.modelfile import EFFECT_NAMES
 
-EFFECTS = [effect for _, effect in REGISTRY]
+EFFECTS = [effect for _, effect in EFFECTS]
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
@@ -25,7 +25,7 @@ def test_every_public_name_is_there():
 
 
 def test_all_parts_of_the_registry_load():
-    assert not [info for info in REGISTRY.infos() if info.problem]
+    assert not [info for info in EFFECTS.infos() if info.problem]
 
 
 def test_a_name_is_taken_once():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.gap.answers.diagnose import diagnose, shrink_interval
-from postproc.gap.effect import REGISTRY
+from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.fit import Free, fit
 from postproc.gap.fit.intervals import deviations
@@ -16,7 +16,7 @@ from postproc.gap.fit.problem import pose_problem
 from postproc.measurement.file import read_measurements
 
 NOISE = 2e-5
-BACKLASH = dict(REGISTRY)["backlash"]
+BACKLASH = dict(EFFECTS)["backlash"]
 
 
 def test_the_interval_of_the_shrinkage_holds_new_rows_of_the_same_kind():
@@ -50,7 +50,7 @@ def test_the_jackknife_of_a_mean_is_its_standard_error(samples):
 
 
 def test_an_effect_that_is_not_named_widens_the_interval(samples):
-    named, beside = (block_of(dict(REGISTRY)[n], samples, {}) for n in ("joint_offset", "backlash"))
+    named, beside = (block_of(dict(EFFECTS)[n], samples, {}) for n in ("joint_offset", "backlash"))
     rng = np.random.default_rng(3)
     y = beside.X @ (3.0 * np.ones(6)) + rng.normal(0.0, NOISE, (len(samples), 3))
     weight = np.full(len(samples), 1.0 / NOISE)

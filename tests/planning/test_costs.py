@@ -12,7 +12,7 @@ from postproc.errors import CellError
 from postproc.kinematics.model import build
 from postproc.planning.states.costs import (
     DEFAULT_TRAVEL,
-    REGISTRY,
+    OBJECTIVES,
     Objective,
     StateContext,
     state_costs,
@@ -46,9 +46,9 @@ def give(context, direction):
 
 def test_axial_and_normal_are_springs_in_series(context):
     assert np.allclose(
-        REGISTRY.get("axial")(context), 1.0 / give(context, context.R_robroot_tcp[:, :, 0])
+        OBJECTIVES.get("axial")(context), 1.0 / give(context, context.R_robroot_tcp[:, :, 0])
     )
-    assert np.allclose(REGISTRY.get("normal")(context), 1.0 / give(context, context.normal))
+    assert np.allclose(OBJECTIVES.get("normal")(context), 1.0 / give(context, context.normal))
 
 
 def test_process_follows_the_force(context):
@@ -58,11 +58,11 @@ def test_process_follows_the_force(context):
         context.R_robroot_tcp, context.normal, context.c_joint,
     )  # fmt: skip
     direction = context.R_robroot_tcp @ np.array([0.0, 0.6, 0.8])
-    assert np.allclose(REGISTRY.get("process")(turned), 1.0 / give(context, direction))
+    assert np.allclose(OBJECTIVES.get("process")(turned), 1.0 / give(context, direction))
     still = replace(context.cell, process=Process(np.zeros(6)))
     turned.cell = still
     with pytest.raises(CellError, match="force_N is zero"):
-        REGISTRY.get("process")(turned)
+        OBJECTIVES.get("process")(turned)
 
 
 def test_radial_is_the_weakest_across(context):
@@ -70,7 +70,7 @@ def test_radial_is_the_weakest_across(context):
     for angle in np.linspace(0.0, np.pi, 361):
         across = context.R_robroot_tcp @ np.array([0.0, np.cos(angle), np.sin(angle)])
         weakest = np.minimum(weakest, 1.0 / give(context, across))
-    assert np.allclose(REGISTRY.get("radial")(context), weakest, rtol=1e-4)
+    assert np.allclose(OBJECTIVES.get("radial")(context), weakest, rtol=1e-4)
 
 
 def test_index_seed_is_another_number(context):
@@ -81,22 +81,22 @@ def test_index_seed_is_another_number(context):
         context.R_robroot_tcp, context.normal, context.c_joint,
     )  # fmt: skip
     for name in ("axial", "normal", "radial"):
-        assert not np.allclose(REGISTRY.get(name)(seed), REGISTRY.get(name)(context), rtol=0.01)
+        assert not np.allclose(OBJECTIVES.get(name)(seed), OBJECTIVES.get(name)(context), rtol=0.01)
 
 
 def test_costs_of_joints(context):
     low, high = context.kinematics.q_min, context.kinematics.q_max
     context.q = np.stack([0.5 * (low + high), high])
-    assert np.allclose(REGISTRY.get("limits")(context), [0.0, 1.0])
+    assert np.allclose(OBJECTIVES.get("limits")(context), [0.0, 1.0])
     context.spin = np.array([0.0, np.pi / 9.0])
-    assert np.allclose(REGISTRY.get("spin")(context), [0.0, 4.0])
+    assert np.allclose(OBJECTIVES.get("spin")(context), [0.0, 4.0])
 
 
 def test_singularity_falls_with_a_bent_wrist(context):
     q = np.tile(context.q[0], (3, 1))
     q[:, 4] = [0.0, 0.3, 1.2]
     context.q = q
-    cost = REGISTRY.get("singularity")(context)
+    cost = OBJECTIVES.get("singularity")(context)
     assert cost[0] > cost[1] > cost[2] >= 0.0
     assert cost[0] == pytest.approx(1.0, abs=1e-6)
 
@@ -107,9 +107,9 @@ def test_weights(make_cell, context):
     assert weights.travel == DEFAULT_TRAVEL
     assert weights.main[0] == "axial"
     cost, index = state_costs(weights, context)
-    axial = REGISTRY.get("axial")(context)
+    axial = OBJECTIVES.get("axial")(context)
     assert np.allclose(index, axial)
-    assert np.allclose(cost, -2.0 * np.log(axial) + 0.5 * REGISTRY.get("limits")(context))
+    assert np.allclose(cost, -2.0 * np.log(axial) + 0.5 * OBJECTIVES.get("limits")(context))
 
 
 def test_without_stiffness_travel_rules(make_cell, robot):
@@ -120,8 +120,8 @@ def test_without_stiffness_travel_rules(make_cell, robot):
 
 def test_an_objective_of_someone_else(make_cell, context, monkeypatch):
     """What an entry point would add: a function of the context, wrapped."""
-    dict(REGISTRY)
-    parts = {**REGISTRY._parts, "low": Objective(lambda c: c.q[:, 1] ** 2)}
-    monkeypatch.setattr(REGISTRY, "_parts", parts)
+    dict(OBJECTIVES)
+    parts = {**OBJECTIVES._parts, "low": Objective(lambda c: c.q[:, 1] ** 2)}
+    monkeypatch.setattr(OBJECTIVES, "_parts", parts)
     weights = weights_of(make_cell(optimize={"objective": {"low": 1.0}}))
     assert np.allclose(state_costs(weights, context)[0], context.q[:, 1] ** 2)

@@ -98,12 +98,12 @@ def test_the_effect_keeps_the_contract(monkeypatch):
     from postproc.cell.file import load_cell
     from postproc.gap import contract
     from postproc.gap.data.dataset import make_samples
-    from postproc.gap.effect import REGISTRY
+    from postproc.gap.effect import EFFECTS
     from postproc.gap.robot_model import RobotModel
     from postproc.kinematics.model import build
 
-    list(REGISTRY)
-    monkeypatch.setitem(REGISTRY._parts, TRACKER_SCALE.name, TRACKER_SCALE)
+    list(EFFECTS)
+    monkeypatch.setitem(EFFECTS._parts, TRACKER_SCALE.name, TRACKER_SCALE)
     cell = load_cell(ROOT / "fixtures" / "drilling_panel" / "cell.toml")
     kinematics = build(cell.robot)
     rng = np.random.default_rng(5)

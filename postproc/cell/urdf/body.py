@@ -12,7 +12,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell.urdf.chain import UrdfChain
 from postproc.errors import CellError, SourceRef
-from postproc.geometry.frames import inverse, rotation_from_abc, transform
+from postproc.geometry import inverse, rotation_from_abc, transform
 
 
 def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None]:

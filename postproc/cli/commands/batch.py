@@ -12,8 +12,7 @@ from postproc.cli.common import Session, answer, standard_options
 from postproc.cli.ticker import ticker
 
 if TYPE_CHECKING:
-    from postproc.batch.jobs import Job
-    from postproc.batch.run import BatchOptions, BatchOutcome
+    from postproc.batch import BatchOptions, BatchOutcome, Job
 
 EPILOG = """\b
 Examples:
@@ -54,10 +53,15 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     failed. One bad input never stops the others. With --check nothing is written and the exit
     code is 1 when a program in DIR is not what would be made now.
     """
-    from postproc.batch.jobs import Overrides, find_inputs, load_overrides, make_jobs
-    from postproc.batch.precheck import require_call
-    from postproc.batch.run import BatchOptions
-    from postproc.batch.sections import parse_rule
+    from postproc.batch import (
+        BatchOptions,
+        Overrides,
+        find_inputs,
+        load_overrides,
+        make_jobs,
+        parse_rule,
+        require_call,
+    )
     from postproc.jobs.convert import ConvertRequest
 
     overrides = load_overrides(options["config"]) if options["config"] else Overrides({})
@@ -93,8 +97,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _run(
     session: Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
 ) -> int:
-    from postproc.batch.junit import junit_xml
-    from postproc.batch.run import run_batch
+    from postproc.batch import junit_xml, run_batch
     from postproc.errors import ExitCode
     from postproc.files import write_files
 
@@ -132,8 +135,7 @@ def _summary(session: Session, outcome: BatchOutcome) -> None:
 def _check(
     session: Session, jobs: list[Job], folder: Path, options: BatchOptions, junit: str | None
 ) -> int:
-    from postproc.batch.check import check_batch
-    from postproc.batch.junit import junit_xml
+    from postproc.batch import check_batch, junit_xml
     from postproc.files import write_files
 
     with ticker(session) as progress:

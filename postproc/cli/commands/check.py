@@ -29,7 +29,7 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
     Errors make the exit code 1: home in collision, a tool heavier than the payload, an objective
     that cannot work. Warnings and notes do not.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.jobs.check_cell import check_cell
 
     checked = check_cell(load_cell(cell))

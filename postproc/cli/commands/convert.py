@@ -102,7 +102,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
     from postproc.report.pages.program import program_page
-    from postproc.report.parts.program_text import program_text
+    from postproc.report.parts import program_text
 
     cell, files = conversion.cell, conversion.files
     text = program_text(files, conversion.name, cell) if files else None
@@ -117,9 +117,9 @@ def _spin_maps(
     """Return the spin map in the form of each file's suffix."""
     if not files:
         return {}
-    from postproc.planning.maps.spinmap import spin_map
+    from postproc.planning import spin_map
     from postproc.report.pages.spin_map import spin_map_page
-    from postproc.report.parts.spin_map_picture import draw
+    from postproc.report.parts import draw
 
     spins = spin_map(conversion.plan, conversion.cell, progress)
     forms = {

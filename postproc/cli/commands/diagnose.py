@@ -10,9 +10,8 @@ import click
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import Cell
-    from postproc.gap.answers.along import Along
-    from postproc.gap.answers.diagnose import Finding
+    from postproc.cell import Cell
+    from postproc.gap import Along, Finding
 
 EPILOG = """\b
 Examples:
@@ -53,17 +52,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     next_measurements.csv to fill in with next_measurements.src and .dat that drive to the poses.
     Several measurement files count as one campaign.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.gap.answers.diagnose import diagnose
-    from postproc.gap.answers.document import document, model_file
-    from postproc.gap.answers.summary import summary
-    from postproc.gap.fit.problem import pose_problem
+    from postproc.gap import diagnose, document, model_file, pose_problem, summary
     from postproc.jobs.measure_next import files as next_files
     from postproc.jobs.measure_next import keep_readings, measure_next
-    from postproc.kinematics.model import build
-    from postproc.measurement.campaign import read_campaign
-    from postproc.model.modelfile import load_model, save_model
+    from postproc.kinematics import build
+    from postproc.measurement import read_campaign
+    from postproc.model import load_model, save_model
 
     if options["output"]:
         keep_readings(Path(options["output"]))
@@ -96,6 +92,6 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _path(options: dict[str, Any], finding: Finding, cell: Cell) -> Along | None:
     if not options["program"]:
         return None
-    from postproc.gap.answers.along import along
+    from postproc.gap import along
 
     return along(finding, read_cam(options["program"], options, cell), cell)

@@ -59,13 +59,12 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     show them. Without --method and --grid the kind of model is chosen by its error on tags that
     it has not seen.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.kinematics.model import build
-    from postproc.measurement.file import read_measurements
-    from postproc.model.modelfile import save_model
-    from postproc.stiffness.identify.identified import document, warnings
-    from postproc.stiffness.identify.identify import identify
+    from postproc.kinematics import build
+    from postproc.measurement import read_measurements
+    from postproc.model import save_model
+    from postproc.stiffness.identify import document, identify, warnings
 
     cell = load_cell(options["cell"])
     measured = read_measurements(options["source"])
@@ -96,7 +95,7 @@ def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     import numpy as np
 
     from postproc.errors import StiffnessError
-    from postproc.stiffness.identify.identify import IdentifyOptions
+    from postproc.stiffness.identify import IdentifyOptions
     from postproc.units import MM
 
     edge, method = options["grid"], options["method"]

@@ -11,7 +11,7 @@ from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
     from postproc.errors import Issue
-    from postproc.krl.text.program import KrlModule
+    from postproc.krl import KrlModule
 
 EPILOG = """\b
 Examples:
@@ -47,9 +47,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     beside it that it calls are read as well. Exit code 1 if there is any error.
     """
     from postproc.errors import Severity
-    from postproc.krl.lint import lint
-    from postproc.krl.rules.subject import LintOptions
-    from postproc.krl.text.parse import load_modules
+    from postproc.krl import LintOptions, lint, load_modules
 
     asked = load_modules(options["programs"])
     config = load_modules(options["config"]) if options["config"] else ()
@@ -75,7 +73,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 def _with_called(modules: tuple[KrlModule, ...]) -> list[KrlModule]:
     """Return the modules with those beside them that they call, for what those define."""
-    from postproc.controller.modules import load_program
+    from postproc.controller import load_program
 
     found = {module.src_path or module.dat_path: module for module in modules}
     for module in modules:
@@ -88,7 +86,7 @@ def _with_called(modules: tuple[KrlModule, ...]) -> list[KrlModule]:
 
 
 def _names(modules: tuple[KrlModule, ...]) -> frozenset[str]:
-    from postproc.krl.text.program import Declaration
+    from postproc.krl import Declaration
 
     return frozenset(
         variable.name

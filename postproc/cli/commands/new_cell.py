@@ -42,8 +42,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     On a terminal it asks for robot, tool and workpiece where the call does not say them; in a pipe
     the robot must be named and the rest takes its defaults, to be edited.
     """
-    from postproc.cell.reference import cell_reference
-    from postproc.cell.text import cell_text
+    from postproc.cell import cell_reference, cell_text
     from postproc.files import write_files
 
     if options["keys"]:
@@ -75,7 +74,7 @@ def _output(options: dict[str, Any]) -> Path:
 
 def _ask(options: dict[str, Any]) -> None:
     """Ask for what the call does not say."""
-    from postproc.cell.robotfile import nearest_robot, robot_names
+    from postproc.cell import nearest_robot, robot_names
 
     if options["robot"] is None and options["urdf"] is None:
         click.echo("\n".join(robot_names()), err=True)
@@ -139,7 +138,7 @@ def _frame(xyz: tuple[float, ...] | None, abc: tuple[float, ...] | None) -> dict
 
 def _must_load(text: str) -> None:
     """Refuse what would not load from the current folder, before anything is written."""
-    from postproc.cell.file import parse_cell
+    from postproc.cell import parse_cell
 
     try:
         parse_cell(text.encode("utf-8"), "cell.toml")

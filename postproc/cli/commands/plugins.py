@@ -18,10 +18,10 @@ Examples:
   postproc plugins --json
 """
 _REGISTRIES = (
-    ("postproc.readers.base", "READERS"),
-    ("postproc.emitters.base", "REGISTRY"),
-    ("postproc.gap.effect", "REGISTRY"),
-    ("postproc.planning.states.costs", "REGISTRY"),
+    ("postproc.readers", "READERS"),
+    ("postproc.emitters", "EMITTERS"),
+    ("postproc.gap", "EFFECTS"),
+    ("postproc.planning", "OBJECTIVES"),
 )
 
 

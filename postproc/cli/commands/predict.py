@@ -33,12 +33,12 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     The answer is in the robot root; in the measured frame where the model carries a registration
     or --register fits one.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.gap.answers.predict import predict
-    from postproc.kinematics.model import build
-    from postproc.measurement.file import read_measurements
-    from postproc.model.modelfile import load_model
+    from postproc.gap import predict
+    from postproc.kinematics import build
+    from postproc.measurement import read_measurements
+    from postproc.model import load_model
 
     cell = load_cell(options["cell"])
     model = load_model(options["model"]) if options["model"] else None

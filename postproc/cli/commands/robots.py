@@ -9,7 +9,7 @@ import click
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import OpwGeometry, Origin, Robot
+    from postproc.cell import OpwGeometry, Origin, Robot
 
 EPILOG = """\b
 Examples:
@@ -28,7 +28,7 @@ def command(session: Session, /, name: str | None) -> int:
     Provenance is published (a public source that is named) or assumed (no source was found; check
     it on the real robot). Your own cell file can override limits, speeds and stiffness.
     """
-    from postproc.cell.robotfile import load_robot, robot_names
+    from postproc.cell import load_robot, robot_names
 
     if name is None:
         documents = [robot_document(load_robot(known)) for known in robot_names()]
@@ -45,8 +45,7 @@ def robot_document(robot: Robot) -> dict[str, Any]:
     """Return a built-in robot in the units of files, with the source of each number."""
     import numpy as np
 
-    from postproc.cell.cell import OpwGeometry
-    from postproc.cell.robotfile import robot_title
+    from postproc.cell import OpwGeometry, robot_title
     from postproc.units import DEG, MM, NMM_PER_RAD
 
     geometry = robot.geometry

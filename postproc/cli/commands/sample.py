@@ -114,11 +114,11 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     through all postures without and with each load, and NAME.html that shows cells and tags.
     Postures that the arm cannot take or that collide are left out and named.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.files import write_files
     from postproc.jobs.sample import program_files, sample
     from postproc.report.pages.sample import sample_page
-    from postproc.stiffness.sample.measuring import csv_text, document
+    from postproc.stiffness.sample import csv_text, document
 
     cell = load_cell(options["cell"])
     with session.progress() as progress:
@@ -138,9 +138,8 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     import numpy as np
 
     from postproc.errors import StiffnessError
-    from postproc.geometry.frames import rotation_from_abc
-    from postproc.stiffness.sample.measuring import SampleRequest
-    from postproc.stiffness.sample.sampling import SamplingRules, box_grid
+    from postproc.geometry import rotation_from_abc
+    from postproc.stiffness.sample import SampleRequest, SamplingRules, box_grid
     from postproc.units import DEG, MM, PERCENT
 
     try:
@@ -173,7 +172,7 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
 def _loads(options: dict[str, Any]) -> tuple[Any, ...]:
     import numpy as np
 
-    from postproc.stiffness.sample.measuring import Load
+    from postproc.stiffness.sample import Load
     from postproc.units import MM
 
     mass = options["load_kg"]

@@ -42,10 +42,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     True stiffness along the tool axis, across the path and across the tool axis, and the paper's
     indices kx, ky, kz, kv beside them. Exit code 1 if a tag cannot be reached at any rotation.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.files import write_files
     from postproc.jobs.convert import ConvertRequest, read_toolpath
-    from postproc.planning.maps.spin_curves import spin_curves
+    from postproc.planning import spin_curves
     from postproc.units import DEG
 
     cell = load_cell(options["cell"])
@@ -86,10 +86,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _with_model(path: str | None, cell: Any) -> tuple[Any, str]:  # noqa: ANN401 - imported lazily
     if path is None:
         return cell, "constant joint stiffness of the cell"
-    from postproc.compensation.real_arm import cell_with_model
+    from postproc.compensation import cell_with_model
     from postproc.errors import DataError, SourceRef
-    from postproc.model.modelfile import load_model
-    from postproc.stiffness.fieldfile import describe, field_of
+    from postproc.model import load_model
+    from postproc.stiffness import describe, field_of
 
     model = load_model(path)
     field = field_of(model)
@@ -122,7 +122,7 @@ def _tags(text: str | None, toolpath: Any) -> Any:  # noqa: ANN401 - imported la
 def _document(curves: Any, words: str) -> dict[str, Any]:  # noqa: ANN401 - imported lazily
     import numpy as np
 
-    from postproc.planning.maps.spin_curves import INDICES, spin_degrees
+    from postproc.planning import INDICES, spin_degrees
     from postproc.units import N_PER_MM
 
     degrees = spin_degrees(curves)

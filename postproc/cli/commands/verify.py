@@ -9,9 +9,9 @@ import click
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
-    from postproc.cell.cell import Cell
-    from postproc.paths.moments import Displacement
-    from postproc.verification.report import VerifyReport
+    from postproc.cell import Cell
+    from postproc.paths import Displacement
+    from postproc.verification import VerifyReport
 
 _POSITIVE = click.FloatRange(min=0.0, min_open=True)
 EPILOG = """\b
@@ -60,10 +60,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     a program of convert --model is judged, whose commanded points are shifted on purpose. Exit
     code 1 if anything is violated.
     """
-    from postproc.cell.file import load_cell
+    from postproc.cell import load_cell
     from postproc.units import DEG, MM
-    from postproc.verification.cam.compare import Tolerances
-    from postproc.verification.verify import verify
+    from postproc.verification import Tolerances, verify
 
     if options["model"] and not options["against"]:
         raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
@@ -97,8 +96,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _displacement(session: Session, path: str | None, cell: Cell) -> Displacement | None:
     if path is None:
         return None
-    from postproc.compensation.real_arm import RealArm, left_out
-    from postproc.model.modelfile import load_model
+    from postproc.compensation import RealArm, left_out
+    from postproc.model import load_model
 
     arm = RealArm.of(cell, load_model(path))
     for name, missing in left_out(arm.model).items():

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import EmitError, SourceRef
-from postproc.geometry.frames import kuka_from_transform, orthonormalised, transform
-from postproc.krl.text import numbers
-from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.model.toolpath import EventKind
+from postproc.geometry import kuka_from_transform, orthonormalised, transform
+from postproc.krl import numbers
+from postproc.model import EventKind, MoveKind, MoveRole, Plan
 from postproc.units import DEG, MM, PERCENT
 
 BLEND_SHARE = 0.45

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
 
-from postproc.cell.cell import Cell
-from postproc.emitters.base import REGISTRY
+from postproc.cell import Cell
+from postproc.emitters.base import EMITTERS
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
@@ -30,12 +30,19 @@ from postproc.emitters.kuka.setup import (
 from postproc.emitters.kuka.style import KrlStyle
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
-from postproc.krl.text.names import NameAllocator
-from postproc.krl.text.program import Call, DataList, KrlModule, Routine, Statement
-from postproc.krl.text.render import render
-from postproc.krl.text.split import Part, split, suffixes
-from postproc.model.plan import MoveKind, Plan
-from postproc.model.toolpath import Event
+from postproc.krl import (
+    Call,
+    DataList,
+    KrlModule,
+    NameAllocator,
+    Part,
+    Routine,
+    Statement,
+    render,
+    split,
+    suffixes,
+)
+from postproc.model import Event, MoveKind, Plan
 
 
 def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple[KrlModule, ...]:
@@ -71,7 +78,7 @@ def render_files(modules: Sequence[KrlModule]) -> dict[str, bytes]:
     return files
 
 
-@REGISTRY.register("kuka_krl")
+@EMITTERS.register("kuka_krl")
 def emit_files(plan: Plan, cell: Cell, names: NameAllocator | None = None) -> Mapping[str, bytes]:
     """Return the files of a plan; errors as ``emit``."""
     return render_files(emit(plan, cell, names=names))
@@ -178,8 +185,7 @@ class _Program:
 
     @cached_property
     def _postures(self) -> tuple[list[int], list[int]]:
-        from postproc.kinematics.branch import status_turn
-        from postproc.kinematics.model import build
+        from postproc.kinematics import build, status_turn
 
         status, turn = status_turn(build(self.cell.robot), self.plan.q)
         return status.tolist(), turn.tolist()

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from postproc.emitters.kuka.style import KrlStyle
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, KrlError, SourceRef
-from postproc.krl.text import numbers
-from postproc.krl.text.program import Comment, FoldBegin, FoldEnd, Statement, Trigger
-from postproc.model.toolpath import Event, EventKind
+from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
+from postproc.model import Event, EventKind
 from postproc.units import RPM
 
 _MODES = (

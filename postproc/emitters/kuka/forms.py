@@ -10,8 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from postproc.emitters.kuka.points import PointStore
-from postproc.krl.text import numbers
-from postproc.krl.text.program import (
+from postproc.krl import (
     Assign,
     Call,
     Comment,
@@ -23,6 +22,7 @@ from postproc.krl.text.program import (
     MoveWord,
     Pose,
     Statement,
+    numbers,
 )
 
 SPEED_MAX = 2.0

@@ -10,8 +10,7 @@ from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.points import PointStore
 from postproc.emitters.kuka.style import KrlStyle
-from postproc.krl.text.comments import comment_text
-from postproc.krl.text.program import (
+from postproc.krl import (
     Assign,
     Axes,
     Call,
@@ -21,15 +20,15 @@ from postproc.krl.text.program import (
     FoldEnd,
     Move,
     MoveWord,
+    Part,
     Pose,
     SplineBegin,
     SplineEnd,
     Statement,
     Value,
+    comment_text,
 )
-from postproc.krl.text.split import Part
-from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.model.toolpath import Event, EventKind
+from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
 
 ANCHOR_PERCENT = 10.0
 """Axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain [%]."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from postproc.krl.text.names import NameAllocator
-from postproc.krl.text.program import (
+from postproc.krl import (
     Aggregate,
     Axes,
     Declaration,
     Enum,
     Expr,
+    NameAllocator,
     Pose,
     Statement,
     Text,

@@ -9,12 +9,11 @@ from __future__ import annotations
 import math
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.emitters.kuka.style import KrlStyle
 from postproc.emitters.kuka.template import TemplateSet
-from postproc.geometry.frames import kuka_from_transform
-from postproc.krl.text.program import Aggregate, KrlModule, Pose, Statement
-from postproc.krl.text.render import value_text
+from postproc.geometry import kuka_from_transform
+from postproc.krl import Aggregate, KrlModule, Pose, Statement, value_text
 from postproc.units import MM
 
 HOOKS_MODULE = "PP_HOOKS"

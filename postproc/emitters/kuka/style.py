@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import EmitError, SourceRef
-from postproc.krl.text.names import is_legal
+from postproc.krl import is_legal
 
 HOOKS: Mapping[str, str] = {
     "spindle_on": "PP_SPINDLE_ON",

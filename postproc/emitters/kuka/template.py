@@ -15,11 +15,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from postproc.errors import EmitError, SourceRef
-from postproc.krl.text import numbers
-from postproc.krl.text.comments import comment_text
-from postproc.krl.text.parse import parse_files
-from postproc.krl.text.program import Blank, Comment, FoldBegin, KrlModule, Statement
-from postproc.krl.text.render import render_statement
+from postproc.krl import (
+    Blank,
+    Comment,
+    FoldBegin,
+    KrlModule,
+    Statement,
+    comment_text,
+    numbers,
+    parse_files,
+    render_statement,
+)
 from postproc.resources import templates_folder
 
 if TYPE_CHECKING:

@@ -1,1 +1,28 @@
 """The diagnosis and what follows from it: document, where, next poses, prediction."""
+
+from postproc.gap.answers.along import Along, along
+from postproc.gap.answers.diagnose import Finding, diagnose
+from postproc.gap.answers.document import document, model_file
+from postproc.gap.answers.next_pose import NextPose, Reach
+from postproc.gap.answers.next_poses import next_poses, questions, reassessed
+from postproc.gap.answers.predict import predict
+from postproc.gap.answers.summary import summary
+from postproc.gap.answers.where import Part, parts
+
+__all__ = [
+    "Along",
+    "Finding",
+    "NextPose",
+    "Part",
+    "Reach",
+    "along",
+    "diagnose",
+    "document",
+    "model_file",
+    "next_poses",
+    "parts",
+    "predict",
+    "questions",
+    "reassessed",
+    "summary",
+]

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
 from postproc.gap.answers.diagnose import Finding
 from postproc.gap.answers.where import baseline
-from postproc.geometry.frames import apply, inverse
-from postproc.geometry.poses import arc_points
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.planning.search.keytags import arc_length
+from postproc.geometry import apply, arc_points, inverse
+from postproc.model import MotionKind, ToolPath
+from postproc.planning import arc_length
 from postproc.units import MM
 
 REACH = 5.0 * MM

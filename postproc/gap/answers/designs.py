@@ -15,9 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.gap.data.dataset import Rows, Samples
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.linear import Gram
+from postproc.gap.data import Rows, Samples
+from postproc.gap.fit import Bench, Gram
 from postproc.units import DEG
 
 FEWEST = 12

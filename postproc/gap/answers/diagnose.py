@@ -8,16 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.choice.choice import Choice
-from postproc.gap.choice.residual import Dependence
-from postproc.gap.choice.verdict import Settled, fitted, settle, verdict
-from postproc.gap.choice.workbench import WAVES, chosen, prepare, without_waves
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.fit import Fit
-from postproc.gap.fit.intervals import deviations
-from postproc.gap.fit.linear import block_of
-from postproc.gap.fit.problem import Problem
-from postproc.gap.fit.waves import Wave, find_waves
+from postproc.gap.choice import (
+    WAVES,
+    Choice,
+    Dependence,
+    Settled,
+    chosen,
+    fitted,
+    prepare,
+    settle,
+    verdict,
+    without_waves,
+)
+from postproc.gap.fit import Bench, Fit, Problem, Wave, block_of, deviations, find_waves
 from postproc.gap.robot_model import evaluate
 
 Progress = Callable[[int, int, str], None]

@@ -16,9 +16,9 @@ from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import baseline, where
 from postproc.gap.effect import State
-from postproc.gap.fit.registration import FRAMES, moved_by
+from postproc.gap.fit import FRAMES, moved_by
 from postproc.gap.robot_model import effect_of
-from postproc.model.modelfile import ModelFile
+from postproc.model import ModelFile
 from postproc.units import MM
 
 SCHEMA = "postproc.diagnosis/1"

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.data.dataset import Samples
-from postproc.kinematics.singular import wrist_distance
+from postproc.gap.data import Samples
+from postproc.kinematics import wrist_distance
 from postproc.units import DEG, MM
 
 APPROACH = 4.0 * DEG

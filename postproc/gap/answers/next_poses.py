@@ -19,12 +19,11 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.answers.diagnose import Finding
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
-from postproc.gap.data.dataset import Samples, make_samples
-from postproc.gap.effect import REGISTRY
-from postproc.gap.fit.linear import Block, Gram, block_of
-from postproc.gap.fit.registration import rigid
+from postproc.gap.data import Samples, make_samples
+from postproc.gap.effect import EFFECTS
+from postproc.gap.fit import Block, Gram, block_of, rigid
 from postproc.gap.robot_model import evaluate
-from postproc.geometry.frames import apply
+from postproc.geometry import apply
 from postproc.units import DEG
 
 ENOUGH = 8.0
@@ -303,7 +302,7 @@ def candidates(finding: Finding, names: tuple[str, ...], reach: Reach) -> Sample
 def _conditions(
     samples: Samples, names: tuple[str, ...], rng: np.random.Generator
 ) -> dict[str, FloatArray]:
-    needs = {column for name in names for column in dict(REGISTRY)[name].needs}
+    needs = {column for name in names for column in dict(EFFECTS)[name].needs}
     n = len(samples)
     drawn: dict[str, FloatArray] = {}
     if samples.direction is not None:

@@ -14,15 +14,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.answers.diagnose import Finding
-from postproc.gap.data.dataset import Samples
-from postproc.gap.fit.registration import rigid
+from postproc.gap.data import Samples
+from postproc.gap.fit import rigid
 from postproc.gap.robot_model import States, evaluate
-from postproc.geometry.frames import (
-    abc_from_rotation,
-    orthonormalised,
-    rotation_angle,
-    rotation_from_abc,
-)
+from postproc.geometry import abc_from_rotation, orthonormalised, rotation_angle, rotation_from_abc
 from postproc.units import DEG
 
 _ROUNDS = 20

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.gap.data.dataset import samples_of
-from postproc.gap.fit.load_place import register_loaded
+from postproc.cell import Cell
+from postproc.gap.data import samples_of
+from postproc.gap.fit import register_loaded
 from postproc.gap.robot_model import RobotModel, evaluate
-from postproc.geometry.frames import apply
-from postproc.kinematics.model import Kinematics
-from postproc.measurement.rows import MeasurementSet
-from postproc.model.modelfile import ModelFile
+from postproc.geometry import apply
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet
+from postproc.model import ModelFile
 from postproc.units import MM
 
 

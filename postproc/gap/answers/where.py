@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.answers.diagnose import Finding
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.units import MM
 

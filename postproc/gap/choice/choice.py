@@ -12,19 +12,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from postproc.gap.choice.rivals import doubtful, shadowed, twins
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.evidence import (
+from postproc.gap.fit import (
+    CLEAR,
+    Bench,
     Evidence,
+    Gram,
+    Search,
+    Subset,
     evidence_of,
     imitated,
+    search,
     small,
     smallest_part,
     unique_part,
     unphysical,
     weakest,
 )
-from postproc.gap.fit.linear import Gram
-from postproc.gap.fit.select import CLEAR, Search, Subset, search
 
 
 @dataclass(slots=True)

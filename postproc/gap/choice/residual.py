@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.data.dataset import Rows, Samples
-from postproc.gap.fit.waves import Context
+from postproc.gap.data import Rows, Samples
+from postproc.gap.fit import Context
 
 _DEALS = 199
 _SEED = 7

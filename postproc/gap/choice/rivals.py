@@ -6,9 +6,7 @@ import itertools
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.evidence import SMALLEST_SUSPECT, Evidence
-from postproc.gap.fit.select import CLEAR, Search, Subset
+from postproc.gap.fit import CLEAR, SMALLEST_SUSPECT, Bench, Evidence, Search, Subset
 
 TWIN = 15.0
 """Nats by which the formulas of two known causes are not exact enough to decide."""

@@ -11,13 +11,19 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.choice import Choice
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.workbench import Prepared
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.evidence import COMPANION_GAIN, is_companion
-from postproc.gap.fit.fit import Fit, Free, fit
-from postproc.gap.fit.noise import MAD_OF_CHI3, Noise
-from postproc.gap.fit.problem import Problem
-from postproc.gap.fit.registration import FRAMES
-from postproc.gap.fit.waves import Context
+from postproc.gap.fit import (
+    COMPANION_GAIN,
+    FRAMES,
+    MAD_OF_CHI3,
+    Bench,
+    Context,
+    Fit,
+    Free,
+    Noise,
+    Problem,
+    fit,
+    is_companion,
+)
 from postproc.gap.robot_model import evaluate
 
 STRUCTURE = 1.0

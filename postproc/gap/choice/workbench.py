@@ -8,14 +8,22 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.choice.choice import Choice, choose
-from postproc.gap.data.dataset import Samples
-from postproc.gap.effect import REGISTRY
-from postproc.gap.fit.bench import Bench
-from postproc.gap.fit.linear import Block, block_of
-from postproc.gap.fit.noise import Noise, Saturated, repeats, saturated
-from postproc.gap.fit.problem import Problem
-from postproc.gap.fit.registration import FRAMES
-from postproc.gap.fit.waves import Wave, find_waves, is_gear_error
+from postproc.gap.data import Samples
+from postproc.gap.effect import EFFECTS
+from postproc.gap.fit import (
+    FRAMES,
+    Bench,
+    Block,
+    Noise,
+    Problem,
+    Saturated,
+    Wave,
+    block_of,
+    find_waves,
+    is_gear_error,
+    repeats,
+    saturated,
+)
 from postproc.gap.robot_model import evaluate
 
 WAVES = "transmission_error"
@@ -80,7 +88,7 @@ def without_waves(bench: Bench, choice: Choice) -> list[Block]:
 
 def wave_block(samples: Samples, waves: tuple[Wave, ...], key: str) -> Block:
     """Return the block of some waves."""
-    return block_of(dict(REGISTRY)[WAVES], samples, {"waves": waves}, f"{WAVES}:{key}")
+    return block_of(dict(EFFECTS)[WAVES], samples, {"waves": waves}, f"{WAVES}:{key}")
 
 
 def _weights(rest: Saturated, sigma: float) -> FloatArray:

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
 from postproc.gap.data.reference import ArmReference
-from postproc.geometry.frames import apply, inverse
-from postproc.kinematics.model import Kinematics
-from postproc.measurement.rows import MeasurementSet
+from postproc.geometry import apply, inverse
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet
 
 Rows = NDArray[np.bool_] | NDArray[np.signedinteger[Any]]
 """Rows of a campaign: a mask (n,) or numbers of rows."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data.dataset import Samples
-from postproc.geometry.frames import apply
+from postproc.geometry import apply
 
 
 def weight_torque(samples: Samples) -> FloatArray:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.geometry.frames import inverse
-from postproc.kinematics.model import Kinematics
+from postproc.cell import Cell
+from postproc.geometry import inverse
+from postproc.kinematics import Kinematics
 from postproc.units import STANDARD_GRAVITY
 
 CLASS_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])

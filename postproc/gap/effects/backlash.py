@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
 
 

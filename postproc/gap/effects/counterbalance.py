@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
-from postproc.gap.data.loads import carried_torque
+from postproc.gap.data import Arm, Samples, carried_torque
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 
 _MOST_COLUMNS = 3

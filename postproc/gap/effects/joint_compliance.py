@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -19,7 +19,7 @@ from postproc.gap.effect import (
     register,
     unseen_joints,
 )
-from postproc.model.modelfile import ModelFile, entry
+from postproc.model import ModelFile, entry
 
 KEY = "stiffness_Nmm_per_rad"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
-from postproc.gap.data.loads import load_moment, weight_moment
+from postproc.gap.data import Arm, Samples, load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 
 _PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}

@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,

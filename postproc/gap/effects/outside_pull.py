@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     SYMMETRIC,
     Basis,
@@ -15,7 +15,7 @@ from postproc.gap.effect import (
     from_centre,
     register,
 )
-from postproc.geometry.frames import apply
+from postproc.geometry import apply
 from postproc.units import STANDARD_GRAVITY
 
 

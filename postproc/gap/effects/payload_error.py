@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -14,7 +14,7 @@ from postproc.gap.effect import (
     per_joint,
     register,
 )
-from postproc.geometry.frames import apply
+from postproc.geometry import apply
 from postproc.units import STANDARD_GRAVITY
 
 _TOLD, _ASSUMED = 0.15, 0.4

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, per_joint, register
-from postproc.model.modelfile import ModelFile, entry
+from postproc.model import ModelFile, entry
 
 SEGMENTS = ((0, 1), (2,), (3, 4), (5, 6))
 """Frames whose outgoing piece grows together: column, upper arm, forearm, wrist with tool."""

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
-from postproc.model.modelfile import ModelFile
+from postproc.model import ModelFile
 from postproc.units import DEG
 
 

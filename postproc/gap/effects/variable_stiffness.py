@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Arm, Samples
+from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
-from postproc.model.modelfile import ModelFile
-from postproc.stiffness.fieldfile import constant_of, field_of, is_field_table
+from postproc.model import ModelFile
+from postproc.stiffness import constant_of, field_of, is_field_table
 from postproc.units import MM
 
 TERMS = ("cos1", "sin1", "cos2", "sin2", "x", "y", "z", "mean")

@@ -1,1 +1,66 @@
 """Fitting effects to rows: linear algebra, registration, noise, evidence."""
+
+from postproc.gap.fit.bench import Bench
+from postproc.gap.fit.evidence import (
+    COMPANION_GAIN,
+    SMALLEST_SUSPECT,
+    Evidence,
+    evidence_of,
+    imitated,
+    is_companion,
+    small,
+    smallest_part,
+    unique_part,
+    unphysical,
+    weakest,
+)
+from postproc.gap.fit.fit import Fit, Free, fit
+from postproc.gap.fit.intervals import deviations
+from postproc.gap.fit.linear import Block, Gram, block_of
+from postproc.gap.fit.load_place import register_loaded
+from postproc.gap.fit.noise import MAD_OF_CHI3, Noise, Saturated, repeats, saturated
+from postproc.gap.fit.problem import Problem, pose_problem
+from postproc.gap.fit.registration import FRAMES, moved_by, rigid
+from postproc.gap.fit.select import CLEAR, Search, Subset, search
+from postproc.gap.fit.waves import Context, Wave, find_waves, is_gear_error
+
+__all__ = [
+    "CLEAR",
+    "COMPANION_GAIN",
+    "FRAMES",
+    "MAD_OF_CHI3",
+    "SMALLEST_SUSPECT",
+    "Bench",
+    "Block",
+    "Context",
+    "Evidence",
+    "Fit",
+    "Free",
+    "Gram",
+    "Noise",
+    "Problem",
+    "Saturated",
+    "Search",
+    "Subset",
+    "Wave",
+    "block_of",
+    "deviations",
+    "evidence_of",
+    "find_waves",
+    "fit",
+    "imitated",
+    "is_companion",
+    "is_gear_error",
+    "moved_by",
+    "pose_problem",
+    "register_loaded",
+    "repeats",
+    "rigid",
+    "saturated",
+    "search",
+    "small",
+    "smallest_part",
+    "unique_part",
+    "unphysical",
+    "weakest",
+]

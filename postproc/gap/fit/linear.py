@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting
 from postproc.gap.robot_model import columns
 

@@ -14,13 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Samples
-from postproc.gap.effect import REGISTRY
+from postproc.gap.data import Samples
+from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.linear import Block, Gram, block_of, predicted
 from postproc.gap.fit.noise import MAD_OF_CHI3
 from postproc.gap.fit.registration import FRAMES, in_robroot, register
 from postproc.gap.robot_model import States, evaluate
-from postproc.model.modelfile import Registration
+from postproc.model import Registration
 
 NEAR = 5e-3
 """A reflector within this [m] of the tool point makes no difference worth asking for."""
@@ -66,7 +66,7 @@ def _library(
     """Return the columns of all effects of the library, and the gap (n, 3) [m] of points ``y``."""
     point, actual = evaluate(samples, given)
     blocks = []
-    for name, effect in REGISTRY:
+    for name, effect in EFFECTS:
         if effect.kind != "suspect" and all(samples.has(c) for c in effect.needs):
             setting = given[name].setting if name in given else effect.prepare(samples)
             blocks.append(block_of(effect, actual, setting))

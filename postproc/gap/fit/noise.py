@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block
 from postproc.units import DEG
 

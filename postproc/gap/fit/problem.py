@@ -8,19 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.data.dataset import COLUMN_NAMES, Samples, samples_of
-from postproc.gap.data.split import Split, split
-from postproc.gap.effect import REGISTRY, Effect, Setting
+from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
+from postproc.gap.effect import EFFECTS, Effect, Setting
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import FRAMES, in_robroot
 from postproc.gap.robot_model import RobotModel, States, evaluate
-from postproc.geometry.frames import apply, inverse
-from postproc.kinematics.model import Kinematics
-from postproc.measurement.rows import MeasurementSet
-from postproc.model.modelfile import ModelFile, Registration
+from postproc.geometry import apply, inverse
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet
+from postproc.model import ModelFile, Registration
 
 WIDE = 20.0
 """Widening of the priors of the frames under registration: practically free."""
@@ -151,7 +150,7 @@ def _candidates(samples: Samples) -> tuple[tuple[Effect, ...], dict[str, tuple[s
     """Return what can be tested, and for the rest the columns that are missing or constant."""
     effects: list[Effect] = []
     missing: dict[str, tuple[str, ...]] = {}
-    for name, effect in REGISTRY:
+    for name, effect in EFFECTS:
         lacking = [column for column in effect.needs if not _informative(samples, column)]
         if not lacking:
             effects.append(effect)

@@ -8,10 +8,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
-from postproc.geometry.frames import apply, inverse, rotation_about, transform
-from postproc.model.modelfile import Registration
+from postproc.geometry import apply, inverse, rotation_about, transform
+from postproc.model import Registration
 
 FRAMES = ("base_frame", "tool_frame")
 """What a registration fits; with one they are never named."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data.dataset import Samples
+from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block
 
 LOWEST, HIGHEST = 2, 120

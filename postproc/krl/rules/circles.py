@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, number
-from postproc.krl.text.program import Axes, Pose, Statement
+from postproc.krl.text import Axes, Pose, Statement
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""

@@ -8,9 +8,7 @@ from typing import Any
 
 from postproc.krl.rules.naming import global_names
 from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
-from postproc.krl.text.expression import names_in, parse_expression
-from postproc.krl.text.lexer import KrlSyntaxError
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Aggregate,
     Assign,
     Call,
@@ -20,6 +18,7 @@ from postproc.krl.text.program import (
     External,
     Interrupt,
     KrlModule,
+    KrlSyntaxError,
     Move,
     Raw,
     Routine,
@@ -29,6 +28,8 @@ from postproc.krl.text.program import (
     Value,
     WaitFor,
     WaitSec,
+    names_in,
+    parse_expression,
 )
 
 _SIMPLE = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)

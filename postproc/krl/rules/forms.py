@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Aggregate,
     Assign,
     Blank,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Aggregate,
     Assign,
     Axes,

@@ -7,8 +7,8 @@ import re
 from collections.abc import Iterable, Iterator
 
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
-from postproc.krl.text.literals import components
-from postproc.krl.text.program import (
+from postproc.krl.text import (
+    LONG_LINE,
     Aggregate,
     Assign,
     Axes,
@@ -21,9 +21,10 @@ from postproc.krl.text.program import (
     Move,
     Pose,
     Statement,
+    TextFacts,
     Value,
+    components,
 )
-from postproc.krl.text.source import LONG_LINE, TextFacts
 
 _POSE = frozenset({"X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"})
 _AXES = frozenset({f"{letter}{i}" for letter in "AE" for i in range(1, 7)})

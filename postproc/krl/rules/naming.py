@@ -6,8 +6,15 @@ import re
 from collections.abc import Iterable, Iterator
 
 from postproc.krl.rules.subject import ERROR, Subject
-from postproc.krl.text.names import KEYWORDS, NAME_LENGTH
-from postproc.krl.text.program import Control, Declaration, FoldBegin, KrlModule, Statement
+from postproc.krl.text import (
+    KEYWORDS,
+    NAME_LENGTH,
+    Control,
+    Declaration,
+    FoldBegin,
+    KrlModule,
+    Statement,
+)
 
 _LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 _POINT = re.compile(r"(?:S?PTP|S?LIN|S?CIRC|SPL)\s+([A-Za-z_]\w*)", re.IGNORECASE)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from postproc.krl.rules.blending import FEED
 from postproc.krl.rules.subject import WARNING, Part, Subject, number
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Assign,
     Call,
     Control,

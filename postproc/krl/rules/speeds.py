@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Aggregate,
     Assign,
     Call,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, all_statements
 from postproc.krl.rules.values import poses_of
-from postproc.krl.text.program import Axes, Pose
+from postproc.krl.text import Axes, Pose
 
 _TURNS_OF_ROBOT = 1 << 6
 _TURNS = 1 << 12

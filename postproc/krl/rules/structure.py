@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from postproc.krl.rules.subject import ERROR, Subject
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Assign,
     Blank,
     Comment,

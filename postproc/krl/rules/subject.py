@@ -12,7 +12,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue, Severity, SourceRef
-from postproc.krl.text.program import (
+from postproc.krl.text import (
     Axes,
     Call,
     Declaration,

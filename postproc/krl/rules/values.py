@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from postproc.krl.text.program import Assign, Declaration, Move, Pose, Statement
+from postproc.krl.text import Assign, Declaration, Move, Pose, Statement
 
 
 def poses_of(statement: Statement) -> Iterator[Pose]:

@@ -8,14 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.errors import Issue, Severity
-from postproc.model.toolpath import ToolPath
+from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import remedy
-from postproc.planning.states.candidates import States
-from postproc.planning.states.ladder import IndexArray, Rule
-from postproc.planning.states.moves import Chosen
-from postproc.planning.states.place import NO_POSE
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import NO_POSE, Chosen, IndexArray, Problem, Rule, States
 from postproc.units import DEG
 
 WORDS = {

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.geometry.frames import rotation_angle
-from postproc.geometry.poses import arc_poses, line_poses, path_length
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.problem import Problem
-from postproc.planning.states.stroke import Strokes
+from postproc.geometry import arc_poses, line_poses, path_length, rotation_angle
+from postproc.planning.states import IndexArray, Problem, Strokes
 from postproc.units import DEG
 
 if TYPE_CHECKING:
-    from postproc.collision.scene import Scene
+    from postproc.collision import Scene
 
 STEP_LENGTH = 0.01
 """Longest piece [m] of a motion between two checked poses."""

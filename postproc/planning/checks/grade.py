@@ -11,10 +11,9 @@ from enum import IntEnum
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.cell.cell import Cell
-from postproc.kinematics.model import build
-from postproc.kinematics.singular import wrist_distance
-from postproc.model.plan import Plan
+from postproc.cell import Cell
+from postproc.kinematics import build, wrist_distance
+from postproc.model import Plan
 from postproc.units import DEG
 
 NEAR = 5.0 * DEG

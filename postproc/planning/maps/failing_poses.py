@@ -9,22 +9,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.errors import Severity
-from postproc.kinematics.singular import wrist_distance
-from postproc.model.toolpath import MotionKind
-from postproc.planning.states.place import place_given, spin_values
-from postproc.planning.states.stroke import strokes_of
+from postproc.kinematics import wrist_distance
+from postproc.model import MotionKind
+from postproc.planning.states import place_given, spin_values, strokes_of
 from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.arrays import BoolArray, FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.collision.check import Hits
-    from postproc.collision.scene import Scene
+    from postproc.cell import Cell
+    from postproc.collision import Hits, Scene
     from postproc.errors import Issue
-    from postproc.kinematics.model import Kinematics
-    from postproc.model.toolpath import ToolPath
-    from postproc.planning.states.ladder import IndexArray
-    from postproc.planning.states.place import Placement
+    from postproc.kinematics import Kinematics
+    from postproc.model import ToolPath
+    from postproc.planning.states import IndexArray, Placement
 
 MOST_TAGS = 60
 """For so many failing tags a pose is worked out."""

@@ -15,16 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
-from postproc.kinematics.model import Kinematics, build
-from postproc.kinematics.singular import wrist_distance
-from postproc.model.toolpath import ToolPath
-from postproc.planning.search.keytags import key_tags
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.place import cross_axes, place, spin_values
-from postproc.planning.states.problem import Compliance, path_normals, stiffness_of
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.kinematics import Kinematics, build, wrist_distance
+from postproc.model import ToolPath
+from postproc.planning.search import key_tags
+from postproc.planning.states import (
+    Compliance,
+    IndexArray,
+    PlanOptions,
+    cross_axes,
+    path_normals,
+    place,
+    settle,
+    spin_values,
+    stiffness_of,
+)
 from postproc.stiffness import index
 from postproc.units import DEG
 

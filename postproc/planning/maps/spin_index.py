@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.model.toolpath import MotionKind
+from postproc.model import MotionKind
 from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.arrays import BoolArray, FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.collision.scene import Scene
-    from postproc.model.plan import Plan
-    from postproc.planning.states.ladder import IndexArray
+    from postproc.cell import Cell
+    from postproc.collision import Scene
+    from postproc.model import Plan
+    from postproc.planning.states import IndexArray
 
 MOST_TAGS = 10_000
 """With more tags the map is left out."""
@@ -26,7 +26,7 @@ _MOST_CHECKS = 50_000
 
 
 @dataclass(frozen=True, slots=True)
-class SpinMap:
+class SpinIndex:
     """Index (n, s) [N/m] of tags over spins (s,) [rad], NaN where the arm cannot take the spin.
 
     ``hit`` (n, s): something collides there; None where collisions were not looked at.
@@ -37,7 +37,7 @@ class SpinMap:
     hit: BoolArray | None = None
 
 
-def spin_map(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> SpinMap | None:
+def spin_index(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> SpinIndex | None:
     """Return the map of a plan, None without stiffness or with too many tags.
 
     The posture is that of the plan: its branch, and the turns of the joints nearest to it.
@@ -48,8 +48,8 @@ def spin_map(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> S
         move_of_tag: (n,) the move at which each tag's pose is taken, -1 for a tag without any.
         scene: the solids.
     """
-    from postproc.planning.route.travel import cell_at
-    from postproc.planning.states.place import spin_values
+    from postproc.planning.route import cell_at
+    from postproc.planning.states import spin_values
 
     n = len(plan.toolpath)
     if not np.isfinite(plan.stiffness).any() or n > MOST_TAGS:
@@ -65,18 +65,23 @@ def spin_map(plan: Plan, cell: Cell, move_of_tag: IndexArray, scene: Scene) -> S
         for low in range(0, len(tags), _CHUNK):
             some = tags[low : low + _CHUNK]
             index[some], q[some] = _values(plan, fixed, some, move_of_tag[some], spins)
-    return SpinMap(spins, index, _hits(plan, q, move_of_tag, scene))
+    return SpinIndex(spins, index, _hits(plan, q, move_of_tag, scene))
 
 
 def _values(
     plan: Plan, cell: Cell, tags: IndexArray, moves: IndexArray, spins: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the index (t, s) of tags (t,) and the joints (t, s, 6), NaN where the arm cannot."""
-    from postproc.kinematics.model import build
-    from postproc.planning.states.candidates import evaluate
-    from postproc.planning.states.place import place_given
-    from postproc.planning.states.problem import Problem, path_normals, stiffness_of
-    from postproc.planning.states.settings import PlanOptions, settle
+    from postproc.kinematics import build
+    from postproc.planning.states import (
+        PlanOptions,
+        Problem,
+        evaluate,
+        path_normals,
+        place_given,
+        settle,
+        stiffness_of,
+    )
 
     cell, settings = settle(cell, PlanOptions())
     path, placement = place_given(plan.toolpath, cell)

@@ -17,16 +17,20 @@ from enum import IntEnum
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell.cell import Cell
-from postproc.model.plan import MoveRole, Plan
-from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.checks.grade import Grade, grades
+from postproc.cell import Cell
+from postproc.model import MoveRole, Plan
+from postproc.planning.checks import Checker, Grade, Reason, grades
 from postproc.planning.planner import checker_of
-from postproc.planning.route.travel import cell_at
-from postproc.planning.states.candidates import States, sample
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.place import Placement, cross_axes
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.route import cell_at
+from postproc.planning.states import (
+    IndexArray,
+    Placement,
+    PlanOptions,
+    States,
+    cross_axes,
+    sample,
+    settle,
+)
 from postproc.units import DEG, N_PER_MM
 
 Progress = Callable[[int, int, str], None]

@@ -1,1 +1,13 @@
 """The ways between the tags: connections, detours, cuts, strokes and their speeds."""
+
+from postproc.planning.route.route import Route, route
+from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
+
+__all__ = [
+    "MakeChecker",
+    "Route",
+    "Travel",
+    "cell_at",
+    "route",
+    "travel_between",
+]

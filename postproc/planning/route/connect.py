@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.planning.checks.feasible import Checker, Lines
+from postproc.planning.checks import Checker, Lines
 from postproc.planning.route.tree import ROUNDS, rrt_connect
-from postproc.planning.states.ladder import IndexArray
+from postproc.planning.states import IndexArray
 
 BACK_OFF = (0.05, 0.1, 0.2, 0.4)
 """Heights [m] by which both ends back off along their tool axes, tried in turn."""

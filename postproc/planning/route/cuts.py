@@ -5,14 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.geometry.frames import angle_between
-from postproc.geometry.poses import arc_points, arc_poses
-from postproc.model.plan import MoveKind, MoveRole
-from postproc.model.toolpath import MotionKind
+from postproc.geometry import angle_between, arc_points, arc_poses
+from postproc.model import MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.moves import Chosen, Moves, moves
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import Chosen, IndexArray, Moves, Problem, moves
 from postproc.units import DEG
 
 LARGEST_CIRC = 120.0 * DEG

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.model.plan import MoveKind, MoveRole
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.moves import Chosen, Moves, moves
-from postproc.planning.states.problem import Problem
-from postproc.planning.states.stroke import Strokes, pecks
+from postproc.model import MoveKind, MoveRole
+from postproc.planning.states import Chosen, IndexArray, Moves, Problem, Strokes, moves, pecks
 
 ARRIVE = 100
 """Order of the move that arrives at a tag; moves on the way there come before."""

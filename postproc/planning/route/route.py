@@ -8,18 +8,14 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue
-from postproc.geometry.frames import inverse
-from postproc.model.plan import MoveKind, MoveRole
-from postproc.model.toolpath import EventKind, MotionKind
-from postproc.planning.checks.explain import failure
-from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
+from postproc.geometry import inverse
+from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
+from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.route.connect import GIVE_UP, Detour, Ends, detours, free_way
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves
 from postproc.planning.route.speeds import Timed, timed
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.moves import Chosen, Moves, in_order, moves
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import Chosen, IndexArray, Moves, Problem, in_order, moves
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""

@@ -9,13 +9,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue, Severity
-from postproc.model.plan import MoveKind, MoveRole
-from postproc.planning.checks.explain import failure
-from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.moves import Moves
-from postproc.planning.states.problem import Problem
-from postproc.timing.profile import (
+from postproc.model import MoveKind, MoveRole
+from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
+from postproc.planning.states import IndexArray, Moves, Problem
+from postproc.timing import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,
     axis_speed_cap,

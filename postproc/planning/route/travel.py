@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.geometry.frames import inverse, rotation_about, transform
-from postproc.planning.checks.feasible import Checker
+from postproc.cell import Cell
+from postproc.geometry import inverse, rotation_about, transform
+from postproc.planning.checks import Checker
 from postproc.planning.route.connect import free_way
 from postproc.units import DEG
 

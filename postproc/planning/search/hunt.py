@@ -7,16 +7,22 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model.toolpath import MotionKind
-from postproc.planning.checks.explain import Evidence
-from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict, poses_between
+from postproc.model import MotionKind
+from postproc.planning.checks import Checker, Evidence, Lines, Reason, Verdict, poses_between
 from postproc.planning.search.lazy import Found, search
-from postproc.planning.states.candidates import States, sample
-from postproc.planning.states.costs import TRAVEL_UNIT
-from postproc.planning.states.ladder import NONE, IndexArray, Ladder, Rule
-from postproc.planning.states.moves import Chosen
-from postproc.planning.states.problem import Problem
-from postproc.planning.states.tilt import beside_in_grid, strays
+from postproc.planning.states import (
+    NONE,
+    TRAVEL_UNIT,
+    Chosen,
+    IndexArray,
+    Ladder,
+    Problem,
+    Rule,
+    States,
+    beside_in_grid,
+    sample,
+    strays,
+)
 
 TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""

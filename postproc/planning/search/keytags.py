@@ -9,11 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.geometry.frames import angle_between
-from postproc.geometry.poses import path_length
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.settings import Settings
+from postproc.geometry import angle_between, path_length
+from postproc.model import MotionKind, ToolPath
+from postproc.planning.states import IndexArray, Settings
 
 
 def stretches(toolpath: ToolPath) -> IndexArray:

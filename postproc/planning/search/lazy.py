@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray
-from postproc.planning.states.ladder import NONE, IndexArray, Ladder
+from postproc.planning.states import NONE, IndexArray, Ladder
 
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]

@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.planning.states.candidates import evaluate
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import IndexArray, Problem, evaluate
 from postproc.units import DEG
 
 REFINED_GRID = 0.001 * DEG

@@ -10,12 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.model.toolpath import ToolPath
-from postproc.planning.states.candidates import sample
-from postproc.planning.states.costs import TRAVEL_UNIT
-from postproc.planning.states.ladder import IndexArray
-from postproc.planning.states.problem import Problem
-from postproc.process.order import hole_runs
+from postproc.model import ToolPath
+from postproc.planning.states import TRAVEL_UNIT, IndexArray, Problem, sample
+from postproc.process import hole_runs
 
 _NEIGHBOURS = 12
 _PASSES = 30

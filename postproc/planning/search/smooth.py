@@ -24,16 +24,22 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue, Severity
-from postproc.planning.checks.explain import explained, failure
-from postproc.planning.checks.feasible import Checker, Reason
+from postproc.planning.checks import Checker, Reason, explained, failure
 from postproc.planning.search.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length, key_tags, stretches
-from postproc.planning.states.candidates import evaluate
-from postproc.planning.states.costs import TRAVEL_UNIT
-from postproc.planning.states.ladder import NONE, IndexArray, Rule
-from postproc.planning.states.moves import Chosen
-from postproc.planning.states.place import Placement, cross_axes, rounded_spin, transported
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import (
+    NONE,
+    TRAVEL_UNIT,
+    Chosen,
+    IndexArray,
+    Placement,
+    Problem,
+    Rule,
+    cross_axes,
+    evaluate,
+    rounded_spin,
+    transported,
+)
 
 _FULL_TURN = 2.0 * np.pi
 _ROUNDS = 60

@@ -16,19 +16,16 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import Issue, Severity
-from postproc.geometry.frames import inverse
-from postproc.kinematics.model import build
-from postproc.model.plan import MoveKind, MoveRole, Plan
-from postproc.model.toolpath import Event, ToolPath
-from postproc.planning.checks.feasible import Reason
-from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
+from postproc.geometry import inverse
+from postproc.kinematics import build
+from postproc.model import Event, MoveKind, MoveRole, Plan, ToolPath
+from postproc.planning.checks import Reason
+from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
 from postproc.planning.search.hunt import step_rules
-from postproc.planning.states.candidates import sample
-from postproc.planning.states.ladder import IndexArray, Rule
-from postproc.planning.states.settings import Settings
-from postproc.timing.profile import joint_move_time
+from postproc.planning.states import IndexArray, Rule, Settings, sample
+from postproc.timing import joint_move_time
 from postproc.units import DEG
 
 RAIL_STEP = 0.25

@@ -8,14 +8,11 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Issue
-from postproc.planning.checks.explain import explained
-from postproc.planning.checks.feasible import Checker
+from postproc.planning.checks import Checker, explained
 from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.refine import Course, Room, refine
-from postproc.planning.states.ladder import Rule
-from postproc.planning.states.moves import Chosen
-from postproc.planning.states.problem import Problem
+from postproc.planning.states import Chosen, Problem, Rule
 
 Step = Callable[[int, int, str], None]
 _REVERTS = 6

@@ -1,1 +1,70 @@
 """Which robot states serve a tag and what each costs."""
+
+from postproc.planning.states.candidates import States, evaluate, sample
+from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT
+from postproc.planning.states.ladder import NONE, IndexArray, Ladder, Rule
+from postproc.planning.states.moves import Chosen, Moves, in_order, moves
+from postproc.planning.states.place import (
+    NO_POSE,
+    Placement,
+    cross_axes,
+    has_pose,
+    place,
+    place_given,
+    rounded_spin,
+    spin_values,
+    stand_ins,
+    transported,
+)
+from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
+from postproc.planning.states.settings import PlanOptions, Settings, settle
+from postproc.planning.states.stroke import Strokes, pecks, strokes_of
+from postproc.planning.states.tilt import (
+    UPRIGHT,
+    beside_in_grid,
+    feed_directions,
+    strays,
+    tilt_grid,
+)
+
+__all__ = [
+    "NONE",
+    "NO_POSE",
+    "OBJECTIVES",
+    "TRAVEL",
+    "TRAVEL_UNIT",
+    "UPRIGHT",
+    "Chosen",
+    "Compliance",
+    "IndexArray",
+    "Ladder",
+    "Moves",
+    "Placement",
+    "PlanOptions",
+    "Problem",
+    "Rule",
+    "Settings",
+    "States",
+    "Strokes",
+    "beside_in_grid",
+    "cross_axes",
+    "evaluate",
+    "feed_directions",
+    "has_pose",
+    "in_order",
+    "moves",
+    "path_normals",
+    "pecks",
+    "place",
+    "place_given",
+    "rounded_spin",
+    "sample",
+    "settle",
+    "spin_values",
+    "stand_ins",
+    "stiffness_of",
+    "strays",
+    "strokes_of",
+    "tilt_grid",
+    "transported",
+]

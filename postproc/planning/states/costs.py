@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
-from postproc.kinematics.model import Kinematics
+from postproc.kinematics import Kinematics
 from postproc.planning.states.ladder import IndexArray
-from postproc.process.tilt import TiltRange
+from postproc.process import TiltRange
 from postproc.registry import Registry
 from postproc.units import DEG
 
@@ -101,7 +101,7 @@ class Objective:
         return self.function(context)
 
 
-REGISTRY: Registry[Objective] = Registry("objectives", "postproc.planning.states.objectives")
+OBJECTIVES: Registry[Objective] = Registry("objectives", "postproc.planning.states.objectives")
 
 
 def objective(
@@ -110,7 +110,7 @@ def objective(
     """Return a decorator that registers a function as a built-in objective."""
 
     def add(function: Function) -> Function:
-        REGISTRY.register(name)(Objective(function, is_stiffness, is_of_pose))
+        OBJECTIVES.register(name)(Objective(function, is_stiffness, is_of_pose))
         return function
 
     return add
@@ -149,7 +149,7 @@ def weights_of(cell: Cell) -> Weights:
     table: Mapping[str, float] = {asked: 1.0} if isinstance(asked, str) else asked
     if TiltRange.of(cell):
         table = {TILT: DEFAULT_TILT, **table}
-    known = dict(REGISTRY)
+    known = dict(OBJECTIVES)
     states, notes = [], []
     for name, weight in sorted(table.items()):
         if name == TRAVEL:

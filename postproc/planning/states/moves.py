@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model.plan import MoveKind, MoveRole
+from postproc.model import MoveKind, MoveRole
 from postproc.planning.states.ladder import IndexArray
 
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import PlanError
-from postproc.geometry.frames import inverse, rotation_about, rotation_from_vector, transform
-from postproc.model.toolpath import ToolPath
+from postproc.geometry import inverse, rotation_about, rotation_from_vector, transform
+from postproc.model import ToolPath
 from postproc.planning.states.ladder import IndexArray
 from postproc.planning.states.tilt import tilt_vectors
 

@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.geometry.frames import angle_between, apply
-from postproc.kinematics.model import Kinematics
-from postproc.kinematics.singular import wrist_distance
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.cell import Cell
+from postproc.geometry import angle_between, apply
+from postproc.kinematics import Kinematics, wrist_distance
+from postproc.model import MotionKind, ToolPath
 from postproc.planning.states.ladder import IndexArray
 from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.tilt import UPRIGHT
-from postproc.stiffness.cartesian import joint_compliance
+from postproc.stiffness import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]
 _FULL_TURN = 2.0 * np.pi

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
 from postproc.planning.states.tilt import MOST_COLUMNS, coarsest
-from postproc.process.tilt import TiltRange
+from postproc.process import TiltRange
 from postproc.units import DEG, MM, PERCENT
 
 STRATEGIES = ("global", "smooth", "each")

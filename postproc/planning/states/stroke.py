@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model.toolpath import Cycle, MotionKind, ToolPath
+from postproc.model import Cycle, MotionKind, ToolPath
 
 
 @dataclass(frozen=True, slots=True)

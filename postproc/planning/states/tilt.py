@@ -10,9 +10,9 @@ import itertools
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.geometry.frames import rotation_from_vector
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.process.tilt import PLUNGING, SHARPEST, TiltRange
+from postproc.geometry import rotation_from_vector
+from postproc.model import MotionKind, ToolPath
+from postproc.process import PLUNGING, SHARPEST, TiltRange
 from postproc.units import DEG
 
 UPRIGHT: FloatArray = np.zeros((1, 2))

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model.toolpath import Arcs
-from postproc.readers.text.faults import Faults
+from postproc.model import Arcs
+from postproc.readers.text import Faults
 from postproc.units import MM
 
 FULL_CIRCLE_GAP = 1e-4 * MM

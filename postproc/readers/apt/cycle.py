@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import isnan
 
-from postproc.model.toolpath import Cycle
+from postproc.model import Cycle
 from postproc.readers.apt.dialect import CycleGrammar, DepthRule
 from postproc.readers.apt.feed import FEED_UNITS, PER_TURN, feed_value
 from postproc.readers.apt.state import AptState

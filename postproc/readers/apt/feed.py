@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan, pi
 
-from postproc.model.toolpath import EventKind
+from postproc.model import EventKind
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.units import INCH, INCH_PER_MIN, MM, MM_PER_MIN, RPM

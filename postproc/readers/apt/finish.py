@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model.toolpath import Arcs, Cycle, Event, MotionKind, ToolPath
+from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
 from postproc.readers.apt.nurbs import discretised

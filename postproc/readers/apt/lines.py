@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from postproc.readers.text.blocks import TextBlock, last_line_end, text_blocks
+from postproc.readers.text import TextBlock, last_line_end, text_blocks
 
 
 def statement_blocks(path: str) -> Iterator[TextBlock]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from postproc.readers.apt.dialect import ArcSense, Dialect
 from postproc.readers.apt.scan import CIRCLE, CIRCLE_FIELDS, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -12,7 +12,7 @@ from collections import Counter
 
 import numpy as np
 
-from postproc.model.toolpath import ToolPath
+from postproc.model import ToolPath
 from postproc.readers.apt.dialect import Dialect, dialect_of
 from postproc.readers.apt.finish import finished_toolpath
 from postproc.readers.apt.lines import statement_blocks
@@ -22,8 +22,7 @@ from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.words import comment, handle, unit_name
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
-from postproc.readers.text.blocks import TextBlock
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults, TextBlock
 
 _SNIFFED = re.compile(
     rb"^[ \t]*(GOTO|CIRCLE|FEDRAT|RAPID|TOOL PATH|PARTNO|UNITS?|LOADTL|TLAXIS|CUTTER|SPINDL"

@@ -15,10 +15,15 @@ from numpy.typing import NDArray
 
 from postproc.readers.apt.lines import is_continued
 from postproc.readers.apt.statement import Statement, is_free_text, parse_statement
-from postproc.readers.text.blocks import TextBlock, check_line_length
-from postproc.readers.text.decimals import LARGEST, parse_tokens
-from postproc.readers.text.faults import Faults
-from postproc.readers.text.spans import trim_end, trim_start
+from postproc.readers.text import (
+    LARGEST,
+    Faults,
+    TextBlock,
+    check_line_length,
+    parse_tokens,
+    trim_end,
+    trim_start,
+)
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

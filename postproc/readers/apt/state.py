@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray
-from postproc.model.toolpath import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.geometry import FloatArray
+from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.dialect import AxisRule, Dialect
 from postproc.readers.apt.frames import AXIS_NORM_GAP, MatrixComment, TiltedTable
@@ -17,7 +17,7 @@ from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.tools import ToolTable
 from postproc.readers.base import ReadOptions
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults
 
 NAN = float("nan")
 

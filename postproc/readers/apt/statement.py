@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 
-from postproc.readers.text.decimals import LARGEST, parse_number
+from postproc.readers.text import LARGEST, parse_number
 
 FREE_TEXT = ("PARTNO", "PPRINT", "TPRINT", "INSERT")
 """Words after which everything to the end of the line is text, commas and slashes included."""

@@ -8,7 +8,7 @@ from math import isnan
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.model.toolpath import CamTool
+from postproc.model import CamTool
 
 NO_NUMBER = 0
 

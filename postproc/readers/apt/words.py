@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from postproc.model.toolpath import EventKind
+from postproc.model import EventKind
 from postproc.readers.apt import cycle as apt_cycle
 from postproc.readers.apt import feed as apt_feed
 from postproc.readers.apt import frames as apt_frames
 from postproc.readers.apt import nurbs as apt_nurbs
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.text.faults import shortened
+from postproc.readers.text import shortened
 
 Handler = Callable[[AptState, Statement, int], None]
 

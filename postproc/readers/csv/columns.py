@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from postproc.readers.csv.table import Layout, is_number
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults
 from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")

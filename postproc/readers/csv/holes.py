@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray
-from postproc.model.toolpath import CamTool, Cycle, Event, EventKind, MotionKind, Operation
-from postproc.readers.text.faults import Faults
+from postproc.geometry import FloatArray
+from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.readers.text import Faults
 from postproc.units import MM
 
 DEFAULT_CLEARANCE = 2.0 * MM

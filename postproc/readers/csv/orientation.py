@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray, rotation_from_abc
-from postproc.readers.text.faults import Faults
+from postproc.geometry import FloatArray, rotation_from_abc
+from postproc.readers.text import Faults
 from postproc.units import DEG
 
 NORM_GAP = 1e-3

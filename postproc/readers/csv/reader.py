@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.geometry import FloatArray
+from postproc.model import MotionKind, ToolPath
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv.columns import (
     LENGTH_ROLES,
@@ -45,8 +45,7 @@ from postproc.readers.csv.table import (
     parse_rows,
     split_row,
 )
-from postproc.readers.text.blocks import text_blocks
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults, text_blocks
 from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 
 Index = NDArray[np.int64]

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray
-from postproc.readers.text.faults import Faults
+from postproc.geometry import FloatArray
+from postproc.readers.text import Faults
 from postproc.units import MM
 
 SPREAD = 1.0 * MM

@@ -15,10 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray
-from postproc.readers.text.blocks import TextBlock, check_line_length
-from postproc.readers.text.decimals import LARGEST, parse_number, parse_tokens
-from postproc.readers.text.faults import Faults
-from postproc.readers.text.spans import trim_end, trim_start
+from postproc.readers.text import (
+    LARGEST,
+    Faults,
+    TextBlock,
+    check_line_length,
+    parse_number,
+    parse_tokens,
+    trim_end,
+    trim_start,
+)
 
 Index = NDArray[np.int64]
 _SAMPLE_ROWS = 200

@@ -18,13 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.geometry.frames import FloatArray, inverse
-from postproc.model.toolpath import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
+from postproc.geometry import FloatArray, inverse
+from postproc.model import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
 from postproc.readers.base import READERS, ReadOptions
 from postproc.readers.delmia.records import N_JOINTS, Document, Motion, OtherActivity, pose
 from postproc.readers.delmia.tasks import expanded
 from postproc.readers.delmia.xml import read_document
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults
 
 _KINDS = {
     "joint": MotionKind.JOINT, "jointmotion": MotionKind.JOINT, "slew": MotionKind.JOINT,

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.geometry.frames import FloatArray, rotation_from_abc, transform
+from postproc.geometry import FloatArray, rotation_from_abc, transform
 
 N_JOINTS = 6
 NAN = float("nan")

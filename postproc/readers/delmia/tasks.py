@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from postproc.readers.delmia.records import Call, Document, Motion, OtherActivity
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults
 
 MOST_ITEMS = 5_000_000
 """Calls of calls can multiply; more than this is not a robot's program."""

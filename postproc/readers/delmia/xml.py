@@ -24,9 +24,7 @@ from postproc.readers.delmia.records import (
     RobotData,
     pose,
 )
-from postproc.readers.text.blocks import check_text
-from postproc.readers.text.decimals import parse_number
-from postproc.readers.text.faults import Faults
+from postproc.readers.text import Faults, check_text, parse_number
 from postproc.units import DEG, INCH, MM, PERCENT
 
 _LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.errors import Severity
-from postproc.report.parts.page import Page, escape, table
-from postproc.report.parts.scene_data import T_world_base, add_scene
+from postproc.report.parts import Page, T_world_base, add_scene, escape, table
 from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.cell.cell import Cell
+    from postproc.cell import Cell
     from postproc.errors import Issue
 
 
@@ -29,8 +28,8 @@ def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> 
         facts: what ``check --json`` says of it.
         issues: findings.
     """
-    from postproc.collision.scene import Scene
-    from postproc.kinematics.model import build
+    from postproc.collision import Scene
+    from postproc.kinematics import build
 
     kinematics = build(cell.robot)
     scene = Scene.build(cell, kinematics)

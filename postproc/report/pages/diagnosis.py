@@ -7,19 +7,21 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.gap.answers.along import Along
-from postproc.gap.answers.diagnose import Finding
-from postproc.gap.answers.summary import summary
-from postproc.gap.answers.where import Part, parts
-from postproc.gap.data.dataset import Samples
-from postproc.gap.robot_model import effect_of
-from postproc.kinematics.model import build
-from postproc.report.parts.headline import headline
-from postproc.report.parts.page import Page, escape, table
-from postproc.report.parts.rows_view import RowsView, add_rows
-from postproc.report.parts.svg import Series, bar_chart, line_chart
-from postproc.report.parts.tag_values import TagColumn
+from postproc.cell import Cell
+from postproc.gap import Along, Finding, Part, Samples, effect_of, parts, summary
+from postproc.kinematics import build
+from postproc.report.parts import (
+    Page,
+    RowsView,
+    Series,
+    TagColumn,
+    add_rows,
+    bar_chart,
+    escape,
+    headline,
+    line_chart,
+    table,
+)
 from postproc.units import DEG, MM, PERCENT
 
 _MOST_POINTS = 1500

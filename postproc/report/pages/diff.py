@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.report.parts.page import Page, table
-from postproc.report.parts.rows_view import RowsView, add_rows
-from postproc.report.parts.tag_values import TagColumn
+from postproc.report.parts import Page, RowsView, TagColumn, add_rows, table
 from postproc.units import MM
 
 if TYPE_CHECKING:
-    from postproc.diff.diff import Difference, DiffReport
+    from postproc.diff import Difference, DiffReport
 
 _MOST_ROWS = 2000
 

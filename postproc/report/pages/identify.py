@@ -5,15 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.kinematics.model import build
-from postproc.report.parts.page import Page, escape, table
-from postproc.report.parts.rows_view import RowsView, add_rows
-from postproc.report.parts.svg import Series, bar_chart, line_chart
-from postproc.report.parts.tag_values import TagColumn
-from postproc.stiffness.field import ContinuousField
-from postproc.stiffness.identify.identified import document, warnings
-from postproc.stiffness.identify.identify import Identification
+from postproc.cell import Cell
+from postproc.kinematics import build
+from postproc.report.parts import (
+    Page,
+    RowsView,
+    Series,
+    TagColumn,
+    add_rows,
+    bar_chart,
+    escape,
+    line_chart,
+    table,
+)
+from postproc.stiffness import ContinuousField
+from postproc.stiffness.identify import Identification, document, warnings
 from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT
 
 _MOST_CURVES = 200

@@ -8,24 +8,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.errors import Severity
-from postproc.model.plan import MoveKind, MoveRole
-from postproc.planning.checks.grade import grade_counts
-from postproc.planning.maps.failing_poses import failing_poses
-from postproc.planning.maps.spin_index import SpinMap, spin_map
-from postproc.planning.states.place import stand_ins
-from postproc.report.parts.page import Page, escape, packed, packed_text
-from postproc.report.parts.scene_data import T_world_base, add_scene
-from postproc.report.parts.tag_values import TagColumn, moves_of_tags, tag_columns
-from postproc.report.parts.texts import cam_lines
+from postproc.model import MoveKind, MoveRole
+from postproc.planning import SpinIndex, failing_poses, grade_counts, spin_index, stand_ins
+from postproc.report.parts import (
+    Page,
+    T_world_base,
+    TagColumn,
+    add_scene,
+    cam_lines,
+    escape,
+    moves_of_tags,
+    packed,
+    packed_text,
+    tag_columns,
+)
 from postproc.units import DEG, N_PER_MM
 
 if TYPE_CHECKING:
     from postproc.arrays import IntArray
-    from postproc.cell.cell import Cell
+    from postproc.cell import Cell
     from postproc.errors import Issue
-    from postproc.model.plan import Plan
-    from postproc.model.toolpath import ToolPath
-    from postproc.report.parts.program_text import ProgramText
+    from postproc.model import Plan, ToolPath
+    from postproc.report.parts import ProgramText
 
 _MOST_FINDINGS = 200
 _LEVELS = 65534
@@ -45,8 +49,8 @@ def program_page(
         issues: all findings of the conversion.
         text: the program text, read back; None when no text was written.
     """
-    from postproc.collision.scene import Scene
-    from postproc.kinematics.model import build
+    from postproc.collision import Scene
+    from postproc.kinematics import build
 
     kinematics = build(cell.robot)
     scene = Scene.build(cell, kinematics)
@@ -58,7 +62,7 @@ def program_page(
     page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, issues, failing), _room(plan, cell)])
     moves = moves_of_tags(plan)
     columns = tag_columns(plan, cell, moves, scene, text)
-    spins = spin_map(plan, cell, moves, scene)
+    spins = spin_index(plan, cell, moves, scene)
     add_scene(page, cell, kinematics, scene)
     page.script("list.js")
     page.script("program.js")
@@ -149,7 +153,7 @@ def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
 
 def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
     """Return where robot and workpiece stand, move by move, when external axes move them."""
-    from postproc.planning.route.travel import cell_at
+    from postproc.planning import cell_at
 
     if not cell.external_axes or not plan.external.shape[1]:
         return {"stations": [], "station": packed(np.zeros(0), "uint16")}
@@ -270,7 +274,7 @@ _ANGLES_HTML = (
 )
 
 
-def _spin_map_data(spin_map: SpinMap) -> dict[str, Any]:
+def _spin_map_data(spin_map: SpinIndex) -> dict[str, Any]:
     """Return the map for the page's scripts, in 65534 levels: 0 is a gap."""
     values = spin_map.index / N_PER_MM
     known = np.isfinite(values)

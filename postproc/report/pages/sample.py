@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.kinematics.model import build
-from postproc.report.parts.page import Page, table
-from postproc.report.parts.rows_view import RowsView, add_rows
-from postproc.report.parts.svg import Series, line_chart, space_view
-from postproc.report.parts.tag_values import TagColumn
-from postproc.stiffness.sample.measuring import Sampling, shown_text
-from postproc.stiffness.sample.sampling import SamplingPlan
+from postproc.kinematics import build
+from postproc.report.parts import (
+    Page,
+    RowsView,
+    Series,
+    TagColumn,
+    add_rows,
+    line_chart,
+    space_view,
+    table,
+)
+from postproc.stiffness.identify import shown_text
+from postproc.stiffness.sample import Sampling, SamplingPlan
 from postproc.units import DEG, MM, PERCENT
 
 _ALL, _SOME, _NONE = "#0b6bcb", "#b26a00", "#c62828"

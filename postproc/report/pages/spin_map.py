@@ -6,10 +6,8 @@ import base64
 
 import numpy as np
 
-from postproc.planning.checks.grade import CLOSE, NEAR, Grade
-from postproc.planning.maps.spinmap import SpinClass, SpinMap
-from postproc.report.parts.page import Page, packed, table
-from postproc.report.parts.spin_map_picture import CLASS_WORDS, Picture, draw
+from postproc.planning import CLOSE, NEAR, Grade, SpinClass, SpinMap
+from postproc.report.parts import CLASS_WORDS, Page, Picture, draw, packed, table
 from postproc.units import DEG, N_PER_MM, PERCENT
 
 _MOST_ROWS = 500

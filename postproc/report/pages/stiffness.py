@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.planning.maps.spin_curves import INDICES, SpinCurves, spin_degrees
-from postproc.report.parts.page import Page, table
-from postproc.report.parts.svg import Series, line_chart
+from postproc.planning import INDICES, SpinCurves, spin_degrees
+from postproc.report.parts import Page, Series, line_chart, table
 from postproc.units import N_PER_MM, PERCENT
 
 _PAIRS = (("axial", "seed_kx"), ("normal", "seed_kv"), ("radial", "first_cross", "second_cross"))

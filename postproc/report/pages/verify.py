@@ -8,23 +8,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.kinematics.singular import wrist_distance
+from postproc.kinematics import wrist_distance
 from postproc.report.pages.program import motion_sections, time_span
-from postproc.report.parts.page import Page, escape, packed, packed_text, table
-from postproc.report.parts.scene_data import add_scene
-from postproc.report.parts.tag_values import TagColumn
-from postproc.report.parts.texts import cam_lines, unix_text
+from postproc.report.parts import (
+    Page,
+    TagColumn,
+    add_scene,
+    cam_lines,
+    escape,
+    packed,
+    packed_text,
+    table,
+    unix_text,
+)
 from postproc.units import DEG, MM, MM_PER_MIN
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.collision.scene import Scene
-    from postproc.kinematics.model import Kinematics
-    from postproc.model.toolpath import ToolPath
-    from postproc.paths.motion import Paths
-    from postproc.planning.states.ladder import IndexArray
-    from postproc.verification.report import Run, VerifyReport, Violation
+    from postproc.cell import Cell
+    from postproc.collision import Scene
+    from postproc.kinematics import Kinematics
+    from postproc.model import ToolPath
+    from postproc.paths import Paths
+    from postproc.planning import IndexArray
+    from postproc.verification import Run, VerifyReport, Violation
 
 _MOST_ROWS = 300
 
@@ -40,8 +47,8 @@ def verify_page(report: VerifyReport, cell: Cell, toolpath: ToolPath | None = No
     Raises:
         ValueError: if the report has no run.
     """
-    from postproc.collision.scene import Scene
-    from postproc.kinematics.model import build
+    from postproc.collision import Scene
+    from postproc.kinematics import build
 
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")

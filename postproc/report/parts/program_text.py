@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.geometry.frames import inverse
+from postproc.geometry import inverse
 from postproc.report.parts.texts import unix_text
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray, IntArray
-    from postproc.cell.cell import Cell
+    from postproc.cell import Cell
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +49,10 @@ def program_text(files: Mapping[str, bytes], name: str, cell: Cell) -> ProgramTe
     Raises:
         KrlError: if a file is no KRL.
     """
-    from postproc.controller.interpreter import run
-    from postproc.kinematics.model import build
-    from postproc.krl.text.parse import parse_files
-    from postproc.verification.verify import world_of
+    from postproc.controller import run
+    from postproc.kinematics import build
+    from postproc.krl import parse_files
+    from postproc.verification import world_of
 
     kinematics = build(cell.robot)
     modules = parse_files(files)

@@ -13,8 +13,8 @@ from postproc.report.parts.scene_data import add_viewer, body_data, robot_data
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.kinematics.model import Kinematics
+    from postproc.cell import Cell
+    from postproc.kinematics import Kinematics
     from postproc.report.parts.tag_values import TagColumn
 
 _SHOWN_ARROW = 0.06

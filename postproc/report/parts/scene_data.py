@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.geometry.frames import apply, inverse
+from postproc.geometry import apply, inverse
 from postproc.report.parts.page import Page, packed
 from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.collision.scene import Scene
-    from postproc.kinematics.model import Kinematics
+    from postproc.cell import Cell
+    from postproc.collision import Scene
+    from postproc.kinematics import Kinematics
 
 MAX_FACES = 60_000
 """Faces of all solids together on a page; finer meshes are thinned."""
@@ -62,7 +62,7 @@ def body_data(
     Links and tools lie in the frame of their link, the workpiece in its own frame, the rest in the
     world.
     """
-    from postproc.collision.scene import Scene as Solids
+    from postproc.collision import Scene as Solids
 
     built = scene or Solids.build(cell, kinematics)
     T_base_world = inverse(T_world_base(cell))

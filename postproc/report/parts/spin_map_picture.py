@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.planning.checks.grade import Grade
-from postproc.planning.maps.spinmap import SpinClass, SpinMap
+from postproc.planning import Grade, SpinClass, SpinMap
 from postproc.units import DEG, N_PER_MM
 
 if TYPE_CHECKING:

@@ -7,19 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from postproc.geometry.frames import angle_between
-from postproc.model.plan import MoveRole
-from postproc.model.toolpath import MotionKind
-from postproc.process.tilt import TiltRange
+from postproc.geometry import angle_between
+from postproc.model import MotionKind, MoveRole
+from postproc.process import TiltRange
 from postproc.report.parts.page import packed
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
-    from postproc.cell.cell import Cell
-    from postproc.collision.scene import Scene
-    from postproc.model.plan import Plan
-    from postproc.planning.states.ladder import IndexArray
+    from postproc.cell import Cell
+    from postproc.collision import Scene
+    from postproc.model import Plan
+    from postproc.planning import IndexArray
     from postproc.report.parts.program_text import ProgramText
 
 FARTHEST = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 from postproc.files import read_bytes
 
 if TYPE_CHECKING:
-    from postproc.model.toolpath import ToolPath
+    from postproc.model import ToolPath
 
 _CONTEXT = 2
 """Lines of the CAM file shown around that of a tag."""

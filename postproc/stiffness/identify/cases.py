@@ -16,10 +16,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
-from postproc.geometry.frames import apply, inverse
-from postproc.kinematics.model import Kinematics
-from postproc.measurement.rows import MeasurementSet
-from postproc.model.modelfile import Registration
+from postproc.geometry import apply, inverse
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet
+from postproc.model import Registration
 from postproc.stiffness.cartesian import joint_torque
 from postproc.units import DEG, MM
 

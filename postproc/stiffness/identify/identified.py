@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from postproc.geometry.frames import kuka_from_transform
+from postproc.geometry import kuka_from_transform
 from postproc.stiffness.identify.identify import Identification, ModelScore
-from postproc.stiffness.identify.observability import Visibility
-from postproc.stiffness.sample.measuring import shown_text
+from postproc.stiffness.identify.observability import Visibility, shown_text
 from postproc.units import MM, NMM_PER_RAD
 
 SCHEMA = "postproc.identify/1"

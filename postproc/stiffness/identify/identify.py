@@ -14,10 +14,9 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
-from postproc.kinematics.model import Kinematics
-from postproc.measurement.register import fit_registration
-from postproc.measurement.rows import MeasurementSet
-from postproc.model.modelfile import ModelFile, Registration
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet, fit_registration
+from postproc.model import ModelFile, Registration
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
 from postproc.stiffness.fieldfile import describe, effects_of
 from postproc.stiffness.identify.cases import LoadCases, load_cases

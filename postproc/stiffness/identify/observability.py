@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.stiffness.cartesian import joint_torque
 from postproc.stiffness.identify.cases import LoadCases
+from postproc.units import UM
 
 UNSEEN = 2.0
 """A joint whose estimate scatters by more than this many times its own size is left out."""
@@ -201,3 +202,16 @@ def joint_list(joints: IntArray | list[int]) -> str:
 def responses(cases: LoadCases) -> FloatArray:
     """Return the rms displacement [m] that the loads made, whole differences."""
     return np.asarray(np.sqrt(np.mean(np.sum((cases.d * cases.scale[:, None]) ** 2, axis=1))))
+
+
+def shown_text(load: ShowingLoad | None) -> str | None:
+    """Return the load that would show a joint, in words; None for a joint that is seen."""
+    if load is None:
+        return None
+    if load.motion < 1e-9:
+        return "no force at the tool point; measure a point beside the axis, under a moment"
+    direction = " ".join(f"{v:.2g}" for v in load.direction)
+    return (
+        f"{load.newton:.0f} N along ({direction}) of the robot root: moves the tool "
+        f"{load.motion / UM:.0f} um by this joint"
+    )

@@ -1,1 +1,40 @@
 """Where to measure: plans for a stiffness campaign."""
+
+from postproc.stiffness.sample.measuring import (
+    TRACKER_SIGMA,
+    Load,
+    SampleRequest,
+    Sampling,
+    csv_text,
+    document,
+    expected_compliance,
+    largest_force,
+    load_regressors,
+)
+from postproc.stiffness.sample.optimal import choose, features
+from postproc.stiffness.sample.sampling import (
+    SamplingPlan,
+    SamplingRules,
+    box_grid,
+    plan_sampling,
+    travel_order,
+)
+
+__all__ = [
+    "TRACKER_SIGMA",
+    "Load",
+    "SampleRequest",
+    "Sampling",
+    "SamplingPlan",
+    "SamplingRules",
+    "box_grid",
+    "choose",
+    "csv_text",
+    "document",
+    "expected_compliance",
+    "features",
+    "largest_force",
+    "load_regressors",
+    "plan_sampling",
+    "travel_order",
+]

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.kinematics.model import Kinematics, build
+from postproc.cell import Cell
+from postproc.kinematics import Kinematics, build
 from postproc.stiffness.cartesian import moved_wrench, regressor
 from postproc.stiffness.field import Grid
-from postproc.stiffness.identify.constant import TYPICAL_C
-from postproc.stiffness.identify.observability import Observability, ShowingLoad
+from postproc.stiffness.identify import TYPICAL_C, Observability, ShowingLoad, shown_text
 from postproc.stiffness.sample.sampling import SamplingPlan, SamplingRules
-from postproc.units import DEG, MM, STANDARD_GRAVITY, UM
+from postproc.units import DEG, MM, STANDARD_GRAVITY
 
 TRACKER_SIGMA = 17e-6
 """Sd per axis [m] of a loaded minus unloaded tracker reading (12 um each), for forecasts."""
@@ -190,16 +189,3 @@ def _angle(sampling: Sampling, turn: int) -> float:
 
 def _percent(value: float) -> float | None:
     return round(100.0 * float(value), 3) if math.isfinite(value) else None
-
-
-def shown_text(load: ShowingLoad | None) -> str | None:
-    """Return the load that would show a joint, in words; None for a joint that is seen."""
-    if load is None:
-        return None
-    if load.motion < 1e-9:
-        return "no force at the tool point; measure a point beside the axis, under a moment"
-    direction = " ".join(f"{v:.2g}" for v in load.direction)
-    return (
-        f"{load.newton:.0f} N along ({direction}) of the robot root: moves the tool "
-        f"{load.motion / UM:.0f} um by this joint"
-    )

@@ -17,9 +17,8 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import StiffnessError
-from postproc.geometry.frames import inverse, rotation_about, transform
-from postproc.kinematics.model import Kinematics
-from postproc.kinematics.singular import wrist_distance
+from postproc.geometry import inverse, rotation_about, transform
+from postproc.kinematics import Kinematics, wrist_distance
 from postproc.stiffness.field import Grid
 from postproc.units import DEG, MM
 

@@ -1,1 +1,12 @@
 """The executed path held against the CAM file: points, arcs, holes, feeds, events, tilt."""
+
+from postproc.verification.cam.compare import Comparison, Tolerances
+from postproc.verification.cam.events import check_events
+from postproc.verification.cam.order import compare_served
+
+__all__ = [
+    "Comparison",
+    "Tolerances",
+    "check_events",
+    "compare_served",
+]

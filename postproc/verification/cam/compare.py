@@ -26,10 +26,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Finding, Rows, Way
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.paths.moments import Displacement
+from postproc.cell import Cell
+from postproc.controller import Finding, Rows, Way
+from postproc.model import MotionKind, ToolPath
+from postproc.paths import Displacement
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.controller.trace import Way
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.paths.motion import Paths
+from postproc.controller import Way
+from postproc.model import MotionKind, ToolPath
+from postproc.paths import Paths
 from postproc.units import MM
 
 _SHARES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.cell.cell import Cell
-from postproc.controller.trace import EventWord, Rows, TraceEvent
-from postproc.model.toolpath import Event, EventKind, ToolPath
+from postproc.cell import Cell
+from postproc.controller import EventWord, Rows, TraceEvent
+from postproc.model import Event, EventKind, ToolPath
 from postproc.units import RPM
 from postproc.verification.checks import Result
 
@@ -172,7 +172,7 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
 
 
 def _tell(result: Result, kind: str, call: TraceEvent | None, text: str, is_error: bool) -> None:
-    from postproc.controller.trace import Finding
+    from postproc.controller import Finding
 
     files = result.paths.trace.files
     file, line = (files[call.file], call.line) if call else (files[0] if files else "", 1)

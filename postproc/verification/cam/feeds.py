@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Rows
-from postproc.model.toolpath import ToolPath
+from postproc.cell import Cell
+from postproc.controller import Rows
+from postproc.model import ToolPath
 from postproc.units import MM_PER_MIN
 from postproc.verification.cam.real import feeds_of
 from postproc.verification.checks import Result, speed_shares

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from postproc.arrays import BoolArray, IntArray
-from postproc.controller.trace import Blend, EventWord
+from postproc.controller import Blend, EventWord
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.model import MotionKind, ToolPath
 
 SAME = 1e-9
 """Two points of the file nearer than this [m] are one."""

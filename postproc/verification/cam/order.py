@@ -15,11 +15,11 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.errors import DataError
-from postproc.model.toolpath import ToolPath
-from postproc.paths.moments import Displacement
-from postproc.process.order import hole_runs, reordered
+from postproc.model import ToolPath
+from postproc.paths import Displacement
+from postproc.process import hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
 from postproc.verification.cam.matching import Wanted, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths

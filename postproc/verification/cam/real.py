@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.cell.cell import Cell
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.paths.moments import Displacement, moments_of
-from postproc.paths.motion import Paths, Shift
+from postproc.cell import Cell
+from postproc.model import MotionKind, ToolPath
+from postproc.paths import Displacement, Paths, Shift, moments_of
 
 FASTER = 1.5
 """A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import Cell
-from postproc.controller.trace import Rows
-from postproc.geometry.frames import angle_between, rotation_about
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.process.tilt import PLUNGING, SHARPEST, TiltRange
+from postproc.cell import Cell
+from postproc.controller import Rows
+from postproc.geometry import angle_between, rotation_about
+from postproc.model import MotionKind, ToolPath
+from postproc.process import PLUNGING, SHARPEST, TiltRange
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
 from postproc.verification.cam.feeds import AT_MOST

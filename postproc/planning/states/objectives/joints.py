@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.kinematics.singular import smallest_singular_value, wrist_distance
+from postproc.kinematics import smallest_singular_value, wrist_distance
 from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
 
 WELL_CONDITIONED = 0.3
