@@ -1,4 +1,4 @@
-"""The error tree, findings (``Issue``) and exit codes.
+"""The error tree, findings (``Finding``) and exit codes.
 
 An error carries its values as attributes, so that the command line prints
 ``FILE:LINE: error CODE: message`` and a caller can read the parts.
@@ -42,7 +42,7 @@ class SourceRef:
 
 
 @dataclass(frozen=True, slots=True)
-class Issue:
+class Finding:
     """One finding: stable code, message, the tag and the source line it is about."""
 
     severity: Severity
@@ -130,11 +130,11 @@ class PluginError(PostprocError):
     """A plug-in cannot be loaded or breaks its contract."""
 
 
-def fold(issues: list[Issue] | tuple[Issue, ...]) -> tuple[Issue, ...]:
+def fold(findings: list[Finding] | tuple[Finding, ...]) -> tuple[Finding, ...]:
     """Fold findings of equal severity, code and message into the first of them with a count."""
-    first: dict[tuple[str, str, str], Issue] = {}
-    for issue in issues:
-        key = (issue.severity, issue.code, issue.message)
+    first: dict[tuple[str, str, str], Finding] = {}
+    for finding in findings:
+        key = (finding.severity, finding.code, finding.message)
         known = first.get(key)
-        first[key] = replace(known, count=known.count + issue.count) if known else issue
+        first[key] = replace(known, count=known.count + finding.count) if known else finding
     return tuple(first.values())

@@ -1,6 +1,6 @@
 import pickle
 
-from postproc.errors import Issue, PostprocError, ReadError, Severity, SourceRef, fold
+from postproc.errors import Finding, PostprocError, ReadError, Severity, SourceRef, fold
 
 
 def test_an_error_is_one_line_whatever_it_holds():
@@ -23,9 +23,9 @@ def test_errors_cross_process_borders():
 
 
 def test_equal_findings_fold_into_the_first():
-    one = Issue(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 1))
-    two = Issue(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 9))
-    other = Issue(Severity.ERROR, "APT020", "unknown word", source=SourceRef("a", 9))
+    one = Finding(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 1))
+    two = Finding(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 9))
+    other = Finding(Severity.ERROR, "APT020", "unknown word", source=SourceRef("a", 9))
     folded = fold([one, two, other, two])
     assert [(i.severity, i.count) for i in folded] == [("warning", 3), ("error", 1)]
     assert str(folded[0]) == "a:1: warning APT020: unknown word (3 times)"

@@ -104,8 +104,8 @@ def main() -> None:
     cell, toolpath = cell_of_the_bench(), path(points)
     modules = timed(f"parse {n} points", lambda: parse_files({"SPIRAL.src": old}))
     large = LintOptions(max_points=n + 1, max_bytes=len(old) + 1)
-    issues = timed("lint", lambda: lint(modules, large))
-    print(f"           {len(issues)} findings")
+    findings = timed("lint", lambda: lint(modules, large))
+    print(f"           {len(findings)} findings")
     report = timed(
         "verify against the path, no collisions",
         lambda: verify_modules(modules, "SPIRAL", cell, toolpath, collisions=False),

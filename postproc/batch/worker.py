@@ -70,7 +70,7 @@ def _convert(job: Job) -> JobResult:
     from postproc.jobs.convert import convert
 
     conversion = convert(job.request, toolpath=job.toolpath)
-    errors = tuple(str(i) for i in conversion.issues if i.severity is Severity.ERROR)
+    errors = tuple(str(i) for i in conversion.findings if i.severity is Severity.ERROR)
     return JobResult(
         key=job.key,
         status="failed" if errors else "ok",

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
 
-from postproc.errors import ExitCode, Issue
+from postproc.errors import ExitCode, Finding
+from postproc.progress import Progress
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +61,14 @@ class Session:
         for line in _aligned(head, cells, right):
             click.echo(line)
 
-    def issues(self, issues: tuple[Issue, ...] | list[Issue], at_most: int = 20) -> None:
+    def findings(self, findings: tuple[Finding, ...] | list[Finding], at_most: int = 20) -> None:
         """Print findings on stderr, what would help on a following line; severities in colour."""
-        for issue in issues[:at_most]:
-            self.say(_coloured(str(issue), str(issue.severity)))
-            if issue.hint:
-                self.say(f"    hint: {issue.hint}")
-        if len(issues) > at_most:
-            self.say(f"... and {len(issues) - at_most} more")
+        for finding in findings[:at_most]:
+            self.say(_coloured(str(finding), str(finding.severity)))
+            if finding.hint:
+                self.say(f"    hint: {finding.hint}")
+        if len(findings) > at_most:
+            self.say(f"... and {len(findings) - at_most} more")
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:

@@ -13,7 +13,7 @@ from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
 from postproc.collision.urdf_solids import urdf_links
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.geometry import inverse, transform
 
 WORLD = -1
@@ -53,7 +53,7 @@ class Body:
         return Body(self.name, self.kind, self.link, decimated(self.mesh, max_faces))
 
 
-def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Issue, ...]]:
+def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ...]]:
     """Return the solids of a cell in fixed order, and what the user should know about them.
 
     Links 0..6, tool, workpiece, obstacles; within each in the order of the cell file.
@@ -65,7 +65,7 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Issue, ...]
     zero = np.zeros(6)
     T_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK]) @ arm.fk(zero)
     T_world_base = T_world_robroot @ cell.T_robroot_base
-    links, issues = _links(cell, arm)
+    links, findings = _links(cell, arm)
     bodies = [
         *links,
         *(
@@ -77,8 +77,8 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Issue, ...]
     ]
     if not cell.tool.meshes:
         text = "the tool has no solids: what it hits is not seen"
-        issues.append(Issue(Severity.WARNING, "COL101", text))
-    return _told_apart(bodies), tuple(issues)
+        findings.append(Finding(Severity.WARNING, "COL101", text))
+    return _told_apart(bodies), tuple(findings)
 
 
 def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
@@ -90,7 +90,7 @@ def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
     return Body(body.name, body.kind, body.link, body.mesh.moved(shift))
 
 
-def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Issue]]:
+def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Finding]]:
     own = cell.robot.link_meshes
     if own:
         counts = np.bincount([link for link, _ in own], minlength=LAST_LINK + 1)
@@ -99,11 +99,11 @@ def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Issue]]:
             for link, placement in sorted(own, key=lambda entry: entry[0])
         ], []
     meshes = default_links(cell.robot, arm)
-    issues: list[Issue] = []
+    findings: list[Finding] = []
     if isinstance(cell.robot.geometry, UrdfGeometry):
-        found, issues = urdf_links(cell.robot.geometry)
+        found, findings = urdf_links(cell.robot.geometry)
         meshes = [joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes)]
-    return [Body(f"link {i}", "link", i, mesh) for i, mesh in enumerate(meshes)], issues
+    return [Body(f"link {i}", "link", i, mesh) for i, mesh in enumerate(meshes)], findings
 
 
 def _link_name(link: int, placement: MeshPlacement, count: int) -> str:

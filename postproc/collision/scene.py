@@ -20,7 +20,7 @@ from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
-from postproc.errors import CellError, DataError, Issue, Severity
+from postproc.errors import CellError, DataError, Finding, Severity
 from postproc.geometry import inverse
 from postproc.units import MM
 
@@ -45,10 +45,10 @@ class Scene:
     """
 
     def __init__(
-        self, cell: Cell, arm: Arm, bodies: tuple[Body, ...], issues: tuple[Issue, ...]
+        self, cell: Cell, arm: Arm, bodies: tuple[Body, ...], findings: tuple[Finding, ...]
     ) -> None:
         self.bodies = bodies
-        self._issues = issues
+        self._issues = findings
         self._cell = cell
         self._arm = arm
         self._engine_: Engine | None = None
@@ -67,8 +67,8 @@ class Scene:
                 triangles, COL003 with coordinates that are no numbers, COL004 larger than 10 km,
                 COL005 a solid without shape, COL006 numbers in the URDF's collision geometry.
         """
-        bodies, issues = bodies_of(cell, kinematics)
-        return cls(cell, kinematics, bodies, issues)
+        bodies, findings = bodies_of(cell, kinematics)
+        return cls(cell, kinematics, bodies, findings)
 
     @classmethod
     def shared(cls, cell: Cell, kinematics: Arm) -> Scene:
@@ -96,10 +96,10 @@ class Scene:
         return self._engine.excluded
 
     @property
-    def issues(self) -> tuple[Issue, ...]:
+    def findings(self) -> tuple[Finding, ...]:
         """What the user should know: no tool solids, stand-ins, open meshes, pairs left out."""
         open_ = [
-            Issue(
+            Finding(
                 Severity.WARNING,
                 "COL103",
                 f"{body.name} is not closed: a solid wholly inside it is not seen",
@@ -109,7 +109,7 @@ class Scene:
             if not is_closed
         ]
         left_out = [
-            Issue(Severity.NOTE, "COL104", f"{one} and {two} touch by construction: not tested")
+            Finding(Severity.NOTE, "COL104", f"{one} and {two} touch by construction: not tested")
             for one, two in self.excluded
         ]
         return (*self._issues, *open_, *left_out)

@@ -10,13 +10,13 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import UrdfGeometry, fixed_parts, origin_of, read_chain, values_of
 from postproc.collision.mesh import Mesh, box, cylinder, load_mesh, loft, ring
-from postproc.errors import CellError, Issue, Severity, SourceRef
+from postproc.errors import CellError, Finding, Severity, SourceRef
 
 _FORMATS = (".stl", ".obj", ".ply", ".off")
 _BALL_RINGS = 8
 
 
-def urdf_links(geometry: UrdfGeometry) -> tuple[list[list[Mesh]], list[Issue]]:
+def urdf_links(geometry: UrdfGeometry) -> tuple[list[list[Mesh]], list[Finding]]:
     """Return the collision solids of links 0..6, each in its link frame, as far as they exist.
 
     Link 0 is all that does not move; what is fixed to a moving link belongs to it. A link of which
@@ -40,12 +40,12 @@ def urdf_links(geometry: UrdfGeometry) -> tuple[list[list[Mesh]], list[Issue]]:
     for index in range(len(names)):
         if not solids[index]:
             lacking.setdefault(index, "no collision geometry in the URDF file")
-    issues = []
+    findings = []
     for index, lacks in sorted(lacking.items()):
         solids[index] = []
         text = f"link {index}: {lacks}; a simple hull stands in for it"
-        issues.append(Issue(Severity.WARNING, "COL102", text))
-    return solids, issues
+        findings.append(Finding(Severity.WARNING, "COL102", text))
+    return solids, findings
 
 
 def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:

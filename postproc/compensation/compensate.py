@@ -25,7 +25,7 @@ from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out, real_point
 from postproc.controller import run
 from postproc.emitters import emit
-from postproc.errors import DataError, EmitError, Issue, Severity, SourceRef
+from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
@@ -123,7 +123,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     return replace(
         commanded,
         compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
-        issues=(*plan.issues, *findings),
+        findings=(*plan.findings, *findings),
     )
 
 
@@ -312,7 +312,7 @@ def _shifted(
     )
 
 
-def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensated) -> list[Issue]:
+def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensated) -> list[Finding]:
     m = len(plan)
     inside = kinematics.within_limits(solved.q[:m], cell.limits.joint_margin)
     good = solved.reached[:m] & inside & (solved.left[:m] < 100.0 * ACCURACY)
@@ -322,7 +322,7 @@ def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensate
         reason = "leaves the joint limits" if solved.reached[move] else "is out of reach"
         source = plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None
         findings.append(
-            Issue(
+            Finding(
                 Severity.ERROR,
                 "PLN102" if solved.reached[move] else "PLN101",
                 f"the compensated pose {reason}",
@@ -334,7 +334,7 @@ def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensate
     return findings
 
 
-def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
+def _unsettled(plan: Plan, change: FloatArray) -> list[Finding]:
     """Return a finding for moves whose shift goes on changing with the program itself."""
     moves = np.flatnonzero(change >= SETTLED)
     if not len(moves):
@@ -342,7 +342,7 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
     worst = int(moves[int(change[moves].argmax())])
     tag = int(plan.tag[worst])
     return [
-        Issue(
+        Finding(
             Severity.WARNING,
             "CMP002",
             f"{len(moves)} compensated moves do not settle, the worst by "
@@ -354,10 +354,10 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Issue]:
     ]
 
 
-def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
+def _left_out(model: RobotModel, file: ModelFile) -> list[Finding]:
     """Return a finding for effects that depend on what no program knows beforehand."""
     return [
-        Issue(
+        Finding(
             Severity.WARNING,
             "CMP003",
             f"{name} is not compensated: a program does not know {', '.join(missing)}",
@@ -367,7 +367,7 @@ def _left_out(model: RobotModel, file: ModelFile) -> list[Issue]:
     ]
 
 
-def _far(plan: Plan, file: ModelFile) -> list[Issue]:
+def _far(plan: Plan, file: ModelFile) -> list[Finding]:
     """Return a finding for working moves in poses that the stiffness field knows nothing of."""
     field = field_of(file)
     working = np.flatnonzero(np.isin(plan.role, WORKING))
@@ -377,7 +377,7 @@ def _far(plan: Plan, file: ModelFile) -> list[Issue]:
     if not len(far):
         return []
     return [
-        Issue(
+        Finding(
             Severity.WARNING,
             "CMP005",
             f"{len(far)} of {len(working)} working moves are in poses far from all that was "

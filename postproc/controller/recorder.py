@@ -12,7 +12,7 @@ from postproc.controller.state import MotionState
 from postproc.controller.trace import (
     Blend,
     EventWord,
-    Finding,
+    RunFinding,
     Trace,
     TraceEvent,
     Way,
@@ -41,7 +41,7 @@ class Recorder:
     auxiliary: dict[int, Numbers] = field(default_factory=dict)
     angles: dict[int, float] = field(default_factory=dict)
     events: list[TraceEvent] = field(default_factory=list)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[RunFinding] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -93,7 +93,7 @@ class Recorder:
         self, kind: str, detail: str, place: tuple[int, int], is_error: bool = True
     ) -> None:
         """Add a finding; the same one is added once."""
-        found = Finding(kind, detail, self.names[place[0]], place[1], is_error)
+        found = RunFinding(kind, detail, self.names[place[0]], place[1], is_error)
         if found not in self.findings[-50:]:
             self.findings.append(found)
 

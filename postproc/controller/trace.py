@@ -98,7 +98,7 @@ class TraceEvent(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class RunFinding:
     """Something wrong in the text at a place; ``is_error`` False for a warning."""
 
     kind: str
@@ -145,7 +145,7 @@ class Trace:
     settings: tuple[Settings, ...]
     files: tuple[str, ...]
     events: tuple[TraceEvent, ...] = ()
-    findings: tuple[Finding, ...] = field(default=())
+    findings: tuple[RunFinding, ...] = field(default=())
 
     def __len__(self) -> int:
         """Return the number of motions."""

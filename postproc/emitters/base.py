@@ -28,7 +28,7 @@ class Emitter(Protocol):
         """Return file name -> content; the first file is the one to start.
 
         Args:
-            plan: moves without an error among its issues, unless only a part was asked for.
+            plan: moves without an error among its findings, unless only a part was asked for.
             cell: the cell the plan was made for.
             names: gives program names that are unique in a batch; None for a single program.
 

@@ -2,7 +2,7 @@
 
 from postproc.gap.answers import (
     Along,
-    Finding,
+    Diagnosis,
     NextPose,
     Part,
     Reach,
@@ -26,8 +26,8 @@ __all__ = [
     "EFFECTS",
     "Along",
     "Basis",
+    "Diagnosis",
     "Effect",
-    "Finding",
     "NextPose",
     "Parameter",
     "Part",

@@ -11,7 +11,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, Provenance
 from postproc.collision import Scene
-from postproc.errors import CellError, Issue, Severity, SourceRef
+from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
@@ -31,12 +31,12 @@ class CellCheck:
 
     cell: Cell
     facts: dict[str, Any]
-    issues: tuple[Issue, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def is_good(self) -> bool:
         """Whether no finding is an error."""
-        return not any(issue.severity is Severity.ERROR for issue in self.issues)
+        return not any(finding.severity is Severity.ERROR for finding in self.findings)
 
 
 def check_cell(cell: Cell) -> CellCheck:
@@ -52,10 +52,10 @@ def check_cell(cell: Cell) -> CellCheck:
         load_toml(cell.path, CellError, "CEL001"),
         _reachable_directions(cell, kinematics),
     )
-    issues = [issue for look in _LOOKS for issue in look(context)]
+    findings = [finding for look in _LOOKS for finding in look(context)]
     order = list(Severity)
-    issues.sort(key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
-    return CellCheck(cell, _facts(context), tuple(issues))
+    findings.sort(key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
+    return CellCheck(cell, _facts(context), tuple(findings))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,11 +66,11 @@ class _Context:
     reachable: tuple[str, ...]
     """Workpiece axes along which the tool can point at the workpiece's origin."""
 
-    def issue(self, severity: Severity, code: str, message: str, *at: str) -> Issue:
+    def finding(self, severity: Severity, code: str, message: str, *at: str) -> Finding:
         """Return a finding that points at a key of the file."""
         location: Location = at
         source = self.toml.source(location)
-        return Issue(severity, code, message, source=SourceRef(source.path, source.line))
+        return Finding(severity, code, message, source=SourceRef(source.path, source.line))
 
     def is_given(self, key: str) -> bool:
         """Return whether a key such as ``motion.feed_mm_min`` stands in the file."""
@@ -78,57 +78,57 @@ class _Context:
         return origin is not None and origin.provenance is Provenance.USER
 
 
-def _tool(context: _Context) -> Iterator[Issue]:
+def _tool(context: _Context) -> Iterator[Finding]:
     tool, robot = context.cell.tool, context.cell.robot
     if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
         text = "the tool axis lies on A6: turning about it turns A6 alone, no stiffness to gain"
-        yield context.issue(Severity.WARNING, "CEL101", text, "tool", "frame")
+        yield context.finding(Severity.WARNING, "CEL101", text, "tool", "frame")
     if np.isnan(tool.mass):
         text = "no mass_kg: the load data of the program are incomplete"
-        yield context.issue(Severity.WARNING, "CEL102", text, "tool")
+        yield context.finding(Severity.WARNING, "CEL102", text, "tool")
     elif tool.mass > robot.payload:
         text = f"the tool weighs {tool.mass:g} kg, the robot carries {robot.payload:g} kg"
-        yield context.issue(Severity.ERROR, "CEL103", text, "tool", "mass_kg")
+        yield context.finding(Severity.ERROR, "CEL103", text, "tool", "mass_kg")
     if tool.mass > 0 and tool.com is None:
         text = "no cog_mm: the centre of gravity is needed for load data and sag"
-        yield context.issue(Severity.NOTE, "CEL104", text, "tool")
+        yield context.finding(Severity.NOTE, "CEL104", text, "tool")
 
 
-def _solids(context: _Context) -> Iterator[Issue]:
+def _solids(context: _Context) -> Iterator[Finding]:
     cell = context.cell
     for owner, meshes in (("tool", cell.tool.meshes), ("workpiece", cell.workpiece.meshes)):
         if not meshes:
             text = f"the {owner} has no meshes: its collisions cannot be seen"
-            yield context.issue(Severity.WARNING, "CEL105", text, owner)
+            yield context.finding(Severity.WARNING, "CEL105", text, owner)
     has_both = cell.tool.meshes and cell.workpiece.meshes
     if has_both and not any(mesh.cutting for mesh in cell.tool.meshes):
         text = "no mesh of the tool is marked cutting = true: every cut collides with the workpiece"
-        yield context.issue(Severity.WARNING, "CEL106", text, "tool", "meshes")
+        yield context.finding(Severity.WARNING, "CEL106", text, "tool", "meshes")
 
 
-def _stiffness(context: _Context) -> Iterator[Issue]:
+def _stiffness(context: _Context) -> Iterator[Finding]:
     cell = context.cell
     if cell.joint_stiffness is None:
         text = "no joint stiffness, neither here nor of the robot: poses are not optimised for it"
-        yield context.issue(Severity.WARNING, "CEL107", text, "stiffness")
+        yield context.finding(Severity.WARNING, "CEL107", text, "stiffness")
         return
     if not context.is_given("stiffness.joint_Nmm_per_rad"):
         origin = cell.robot.origins["joint_stiffness"]
         text = f"joint stiffness is not this robot's own but {origin.provenance}: {origin.source}"
-        yield context.issue(Severity.NOTE, "CEL108", text, "robot", "model")
+        yield context.finding(Severity.NOTE, "CEL108", text, "robot", "model")
     if cell.robot.payload > 100.0 and float(cell.joint_stiffness.min()) < _SOFTEST_USUAL:
         least = float(cell.joint_stiffness.min()) / NMM_PER_RAD
         text = f"a joint stiffness of {least:g} N*mm/rad is very soft; is it in N*m/rad?"
-        yield context.issue(Severity.WARNING, "CEL109", text, "stiffness", "joint_Nmm_per_rad")
+        yield context.finding(Severity.WARNING, "CEL109", text, "stiffness", "joint_Nmm_per_rad")
 
 
-def _workpiece(context: _Context) -> Iterator[Issue]:
+def _workpiece(context: _Context) -> Iterator[Finding]:
     if not context.is_given("workpiece.frame"):
         text = "no workpiece frame: CAM coordinates are taken as robot root coordinates"
-        yield context.issue(Severity.WARNING, "CEL110", text, "workpiece")
+        yield context.finding(Severity.WARNING, "CEL110", text, "workpiece")
     if not context.reachable:
         text = "the origin of the workpiece frame cannot be reached with the tool along any axis"
-        yield context.issue(Severity.WARNING, "CEL111", text, "workpiece", "frame")
+        yield context.finding(Severity.WARNING, "CEL111", text, "workpiece", "frame")
 
 
 def _reachable_directions(cell: Cell, kinematics: Kinematics) -> tuple[str, ...]:
@@ -158,7 +158,7 @@ def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
     return rotation_about(axis / np.linalg.norm(axis), 0.0 if cosine > 0 else np.pi)
 
 
-def _home(context: _Context) -> Iterator[Issue]:
+def _home(context: _Context) -> Iterator[Finding]:
     cell, kinematics = context.cell, context.kinematics
     scene = Scene.build(cell, kinematics)
     home = cell.motion.home
@@ -167,39 +167,39 @@ def _home(context: _Context) -> Iterator[Issue]:
     hits = scene.check(home[None])
     if hits.hit[0]:
         text = f"the robot collides at home: {hits.name(0)}"
-        yield context.issue(Severity.ERROR, "CEL112", text, "motion", "home_deg")
+        yield context.finding(Severity.ERROR, "CEL112", text, "motion", "home_deg")
     if not kinematics.within_limits(home, cell.limits.joint_margin):
         text = "home does not keep joint_margin_deg from the limits"
-        yield context.issue(Severity.WARNING, "CEL113", text, "motion", "home_deg")
+        yield context.finding(Severity.WARNING, "CEL113", text, "motion", "home_deg")
     if float(wrist_distance(kinematics, home)) < cell.limits.singularity:
         text = "home has a straight wrist (A5 near 0); axis moves there are fine, path moves not"
-        yield context.issue(Severity.NOTE, "CEL114", text, "motion", "home_deg")
+        yield context.finding(Severity.NOTE, "CEL114", text, "motion", "home_deg")
 
 
-def _options(context: _Context) -> Iterator[Issue]:
+def _options(context: _Context) -> Iterator[Finding]:
     cell = context.cell
     try:
         _, settings = settle(cell, PlanOptions())
     except CellError as problem:
         key = "step_deg" if problem.code == "PLN207" else "objective"
-        yield context.issue(Severity.ERROR, problem.code, problem.message, "optimize", key)
+        yield context.finding(Severity.ERROR, problem.code, problem.message, "optimize", key)
     else:
         asked = {name for name, _, _ in settings.weights.states}
         if "process" in asked and not cell.process.wrench_tcp[:3].any():
             text = "objective process needs a force: force_N is zero"
-            yield context.issue(Severity.ERROR, "CEL115", text, "optimize", "objective")
+            yield context.finding(Severity.ERROR, "CEL115", text, "optimize", "objective")
     if tilt := TiltRange.of(cell):
         lead, side = (
             f"{low / DEG:g} to {high / DEG:g} deg" for low, high in (tilt.lead, tilt.side)
         )
         text = f"milling may tilt the tool axis: lead {lead}, side tilt {side}"
-        yield context.issue(Severity.NOTE, "CEL119", text, "optimize")
+        yield context.finding(Severity.NOTE, "CEL119", text, "optimize")
     if np.isnan(cell.motion.feed):
         text = "no feed_mm_min: CAM data without a feed are refused"
-        yield context.issue(Severity.NOTE, "CEL116", text, "motion")
+        yield context.finding(Severity.NOTE, "CEL116", text, "motion")
 
 
-def _robot(context: _Context) -> Iterator[Issue]:
+def _robot(context: _Context) -> Iterator[Finding]:
     origins = context.cell.robot.origins
     assumed = [
         name
@@ -210,13 +210,13 @@ def _robot(context: _Context) -> Iterator[Issue]:
         words = {"qd_max": "speeds", "qdd_max": "accelerations", "q_min": "limits"}
         named = ", ".join(words.get(name, name) for name in assumed if name != "q_max")
         text = f"numbers of the robot that no source gives, wholly or for some axes: {named}"
-        yield context.issue(Severity.NOTE, "CEL117", text, "robot")
+        yield context.finding(Severity.NOTE, "CEL117", text, "robot")
     if not context.kinematics.is_closed_form:
         text = "this arm has no closed-form inverse kinematics: planning is slow"
-        yield context.issue(Severity.NOTE, "CEL118", text, "robot", "urdf")
+        yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")
 
 
-_LOOKS: tuple[Callable[[_Context], Iterator[Issue]], ...] = (
+_LOOKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
     _tool,
     _solids,

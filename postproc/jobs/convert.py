@@ -6,7 +6,6 @@ run on the robot model and compared with the CAM path first.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -15,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.cell import shared_cell
-from postproc.errors import CellError, DataError, EmitError, Issue, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, EmitError, Finding, Severity, SourceRef, fold
+from postproc.progress import Clock, Progress
 from postproc.units import MM, N_PER_MM
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from postproc.model import ModelFile, Plan, ToolPath
     from postproc.verification import Expectation, VerifyReport
 
-Progress = Callable[[int, int, str], None]
 
 REASONS = {
     "PLN101": "unreachable",
@@ -72,30 +71,14 @@ class Conversion:
     plan: Plan
     files: Mapping[str, bytes]
     name: str
-    issues: tuple[Issue, ...]
+    findings: tuple[Finding, ...]
     timing: Mapping[str, float] = field(default_factory=dict)
     expectation: Expectation | None = None
 
     @property
     def good(self) -> bool:
         """Whether every tag can be run and every check passed."""
-        return not any(issue.severity is Severity.ERROR for issue in self.issues)
-
-
-class _Clock:
-    """Seconds per stage, for the record; never part of a program."""
-
-    def __init__(self) -> None:
-        self.stages: dict[str, float] = {}
-        self._start = self._last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.stages[stage] = self.stages.get(stage, 0.0) + now - self._last
-        self._last = now
-
-    def total(self) -> dict[str, float]:
-        return {**self.stages, "total": time.perf_counter() - self._start}
+        return not any(finding.severity is Severity.ERROR for finding in self.findings)
 
 
 def convert(
@@ -119,7 +102,7 @@ def convert(
     """
     from postproc.planning import PlanOptions, settle
 
-    clock = _Clock()
+    clock = Clock()
     wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
     cell = settle(shared_cell(request.cell), wishes)[0]
     if toolpath is None:
@@ -139,9 +122,9 @@ def convert(
     clock.lap("read")
     plan = make_plan(toolpath, cell, request, progress, model)
     clock.lap("plan")
-    name, files, issues, checked = _emit_checked(plan, cell, request, clock, model)
+    name, files, findings, checked = _emit_checked(plan, cell, request, clock, model)
     expected = None if checked is None else checked.expectation
-    return Conversion(cell, toolpath, plan, files, name, issues, clock.total(), expected)
+    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), expected)
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -238,20 +221,20 @@ def _emit_checked(
     plan: Plan,
     cell: Cell,
     request: ConvertRequest,
-    clock: _Clock,
+    clock: Clock,
     model: ModelFile | None,
-) -> tuple[str, dict[str, bytes], tuple[Issue, ...], VerifyReport | None]:
+) -> tuple[str, dict[str, bytes], tuple[Finding, ...], VerifyReport | None]:
     """Return program name, files, all findings and the check; no files when it fails."""
     from postproc.emitters import emit, render_files
     from postproc.krl import NameAllocator
 
-    findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.issues]
+    findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.findings]
     if len(plan) == 0 or (plan.errors and not request.partial):
         return plan.name, {}, fold(findings), None
     names = NameAllocator()
     modules = emit(plan, cell, names=names)
     findings += [
-        Issue(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
+        Finding(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
         for wanted, got in names.changes
     ]
     files = render_files(modules)
@@ -260,7 +243,7 @@ def _emit_checked(
     checks, report = check_text(files, name, cell, plan, model)
     clock.lap("check")
     findings += checks
-    if any(issue.severity is Severity.ERROR for issue in checks):
+    if any(finding.severity is Severity.ERROR for finding in checks):
         files = {}
     return name, files, fold(findings), report
 
@@ -271,7 +254,7 @@ def check_text(
     cell: Cell,
     plan: Plan,
     model: ModelFile | None = None,
-) -> tuple[list[Issue], VerifyReport]:
+) -> tuple[list[Finding], VerifyReport]:
     """Lint the program text, read it back, run it on the robot model, compare with the CAM path.
 
     A compensated program is judged by where the real tool is expected. Collisions were proven by
@@ -300,7 +283,7 @@ def check_text(
         if excused and violation.kind in ("position", "path"):
             continue
         findings.append(
-            Issue(
+            Finding(
                 Severity.ERROR,
                 "CNV002",
                 f"the program text fails its check: {violation.kind}: {violation.detail}",
@@ -311,7 +294,7 @@ def check_text(
     left = [v for v in report.violations if v.kind in ("position", "path")]
     if excused and left:
         findings.append(
-            Issue(
+            Finding(
                 Severity.WARNING,
                 "CMP006",
                 f"at {len(left)} places backlash or servo lag is left: {left[0].detail}",
@@ -338,18 +321,18 @@ def _is_excused(cell: Cell, model: ModelFile, report: VerifyReport) -> bool:
 def failures(conversion: Conversion) -> list[dict[str, Any]]:
     """Return the failing tags as the JSON document lists them."""
     rows = []
-    for issue in conversion.issues:
-        if issue.severity is not Severity.ERROR:
+    for finding in conversion.findings:
+        if finding.severity is not Severity.ERROR:
             continue
         row: dict[str, Any] = {
-            "tag": issue.tag_index,
-            "line": issue.source.line if issue.source else None,
-            "reason": REASONS.get(issue.code, "check"),
-            "detail": issue.message,
-            "code": issue.code,
+            "tag": finding.tag_index,
+            "line": finding.source.line if finding.source else None,
+            "reason": REASONS.get(finding.code, "check"),
+            "detail": finding.message,
+            "code": finding.code,
         }
-        if issue.hint:
-            row["hint"] = issue.hint
+        if finding.hint:
+            row["hint"] = finding.hint
         rows.append(row)
     return rows
 
@@ -372,13 +355,13 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
         "warnings": [
             {
-                "line": issue.source.line if issue.source else None,
-                "text": issue.message,
-                "code": issue.code,
-                "count": issue.count,
+                "line": finding.source.line if finding.source else None,
+                "text": finding.message,
+                "code": finding.code,
+                "count": finding.count,
             }
-            for issue in conversion.issues
-            if issue.severity is Severity.WARNING
+            for finding in conversion.findings
+            if finding.severity is Severity.WARNING
         ],
         "timing_s": {stage: round(seconds, 4) for stage, seconds in conversion.timing.items()},
     }

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.geometry import inverse, rotation_angle, transform
 from postproc.kinematics import build
 from postproc.model import ToolPath
@@ -41,7 +41,7 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
     posed, jointed = has_pose(toolpath), np.isfinite(toolpath.joints).all(axis=1)
     wanted = jointed & ~posed
     points, R, axes = toolpath.points.copy(), toolpath.rotations.copy(), toolpath.axes.copy()
-    placed: list[Issue] = []
+    placed: list[Finding] = []
     for tool in np.unique(toolpath.tool[wanted]).tolist():
         mine = toolpath.tool == tool
         proof, here = mine & posed & jointed, np.flatnonzero(mine & wanted)
@@ -55,7 +55,9 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
             f"{len(here)} targets by joint angles were placed by the cell's arm: the {proof.sum()} "
             "targets that give a pose as well agree with it; the turn about the tool axis is free"
         )
-        placed.append(Issue(Severity.WARNING, "CNV011", text, source=toolpath.source(int(here[0]))))
+        placed.append(
+            Finding(Severity.WARNING, "CNV011", text, source=toolpath.source(int(here[0])))
+        )
     if not placed:
         return toolpath
     warnings = (*toolpath.warnings, *placed)

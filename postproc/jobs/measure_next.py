@@ -16,7 +16,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap import Finding, NextPose, Reach, next_poses, questions, reassessed
+from postproc.gap import Diagnosis, NextPose, Reach, next_poses, questions, reassessed
 from postproc.jobs import drive
 from postproc.jobs.ways import free_ways
 from postproc.kinematics import build
@@ -56,37 +56,37 @@ class NextMeasurements:
         return tuple(p for k, p in enumerate(self.poses) if k not in self.reads)
 
 
-def measure_next(finding: Finding, cell: Cell) -> NextMeasurements:
+def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
     """Return what to measure next within the limits of a cell and free of collision.
 
     Poses without any free way to the others are left out; the separations are those of the rest.
     """
     nothing = NextMeasurements((), np.zeros((0, 6)), ())
-    if finding.verdict != "unexplained" and not questions(finding):
+    if diagnosis.verdict != "unexplained" and not questions(diagnosis):
         return nothing
     kinematics = build(cell.robot)
     checks = drive.Checks.of(cell, kinematics)
     limits = cell.limits
     reach = Reach(limits.joint_margin, limits.singularity, checks.is_free, checks.are_free)
-    proposed = next_poses(finding, reach)
+    proposed = next_poses(diagnosis, reach)
     if not proposed:
         return nothing
-    poses = [proposed[k] for k in _order(proposed, finding)]
+    poses = [proposed[k] for k in _order(proposed, diagnosis)]
     still = [k for k, pose in enumerate(poses) if pose.qd is None]
-    via = _via(finding, reach, checks)
+    via = _via(diagnosis, reach, checks)
     kept, q, reads = _way([poses[k] for k in still], checks, via)
     lost = {still[k] for k in range(len(still)) if k not in kept}
     number = {k: at for at, k in enumerate(k for k in range(len(poses)) if k not in lost)}
     left = [pose for k, pose in enumerate(poses) if k not in lost]
     left = [replace(pose, id=f"next{k + 1:02d}") for k, pose in enumerate(left)]
     if lost:
-        left = list(reassessed(finding, left))
+        left = list(reassessed(diagnosis, left))
     return NextMeasurements(tuple(left), q, tuple(-1 if k < 0 else number[still[k]] for k in reads))
 
 
-def _order(poses: Sequence[NextPose], finding: Finding) -> list[int]:
+def _order(poses: Sequence[NextPose], diagnosis: Diagnosis) -> list[int]:
     """Return the order of poses: one load after the other, the lightest first, on short tours."""
-    kinematics = finding.problem.samples.arm.kinematics
+    kinematics = diagnosis.problem.samples.arm.kinematics
     loads = np.array([np.zeros(6) if p.wrench is None else p.wrench for p in poses])
     _, group = np.unique(np.round(loads, 3), axis=0, return_inverse=True)
     weight = [float(np.linalg.norm(loads[group == g][0])) for g in range(int(group.max()) + 1)]
@@ -99,11 +99,11 @@ def _order(poses: Sequence[NextPose], finding: Finding) -> list[int]:
     return order
 
 
-def _via(finding: Finding, reach: Reach, checks: drive.Checks) -> FloatArray:
+def _via(diagnosis: Diagnosis, reach: Reach, checks: drive.Checks) -> FloatArray:
     """Return measured postures that ways may go through."""
-    q = finding.problem.samples.q
+    q = diagnosis.problem.samples.q
     q = np.round(q[:: max(1, len(q) // _MOST_VIA)] / DEG, 5) * DEG
-    kinematics = finding.problem.samples.arm.kinematics
+    kinematics = diagnosis.problem.samples.arm.kinematics
     q = q[kinematics.within_limits(q, reach.joint_margin)]
     return q[checks.is_free(q)] if len(q) else q
 
@@ -132,11 +132,11 @@ def _aside(pose: NextPose) -> bool:
     return bool(np.any(pose.before != pose.q))
 
 
-def files(found: NextMeasurements, finding: Finding, cell: Cell) -> dict[str, bytes]:
+def files(found: NextMeasurements, diagnosis: Diagnosis, cell: Cell) -> dict[str, bytes]:
     """Return ``next_measurements.csv`` to fill in and the program; nothing if there is nothing."""
     if not found.poses:
         return {}
-    out = {f"{NAME}.csv": csv_text(found, finding.problem.measurements)}
+    out = {f"{NAME}.csv": csv_text(found, diagnosis.problem.measurements)}
     if any(k >= 0 for k in found.reads):
         out |= drive.program_files(drive_of(found, cell))
     return out

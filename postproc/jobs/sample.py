@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from postproc.errors import StiffnessError
 from postproc.jobs import drive
 from postproc.jobs.ways import with_free_ways
 from postproc.kinematics import Kinematics, build
+from postproc.progress import Progress
 from postproc.stiffness.identify import observe, showing_load
 from postproc.stiffness.sample import (
     TRACKER_SIGMA,
@@ -28,7 +28,6 @@ from postproc.stiffness.sample import (
     travel_order,
 )
 
-Progress = Callable[[int, int, str], None]
 FIRST_LINE = 5
 """Line of the first reading in the CSV, behind the remarks and the header."""
 

@@ -38,7 +38,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.krl.rules.blending import advance_stops, blending
 from postproc.krl.rules.circles import circles, external_axes
 from postproc.krl.rules.declared import declared
@@ -80,7 +80,7 @@ RULES: tuple[Rule, ...] = (
 _ORDER = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
 
 
-def lint(modules: Sequence[KrlModule], options: LintOptions | None = None) -> tuple[Issue, ...]:
+def lint(modules: Sequence[KrlModule], options: LintOptions | None = None) -> tuple[Finding, ...]:
     """Return all findings, by file and line.
 
     Args:
@@ -91,12 +91,12 @@ def lint(modules: Sequence[KrlModule], options: LintOptions | None = None) -> tu
     subject = Subject(modules, options or LintOptions())
     for rule in RULES:
         rule(subject)
-    return tuple(sorted((*subject.issues, *subject.left_out()), key=_key))
+    return tuple(sorted((*subject.findings, *subject.left_out()), key=_key))
 
 
-def _key(issue: Issue) -> tuple[str, int, int, str, str]:
-    path, line = (issue.source.path, issue.source.line) if issue.source else ("", 0)
-    return path, line, _ORDER[issue.severity], issue.code, issue.message
+def _key(finding: Finding) -> tuple[str, int, int, str, str]:
+    path, line = (finding.source.path, finding.source.line) if finding.source else ("", 0)
+    return path, line, _ORDER[finding.severity], finding.code, finding.message
 
 
 __all__ = ["RULES", "LintOptions", "lint"]

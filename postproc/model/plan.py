@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, ToolPath
 
 
@@ -58,7 +58,7 @@ class Plan:
         clearance: (n,) smallest distance per tag [m], NaN where not asked for.
         events: (move index before which it happens, event).
         compensation: (m, 3) shift applied to the commanded position [m], workpiece frame, or None.
-        issues: findings; any error among them forbids a program.
+        findings: findings; any error among them forbids a program.
         settings: options as used, for the record; timing: seconds per stage.
     """
 
@@ -84,7 +84,7 @@ class Plan:
     events: tuple[tuple[int, Event], ...] = ()
     compensation: FloatArray | None = None
     compensation_note: str = ""
-    issues: tuple[Issue, ...] = ()
+    findings: tuple[Finding, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -108,6 +108,6 @@ class Plan:
         return len(self.kind)
 
     @property
-    def errors(self) -> tuple[Issue, ...]:
+    def errors(self) -> tuple[Finding, ...]:
         """Findings that forbid a program."""
-        return tuple(issue for issue in self.issues if issue.severity is Severity.ERROR)
+        return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)

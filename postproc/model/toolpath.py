@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
-from postproc.errors import Issue, SourceRef
+from postproc.errors import Finding, SourceRef
 
 
 class MotionKind(IntEnum):
@@ -183,8 +183,8 @@ class ToolPath:
     extra: Mapping[str, Any] = field(default_factory=dict)
     unknown_words: Mapping[str, int] = field(default_factory=dict)
     words: Mapping[str, int] = field(default_factory=dict)
-    warnings: tuple[Issue, ...] = ()
-    recovered: tuple[Issue, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+    recovered: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

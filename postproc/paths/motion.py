@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Finding, Rows, Trace
+from postproc.controller import Rows, RunFinding, Trace
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
@@ -60,7 +60,7 @@ class Paths:
     axis: FloatArray
     end_point: FloatArray
     end_axis: FloatArray
-    findings: tuple[Finding, ...]
+    findings: tuple[RunFinding, ...]
     station: Station
     shift: Shift | None = None
 
@@ -169,7 +169,7 @@ class _Solver:
         self.q_sample = np.full((len(self.row), 6), np.nan)
         self.point = np.full((len(self.row), 3), np.nan)
         self.axis = np.full((len(self.row), 3), np.nan)
-        self.findings: list[Finding] = []
+        self.findings: list[RunFinding] = []
         # First sample of every motion: those of motion i are first[i]..first[i + 1] - 1.
         self.first = np.searchsorted(self.row, np.arange(len(trace) + 1))
 
@@ -214,7 +214,7 @@ class _Solver:
         return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
 
     def _finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
-        self.findings.append(Finding(kind, detail, *self.trace.place(motion), is_error))
+        self.findings.append(RunFinding(kind, detail, *self.trace.place(motion), is_error))
 
     # ---------------------------------------------------------------------------------------- PTP
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.kinematics import build
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
@@ -34,11 +32,11 @@ from postproc.planning.states import (
     tilt_grid,
 )
 from postproc.process import as_served, reordered
+from postproc.progress import Clock, Progress
 from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
 
-Progress = Callable[[int, int, str], None]
 _ON_AXIS = 1e-6
 _DROPS = 20
 
@@ -58,7 +56,7 @@ def plan(
         progress: called with (done, total, what).
 
     Returns:
-        The plan; tags that cannot be run are errors among its ``issues``. Without
+        The plan; tags that cannot be run are errors among its ``findings``. Without
         ``options.partial`` such a plan has no moves worth running. Where the cell leaves the order
         of holes free, the plan's toolpath is the one read in the order found.
 
@@ -90,18 +88,26 @@ def _planned(
     progress: Progress | None,
 ) -> Plan:
     """Return the plan in a cell without external axes."""
-    clock = _Clock(progress)
+    clock = Clock(progress)
     if settings.free_order:
         toolpath = reordered(toolpath, ordered(problem_of(toolpath, cell, settings)))
     checker = checker_of(toolpath, cell, settings)
     problem = checker.problem
     clock.lap("place")
-    chosen, issues, record = choose(checker, clock.step)
+    chosen, findings, record = choose(checker, clock.step)
     clock.lap("search")
     routed, dropped = _routed(checker, chosen, partial=options.partial)
     clock.lap("route")
-    issues = [*_notes(checker), *_tilt_note(problem, chosen), *issues, *dropped, *routed.issues]
-    result = _assembled(problem, chosen, routed, issues, options, {**record, **clock.record()})
+    findings = [
+        *_notes(checker),
+        *_tilt_note(problem, chosen),
+        *findings,
+        *dropped,
+        *routed.findings,
+    ]
+    result = _assembled(
+        problem, chosen, routed, findings, options, {**record, "timing": clock.stages}
+    )
     return replace(
         result,
         toolpath=toolpath,
@@ -154,18 +160,18 @@ def checker_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
     return Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))
 
 
-def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Issue]]:
+def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Finding]]:
     """Return the route; with ``partial`` the stretches that cannot be got to are left out."""
-    dropped: list[Issue] = []
+    dropped: list[Finding] = []
     for _ in range(_DROPS):
         routed = route(checker, chosen)
-        stuck = [issue for issue in routed.issues if issue.severity is Severity.ERROR]
+        stuck = [finding for finding in routed.findings if finding.severity is Severity.ERROR]
         if not partial or not stuck:
             break
         dropped += stuck
         rule = step_rules(checker.problem)
-        for issue in stuck:
-            tag = issue.tag_index or 0
+        for finding in stuck:
+            tag = finding.tag_index or 0
             chosen.good[tag] = False
             while tag + 1 < len(rule) and rule[tag + 1] == Rule.CHAIN:
                 tag += 1
@@ -190,13 +196,13 @@ def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
     return Scene.shared(problem.cell, problem.kinematics)
 
 
-def _notes(checker: Checker) -> list[Issue]:
+def _notes(checker: Checker) -> list[Finding]:
     """Return what the user should know about the cell."""
     problem = checker.problem
-    notes = [Issue(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
+    notes = [Finding(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
     if _is_coaxial(problem):
         notes.append(
-            Issue(
+            Finding(
                 Severity.WARNING,
                 "PLN303",
                 "the tool axis lies on the axis of A6: turning the tool about it moves A6 only and "
@@ -204,10 +210,10 @@ def _notes(checker: Checker) -> list[Issue]:
                 hint="an angle head or a tool across the flange makes the turn worth something",
             )
         )
-    return notes + list(checker.scene.issues if checker.scene is not None else ())
+    return notes + list(checker.scene.findings if checker.scene is not None else ())
 
 
-def _tilt_note(problem: Problem, chosen: Chosen) -> list[Issue]:
+def _tilt_note(problem: Problem, chosen: Chosen) -> list[Finding]:
     """Return how much of the allowed tilt is used."""
     may = problem.placement.may_tilt & chosen.good
     if not may.any():
@@ -219,7 +225,7 @@ def _tilt_note(problem: Problem, chosen: Chosen) -> list[Issue]:
         f"{tilted} of {len(tilts)} milling tags are tilted: lead {low[0]:g} to {high[0]:g} deg, "
         f"side tilt {low[1]:g} to {high[1]:g} deg, {len(problem.tilts)} tilts searched"
     )
-    return [Issue(Severity.NOTE, "PLN306", text)]
+    return [Finding(Severity.NOTE, "PLN306", text)]
 
 
 def _is_coaxial(problem: Problem) -> bool:
@@ -236,7 +242,7 @@ def _assembled(
     problem: Problem,
     chosen: Chosen,
     routed: Route,
-    issues: list[Issue],
+    findings: list[Finding],
     options: PlanOptions,
     record: dict[str, object],
 ) -> Plan:
@@ -265,7 +271,7 @@ def _assembled(
         stiffness_initial=initial,
         clearance=np.full(len(toolpath), np.nan),
         events=tuple(zip(first.tolist(), toolpath.events, strict=True)),
-        issues=tuple(issues),
+        findings=tuple(findings),
         settings=record,
     )
 
@@ -284,26 +290,3 @@ def _stiffness(problem: Problem, chosen: Chosen) -> tuple[FloatArray, FloatArray
         rows = np.nonzero(reached)[0]
         result[tags[rows]] = evaluate(problem, tags[rows], attitude[rows, 0], T[rows], q[rows])[1]
     return index, initial
-
-
-@dataclass(slots=True)
-class _Clock:
-    """Seconds per stage for the record, and progress."""
-
-    progress: Progress | None
-    stages: dict[str, float] = field(default_factory=dict)
-    _last: float = field(default_factory=time.perf_counter)
-
-    def step(self, done: int, total: int, what: str) -> None:
-        """Pass progress on."""
-        if self.progress is not None:
-            self.progress(done, total, what)
-
-    def lap(self, stage: str) -> None:
-        """Note how long a stage took."""
-        now = time.perf_counter()
-        self.stages[stage], self._last = now - self._last, now
-
-    def record(self) -> dict[str, object]:
-        """Return the times under the key ``timing``."""
-        return {"timing": dict(self.stages)}

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.errors import Issue
+from postproc.errors import Finding
 from postproc.model import EventKind, MotionKind, ToolPath
 from postproc.units import MM, MM_PER_MIN
 
@@ -46,8 +46,8 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "operations": [operation.name for operation in toolpath.operations],
         "words": dict(toolpath.words),
         "unknown_words": dict(toolpath.unknown_words),
-        "warnings": [_warning(issue) for issue in toolpath.warnings],
-        "recovered": [_warning(issue) for issue in toolpath.recovered],
+        "warnings": [_warning(finding) for finding in toolpath.warnings],
+        "recovered": [_warning(finding) for finding in toolpath.recovered],
     }
 
 
@@ -141,6 +141,6 @@ def _feeds_mm_min(feed: FloatArray) -> list[float]:
     return [float(v) for v in np.unique(np.round(known / MM_PER_MIN, _FEED_DIGITS))]
 
 
-def _warning(issue: Issue) -> dict[str, Any]:
-    line = issue.source.line if issue.source else 1
-    return {"line": line, "text": issue.message, "code": issue.code, "count": issue.count}
+def _warning(finding: Finding) -> dict[str, Any]:
+    line = finding.source.line if finding.source else 1
+    return {"line": line, "text": finding.message, "code": finding.code, "count": finding.count}

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Blend, EventWord, Finding, Rows
+from postproc.controller import Blend, EventWord, Rows, RunFinding
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, motion_times
 from postproc.units import DEG, MM, PERCENT
@@ -31,13 +31,13 @@ class Result:
     """Findings and worst values, collected."""
 
     paths: Paths
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[RunFinding] = field(default_factory=list)
     worst: dict[str, Worst] = field(default_factory=dict)
 
     def finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
         """Add a finding at a motion."""
         file, line = self.paths.trace.place(motion)
-        self.findings.append(Finding(kind, detail, file, line, is_error))
+        self.findings.append(RunFinding(kind, detail, file, line, is_error))
 
     def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
         """Set the worst value of a measure."""

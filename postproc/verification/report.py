@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from postproc.controller import Finding
+from postproc.controller import RunFinding
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def _in_unit(value: float | None, unit: float) -> float | None:
 
 
 def split_findings(
-    findings: list[Finding],
+    findings: list[RunFinding],
 ) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
     """Return violations and warnings, each once, by file and line."""
     parts: tuple[list[Violation], list[Violation]] = ([], [])

@@ -14,7 +14,7 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_express
 from postproc.model import ToolPath
 from postproc.paths import Displacement, cycle_time, durations, joint_paths, joints_at_end
 from postproc.process import as_served
+from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.cam import Comparison, Tolerances, check_events, compare_served
 from postproc.verification.checks import (
@@ -39,7 +40,6 @@ from postproc.verification.checks import (
 from postproc.verification.collisions import check_collisions
 from postproc.verification.report import Run, VerifyReport, split_findings
 
-Progress = Callable[[int, int, str], None]
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
 HALF_TURN = 179.5 * DEG

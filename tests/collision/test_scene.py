@@ -91,7 +91,7 @@ def test_links_that_touch_by_construction_are_left_out():
     assert ("link 1", "link 3") in scene.excluded
     assert not set(scene.excluded) & set(scene.pairs)
     assert ("link 0", "link 3") in scene.pairs
-    assert any("COL104: link 1 and link 3 touch" in str(issue) for issue in scene.issues)
+    assert any("COL104: link 1 and link 3 touch" in str(finding) for finding in scene.findings)
 
 
 def test_own_link_meshes_replace_the_hulls(tmp_path):
@@ -151,7 +151,7 @@ def test_what_the_user_should_know(tmp_path):
     mesh = wavy_sheet()
     path = write_stl(tmp_path / "sheet.stl", replace(mesh, faces=mesh.faces[:900]))
     cell = cell_of(workpiece=[MeshPlacement("workpiece", at(2.0), path)])
-    texts = [str(issue) for issue in Scene.build(cell, build(cell.robot)).issues]
+    texts = [str(finding) for finding in Scene.build(cell, build(cell.robot)).findings]
     assert any("COL101: the tool has no solids" in text for text in texts)
     assert any("COL103: workpiece sheet.stl is not closed" in text for text in texts)
 
@@ -229,7 +229,7 @@ def test_urdf_solids_are_taken_with_what_is_fixed_to_them(tmp_path):
     assert 0.05 <= np.linalg.norm(ball, axis=1).min() < 0.056
     cover = third[third[:, 0] > 0.1]
     assert np.allclose(np.ptp(cover, axis=0), [0.1, 0.02, 0.01])
-    texts = [str(issue) for issue in scene.issues]
+    texts = [str(finding) for finding in scene.findings]
     assert any("link 4: collision mesh 'missing.dae' is missing" in text for text in texts)
     assert any("link 5: no collision geometry" in text for text in texts)
     assert len(bodies) == 7

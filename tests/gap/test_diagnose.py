@@ -48,14 +48,14 @@ def missed(prediction, rows):
 def test_one_cause_over_small_errors_of_the_frames(name, campaign, kinematics, cell):
     noise = 2e-5
     rows, fresh = campaign(41, {name: 3e-4}, n=220, noise=noise, background=1.5e-4, outliers=0.01)
-    finding = diagnose(pose_problem(rows, kinematics, cell))
-    assert set(finding.adopted) - FRAMES == {name}
-    assert finding.verdict == "explained"
-    assert finding.noise == pytest.approx(noise, rel=0.25)
-    model = model_file(finding, None)
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell))
+    assert set(diagnosis.adopted) - FRAMES == {name}
+    assert diagnosis.verdict == "explained"
+    assert diagnosis.noise == pytest.approx(noise, rel=0.25)
+    model = model_file(diagnosis, None)
     after = missed(predict(fresh, kinematics, cell, model), fresh)
     before = missed(predict(fresh, kinematics, cell), fresh)
-    promised = finding.total[1] / finding.total[0]
+    promised = diagnosis.total[1] / diagnosis.total[0]
     kept = np.sqrt(after**2 + 3 * noise**2) / np.sqrt(before**2 + 3 * noise**2)
     assert after < 0.2 * before
     assert kept == pytest.approx(promised, abs=0.06)
@@ -63,10 +63,10 @@ def test_one_cause_over_small_errors_of_the_frames(name, campaign, kinematics, c
 
 def test_noise_and_faults_alone_have_no_cause(campaign, kinematics, cell):
     rows, _ = campaign(42, {}, n=200, noise=5e-5, outliers=0.03)
-    finding = diagnose(pose_problem(rows, kinematics, cell))
-    assert finding.verdict == "no_gap"
-    assert finding.adopted == ()
-    assert 2 <= finding.outlier.sum() <= 10
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell))
+    assert diagnosis.verdict == "no_gap"
+    assert diagnosis.adopted == ()
+    assert 2 <= diagnosis.outlier.sum() <= 10
 
 
 OUTSIDE = (
@@ -78,24 +78,24 @@ OUTSIDE = (
 @pytest.mark.parametrize("name", OUTSIDE)
 def test_a_cause_outside_of_the_library_gets_no_name(name, campaign, kinematics, cell):
     rows, _ = campaign(43, {name: 1.2e-4}, n=220, noise=2e-5, background=1e-4)
-    finding = diagnose(pose_problem(rows, kinematics, cell))
-    assert finding.verdict == "unexplained"
-    assert not set(finding.adopted) - FRAMES
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell))
+    assert diagnosis.verdict == "unexplained"
+    assert not set(diagnosis.adopted) - FRAMES
 
 
 def test_three_causes_at_once(campaign, kinematics, cell):
     causes = {"joint_compliance": 3e-4, "backlash": 2e-4, "gravity_sag": 3e-4}
     rows, _ = campaign(44, causes, n=350, noise=2e-5, background=1e-4)
-    finding = diagnose(pose_problem(rows, kinematics, cell))
-    assert set(finding.adopted) - FRAMES == set(causes)
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell))
+    assert set(diagnosis.adopted) - FRAMES == set(causes)
 
 
 def test_a_missing_column_is_said_and_nothing_else_blamed(campaign, kinematics, cell):
     rows, _ = campaign(45, {"backlash": 3e-4}, ("direction",), n=200)
-    finding = diagnose(pose_problem(rows, kinematics, cell))
-    assert finding.verdict == "unexplained"
-    assert not finding.adopted
-    missing = {item["name"]: item["needs"] for item in document(finding)["not_testable"]}
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell))
+    assert diagnosis.verdict == "unexplained"
+    assert not diagnosis.adopted
+    missing = {item["name"]: item["needs"] for item in document(diagnosis)["not_testable"]}
     assert missing["backlash"] == [f"dir{i}" for i in range(1, 7)]
 
 
@@ -108,10 +108,10 @@ def test_an_unknown_column_is_found(campaign, kinematics, cell, world, tmp_path)
     lines[1:] = [f"{line},{h:.2f}" for line, h in zip(lines[1:], humidity, strict=True)]
     path = tmp_path / "rows.csv"
     path.write_text("\n".join(lines))
-    finding = diagnose(pose_problem(read_measurements(path), kinematics, cell))
-    assert finding.verdict == "unexplained"
-    assert not finding.adopted
-    assert finding.tests[0].name == "humidity"
+    diagnosis = diagnose(pose_problem(read_measurements(path), kinematics, cell))
+    assert diagnosis.verdict == "unexplained"
+    assert not diagnosis.adopted
+    assert diagnosis.tests[0].name == "humidity"
 
 
 def test_poses_yet_to_be_measured_lack_the_columns_that_no_effect_knows(samples):
@@ -125,11 +125,11 @@ def test_poses_yet_to_be_measured_lack_the_columns_that_no_effect_knows(samples)
 def test_registration_of_a_tracker_that_stands_anywhere(campaign, kinematics, cell, tmp_path):
     move = transform(rotation_from_abc([2.0, 0.3, -0.2]), [3.0, -1.0, 0.4])
     rows, fresh = campaign(47, {"backlash": 3e-4}, move=move, n=200, background=3e-4)
-    finding = diagnose(pose_problem(rows, kinematics, cell, None, True))
-    assert finding.adopted == ("backlash",)
-    assert finding.verdict == "explained"
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell, None, True))
+    assert diagnosis.adopted == ("backlash",)
+    assert diagnosis.verdict == "explained"
     path = tmp_path / "model.toml"
-    path.write_bytes(save_model(model_file(finding, None)))
+    path.write_bytes(save_model(model_file(diagnosis, None)))
     model = load_model(path)
     assert missed(predict(fresh, kinematics, cell, model), fresh) < 2e-5
     other = transform(rotation_from_abc([-1.0, 0.1, 0.2]), [0.0, 5.0, 0.0])

@@ -95,6 +95,6 @@ def test_repeats_whose_differences_a_fit_could_take_have_less_freedom(warming, k
 
 
 def test_the_noise_of_a_diagnosis_is_that_of_the_repeats(warming, kinematics, cell):
-    finding = diagnose(pose_problem(warming, kinematics, cell))
-    assert finding.noise == pytest.approx(NOISE, rel=0.25)
-    assert set(finding.adopted) <= {"thermal_drift", "base_frame", "tool_frame"}
+    diagnosis = diagnose(pose_problem(warming, kinematics, cell))
+    assert diagnosis.noise == pytest.approx(NOISE, rel=0.25)
+    assert set(diagnosis.adopted) <= {"thermal_drift", "base_frame", "tool_frame"}

@@ -53,12 +53,12 @@ def rows(world, tmp_path):
 def test_orientations_come_nearer_by_what_is_right(rows, kinematics, cell, registered):
     away = transform(rotation_from_abc(np.array([1.0, 0.2, -0.4])), np.array([4.0, 1.0, -2.0]))
     measured = rows(away if registered else np.eye(4))
-    finding = diagnose(pose_problem(measured, kinematics, cell, None, registered))
-    assert finding.adopted == ("joint_offset",)
-    content = document(finding)
+    diagnosis = diagnose(pose_problem(measured, kinematics, cell, None, registered))
+    assert diagnosis.adopted == ("joint_offset",)
+    content = document(diagnosis)
     found = content["orientation"]
     noise = np.degrees(3.0**0.5 * NOISE)
-    assert found["rows"] == int(finding.kept.sum())
+    assert found["rows"] == int(diagnosis.kept.sum())
     assert found["rms_before_deg"] > 0.02
     # the last joint's offset and, registered, the first one's cannot be told from frames
     assert found["rms_after_deg"] == pytest.approx(noise, rel=0.35)
@@ -70,5 +70,5 @@ def test_without_orientations_nothing_is_said(world, kinematics, cell, tmp_path)
     data, points, *_ = world.make(8, {}, n=40)
     path = tmp_path / "rows.csv"
     path.write_text(world.csv(data, points))
-    finding = diagnose(pose_problem(read_measurements(path), kinematics, cell))
-    assert document(finding)["orientation"] is None
+    diagnosis = diagnose(pose_problem(read_measurements(path), kinematics, cell))
+    assert document(diagnosis)["orientation"] is None

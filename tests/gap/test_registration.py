@@ -62,11 +62,11 @@ def test_tracker_and_reflector_are_found(loaded, kinematics, cell):
 
 def test_stiffness_of_a_registered_campaign_serves_another_reflector(loaded, kinematics, cell):
     rows, model = loaded(3)
-    finding = diagnose(pose_problem(rows, kinematics, cell, None, True))
-    assert finding.adopted == ("joint_compliance",)
-    assert finding.verdict == "explained"
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell, None, True))
+    assert diagnosis.adopted == ("joint_compliance",)
+    assert diagnosis.verdict == "explained"
     there, _ = loaded(4, reflector=-REFLECTOR, move=np.linalg.inv(TRACKER))
-    fitted = model_file(finding, None)
+    fitted = model_file(diagnosis, None)
     assert predict(there, kinematics, cell, fitted, True).rms < 1.25 * 3.0**0.5 * NOISE
     assert predict(there, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
 
@@ -75,13 +75,13 @@ def test_rows_tell_that_the_loads_act_at_the_reflector(loaded, kinematics, cell,
     rows, model = loaded(5, loads_there=True)
     assert predict(rows, kinematics, cell, model, True).rms < 1.1 * 3.0**0.5 * NOISE
     problem = pose_problem(rows, kinematics, cell, None, True)
-    finding = diagnose(problem)
-    assert finding.adopted == ("joint_compliance",)
-    assert finding.verdict == "explained"
-    assert document(finding)["registration"]["loads_at"] == "reflector"
-    assert any("act at the reflector" in line for line in summary(document(finding)))
+    diagnosis = diagnose(problem)
+    assert diagnosis.adopted == ("joint_compliance",)
+    assert diagnosis.verdict == "explained"
+    assert document(diagnosis)["registration"]["loads_at"] == "reflector"
+    assert any("act at the reflector" in line for line in summary(document(diagnosis)))
     path = tmp_path / "model.toml"
-    path.write_bytes(save_model(model_file(finding, None)))
+    path.write_bytes(save_model(model_file(diagnosis, None)))
     kept = load_model(path)
     assert kept.registration.loads_at_point
     assert predict(rows, kinematics, cell, kept).rms < 1.1 * 3.0**0.5 * NOISE

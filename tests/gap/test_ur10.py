@@ -44,13 +44,13 @@ def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, 
     cell = load_cell(tmp_path / "cell.toml")
     kinematics = build(cell.robot)
     rows, others = (read_measurements(REAL / f"{name}.csv") for name in (fitted, judged))
-    finding = diagnose(pose_problem(rows, kinematics, cell, None, True))
-    assert finding.verdict == "unexplained"
-    assert "backlash" not in finding.adopted
-    assert not {"base_frame", "tool_frame"} & set(finding.adopted)
-    assert {"link_geometry", "gravity_sag"} <= set(finding.adopted)
-    assert finding.ripple
-    model = model_file(finding, None)
+    diagnosis = diagnose(pose_problem(rows, kinematics, cell, None, True))
+    assert diagnosis.verdict == "unexplained"
+    assert "backlash" not in diagnosis.adopted
+    assert not {"base_frame", "tool_frame"} & set(diagnosis.adopted)
+    assert {"link_geometry", "gravity_sag"} <= set(diagnosis.adopted)
+    assert diagnosis.ripple
+    model = model_file(diagnosis, None)
     rms = []
     for known in (None, model):
         got = predict(others, kinematics, cell, known, True)

@@ -438,11 +438,11 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
         fitted = fit_continuous(cases, constant).field
         model_path.write_bytes(save_model(ModelFile(effects_of(fitted, constant.c_joint))))
         done = convert(ConvertRequest(str(source), str(cell_path), model=str(model_path)))
-        if not [i for i in done.issues if i.code == "CMP005"]:
+        if not [i for i in done.findings if i.code == "CMP005"]:
             break
     else:
         pytest.fail("never in a measured posture")
-    assert done.files, [str(i) for i in done.issues]
+    assert done.files, [str(i) for i in done.findings]
     length = {}
     for name, files, model in (
         ("before", uncompensated.files, None),

@@ -74,7 +74,7 @@ def test_placed_where_the_others_agree(tmp_path, home, poses):
     assert np.abs(toolpath.points - poses[:, :3, 3]).max() < 1e-7
     assert np.abs(toolpath.rotations - poses[:, :3, :3]).max() < 1e-7
     assert np.abs(toolpath.axes + poses[:, :3, 0]).max() < 1e-7
-    (said,) = [issue for issue in toolpath.warnings if issue.code == "CNV011"]
+    (said,) = [finding for finding in toolpath.warnings if finding.code == "CNV011"]
     assert "2 targets by joint angles were placed" in said.message
 
 

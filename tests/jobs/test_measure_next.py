@@ -137,11 +137,11 @@ def ambiguous(world, cell, tmp_path_factory):
     for seed, name, span in CASES:
         campaign = Campaign(world, seed, name, span)
         path = campaign.write(folder / f"{name}.csv")
-        finding = diagnose(pose_problem(read_measurements(path), build(cell.robot), cell))
-        for question in questions(finding):
-            asked = name in question.names and name in finding.adopted
-            if asked and telling(finding, question, Reach())[0].separations[name] > CLEARLY:
-                return finding, path, name, campaign
+        diagnosis = diagnose(pose_problem(read_measurements(path), build(cell.robot), cell))
+        for question in questions(diagnosis):
+            asked = name in question.names and name in diagnosis.adopted
+            if asked and telling(diagnosis, question, Reach())[0].separations[name] > CLEARLY:
+                return diagnosis, path, name, campaign
     raise AssertionError("no campaign is ambiguous")
 
 
@@ -195,9 +195,9 @@ def test_promised_and_delivered(world, cell, tmp_path, seed, name, span, rivals)
 
 
 def test_poses_tell_more_than_random_ones_of_the_same_region(ambiguous):
-    finding = ambiguous[0]
-    poses = next_poses(finding)
-    pool = candidates(finding, questions(finding)[0].effects, Reach())
+    diagnosis = ambiguous[0]
+    poses = next_poses(diagnosis)
+    pool = candidates(diagnosis, questions(diagnosis)[0].effects, Reach())
     rng = np.random.default_rng(4)
     chance = []
     for _ in range(8):
@@ -205,10 +205,10 @@ def test_poses_tell_more_than_random_ones_of_the_same_region(ambiguous):
             replace(poses[0], q=pool.q[k], wrench=pool.wrench[k], direction=pool.direction[k])
             for k in rng.choice(len(pool), len(poses), replace=False)
         ]
-        chance.append(reassessed(finding, some)[0].separation)
+        chance.append(reassessed(diagnosis, some)[0].separation)
     assert poses[0].separation > 1.2 * max(chance)
     # fewer readings never tell more
-    assert reassessed(finding, poses[:6])[0].separation < poses[0].separation
+    assert reassessed(diagnosis, poses[:6])[0].separation < poses[0].separation
 
 
 def test_every_move_is_free_and_every_pose_inside_the_limits(ambiguous, cell):
@@ -292,9 +292,9 @@ def test_an_unfilled_table_is_refused_with_its_line(ambiguous, tmp_path, capsys)
 def test_play_that_nobody_logged_is_asked_for_from_both_sides(world, cell, tmp_path):
     campaign = Campaign(world, 45, "backlash", 1.0, ("direction",))
     rows = read_measurements(campaign.write(tmp_path / "rows.csv"))
-    finding = diagnose(pose_problem(rows, build(cell.robot), cell))
-    assert finding.verdict == "unexplained"
-    poses = next_poses(finding, Reach())
+    diagnosis = diagnose(pose_problem(rows, build(cell.robot), cell))
+    assert diagnosis.verdict == "unexplained"
+    poses = next_poses(diagnosis, Reach())
     sides = {tuple(np.round(pose.q, 9)): [] for pose in poses}
     for pose in poses:
         sides[tuple(np.round(pose.q, 9))].append(float(pose.direction[0]))
@@ -305,11 +305,11 @@ def test_play_that_nobody_logged_is_asked_for_from_both_sides(world, cell, tmp_p
 def test_where_the_rest_is_largest_is_measured_again(world, cell, tmp_path):
     campaign = Campaign(world, 43, "step", 1.0)
     rows = read_measurements(campaign.write(tmp_path / "rows.csv"))
-    finding = diagnose(pose_problem(rows, build(cell.robot), cell))
-    assert finding.verdict == "unexplained"
-    poses = [pose for pose in next_poses(finding, Reach()) if not pose.separations]
+    diagnosis = diagnose(pose_problem(rows, build(cell.robot), cell))
+    assert diagnosis.verdict == "unexplained"
+    poses = [pose for pose in next_poses(diagnosis, Reach()) if not pose.separations]
     assert poses
-    size = np.linalg.norm(finding.residual, axis=1)
+    size = np.linalg.norm(diagnosis.residual, axis=1)
     for pose in poses:
         same = np.abs(rows.q - pose.q).max(axis=1) < 1e-9
         assert size[same].max() > np.median(size)
@@ -320,6 +320,6 @@ def test_where_the_rest_is_largest_is_measured_again(world, cell, tmp_path):
 def test_nothing_is_asked_where_nothing_is_in_doubt(world, cell, tmp_path):
     campaign = Campaign(world, 61, "backlash", 1.0)
     rows = read_measurements(campaign.write(tmp_path / "rows.csv"))
-    finding = diagnose(pose_problem(rows, build(cell.robot), cell))
-    assert finding.verdict == "explained"
-    assert measure_next(finding, cell).poses == ()
+    diagnosis = diagnose(pose_problem(rows, build(cell.robot), cell))
+    assert diagnosis.verdict == "explained"
+    assert measure_next(diagnosis, cell).poses == ()

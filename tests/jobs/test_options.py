@@ -368,7 +368,7 @@ def outcome(folder):
         options = {k: str(folder / v) if k == "model" else v for k, v in more}
         if source == CHECK:
             seen = check_cell(load_cell(path))
-            return json.dumps([seen.facts["name"], *map(str, seen.issues)])
+            return json.dumps([seen.facts["name"], *map(str, seen.findings)])
         try:
             made = convert(ConvertRequest(str(folder / source), str(path), **options))
         except PostprocError as error:
@@ -376,7 +376,7 @@ def outcome(folder):
         said = document(made)
         del said["timing_s"]
         files = {name: content.decode() for name, content in sorted(made.files.items())}
-        return json.dumps([files, said, [str(issue) for issue in made.issues]])
+        return json.dumps([files, said, [str(finding) for finding in made.findings]])
 
     return run
 

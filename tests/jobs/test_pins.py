@@ -39,7 +39,7 @@ def spin_at(conversion, name):
 @pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
 def test_kept_at_holes(job, strategy):
     found = convert(job("holes.csv", HOLES, "H3,17.5\nH6,-21\n", strategy=strategy))
-    assert found.good, found.issues
+    assert found.good, found.findings
     assert found.files
     assert np.allclose(spin_at(found, "H3"), 17.5, atol=1e-6)
     assert np.allclose(spin_at(found, "H6"), -21.0, atol=1e-6)
@@ -51,7 +51,7 @@ def test_kept_at_holes(job, strategy):
 def test_kept_inside_a_cut(job, strategy):
     """Tag 7 lies between key tags; without names a tag is its index from 0."""
     found = convert(job("cut.apt", CUT, "7,12.5\n", strategy=strategy))
-    assert found.good, found.issues
+    assert found.good, found.findings
     assert np.allclose(spin_at(found, "7"), 12.5, atol=1e-6)
 
 

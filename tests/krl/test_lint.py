@@ -110,9 +110,9 @@ def run(files, options=None):
 
 def found(files, options=None):
     return {
-        (issue.code, str(issue.severity))
-        for issue in run(files, options)
-        if issue.severity is not Severity.NOTE
+        (finding.code, str(finding.severity))
+        for finding in run(files, options)
+        if finding.severity is not Severity.NOTE
     }
 
 
@@ -127,8 +127,8 @@ def test_the_clean_program_is_clean():
 
 @pytest.mark.parametrize("folder", ["forms85", "forms86", "milling"])
 def test_real_looking_programs_are_clean(folder):
-    issues = lint(load_modules([FIXTURES / folder]))
-    assert [str(i) for i in issues] == []
+    findings = lint(load_modules([FIXTURES / folder]))
+    assert [str(i) for i in findings] == []
 
 
 FIRST = "LIN {X 100.0000,Y 0.0000,Z 5.0000,A 0.00000,B 90.00000,C 0.00000} ; CAM line 4\n"
@@ -336,8 +336,8 @@ def test_the_config_of_the_controller_declares_names():
 
 
 def test_notes_and_places():
-    issues = run(mutated("PANEL.dat", "ENDDAT", "DECL E6POS XSPARE={X 1.0,Y 2.0,Z 3.0}\nENDDAT"))
-    notes = [i for i in issues if i.severity is Severity.NOTE]
+    findings = run(mutated("PANEL.dat", "ENDDAT", "DECL E6POS XSPARE={X 1.0,Y 2.0,Z 3.0}\nENDDAT"))
+    notes = [i for i in findings if i.severity is Severity.NOTE]
     assert {i.code for i in notes} == {"KRL105"}
     assert any("XSPARE" in i.message and i.source.path == "PANEL.dat" for i in notes)
     assert any("PP_SPINDLE_ON" in i.message and i.source.line == 19 for i in notes)
@@ -345,8 +345,8 @@ def test_notes_and_places():
 
 def test_hundreds_of_findings_are_counted_not_listed():
     lines = "".join(f"LIN {{X {i}.0,Y -0.0,Z 1.0}}\n" for i in range(500))
-    issues = run(mutated("PANEL.src", "WAIT SEC 0.5\n", lines))
-    zeros = [i for i in issues if i.code == "KRL126"]
+    findings = run(mutated("PANEL.src", "WAIT SEC 0.5\n", lines))
+    zeros = [i for i in findings if i.code == "KRL126"]
     assert len(zeros) == 101
     assert zeros[0].message == "400 more findings of KRL126"
 

@@ -214,7 +214,7 @@ class TestCuts:
         cell = make_cell()
         slow = replace(cell, robot=replace(cell.robot, qd_max=np.full(6, 0.1)))
         result = plan(toolpath, slow)
-        assert any(issue.code == "PLN301" for issue in result.issues)
+        assert any(finding.code == "PLN301" for finding in result.findings)
         rate = np.abs(np.diff(result.q, axis=0)).max(axis=1)
         step = np.linalg.norm(np.diff(result.T_base_tcp[:, :3, 3], axis=0), axis=1)
         assert (rate / (step / result.speed[1:]) < 0.1 * 1.02).all()
@@ -235,7 +235,7 @@ class TestFailures:
         points = np.array(toolpath.points)
         points[2, 0] = 9.0
         result = plan(replace(toolpath, points=points), make_cell())
-        assert [issue.code for issue in result.errors] == ["PLN101"]
+        assert [finding.code for finding in result.errors] == ["PLN101"]
         assert result.errors[0].tag_index == 2
         assert result.errors[0].source.line == 12
         assert "288 unreachable" in result.errors[0].message
@@ -270,9 +270,9 @@ class TestFailures:
         T[2, 3] = 0.3
         straight = replace(cell, tool=Tool(1, "t", T, np.array([0.0, 0.0, 1.0])))
         result = plan(row_of_holes(make_path, n=3), straight)
-        assert any(issue.code == "PLN303" for issue in result.issues)
+        assert any(finding.code == "PLN303" for finding in result.findings)
         result = plan(row_of_holes(make_path, n=3), cell)
-        assert not any(issue.code == "PLN303" for issue in result.issues)
+        assert not any(finding.code == "PLN303" for finding in result.findings)
 
 
 def test_fixture_in_the_way(make_cell, make_path):

@@ -25,9 +25,9 @@ def hole(make_path, x, axis=FRONT):
 @pytest.mark.usefixtures("no_scene")
 def test_shift_of_the_workpiece(make_cell, make_path):
     cell, toolpath = make_cell(), hole(make_path, 3.6)
-    issue = plan(toolpath, cell).errors[0]
-    assert issue.code == "PLN101"
-    size, axis = re.search(r"workpiece ([+-]\d+) mm along ([xyz])", issue.hint).groups()
+    finding = plan(toolpath, cell).errors[0]
+    assert finding.code == "PLN101"
+    size, axis = re.search(r"workpiece ([+-]\d+) mm along ([xyz])", finding.hint).groups()
     T = np.eye(4)
     T["xyz".index(axis), 3] = float(size) * MM
     assert not plan(toolpath, replace(cell, workpiece=Workpiece(1, T))).errors
@@ -42,9 +42,9 @@ def test_more_spin(make_cell, make_path):
     assert not wide.errors
     away = wide.spin[0] + np.pi
     narrow = make_cell(optimize={"range": (away - 1.0 * DEG, away + 1.0 * DEG)})
-    issue = plan(toolpath, narrow).errors
-    if issue:
-        assert "widen range_deg" in issue[0].hint
+    finding = plan(toolpath, narrow).errors
+    if finding:
+        assert "widen range_deg" in finding[0].hint
 
 
 @pytest.mark.usefixtures("no_scene")
@@ -62,10 +62,10 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
         return f"remedy of {tag}"
 
     monkeypatch.setattr(explain, "remedy", counted)
-    issues = plan(toolpath, make_cell()).errors
-    assert len(issues) == n
+    findings = plan(toolpath, make_cell()).errors
+    assert len(findings) == n
     assert asked == list(range(0, explain.ALIKE * explain.HELPED, explain.ALIKE))
-    hints = [issue.hint for issue in issues]
+    hints = [finding.hint for finding in findings]
     for tag in asked:
         name = toolpath.tag_name(tag)
         assert hints[tag] == f"remedy of {tag}"

@@ -72,7 +72,7 @@ def test_key_tags_are_added_where_too_much_is_lost(make_cell, make_path):
     assert np.nanmax(loose.settings["loss"]) > 0.15
     assert np.nanmax(bound.settings["loss"]) <= 0.05
     assert len(bound.settings["key_tags"]) > 2
-    note = next(issue for issue in bound.issues if issue.code == "PLN304")
+    note = next(finding for finding in bound.findings if finding.code == "PLN304")
     assert "key tags; loss against each tag's own optimum" in note.message
 
 
@@ -104,7 +104,7 @@ def test_bound_that_no_cut_can_keep_is_said_and_the_cut_still_runs(make_cell, ma
     assert not result.errors
     assert len(set(result.branch.tolist())) == 1
     assert np.nanmax(result.settings["loss"]) > 0.02
-    said = next(issue for issue in result.issues if issue.code == "PLN305")
+    said = next(finding for finding in result.findings if finding.code == "PLN305")
     assert "no cuts that can be run keep it under the bound of 2 %" in said.message
 
 
@@ -165,4 +165,4 @@ def test_no_tag_is_given_up_in_silence(make_cell, make_path, monkeypatch):
     result = plan(make_path(points, [-1.0, 0.0, 0.0]), cell)
     missing = set(range(6)) - set(result.tag.tolist())
     assert missing == {3}
-    assert [issue.tag_index for issue in result.errors] == [3]
+    assert [finding.tag_index for finding in result.errors] == [3]

@@ -142,11 +142,11 @@ def test_a_cut_longer_than_the_reach_says_what_it_needs(make_cell, make_path):
     toolpath = make_path(points, [-1.0, 0, 0], kind, feed=np.full(n, 0.05))
     result = plan(toolpath, cell)
     assert result.errors
-    for issue in result.errors:
-        assert "the cut from tag 0 to 44 needs E1 to move within it" in issue.message
-        assert issue.hint == "cuts keep their place of E1: lift the tool somewhere on the way"
+    for finding in result.errors:
+        assert "the cut from tag 0 to 44 needs E1 to move within it" in finding.message
+        assert finding.hint == "cuts keep their place of E1: lift the tool somewhere on the way"
     away = replace(toolpath, points=points + np.array([9.0, 0.0, 0.0]))
-    assert not any("E1" in issue.message for issue in plan(away, cell).errors)
+    assert not any("E1" in finding.message for finding in plan(away, cell).errors)
     lifted = kind.copy()
     lifted[22] = MotionKind.RAPID
     assert not plan(replace(toolpath, kind=lifted), cell).errors

@@ -53,7 +53,7 @@ def test_dwell_stands_before_the_motion_after_it(modes):
 
 
 def test_machine_only_words_are_warned_about(modes):
-    assert {"APT110", "APT120", "APT121"} == {issue.code for issue in modes.warnings}
+    assert {"APT110", "APT120", "APT121"} == {finding.code for finding in modes.warnings}
 
 
 def test_solidworks_axis_comes_from_the_setup_not_from_the_last_point(fixtures):
@@ -93,8 +93,8 @@ def test_camworks_tilts_each_feature_anew(fixtures):
 
 def test_camworks_word_that_goes_against_both_cuts_is_reported(fixtures):
     toolpath = read(fixtures / "camworks_tilt.clt")
-    found = [issue for issue in toolpath.warnings if issue.code == "APT132"]
-    assert [issue.source.line for issue in found] == [23]
+    found = [finding for finding in toolpath.warnings if finding.code == "APT132"]
+    assert [finding.source.line for finding in found] == [23]
     np.testing.assert_allclose(np.degrees(toolpath.arcs.sweep), [270, 90])
 
 
@@ -231,7 +231,7 @@ def test_nx_feeds_in_inches_say_inch(read_text):
     text = "TOOL PATH/A,TOOL,B\nFEDRAT/IPM,10\nGOTO/1,0,0\nEND-OF-PATH\n"
     toolpath = read_text(text)
     assert toolpath.units == "inch"
-    assert [issue.code for issue in toolpath.warnings] == ["APT110"]
+    assert [finding.code for finding in toolpath.warnings] == ["APT110"]
 
 
 def test_a_turning_table_is_reported_not_followed(read_text):
@@ -239,7 +239,7 @@ def test_a_turning_table_is_reported_not_followed(read_text):
     toolpath = read_text(text)
     assert mm(toolpath) == [[1, 2, 3], [4, 5, 6]]
     assert toolpath.unknown_words == {"ROTABL": 1, "ROTATE": 1}
-    assert [issue.code for issue in toolpath.warnings] == ["APT161", "APT161"]
+    assert [finding.code for finding in toolpath.warnings] == ["APT161", "APT161"]
 
 
 def test_a_creo_csys_that_moves_is_warned_about(fixtures, read_text):
@@ -247,7 +247,7 @@ def test_a_creo_csys_that_moves_is_warned_about(fixtures, read_text):
     at = text.index("0.0000000000,  $")
     moved = text[:at] + "9" + text[at + 1 :]
     toolpath = read_text(moved, "a.ncl.1")
-    assert [issue.code for issue in toolpath.warnings] == ["APT160"]
+    assert [finding.code for finding in toolpath.warnings] == ["APT160"]
     assert toolpath.points[1, 0] == pytest.approx(0.010)
 
 

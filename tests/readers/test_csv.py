@@ -58,7 +58,7 @@ def test_repeated_measurements_become_one_point(fixtures):
     toolpath = read(fixtures / "points_repeated.csv")
     assert toolpath.names == ("P1", "P2", "P3")
     assert toolpath.line.tolist() == [2, 4, 5]
-    assert "CSV140" in {issue.code for issue in toolpath.warnings}
+    assert "CSV140" in {finding.code for finding in toolpath.warnings}
 
 
 def test_one_hole_in_two_operations_is_no_repeat(read_text):
@@ -128,9 +128,9 @@ def test_normals_come_from_the_surface_where_there_is_one(fixtures):
 
 def test_points_of_another_frame_are_warned_about(fixtures):
     toolpath = read(fixtures / "points_far.csv")
-    (issue,) = toolpath.warnings
-    assert issue.code == "CSV110"
-    assert "frame" in issue.message
+    (finding,) = toolpath.warnings
+    assert finding.code == "CSV110"
+    assert "frame" in finding.message
     np.testing.assert_allclose(toolpath.points[0] * 1e3, [76802.2963, 1025416.557, 148])
 
 
@@ -193,5 +193,5 @@ def test_recover_takes_what_has_one_meaning(read_text):
     text = "x,y,z,i,j,k,depth\n1,2,3,0,0,1,-5\n,4,3,0,0,1.2,5\n5,5,5,0,0,1,5\n"
     toolpath = read_text(text, "a.csv", recover=True)
     np.testing.assert_allclose(toolpath.points[1] * 1e3, [1, 4, 3])
-    assert {issue.code for issue in toolpath.recovered} == {"CSV005", "CSV022", "CSV030"}
+    assert {finding.code for finding in toolpath.recovered} == {"CSV005", "CSV022", "CSV030"}
     assert [c.depth for c in toolpath.cycles] == [0.005]

@@ -67,7 +67,7 @@ def test_speeds_of_profiles(tasks):
 def test_joint_targets_have_no_point_and_say_so(tasks):
     assert np.isnan(tasks.points[3]).all()
     assert tasks.joints[3, 0] == pytest.approx(np.radians(10))
-    assert {"DEL120", "DEL121"} == {issue.code for issue in tasks.warnings}
+    assert {"DEL120", "DEL121"} == {finding.code for finding in tasks.warnings}
 
 
 def test_other_activities_are_kept(tasks):
@@ -90,7 +90,7 @@ def test_several_roots_are_joined_with_a_warning(fixtures, read_text):
         '    <ActivityList Task="Approach">')  # fmt: skip
     toolpath = read_text(text[:begin] + text[end:], "a.xml")
     assert toolpath.names == ("A1", "C.1", "C.3", "C.4")
-    assert "DEL110" in {issue.code for issue in toolpath.warnings}
+    assert "DEL110" in {finding.code for finding in toolpath.warnings}
 
 
 def test_an_unknown_profile_is_an_error(fixtures, read_text):
@@ -142,4 +142,4 @@ def test_a_move_of_another_type_is_not_lost(read_text):
     toolpath = read_text(text, "a.xml")
     assert toolpath.kind.tolist() == [MotionKind.JOINT]
     assert toolpath.joints[0, 0] == pytest.approx(np.pi / 2)
-    assert {"DEL111", "DEL121"} == {issue.code for issue in toolpath.warnings}
+    assert {"DEL111", "DEL121"} == {finding.code for finding in toolpath.warnings}

@@ -21,7 +21,7 @@ def test_strict_refuses_and_recover_reads_the_one_meaning(code, read_text):
     toolpath = read_text(CASES[code], recover=True)
     assert (toolpath.points * 1e3).round(9).tolist() == [[1, 2, 3]]
     assert toolpath.axes.tolist() == [[0, 0, 1]]
-    assert [issue.code for issue in toolpath.recovered] == [code]
+    assert [finding.code for finding in toolpath.recovered] == [code]
 
 
 def test_fixes_are_counted(read_text):

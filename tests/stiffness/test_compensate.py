@@ -185,7 +185,7 @@ def test_a_pose_that_compensation_pushes_over_a_limit_is_an_error(cell, arm, pos
     )
     tight = replace(cell, robot=robot)
     done = compensate(plan_of(tight, arm, q), tight, constant_model(tmp_path / "m.toml"))
-    assert {issue.code for issue in done.errors} == {"PLN102"}
+    assert {finding.code for finding in done.errors} == {"PLN102"}
 
 
 def test_a_model_without_reason_is_refused(cell, arm, postures, tmp_path):

@@ -41,7 +41,7 @@ def test_lint_of_a_file_and_of_a_folder(part, capsys):
     code, out, _ = call(capsys, "lint", part, "--json")
     document = json.loads(out)
     assert (code, document["schema"], document["ok"]) == (0, "postproc.lint/1", True)
-    assert {issue["severity"] for issue in document["issues"]} <= {"note"}
+    assert {finding["severity"] for finding in document["issues"]} <= {"note"}
 
 
 def test_lint_tells_file_and_line(part, capsys):
@@ -49,7 +49,7 @@ def test_lint_tells_file_and_line(part, capsys):
     code, out, _ = call(capsys, "lint", part, "--json")
     document = json.loads(out)
     assert (code, document["ok"]) == (1, False)
-    error = next(issue for issue in document["issues"] if issue["severity"] == "error")
+    error = next(finding for finding in document["issues"] if finding["severity"] == "error")
     assert error["code"] == "KRL115"
     assert error["file"].endswith("demo_002.src")
     line = (part / "demo_002.src").read_text().splitlines()[error["line"] - 1]

@@ -9,7 +9,7 @@ import click
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
-    from postproc.errors import Issue
+    from postproc.errors import Finding
 
 EPILOG = """\b
 Examples:
@@ -39,22 +39,22 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
         from postproc.files import write_files
         from postproc.report.pages.cell import cell_page
 
-        write_files({Path(report): cell_page(checked.cell, checked.facts, checked.issues)})
-    findings = [_entry(issue) for issue in checked.issues]
+        write_files({Path(report): cell_page(checked.cell, checked.facts, checked.findings)})
+    findings = [_entry(finding) for finding in checked.findings]
     session.document(
         {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}
     )
     session.show(_summary(checked.facts))
-    session.issues(checked.issues, at_most=len(checked.issues))
+    session.findings(checked.findings, at_most=len(checked.findings))
     return answer(checked.is_good)
 
 
-def _entry(issue: Issue) -> dict[str, Any]:
+def _entry(finding: Finding) -> dict[str, Any]:
     return {
-        "severity": str(issue.severity),
-        "code": issue.code,
-        "line": issue.source.line if issue.source else None,
-        "text": issue.message,
+        "severity": str(finding.severity),
+        "code": finding.code,
+        "line": finding.source.line if finding.source else None,
+        "text": finding.message,
     }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Progress, Session, answer, reading_options, standard_options
+from postproc.cli.common import Session, answer, reading_options, standard_options
 
 EPILOG = """\b
 Examples:
@@ -91,7 +91,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         contents[Path(options["report"])] = _page(conversion)
     contents |= maps
     write_files(contents)
-    session.issues(conversion.issues)
+    session.findings(conversion.findings)
     session.document(document(conversion))
     _summary(session, conversion, folder)
     for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
@@ -106,7 +106,7 @@ def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
 
     cell, files = conversion.cell, conversion.files
     text = program_text(files, conversion.name, cell) if files else None
-    return program_page(conversion.plan, cell, conversion.issues, text)
+    return program_page(conversion.plan, cell, conversion.findings, text)
 
 
 def _spin_maps(

@@ -11,7 +11,7 @@ from postproc.cli.common import Session, answer, read_cam, reading_options, stan
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
-    from postproc.gap import Along, Finding
+    from postproc.gap import Along, Diagnosis
 
 EPILOG = """\b
 Examples:
@@ -68,19 +68,19 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     rows = read_campaign(options["measurements"])
     problem = pose_problem(rows, build(cell.robot), cell, model, options["registered"])
     with session.progress() as progress:
-        finding = diagnose(problem, progress)
-    following = measure_next(finding, cell)
-    path = _path(options, finding, cell)
-    content = document(finding, following.poses, path)
+        diagnosis = diagnose(problem, progress)
+    following = measure_next(diagnosis, cell)
+    path = _path(options, diagnosis, cell)
+    content = document(diagnosis, following.poses, path)
     if options["output"]:
         from postproc.report.pages.diagnosis import diagnosis_page
 
         folder = Path(options["output"])
         files = {
-            folder / "report.html": diagnosis_page(finding, content, cell, path),
-            folder / "model.toml": save_model(model_file(finding, model)),
+            folder / "report.html": diagnosis_page(diagnosis, content, cell, path),
+            folder / "model.toml": save_model(model_file(diagnosis, model)),
         }
-        more = next_files(following, finding, cell)
+        more = next_files(following, diagnosis, cell)
         write_files(files | {folder / name: content for name, content in more.items()})
     session.document(content)
     for line in summary(content):
@@ -89,9 +89,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(tolerance is None or content["gap"]["rms_mm"] <= tolerance)
 
 
-def _path(options: dict[str, Any], finding: Finding, cell: Cell) -> Along | None:
+def _path(options: dict[str, Any], diagnosis: Diagnosis, cell: Cell) -> Along | None:
     if not options["program"]:
         return None
     from postproc.gap import along
 
-    return along(finding, read_cam(options["program"], options, cell), cell)
+    return along(diagnosis, read_cam(options["program"], options, cell), cell)

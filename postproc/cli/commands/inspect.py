@@ -62,5 +62,5 @@ def command(
     else:
         for line in text_lines(toolpath):
             session.show(line)
-    session.issues([*toolpath.warnings, *toolpath.recovered])
+    session.findings([*toolpath.warnings, *toolpath.recovered])
     return answer(True)

@@ -10,7 +10,7 @@ import click
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
-    from postproc.errors import Issue
+    from postproc.errors import Finding
     from postproc.krl import KrlModule
 
 EPILOG = """\b
@@ -61,14 +61,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         routines=frozenset(options["routine"]),
     )
     files = {path for module in asked for path in (module.src_path, module.dat_path) if path}
-    issues = tuple(i for i in lint(modules, rules) if i.source and i.source.path in files)
+    findings = tuple(i for i in lint(modules, rules) if i.source and i.source.path in files)
     if session.json:
-        session.document(_document(issues, files))
+        session.document(_document(findings, files))
     else:
-        for issue in issues:
-            session.show(str(issue))
-        session.show(_summary(issues, files))
-    return answer(not any(issue.severity is Severity.ERROR for issue in issues))
+        for finding in findings:
+            session.show(str(finding))
+        session.show(_summary(findings, files))
+    return answer(not any(finding.severity is Severity.ERROR for finding in findings))
 
 
 def _with_called(modules: tuple[KrlModule, ...]) -> list[KrlModule]:
@@ -97,32 +97,32 @@ def _names(modules: tuple[KrlModule, ...]) -> frozenset[str]:
     )
 
 
-def _count(issues: tuple[Issue, ...], severity: str) -> int:
-    return sum(issue.count for issue in issues if issue.severity == severity)
+def _count(findings: tuple[Finding, ...], severity: str) -> int:
+    return sum(finding.count for finding in findings if finding.severity == severity)
 
 
-def _document(issues: tuple[Issue, ...], files: set[str]) -> dict[str, Any]:
+def _document(findings: tuple[Finding, ...], files: set[str]) -> dict[str, Any]:
     return {
         "schema": "postproc.lint/1",
-        "ok": _count(issues, "error") == 0,
+        "ok": _count(findings, "error") == 0,
         "files": sorted(files),
-        "errors": _count(issues, "error"),
-        "warnings": _count(issues, "warning"),
-        "notes": _count(issues, "note"),
+        "errors": _count(findings, "error"),
+        "warnings": _count(findings, "warning"),
+        "notes": _count(findings, "note"),
         "issues": [
             {
-                "severity": str(issue.severity),
-                "code": issue.code,
-                "file": issue.source.path if issue.source else None,
-                "line": issue.source.line if issue.source else None,
-                "message": issue.message,
-                "hint": issue.hint,
+                "severity": str(finding.severity),
+                "code": finding.code,
+                "file": finding.source.path if finding.source else None,
+                "line": finding.source.line if finding.source else None,
+                "message": finding.message,
+                "hint": finding.hint,
             }
-            for issue in issues
+            for finding in findings
         ],
     }
 
 
-def _summary(issues: tuple[Issue, ...], files: set[str]) -> str:
-    counts = ", ".join(f"{_count(issues, kind)} {kind}s" for kind in ("error", "warning", "note"))
+def _summary(findings: tuple[Finding, ...], files: set[str]) -> str:
+    counts = ", ".join(f"{_count(findings, kind)} {kind}s" for kind in ("error", "warning", "note"))
     return f"{len(files)} files: {counts}"

@@ -1,7 +1,7 @@
 """The diagnosis and what follows from it: document, where, next poses, prediction."""
 
 from postproc.gap.answers.along import Along, along
-from postproc.gap.answers.diagnose import Finding, diagnose
+from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.next_pose import NextPose, Reach
 from postproc.gap.answers.next_poses import next_poses, questions, reassessed
@@ -11,7 +11,7 @@ from postproc.gap.answers.where import Part, parts
 
 __all__ = [
     "Along",
-    "Finding",
+    "Diagnosis",
     "NextPose",
     "Part",
     "Reach",

@@ -11,7 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.where import baseline
 from postproc.geometry import apply, arc_points, inverse
 from postproc.model import MotionKind, ToolPath
@@ -45,7 +45,7 @@ class Along:
         return np.asarray(self.tag >= 0)
 
 
-def along(finding: Finding, toolpath: ToolPath, cell: Cell) -> Along:
+def along(diagnosis: Diagnosis, toolpath: ToolPath, cell: Cell) -> Along:
     """Return where the rows of a diagnosis lie on a CAM path.
 
     A row lies where its commanded joints bring the nominal tool point; a row that has the name of
@@ -54,7 +54,7 @@ def along(finding: Finding, toolpath: ToolPath, cell: Cell) -> Along:
     Raises:
         DataError: GAP006 if no row lies on the path.
     """
-    samples = finding.problem.samples
+    samples = diagnosis.problem.samples
     T_part_robroot = inverse(cell.workpiece.T_robroot_base)
     T_part_flange = T_part_robroot @ samples.arm.kinematics.fk(samples.q)
     points = apply(T_part_flange, cell.tool.T_flange_tcp[:3, 3])
@@ -64,7 +64,7 @@ def along(finding: Finding, toolpath: ToolPath, cell: Cell) -> Along:
     way, tag = np.where(far, np.nan, way), np.where(far, -1, tag).astype(np.int32)
     names = {name: k for k, name in enumerate(toolpath.names or ())}
     lengths = arc_length(toolpath)
-    for row, name in enumerate(finding.problem.measurements.ids):
+    for row, name in enumerate(diagnosis.problem.measurements.ids):
         k = names.get(name, -1)
         if k >= 0 and float(np.linalg.norm(points[row] - toolpath.points[k])) < _NAMED_REACH:
             way[row], tag[row] = lengths[k], k
@@ -164,11 +164,11 @@ def _motion(toolpath: ToolPath, before: int, tag: int, share: FloatArray) -> Flo
     )
 
 
-def program(finding: Finding, found: Along) -> dict[str, Any]:
+def program(diagnosis: Diagnosis, found: Along) -> dict[str, Any]:
     """Return the ``program`` entry of ``where``: stretches with rows, in the order of the path."""
-    size = np.linalg.norm(finding.problem.measured - baseline(finding), axis=1)
-    left = np.linalg.norm(finding.residual, axis=1)
-    rows = np.flatnonzero(found.on & finding.kept).astype(np.int32)
+    size = np.linalg.norm(diagnosis.problem.measured - baseline(diagnosis), axis=1)
+    left = np.linalg.norm(diagnosis.residual, axis=1)
+    rows = np.flatnonzero(found.on & diagnosis.kept).astype(np.int32)
     lengths = arc_length(found.toolpath)
     number, edges = _stretches(found.toolpath, lengths)
     at = _stretch_of(found, rows, number, edges)
@@ -194,7 +194,7 @@ def program(finding: Finding, found: Along) -> dict[str, Any]:
         "name": found.toolpath.name,
         "length_mm": round(float(lengths[-1]) / MM, 3),
         "rows": len(rows),
-        "rows_beside": int(np.sum(~found.on & finding.kept)),
+        "rows_beside": int(np.sum(~found.on & diagnosis.kept)),
         "stretches": entries,
     }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,8 +21,7 @@ from postproc.gap.choice import (
 )
 from postproc.gap.fit import Bench, Fit, Problem, Wave, block_of, deviations, find_waves
 from postproc.gap.robot_model import evaluate
-
-Progress = Callable[[int, int, str], None]
+from postproc.progress import Progress
 
 _REFINES = {"variable_stiffness": "joint_compliance"}
 """An effect that refines another one comes after it: alone it would have to be that one too."""
@@ -43,7 +41,7 @@ class Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class Diagnosis:
     """Result of a diagnosis, SI. Rows refer to those of ``problem``.
 
     noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
@@ -80,7 +78,7 @@ class Finding:
         return ~self.outlier
 
 
-def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
+def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     """Return the diagnosis of a campaign."""
     say = progress or (lambda done, total, what: None)
     say(0, 4, "noise and measuring faults")
@@ -104,7 +102,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Finding:
     choice = replace(settled.choice, refused=settled.choice.refused | refused)
     settled = replace(settled, choice=choice)
     answer = verdict(settled, sigma)
-    return Finding(
+    return Diagnosis(
         problem=problem,
         verdict=answer,
         noise=sigma,

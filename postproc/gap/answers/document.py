@@ -11,7 +11,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.answers.along import Along, program
 from postproc.gap.answers.designs import designs, transfers
-from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import baseline, where
@@ -26,50 +26,50 @@ _Z90 = 1.6449
 
 
 def document(
-    finding: Finding, proposed: Sequence[NextPose] = (), path: Along | None = None
+    diagnosis: Diagnosis, proposed: Sequence[NextPose] = (), path: Along | None = None
 ) -> dict[str, Any]:
     """Return the JSON object of the contract.
 
     Args:
-        finding: the diagnosis.
+        diagnosis: the answer to a campaign.
         proposed: what to measure next.
         path: where the rows lie on a program.
     """
-    problem, kept = finding.problem, finding.kept
-    gap = np.linalg.norm(problem.measured - baseline(finding), axis=1)[kept]
-    rest = np.linalg.norm(finding.residual, axis=1)[kept]
+    problem, kept = diagnosis.problem, diagnosis.kept
+    gap = np.linalg.norm(problem.measured - baseline(diagnosis), axis=1)[kept]
+    rest = np.linalg.norm(diagnosis.residual, axis=1)[kept]
     ids = problem.measurements.ids
     return {
         "schema": SCHEMA,
-        "verdict": finding.verdict,
-        "noise_mm": _mm(finding.noise),
-        "noise_from": "repeats" if finding.noise_freedom else "estimated",
+        "verdict": diagnosis.verdict,
+        "noise_mm": _mm(diagnosis.noise),
+        "noise_from": "repeats" if diagnosis.noise_freedom else "estimated",
         "gap": {
             "rms_mm": _mm(_rms(gap)),
             "p95_mm": _mm(float(np.quantile(gap, 0.95))),
             "max_mm": _mm(float(gap.max())),
         },
-        "where": where(finding) | ({"program": program(finding, path)} if path else {}),
-        "effects": effects(finding),
-        "adopted": list(finding.adopted),
-        "shrinkage": _total_shrinkage(finding),
+        "where": where(diagnosis) | ({"program": program(diagnosis, path)} if path else {}),
+        "effects": effects(diagnosis),
+        "adopted": list(diagnosis.adopted),
+        "shrinkage": _total_shrinkage(diagnosis),
         "residual": {
             "rms_mm": _mm(_rms(rest)),
             "explained_share": round(1.0 - (_rms(rest) / max(_rms(gap), 1e-12)) ** 2, 4),
-            "structured_rms_mm": _mm(finding.structure),
+            "structured_rms_mm": _mm(diagnosis.structure),
             "depends_on": [
                 {"name": t.name, "p_value": float(f"{t.p_value:.3g}"), "rms_mm": _mm(t.rms)}
-                for t in finding.tests
+                for t in diagnosis.tests
             ],
             "resembles": [
                 {"name": name, "title": effect_of(name).title, "action": effect_of(name).action}
-                for name in finding.suspects
+                for name in diagnosis.suspects
             ],
-            "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in finding.ripple],
+            "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in diagnosis.ripple],
         },
-        "registration": _registration(finding),
-        "orientation": orientation(finding),
-        "outliers": [ids[i] for i in np.flatnonzero(finding.outlier)],
+        "registration": _registration(diagnosis),
+        "orientation": orientation(diagnosis),
+        "outliers": [ids[i] for i in np.flatnonzero(diagnosis.outlier)],
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()
         ],
@@ -82,9 +82,9 @@ def document(
     }
 
 
-def _registration(finding: Finding) -> dict[str, Any] | None:
+def _registration(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """Return what was fitted first, None if nothing was."""
-    fitted = finding.problem.registration
+    fitted = diagnosis.problem.registration
     if fitted is None:
         return None
     return {
@@ -93,63 +93,68 @@ def _registration(finding: Finding) -> dict[str, Any] | None:
     }
 
 
-def effects(finding: Finding) -> list[dict[str, Any]]:
+def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     """Return every candidate tried, adopted ones first in their order, then by probability."""
-    elsewhere = _elsewhere(finding)
+    elsewhere = _elsewhere(diagnosis)
     adopted = [
-        _adopted(finding, name) | {"transfer": elsewhere.get(name, [])} for name in finding.adopted
+        _adopted(diagnosis, name) | {"transfer": elsewhere.get(name, [])}
+        for name in diagnosis.adopted
     ]
     others = []
-    for effect in finding.problem.effects:
+    for effect in diagnosis.problem.effects:
         name = effect.name
-        if name in finding.adopted or effect.kind == "suspect" or name in finding.problem.always:
+        if (
+            name in diagnosis.adopted
+            or effect.kind == "suspect"
+            or name in diagnosis.problem.always
+        ):
             continue
-        before, after = finding.extra.get(name, (float("nan"), float("nan")))
-        others.append(_candidate(finding, name, before, after))
+        before, after = diagnosis.extra.get(name, (float("nan"), float("nan")))
+        others.append(_candidate(diagnosis, name, before, after))
     others.sort(key=lambda e: (-e["probability"], -(e["shrinkage"] or 0.0), e["name"]))
     return adopted + others
 
 
-def model_file(finding: Finding, given: ModelFile | None) -> ModelFile:
+def model_file(diagnosis: Diagnosis, given: ModelFile | None) -> ModelFile:
     """Return the given model with what was adopted, and the registration where one was fitted."""
-    arm = finding.problem.samples.arm
+    arm = diagnosis.problem.samples.arm
     tables = dict(given.effects) if given else {}
-    for name in finding.adopted:
-        tables[name] = effect_of(name).write(_seen_state(finding, name), arm)
+    for name in diagnosis.adopted:
+        tables[name] = effect_of(name).write(_seen_state(diagnosis, name), arm)
     registration = given.registration if given else None
-    if finding.problem.registration is not None:
-        frames = {n: s for n, s in finding.fit.states.items() if n in FRAMES}
-        rest = _rms(np.linalg.norm(finding.residual, axis=1)[finding.kept])
-        registration = replace(moved_by(finding.problem.registration, frames), rms=rest)
+    if diagnosis.problem.registration is not None:
+        frames = {n: s for n, s in diagnosis.fit.states.items() if n in FRAMES}
+        rest = _rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])
+        registration = replace(moved_by(diagnosis.problem.registration, frames), rms=rest)
     return ModelFile(tables, registration, given.notes if given else ())
 
 
-def _seen_state(finding: Finding, name: str) -> State:
+def _seen_state(diagnosis: Diagnosis, name: str) -> State:
     """Return the fitted numbers with NaN for a joint that the data say nothing about."""
-    state = finding.fit.states[name]
-    part = finding.fit.slices[name]
-    own = finding.fit.parameters[part]
+    state = diagnosis.fit.states[name]
+    part = diagnosis.fit.slices[name]
+    own = diagnosis.fit.parameters[part]
     theta = np.array(state.theta)
     per_joint = len(own) >= 6 and [p.joint for p in own[:6]] == [1, 2, 3, 4, 5, 6]
     if per_joint:
-        unseen = finding.fit.unseen[part].copy()
+        unseen = diagnosis.fit.unseen[part].copy()
         unseen[6:] = False
         theta[unseen] = np.nan
     return State(theta, state.setting)
 
 
-def _adopted(finding: Finding, name: str) -> dict[str, Any]:
-    step = next(s for s in finding.steps if s.name == name)
+def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
+    step = next(s for s in diagnosis.steps if s.name == name)
     effect = effect_of(name)
-    arm = finding.problem.samples.arm
-    state = _seen_state(finding, name)
-    width = _Z90 * finding.deviation[name]
-    key = next(k for k in finding.choice.keys if k.split(":")[0] == name)
-    evidence = finding.choice.evidence[key]
+    arm = diagnosis.problem.samples.arm
+    state = _seen_state(diagnosis, name)
+    width = _Z90 * diagnosis.deviation[name]
+    key = next(k for k in diagnosis.choice.keys if k.split(":")[0] == name)
+    evidence = diagnosis.choice.evidence[key]
     return {
         "name": name,
         "title": effect.title,
-        "probability": _probability(finding, name),
+        "probability": _probability(diagnosis, name),
         "adopted": True,
         "rms_before_mm": _mm(step.before),
         "rms_after_mm": _mm(step.after),
@@ -166,13 +171,13 @@ def _adopted(finding: Finding, name: str) -> dict[str, Any]:
     }
 
 
-def _elsewhere(finding: Finding) -> dict[str, list[dict[str, Any]]]:
+def _elsewhere(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
     """Return for each adopted effect what it brings on designs that it was not fitted to."""
-    problem = finding.problem
+    problem = diagnosis.problem
     label = designs(problem.samples, problem.measurements.group)
     searched = np.flatnonzero(problem.searchable)
-    keys = (*finding.choice.keys, *finding.choice.suspects)
-    found = transfers(finding.bench, label.rows(searched), keys)
+    keys = (*diagnosis.choice.keys, *diagnosis.choice.suspects)
+    found = transfers(diagnosis.bench, label.rows(searched), keys)
     return {
         key.split(":")[0]: [
             {"design": name, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[name], 1)}
@@ -183,13 +188,13 @@ def _elsewhere(finding: Finding) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _candidate(finding: Finding, name: str, before: float, after: float) -> dict[str, Any]:
+def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> dict[str, Any]:
     effect = effect_of(name)
     known = bool(np.isfinite(before) and np.isfinite(after) and before > 0)
     return {
         "name": name,
         "title": effect.title,
-        "probability": _probability(finding, name),
+        "probability": _probability(diagnosis, name),
         "adopted": False,
         "rms_before_mm": _mm(before) if known else None,
         "rms_after_mm": _mm(after) if known else None,
@@ -197,21 +202,23 @@ def _candidate(finding: Finding, name: str, before: float, after: float) -> dict
         "shrinkage_ci": None,
         "parameters": {},
         "confounded_with": sorted(
-            k.split(":")[0] for k in finding.choice.keys if name in finding.choice.evidence[k].twins
+            k.split(":")[0]
+            for k in diagnosis.choice.keys
+            if name in diagnosis.choice.evidence[k].twins
         ),
-        "reason": finding.choice.refused.get(name, "the rows do not call for it"),
+        "reason": diagnosis.choice.refused.get(name, "the rows do not call for it"),
     }
 
 
-def _probability(finding: Finding, name: str) -> float:
-    value = finding.choice.probability.get(name, 0.0)
-    if name not in finding.adopted:
+def _probability(diagnosis: Diagnosis, name: str) -> float:
+    value = diagnosis.choice.probability.get(name, 0.0)
+    if name not in diagnosis.adopted:
         value = min(value, 0.49)
     return round(min(max(value, 0.0), 0.9999), 4)
 
 
-def _total_shrinkage(finding: Finding) -> dict[str, Any]:
-    before, after, low, high = finding.total
+def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
+    before, after, low, high = diagnosis.total
     return {
         "rms_before_mm": _mm(before),
         "rms_after_mm": _mm(after),

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
 from postproc.gap.effect import EFFECTS
@@ -43,17 +43,17 @@ _OF_THE_POSE = ("neighbouring poses", "position", *(f"q{i}" for i in range(1, 7)
 _SEED = 17
 
 
-def next_poses(finding: Finding, reach: Reach | None = None) -> tuple[NextPose, ...]:
+def next_poses(diagnosis: Diagnosis, reach: Reach | None = None) -> tuple[NextPose, ...]:
     """Return what to measure next; nothing if nothing is ambiguous and all is explained.
 
     First what tells ambiguous effects apart, then what tells of a rest that nothing explains.
     """
     reach = reach or Reach()
     found: list[NextPose] = []
-    for question in questions(finding):
-        found += telling(finding, question, reach)
-    if finding.verdict == "unexplained":
-        found += _worst(finding, reach)
+    for question in questions(diagnosis):
+        found += telling(diagnosis, question, reach)
+    if diagnosis.verdict == "unexplained":
+        found += _worst(diagnosis, reach)
     return tuple(found)
 
 
@@ -74,9 +74,9 @@ class Question:
         return f"tells {self.names[0]} from {' or '.join(self.names[1:])}"
 
 
-def questions(finding: Finding) -> tuple[Question, ...]:
+def questions(diagnosis: Diagnosis) -> tuple[Question, ...]:
     """Return the ambiguous sets of a diagnosis, each once."""
-    bench, choice = finding.bench, finding.choice
+    bench, choice = diagnosis.bench, diagnosis.choice
     name = {b.key: b.name for b in bench.blocks}
     keys: dict[str, str] = {}
     for block in bench.blocks:
@@ -138,12 +138,12 @@ class _Duel:
         self.seen = self.seen + A.T @ self.truth[row]
 
 
-def telling(finding: Finding, question: Question, reach: Reach) -> list[NextPose]:
+def telling(diagnosis: Diagnosis, question: Question, reach: Reach) -> list[NextPose]:
     """Return what separates the models of a question, chosen one by one for the worst pair."""
-    pool = candidates(finding, question.effects, reach)
+    pool = candidates(diagnosis, question.effects, reach)
     if len(pool) == 0:
         return []
-    duels = _duels(finding, question, pool)
+    duels = _duels(diagnosis, question, pool)
     chosen: list[int] = []
     while len(chosen) < min(_MOST, len(pool)):
         least = min(duel.square for duel in duels)
@@ -157,14 +157,14 @@ def telling(finding: Finding, question: Question, reach: Reach) -> list[NextPose
         chosen.append(best)
         for duel in duels:
             duel.take(best)
-    return _poses(finding, pool.rows(np.array(chosen)), question.why, _separations(duels))
+    return _poses(diagnosis, pool.rows(np.array(chosen)), question.why, _separations(duels))
 
 
-def _duels(finding: Finding, question: Question, pool: Samples) -> list[_Duel]:
-    bench, noise = finding.bench, finding.noise
+def _duels(diagnosis: Diagnosis, question: Question, pool: Samples) -> list[_Duel]:
+    bench, noise = diagnosis.bench, diagnosis.noise
     gram = bench.gram()
     blocks = {b.key: b for b in bench.blocks}
-    actual = evaluate(pool, finding.problem.given)[1]
+    actual = evaluate(pool, diagnosis.problem.given)[1]
     far = {k: _far(blocks[k], actual) / noise for model in question.models for k in model}
     duels = []
     for one, name in zip(question.models, question.names, strict=True):
@@ -181,14 +181,16 @@ def _duels(finding: Finding, question: Question, pool: Samples) -> list[_Duel]:
     return duels
 
 
-def reassessed(finding: Finding, poses: Sequence[NextPose]) -> tuple[NextPose, ...]:
+def reassessed(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> tuple[NextPose, ...]:
     """Return poses with the separations that they reach together, after some were left out."""
-    asked = {question.why: question for question in questions(finding)}
+    asked = {question.why: question for question in questions(diagnosis)}
     out = list(poses)
     for why, question in asked.items():
         index = [k for k, pose in enumerate(poses) if pose.why == why]
         if index:
-            duels = _duels(finding, question, samples_of_poses(finding, [out[k] for k in index]))
+            duels = _duels(
+                diagnosis, question, samples_of_poses(diagnosis, [out[k] for k in index])
+            )
             for row in range(len(index)):
                 for duel in duels:
                     duel.take(row)
@@ -197,9 +199,9 @@ def reassessed(finding: Finding, poses: Sequence[NextPose]) -> tuple[NextPose, .
     return tuple(out)
 
 
-def samples_of_poses(finding: Finding, poses: Sequence[NextPose]) -> Samples:
+def samples_of_poses(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> Samples:
     """Return readings to come as rows."""
-    samples = finding.problem.samples
+    samples = diagnosis.problem.samples
     n = len(poses)
     columns: dict[str, FloatArray] = {}
     for name in ("wrench", "direction"):
@@ -223,18 +225,18 @@ def _separations(duels: list[_Duel]) -> dict[str, float]:
     return found
 
 
-def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
+def _worst(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
     """Return the poses with the largest unexplained rest, one a cluster, to be measured again.
 
     Where the rest follows the approach, or nobody logged it, from both sides: play in the gears is
     then seen at once.
     """
-    problem = finding.problem
-    size = np.linalg.norm(finding.residual, axis=1) * finding.kept
+    problem = diagnosis.problem
+    size = np.linalg.norm(diagnosis.residual, axis=1) * diagnosis.kept
     _, first = np.unique(problem.split.cluster[np.argsort(-size, kind="stable")], return_index=True)
     order = np.argsort(-size, kind="stable")[np.sort(first)]
     rows = problem.samples.rows(order)
-    clear = [test.name for test in finding.tests if test.p_value < 1e-3]
+    clear = [test.name for test in diagnosis.tests if test.p_value < 1e-3]
     vary = next((name for name in clear if name not in _OF_THE_POSE), "")
     what = f"vary only {vary}" if vary else "and poses around it"
     sides: list[tuple[float | None, str]] = [(None, what)]
@@ -248,7 +250,7 @@ def _worst(finding: Finding, reach: Reach) -> list[NextPose]:
     for side, what in sides:
         moved = rows if side is None else _approached(rows, side)
         moved = moved if vary == "temperature" else _as_it_is(moved)
-        found += _poses(finding, moved, f"largest unexplained rest; measure again, {what}")
+        found += _poses(diagnosis, moved, f"largest unexplained rest; measure again, {what}")
     return [pose for k in range(len(rows)) for pose in found[k :: len(rows)]]
 
 
@@ -276,13 +278,13 @@ def _far(block: Block, pool: Samples) -> FloatArray:
     return np.asarray(block_of(effect, pool, block.setting).X * ratio)
 
 
-def candidates(finding: Finding, names: tuple[str, ...], reach: Reach) -> Samples:
+def candidates(diagnosis: Diagnosis, names: tuple[str, ...], reach: Reach) -> Samples:
     """Return poses within the measured joint ranges widened by a third that can be taken.
 
     Loads and sides are drawn from those measured; speed and temperature only where the effects in
     question need them.
     """
-    samples = finding.problem.samples
+    samples = diagnosis.problem.samples
     kin = samples.arm.kinematics
     rng = np.random.default_rng(_SEED)
     low, high = samples.q.min(axis=0), samples.q.max(axis=0)
@@ -332,11 +334,11 @@ def _loads(wrench: FloatArray) -> FloatArray:
 
 
 def _poses(
-    finding: Finding, rows: Samples, why: str, separations: Mapping[str, float] | None = None
+    diagnosis: Diagnosis, rows: Samples, why: str, separations: Mapping[str, float] | None = None
 ) -> list[NextPose]:
-    problem = finding.problem
+    problem = diagnosis.problem
     T_measured_robroot = rigid(problem.measured, np.asarray(problem.measurements.position))
-    expected = apply(T_measured_robroot, evaluate(rows, finding.fit.states)[0])
+    expected = apply(T_measured_robroot, evaluate(rows, diagnosis.fit.states)[0])
 
     def of(name: str, row: int) -> Any:  # noqa: ANN401 - a row, a number or None
         return getattr(rows, name)[row] if rows.has(name) else None

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.data import Samples
 from postproc.gap.fit import rigid
 from postproc.gap.robot_model import States, evaluate
@@ -23,23 +23,23 @@ from postproc.units import DEG
 _ROUNDS = 20
 
 
-def orientation(finding: Finding) -> dict[str, Any] | None:
+def orientation(diagnosis: Diagnosis) -> dict[str, Any] | None:
     """Return how far the measured orientations are off, file units; None without them.
 
     Before: under the given model. After: with what was adopted. In both the rotation of the target
     on the flange is fitted, and the frame's where it is registered.
     """
-    problem = finding.problem
+    problem = diagnosis.problem
     if problem.measurements.abc is None:
         return None
-    rows = np.flatnonzero(finding.kept)
+    rows = np.flatnonzero(diagnosis.kept)
     samples = problem.samples.rows(rows)
     R_measured_tool = rotation_from_abc(np.asarray(problem.measurements.abc)[rows])
     T = rigid(problem.measured, np.asarray(problem.measurements.position))
     R_robroot_tool = T[:3, :3].T @ R_measured_tool
     turned = problem.registration is not None
     before, _ = _misfit(flange_rotation(samples, problem.given), R_robroot_tool, turned)
-    named = {n: s for n, s in finding.fit.states.items() if n not in finding.suspects}
+    named = {n: s for n, s in diagnosis.fit.states.items() if n not in diagnosis.suspects}
     after, R_flange_tool = _misfit(flange_rotation(samples, named), R_robroot_tool, turned)
     return {
         "rows": len(rows),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.answers.diagnose import Finding
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.units import MM
@@ -26,39 +26,39 @@ class Part:
     turn: FloatArray
 
 
-def parts(finding: Finding) -> tuple[Part, ...]:
+def parts(diagnosis: Diagnosis) -> tuple[Part, ...]:
     """Return what each adopted effect moves, alone, on top of the given model."""
-    samples, given = finding.problem.samples, finding.problem.given
+    samples, given = diagnosis.problem.samples, diagnosis.problem.given
     start, rest = evaluate(samples, given)
     found = []
-    for name in finding.adopted:
-        states = dict(given) | {name: finding.fit.states[name]}
+    for name in diagnosis.adopted:
+        states = dict(given) | {name: diagnosis.fit.states[name]}
         point, actual = evaluate(samples, states)
         found.append(Part(name, point - start, actual.q - rest.q))
     return tuple(found)
 
 
-def where(finding: Finding) -> dict[str, Any]:
+def where(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the ``where`` of the diagnosis, file units."""
-    own = parts(finding)
-    kept = finding.kept
-    gap = finding.problem.measured - baseline(finding)
+    own = parts(diagnosis)
+    kept = diagnosis.kept
+    gap = diagnosis.problem.measured - baseline(diagnosis)
     explained = sum((p.moved for p in own), np.zeros_like(gap))
     subject = explained if own else gap
     return {
-        "joints": _joints(finding.problem.samples, own, subject, kept),
-        "cells": _cells(finding.problem.measured[kept], np.linalg.norm(gap, axis=1)[kept]),
-        "direction": _direction(finding.problem.samples, subject[kept], kept),
-        "conditions": _conditions(finding, own, gap[kept]),
+        "joints": _joints(diagnosis.problem.samples, own, subject, kept),
+        "cells": _cells(diagnosis.problem.measured[kept], np.linalg.norm(gap, axis=1)[kept]),
+        "direction": _direction(diagnosis.problem.samples, subject[kept], kept),
+        "conditions": _conditions(diagnosis, own, gap[kept]),
     }
 
 
-def baseline(finding: Finding) -> FloatArray:
+def baseline(diagnosis: Diagnosis) -> FloatArray:
     """Return (n, 3) the simulated points [m]: given model, and the registration if asked for."""
-    problem = finding.problem
+    problem = diagnosis.problem
     if problem.registration is None:
         return problem.measured - problem.gap
-    return finding.baseline
+    return diagnosis.baseline
 
 
 def _joints(
@@ -121,17 +121,19 @@ def _direction(samples: Samples, subject: FloatArray, kept: BoolArray) -> dict[s
     }
 
 
-def _conditions(finding: Finding, own: tuple[Part, ...], gap: FloatArray) -> list[dict[str, Any]]:
+def _conditions(
+    diagnosis: Diagnosis, own: tuple[Part, ...], gap: FloatArray
+) -> list[dict[str, Any]]:
     """Return the share of the gap's square that each condition brings, strongest first."""
     total = float(np.sum(gap**2)) or 1.0
     share: dict[str, float] = {}
-    kept = finding.kept
+    kept = diagnosis.kept
     for part in own:
         energy = float(np.sum(part.moved[kept] ** 2)) / total
-        for name, weight in _weights(finding.problem.samples, part, kept).items():
+        for name, weight in _weights(diagnosis.problem.samples, part, kept).items():
             share[name] = max(share.get(name, 0.0), energy * weight)
     rows = max(int(kept.sum()), 1)
-    for test in finding.tests:
+    for test in diagnosis.tests:
         if test.p_value < 1e-4:
             left = test.rms**2 * rows / total
             share[test.name] = max(share.get(test.name, 0.0), left)

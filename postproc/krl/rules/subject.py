@@ -11,7 +11,7 @@ from itertools import chain
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import Issue, Severity, SourceRef
+from postproc.errors import Finding, Severity, SourceRef
 from postproc.krl.text import (
     Axes,
     Call,
@@ -148,7 +148,7 @@ class Subject:
     def __init__(self, modules: Sequence[KrlModule], options: LintOptions) -> None:
         self.modules = tuple(modules)
         self.options = options
-        self.issues: list[Issue] = []
+        self.findings: list[Finding] = []
         self._counts: dict[tuple[str, str], int] = {}
 
     # ----------------------------------------------------------------------------------- findings
@@ -168,13 +168,13 @@ class Subject:
         self._counts[key] = self._counts.get(key, 0) + 1
         if self._counts[key] <= _SHOWN:
             place = SourceRef(path, max(line, 1))
-            self.issues.append(Issue(severity, code, message, source=place, hint=hint))
+            self.findings.append(Finding(severity, code, message, source=place, hint=hint))
 
-    def left_out(self) -> Iterator[Issue]:
+    def left_out(self) -> Iterator[Finding]:
         """Yield one note for every code and file with more findings than are listed."""
         for (code, path), count in self._counts.items():
             if count > _SHOWN:
-                yield Issue(
+                yield Finding(
                     NOTE, code, f"{count - _SHOWN} more findings of {code}", source=SourceRef(path)
                 )
 

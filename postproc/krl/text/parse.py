@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
-from postproc.errors import Issue, KrlError, Severity, SourceRef
+from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.files import read_bytes
 from postproc.krl.text.lexer import KrlSyntaxError, split_comment
 from postproc.krl.text.program import (
@@ -59,13 +59,13 @@ class _Part:
     attributes: list[str] = field(default_factory=list)
     before: list[Statement] = field(default_factory=list)
     blocks: list[Routine | DataList] = field(default_factory=list)
-    problems: list[Issue] = field(default_factory=list)
+    problems: list[Finding] = field(default_factory=list)
 
     def problem(self, line: int, text: str, message: str, code: str = "KRL004") -> None:
         """Note a line that is no KRL."""
         if len(self.problems) < _PROBLEMS_AT_MOST:
             place = SourceRef(self.path, line, text)
-            self.problems.append(Issue(Severity.ERROR, code, message, source=place))
+            self.problems.append(Finding(Severity.ERROR, code, message, source=place))
 
 
 # ------------------------------------------------------------------------------ public entrances

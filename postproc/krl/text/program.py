@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
-from postproc.errors import Issue
+from postproc.errors import Finding
 from postproc.krl.text.source import TextFacts
 
 # --------------------------------------------------------------------------------------- values
@@ -425,7 +425,7 @@ class KrlModule:
     before: tuple[Statement, ...] = ()
     src_path: str = field(default="", compare=False)
     dat_path: str = field(default="", compare=False)
-    problems: tuple[Issue, ...] = field(default=(), compare=False)
+    problems: tuple[Finding, ...] = field(default=(), compare=False)
     src_facts: TextFacts | None = field(default=None, compare=False)
     dat_facts: TextFacts | None = field(default=None, compare=False)
 

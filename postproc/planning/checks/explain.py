@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import remedy
@@ -28,10 +28,10 @@ ALIKE = 50
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 
 
-def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Issue:
+def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Finding:
     """Return the finding of a tag that fails."""
     name = problem.toolpath.tag_name(tag)
-    return Issue(
+    return Finding(
         Severity.ERROR,
         f"PLN{int(reason)}",
         f"tag {name}: {WORDS[reason]}: {detail}",
@@ -41,10 +41,10 @@ def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str =
     )
 
 
-def no_pose(toolpath: ToolPath, tag: int) -> Issue:
+def no_pose(toolpath: ToolPath, tag: int) -> Finding:
     """Return the finding of a tag without a Cartesian target."""
     name, source = toolpath.tag_name(tag), toolpath.source(tag)
-    return Issue(Severity.ERROR, "PLN206", f"tag {name}: {NO_POSE}", tag, source)
+    return Finding(Severity.ERROR, "PLN206", f"tag {name}: {NO_POSE}", tag, source)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,22 +92,22 @@ class _Remedies:
         return found
 
 
-def explained(checker: Checker, evidence: Evidence) -> list[Issue]:
+def explained(checker: Checker, evidence: Evidence) -> list[Finding]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
-    issues = []
+    findings = []
     good, entry = evidence.chosen.good, evidence.chosen.entry
     remedies = _Remedies(checker)
     for row in np.nonzero(~good)[0].tolist():
-        issues.append(_no_pose(checker, evidence, row, remedies))
+        findings.append(_no_pose(checker, evidence, row, remedies))
     cut_off = (evidence.rule == Rule.CHAIN) & entry & good
     cut_off[1:] &= good[:-1]
     cut_off[:1] = False
     for row in np.nonzero(cut_off)[0].tolist():
-        issues.append(_no_way(checker, evidence, row))
-    return issues
+        findings.append(_no_way(checker, evidence, row))
+    return findings
 
 
-def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Issue:
+def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Finding:
     tag = int(evidence.tags[row])
     if not checker.problem.placement.given[tag]:
         return no_pose(checker.problem.toolpath, tag)
@@ -148,7 +148,7 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
     return f"most often {names[0]} hits {names[1]}"
 
 
-def _no_way(checker: Checker, evidence: Evidence, row: int) -> Issue:
+def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     reason, pair = evidence.step_reason.get(row, (Reason.SINGULAR, -1))
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
     pin = pinned(checker.problem, int(evidence.tags[row]))

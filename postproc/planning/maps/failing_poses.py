@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from postproc.arrays import BoolArray, FloatArray
     from postproc.cell import Cell
     from postproc.collision import Hits, Scene
-    from postproc.errors import Issue
+    from postproc.errors import Finding
     from postproc.kinematics import Kinematics
     from postproc.model import ToolPath
     from postproc.planning.states import IndexArray, Placement
@@ -47,7 +47,7 @@ def failing_poses(
     cell: Cell,
     kinematics: Kinematics,
     scene: Scene,
-    issues: Sequence[Issue],
+    findings: Sequence[Finding],
 ) -> dict[int, FailingPose]:
     """Return poses of failing tags by tag; a tag that the arm cannot reach at all has none.
 
@@ -57,7 +57,7 @@ def failing_poses(
     """
     if cell.external_axes:
         return {}
-    errors = [i for i in issues if i.severity is Severity.ERROR and i.tag_index is not None]
+    errors = [i for i in findings if i.severity is Severity.ERROR and i.tag_index is not None]
     said = {int(i.tag_index or 0): i.message for i in errors}
     if not said:
         return {}

@@ -10,7 +10,6 @@ free.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -31,9 +30,9 @@ from postproc.planning.states import (
     sample,
     settle,
 )
+from postproc.progress import Progress
 from postproc.units import DEG, N_PER_MM
 
-Progress = Callable[[int, int, str], None]
 _CHUNK = 200
 _FULL_TURN = 2.0 * np.pi
 

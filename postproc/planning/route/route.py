@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import Issue
+from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
@@ -31,7 +31,7 @@ class Route:
 
     moves: Moves
     timed: Timed
-    issues: list[Issue] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
 
 
 def route(checker: Checker, chosen: Chosen) -> Route:
@@ -40,15 +40,15 @@ def route(checker: Checker, chosen: Chosen) -> Route:
     Connections that cannot be made free of collision are findings at their tag.
     """
     problem = checker.problem
-    issues: list[Issue] = []
+    findings: list[Finding] = []
     holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(problem, checker, chosen)
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
-    parts += _home(checker, chosen, arrives, issues)
+    parts += _home(checker, chosen, arrives, findings)
     table = in_order(parts)
     ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
-    as_line, blocked = _decide(checker, chosen, ends, issues)
+    as_line, blocked = _decide(checker, chosen, ends, findings)
     rapid = problem.settings.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
@@ -59,8 +59,8 @@ def route(checker: Checker, chosen: Chosen) -> Route:
     ]
     if extra:
         table = in_order([table, *extra])
-    result = timed(checker, table, _stops_before(problem, table), issues)
-    return Route(table, result, issues)
+    result = timed(checker, table, _stops_before(problem, table), findings)
+    return Route(table, result, findings)
 
 
 def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
@@ -82,7 +82,7 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
     return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
 
 
-def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) -> list[Moves]:
+def _home(checker: Checker, chosen: Chosen, q: FloatArray, findings: list[Finding]) -> list[Moves]:
     """Return the moves from home to the first tag's approach and from the last back home."""
     problem = checker.problem
     tags = np.nonzero(chosen.good)[0]
@@ -97,7 +97,7 @@ def _home(checker: Checker, chosen: Chosen, q: FloatArray, issues: list[Issue]) 
         between = free_way(checker, *way)
         if between is None:
             detail = "no free way was found between home and here"
-            issues.append(failure(problem, tag, Reason.COLLISION, detail))
+            findings.append(failure(problem, tag, Reason.COLLISION, detail))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
         role = np.full(len(points), MoveRole.RAPID)
@@ -134,7 +134,7 @@ def _connections(
 
 
 def _decide(
-    checker: Checker, chosen: Chosen, ends: Ends, issues: list[Issue]
+    checker: Checker, chosen: Chosen, ends: Ends, findings: list[Finding]
 ) -> tuple[BoolArray, dict[int, Detour]]:
     """Return which connections run straight (LIN), and the detours of those that are not free."""
     problem = checker.problem
@@ -148,7 +148,7 @@ def _decide(
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
         detail = _blocked(checker, verdict, int(stuck[i]), name)
         hint = _NOT_SEARCHED if count >= GIVE_UP else ""
-        issues.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
+        findings.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.states import IndexArray, Moves, Problem
@@ -48,7 +48,9 @@ class Timed:
     cap: FloatArray
 
 
-def timed(checker: Checker, table: Moves, stops_before: BoolArray, issues: list[Issue]) -> Timed:
+def timed(
+    checker: Checker, table: Moves, stops_before: BoolArray, findings: list[Finding]
+) -> Timed:
     """Return speeds that the axes can follow, blends, and times.
 
     A cut without a feed, and a motion too fast for an axis at any speed, are findings.
@@ -62,7 +64,7 @@ def timed(checker: Checker, table: Moves, stops_before: BoolArray, issues: list[
     length[rows] = lines.length
     cap = np.full(len(table), np.inf)
     cap[rows] = _caps(checker, lines)
-    speed = _capped(problem, table, rows, cap, issues)
+    speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, table, length, stops_before)
     fraction = np.where(is_path, np.nan, problem.settings.rapid_share)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
@@ -105,14 +107,14 @@ def _caps(checker: Checker, lines: Lines) -> FloatArray:
 
 
 def _capped(
-    problem: Problem, table: Moves, rows: IndexArray, cap: FloatArray, issues: list[Issue]
+    problem: Problem, table: Moves, rows: IndexArray, cap: FloatArray, findings: list[Finding]
 ) -> FloatArray:
     """Return the speeds with those lowered that an axis cannot follow, with a finding each."""
     speed = table.speed.copy()
     missing = rows[~np.isfinite(speed[rows])]
     for tag in np.unique(table.tag[missing]).tolist():
-        issues.append(
-            Issue(
+        findings.append(
+            Finding(
                 Severity.ERROR,
                 "PLN205",
                 "this cut has no feed: neither the input nor the cell gives one",
@@ -126,9 +128,9 @@ def _capped(
     for row in fast.tolist():
         tag = int(table.tag[row])
         if cap[row] < SLOWEST:
-            issues.append(failure(problem, tag, Reason.SPEED, _too_slow(problem, table, row)))
+            findings.append(failure(problem, tag, Reason.SPEED, _too_slow(problem, table, row)))
         elif table.role[row] in (MoveRole.CUT, MoveRole.PLUNGE):
-            issues.append(_slower(problem, tag, speed[row], cap[row]))
+            findings.append(_slower(problem, tag, speed[row], cap[row]))
     speed[fast] = cap[fast]
     return np.where(np.isfinite(speed), speed, SLOWEST)
 
@@ -138,8 +140,8 @@ def _too_slow(problem: Problem, table: Moves, row: int) -> str:
     return f"A{int(np.argmax(change)) + 1} cannot follow the path at any useful speed"
 
 
-def _slower(problem: Problem, tag: int, asked: float, allowed: float) -> Issue:
-    return Issue(
+def _slower(problem: Problem, tag: int, asked: float, allowed: float) -> Finding:
+    return Finding(
         Severity.WARNING,
         "PLN301",
         f"feed lowered from {asked / MM_PER_MIN:.0f} to {allowed / MM_PER_MIN:.0f} mm/min: "

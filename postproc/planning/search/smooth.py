@@ -23,7 +23,7 @@ from collections.abc import Callable
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.planning.checks import Checker, Reason, explained, failure
 from postproc.planning.search.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length, key_tags, stretches
@@ -56,7 +56,7 @@ _ROUNDING = 1e-6
 
 def smooth(
     checker: Checker, step: Callable[[int, int, str], None]
-) -> tuple[Chosen, list[Issue], dict[str, object]]:
+) -> tuple[Chosen, list[Finding], dict[str, object]]:
     """Return poses, findings and record of the strategy ``smooth``."""
     problem = checker.problem
     n = len(problem)
@@ -91,11 +91,11 @@ def smooth(
         "loss": np.where(chosen.good, loss, np.nan).tolist(),
         "travel_rad2": travel(chosen),
     }
-    issues = [*explained(checker, hunt.evidence(key)), _report(problem, loss, tags)]
-    issues += _given_up(problem, chosen, issues)
+    findings = [*explained(checker, hunt.evidence(key)), _report(problem, loss, tags)]
+    findings += _given_up(problem, chosen, findings)
     if len(tags) > first_keys:
         record["key_tags_added"] = len(tags) - first_keys
-    return chosen, issues, record
+    return chosen, findings, record
 
 
 def _hunt(checker: Checker, tags: IndexArray, best: FloatArray) -> Hunt:
@@ -296,16 +296,16 @@ def _more_keys(
     return added & ~keys
 
 
-def _given_up(problem: Problem, chosen: Chosen, issues: list[Issue]) -> list[Issue]:
-    """Return a finding for every tag without a pose that none of ``issues`` is about."""
-    said = {issue.tag_index for issue in issues}
+def _given_up(problem: Problem, chosen: Chosen, findings: list[Finding]) -> list[Finding]:
+    """Return a finding for every tag without a pose that none of ``findings`` is about."""
+    said = {finding.tag_index for finding in findings}
     lost = [tag for tag in np.flatnonzero(~chosen.good).tolist() if tag not in said]
     detail = "the pose between two key tags, or the cut to it, cannot be run"
     hint = 'strategies "global" and "each" look for a pose of this tag'
     return [failure(problem, tag, Reason.SINGULAR, detail, hint) for tag in lost]
 
 
-def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
+def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Finding:
     text = f"{len(tags)} of {len(problem)} tags are key tags"
     if np.isfinite(loss).any():
         worst = int(np.nanargmax(loss))
@@ -315,8 +315,8 @@ def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Issue:
         )
     bound = problem.settings.loss_bound
     if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound:
-        return Issue(Severity.NOTE, "PLN304", text)
-    return Issue(
+        return Finding(Severity.NOTE, "PLN304", text)
+    return Finding(
         Severity.WARNING,
         "PLN305",
         f"{text}; no cuts that can be run keep it under the bound of {100.0 * bound:.0f} %",

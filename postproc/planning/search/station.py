@@ -17,7 +17,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.errors import Issue, Severity
+from postproc.errors import Finding, Severity
 from postproc.geometry import inverse
 from postproc.kinematics import build
 from postproc.model import Event, MoveKind, MoveRole, Plan, ToolPath
@@ -86,10 +86,10 @@ class _Stations:
         """Close stations to the units that failed there; return whether there is another."""
         low, _, station = run
         again = False
-        for issue in result.errors:
-            if issue.tag_index is None:
+        for finding in result.errors:
+            if finding.tag_index is None:
                 continue
-            tag = low + issue.tag_index
+            tag = low + finding.tag_index
             unit = next(i for i, (a, b) in enumerate(self.units) if a <= tag < b)
             if self.cost[unit, station] < UNREACHED:
                 self.cost[unit, station] = UNREACHED
@@ -127,7 +127,7 @@ def plan_stations(
             break
     plans = [search.done[run] for run in runs]
     result = _joined(toolpath, cell, values, runs, plans, make_checker)
-    return replace(result, issues=_told(result, cell, units, reach))
+    return replace(result, findings=_told(result, cell, units, reach))
 
 
 def _costs(
@@ -161,20 +161,20 @@ def _costs(
 
 def _told(
     result: Plan, cell: Cell, units: list[tuple[int, int]], reach: BoolArray
-) -> tuple[Issue, ...]:
+) -> tuple[Finding, ...]:
     """Return the findings; those of a cut that no single station reaches all along say so."""
     names = " or ".join(axis.name for axis in cell.external_axes)
     hint = f"cuts keep their place of {names}: lift the tool somewhere on the way"
-    told = list(result.issues)
+    told = list(result.findings)
     for low, high in units:
         part = reach[low:high]
         if high - low == 1 or part.all(axis=0).any() or not part.any(axis=1).all():
             continue
         first, last = (result.toolpath.tag_name(tag) for tag in (low, high - 1))
         text = f"the cut from tag {first} to {last} needs {names} to move within it"
-        for i, issue in enumerate(told):
-            if issue.severity is Severity.ERROR and issue.tag_index in range(low, high):
-                told[i] = replace(issue, message=f"{issue.message}; {text}", hint=hint)
+        for i, finding in enumerate(told):
+            if finding.severity is Severity.ERROR and finding.tag_index in range(low, high):
+                told[i] = replace(finding, message=f"{finding.message}; {text}", hint=hint)
     return tuple(told)
 
 
@@ -218,7 +218,7 @@ def _joined(
     make_checker: MakeChecker,
 ) -> Plan:
     """Return one plan of all runs, with the moves of the external axes between them."""
-    issues: list[Issue] = []
+    findings: list[Finding] = []
     pieces: list[Plan] = []
     places: list[FloatArray] = []
     events: list[tuple[int, Event]] = []
@@ -226,10 +226,10 @@ def _joined(
     for i, (run, part) in enumerate(zip(runs, plans, strict=True)):
         here = values[run[2]]
         shifted = _shifted(part, run[0], toolpath)
-        issues += shifted.issues
+        findings += shifted.findings
         if i and len(part) and pieces:
             ends = (places[-1][-1], here)
-            between, where = _between(cell, pieces[-1], shifted, ends, make_checker, issues)
+            between, where = _between(cell, pieces[-1], shifted, ends, make_checker, findings)
             pieces.append(between)
             places.append(where)
             moves += len(between)
@@ -238,7 +238,7 @@ def _joined(
             pieces.append(shifted)
             places.append(np.tile(here, (len(part), 1)))
             moves += len(part)
-    return _stacked(toolpath, pieces, places, tuple(events), issues, plans)
+    return _stacked(toolpath, pieces, places, tuple(events), findings, plans)
 
 
 def replace_index(event: Event, low: int) -> Event:
@@ -247,9 +247,9 @@ def replace_index(event: Event, low: int) -> Event:
 
 
 def _shifted(part: Plan, low: int, toolpath: ToolPath) -> Plan:
-    issues = tuple(
-        replace(issue, tag_index=None if issue.tag_index is None else issue.tag_index + low)
-        for issue in part.issues
+    findings = tuple(
+        replace(finding, tag_index=None if finding.tag_index is None else finding.tag_index + low)
+        for finding in part.findings
     )
     n = len(toolpath)
     unknown = np.full(n, np.nan)
@@ -257,7 +257,7 @@ def _shifted(part: Plan, low: int, toolpath: ToolPath) -> Plan:
         part,
         toolpath=toolpath,
         tag=part.tag + np.int32(low),
-        issues=issues,
+        findings=findings,
         stiffness=_placed(unknown, part.stiffness, low),
         stiffness_initial=_placed(unknown, part.stiffness_initial, low),
         clearance=_placed(unknown, part.clearance, low),
@@ -276,14 +276,14 @@ def _between(
     after: Plan,
     places: tuple[FloatArray, FloatArray],
     make_checker: MakeChecker,
-    issues: list[Issue],
+    findings: list[Finding],
 ) -> tuple[Plan, FloatArray]:
     """Return the moves from one station to the next: to a travel pose, the axes, and on."""
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
     travel = travel_between(cell, q_from, q_to, places, make_checker)
     if travel is None:
-        issues.append(
-            Issue(
+        findings.append(
+            Finding(
                 Severity.ERROR,
                 f"PLN{int(Reason.COLLISION)}",
                 "no pose was found in which the arm is free while the external axes move to here",
@@ -343,7 +343,7 @@ def _stacked(
     pieces: list[Plan],
     places: list[FloatArray],
     events: tuple[tuple[int, Event], ...],
-    issues: list[Issue],
+    findings: list[Finding],
     plans: list[Plan],
 ) -> Plan:
     model = plans[0]
@@ -370,7 +370,7 @@ def _stacked(
         toolpath=toolpath,
         external=np.concatenate(places) if places else np.zeros((0, k)),
         events=events,
-        issues=tuple(dict.fromkeys(issues)),
+        findings=tuple(dict.fromkeys(findings)),
         settings={**model.settings, "stations": len(plans)},
         **changes,  # type: ignore[arg-type]
         **per_tag,  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.errors import Issue
+from postproc.errors import Finding
 from postproc.planning.checks import Checker, explained
 from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length
@@ -20,7 +20,7 @@ _SPREADS = 6
 _HEAVIER = 8.0
 
 
-def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Issue], dict[str, object]]:
+def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[str, object]]:
     """Return the pose of every tag, the findings, and a record of the work."""
     if checker.problem.settings.strategy == "smooth":
         from postproc.planning.search.smooth import smooth

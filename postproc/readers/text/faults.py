@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from postproc.errors import Issue, ReadError, Severity, SourceRef
+from postproc.errors import Finding, ReadError, Severity, SourceRef
 
 _SHOWN = 60
 
@@ -13,7 +13,7 @@ _SHOWN = 60
 class _Kept:
     """A finding and how often it came."""
 
-    issue: Issue
+    finding: Finding
     count: int = 1
 
 
@@ -32,14 +32,14 @@ class Faults:
         self._fixes: dict[tuple[str, str], _Kept] = {}
 
     @property
-    def warnings(self) -> tuple[Issue, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """Warnings in the order of their first lines, repeated ones counted."""
-        return tuple(replace(kept.issue, count=kept.count) for kept in self._warnings.values())
+        return tuple(replace(kept.finding, count=kept.count) for kept in self._warnings.values())
 
     @property
-    def fixes(self) -> tuple[Issue, ...]:
+    def fixes(self) -> tuple[Finding, ...]:
         """Fixes in the order of their first lines, repeated ones counted."""
-        return tuple(replace(kept.issue, count=kept.count) for kept in self._fixes.values())
+        return tuple(replace(kept.finding, count=kept.count) for kept in self._fixes.values())
 
     def error(
         self, code: str, message: str, line: int, text: str = "", hint: str = ""
@@ -80,7 +80,7 @@ class Faults:
         known = store.get((code, message))
         if known is None:
             source = SourceRef(self.path, line)
-            store[code, message] = _Kept(Issue(severity, code, message, source=source))
+            store[code, message] = _Kept(Finding(severity, code, message, source=source))
         else:
             known.count += 1
 

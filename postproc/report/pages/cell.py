@@ -14,10 +14,10 @@ from postproc.units import DEG
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
     from postproc.cell import Cell
-    from postproc.errors import Issue
+    from postproc.errors import Finding
 
 
-def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> bytes:
+def cell_page(cell: Cell, facts: Mapping[str, Any], findings: Sequence[Finding]) -> bytes:
     """Return the page of a cell as one self-contained HTML file.
 
     The robot stands at home, or upright (A2 -90, A3 90) where the cell names no home; frames are
@@ -26,7 +26,7 @@ def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> 
     Args:
         cell: the cell.
         facts: what ``check --json`` says of it.
-        issues: findings.
+        findings: findings.
     """
     from postproc.collision import Scene
     from postproc.kinematics import build
@@ -36,7 +36,7 @@ def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> 
     has_home = cell.motion.home is not None
     home = np.asarray(cell.motion.home) if has_home else _upright(cell)
     hits = scene.check(home[None])
-    page = Page(f"Cell {cell.name}", _lead(cell, issues))
+    page = Page(f"Cell {cell.name}", _lead(cell, findings))
     add_scene(page, cell, kinematics, scene)
     page.script("cell.js")
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
@@ -52,7 +52,7 @@ def cell_page(cell: Cell, facts: Mapping[str, Any], issues: Sequence[Issue]) -> 
     note = f'<p class="soft">The robot {where}; axes of robot root, base and tool: x red, y green, '
     page.section("The cell", f'<div id="scene"></div>{note}z blue.</p>', "wide")
     page.section("Axes", '<div id="axes"></div>', "third")
-    page.section("What is wrong", _findings(issues), "half")
+    page.section("What is wrong", _findings(findings), "half")
     page.section("What it is", table(("", ""), _facts(facts)), "half")
     return page.render()
 
@@ -63,11 +63,11 @@ def _upright(cell: Cell) -> FloatArray:
     return upright if inside else np.zeros(6)
 
 
-def _lead(cell: Cell, issues: Sequence[Issue]) -> list[str]:
-    errors = sum(issue.severity is Severity.ERROR for issue in issues)
-    warnings = sum(issue.severity is Severity.WARNING for issue in issues)
+def _lead(cell: Cell, findings: Sequence[Finding]) -> list[str]:
+    errors = sum(finding.severity is Severity.ERROR for finding in findings)
+    warnings = sum(finding.severity is Severity.WARNING for finding in findings)
     if errors:
-        first = next(issue for issue in issues if issue.severity is Severity.ERROR)
+        first = next(finding for finding in findings if finding.severity is Severity.ERROR)
         return [f"This cell cannot work as it is: {first.message}."]
     if warnings:
         word = "one warning" if warnings == 1 else f"{warnings} warnings"
@@ -75,15 +75,15 @@ def _lead(cell: Cell, issues: Sequence[Issue]) -> list[str]:
     return ["Nothing is wrong with this cell.", f"Robot {cell.robot.name}."]
 
 
-def _findings(issues: Sequence[Issue]) -> str:
-    if not issues:
+def _findings(findings: Sequence[Finding]) -> str:
+    if not findings:
         return '<p class="good">nothing</p>'
     marks = {Severity.ERROR: "bad", Severity.WARNING: "warn"}
     items = "".join(
-        f'<li class="{marks.get(issue.severity, "soft")}">'
-        + (f"line {issue.source.line}: " if issue.source else "")
-        + f"{escape(issue.message)}</li>"
-        for issue in issues
+        f'<li class="{marks.get(finding.severity, "soft")}">'
+        + (f"line {finding.source.line}: " if finding.source else "")
+        + f"{escape(finding.message)}</li>"
+        for finding in findings
     )
     return f"<ul>{items}</ul>"
 

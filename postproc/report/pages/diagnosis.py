@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.gap import Along, Finding, Part, Samples, effect_of, parts, summary
+from postproc.gap import Along, Diagnosis, Part, Samples, effect_of, parts, summary
 from postproc.kinematics import build
 from postproc.report.parts import (
     Page,
@@ -29,7 +29,7 @@ _BINS = 12
 
 
 def diagnosis_page(
-    finding: Finding,
+    diagnosis: Diagnosis,
     content: dict[str, Any],
     cell: Cell | None = None,
     path: Along | None = None,
@@ -37,24 +37,24 @@ def diagnosis_page(
     """Return the page as bytes.
 
     Args:
-        finding: the diagnosis.
+        diagnosis: the answer to a campaign.
         content: its document, as printed by ``--json``.
         cell: whose robot is drawn; None: the points alone.
         path: where the rows lie on a program.
     """
     title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
     page = Page(title, [headline(content)])
-    _space(page, finding, cell)
+    _space(page, diagnosis, cell)
     words = "".join(f"<p>{escape(line)}</p>" for line in summary(content))
     page.section("In words", words)
     page.section("Effects, on rows that were not fitted", _effects(content))
-    page.section("Gap before and after", _before_after(finding), "half")
-    page.section("Gap along the campaign", _along(finding), "half")
+    page.section("Gap before and after", _before_after(diagnosis), "half")
+    page.section("Gap along the campaign", _along(diagnosis), "half")
     if path is not None:
-        page.section("Gap along the program", _program(finding, content, path))
+        page.section("Gap along the program", _program(diagnosis, content, path))
     page.section("Where: joints, direction, conditions", _where(content), "half")
-    for part in parts(finding):
-        page.section(f"{part.name}: the data against the cause", _against(finding, part), "half")
+    for part in parts(diagnosis):
+        page.section(f"{part.name}: the data against the cause", _against(diagnosis, part), "half")
     page.section("What is left: tests of the residual", _tests(content), "half")
     page.section("Numbers of the adopted effects", _numbers(content), "wide")
     page.section("What to measure next", _next(content))
@@ -93,8 +93,8 @@ def _percent(value: float) -> str:
     return f"{value / PERCENT:.1f} %"
 
 
-def _before_after(finding: Finding) -> str:
-    before, after = _sizes(finding)
+def _before_after(diagnosis: Diagnosis) -> str:
+    before, after = _sizes(diagnosis)
     edges = np.linspace(0.0, float(np.quantile(before, 0.995)) + 1e-9, 31)
     middle = 0.5 * (edges[1:] + edges[:-1])
     lines = [
@@ -104,22 +104,22 @@ def _before_after(finding: Finding) -> str:
     return line_chart(lines, "distance from the simulated point [mm]", "rows")
 
 
-def _sizes(finding: Finding) -> tuple[FloatArray, FloatArray]:
+def _sizes(diagnosis: Diagnosis) -> tuple[FloatArray, FloatArray]:
     """Return the gap and the residual (n,) of the rows kept [mm]."""
-    kept = finding.kept
-    gap = finding.problem.measured - finding.baseline
+    kept = diagnosis.kept
+    gap = diagnosis.problem.measured - diagnosis.baseline
     before = np.linalg.norm(gap, axis=1)[kept] / MM
-    return before, np.linalg.norm(finding.residual, axis=1)[kept] / MM
+    return before, np.linalg.norm(diagnosis.residual, axis=1)[kept] / MM
 
 
-def _along(finding: Finding) -> str:
-    before, after = _sizes(finding)
-    time = finding.problem.samples.time
-    axis = np.flatnonzero(finding.kept) if time is None else time[finding.kept]
+def _along(diagnosis: Diagnosis) -> str:
+    before, after = _sizes(diagnosis)
+    time = diagnosis.problem.samples.time
+    axis = np.flatnonzero(diagnosis.kept) if time is None else time[diagnosis.kept]
     order = np.argsort(axis, kind="stable")[:: max(1, len(axis) // _MOST_POINTS)]
     x = np.asarray(axis[order], dtype=np.float64)
     label = "row" if time is None else "time [s]"
-    noise = 3.0**0.5 * finding.noise / MM
+    noise = 3.0**0.5 * diagnosis.noise / MM
     return line_chart(
         [Series("before", x, before[order]), Series("after", x, after[order])],
         label,
@@ -128,36 +128,36 @@ def _along(finding: Finding) -> str:
     )
 
 
-def _space(page: Page, finding: Finding, cell: Cell | None) -> None:
+def _space(page: Page, diagnosis: Diagnosis, cell: Cell | None) -> None:
     """Add the rows in space: where they were measured, how far off, and what is left."""
-    before, after = _sizes(finding)
-    rows = np.flatnonzero(finding.kept)
+    before, after = _sizes(diagnosis)
+    rows = np.flatnonzero(diagnosis.kept)
     some = slice(None, None, max(1, len(rows) // _MOST_POINTS))
     picked = rows[some]
-    gap = (finding.problem.measured - finding.baseline)[picked]
+    gap = (diagnosis.problem.measured - diagnosis.baseline)[picked]
     columns = [
         TagColumn("gap", "gap", "mm", before[some], "high"),
         TagColumn("left", "left", "mm", after[some], "high"),
         *(TagColumn(f"d{axis}", f"d{axis}", "mm", gap[:, k] / MM) for k, axis in enumerate("xyz")),
     ]
-    ids = finding.problem.measurements.ids
+    ids = diagnosis.problem.measurements.ids
     view = RowsView(
         "row",
         [str(ids[row]) for row in picked],
-        finding.problem.measured[picked],
+        diagnosis.problem.measured[picked],
         columns,
-        finding.problem.samples.q[picked],
+        diagnosis.problem.samples.q[picked],
         gap,
     )
     arm = None if cell is None else build(cell.robot)
     add_rows(page, "Where: the gap over the workspace", view, cell, arm)
 
 
-def _program(finding: Finding, content: dict[str, Any], path: Along) -> str:
+def _program(diagnosis: Diagnosis, content: dict[str, Any], path: Along) -> str:
     """Return the gap over the way along the program, and its worst stretches."""
-    before, after = _sizes(finding)
-    on = path.on[finding.kept]
-    way = path.way[finding.kept][on] / MM
+    before, after = _sizes(diagnosis)
+    on = path.on[diagnosis.kept]
+    way = path.way[diagnosis.kept][on] / MM
     order = np.argsort(way, kind="stable")
     lines = [
         Series(name, way[order], values[on][order], marks=True)
@@ -218,14 +218,14 @@ def _where(content: dict[str, Any]) -> str:
     )
 
 
-def _against(finding: Finding, part: Part) -> str:
+def _against(diagnosis: Diagnosis, part: Part) -> str:
     """Return measured against explained, with everything else that was adopted taken out."""
-    kept = finding.kept
+    kept = diagnosis.kept
     own = part.moved[kept]
-    seen = own + finding.residual[kept]
+    seen = own + diagnosis.residual[kept]
     size = np.linalg.norm(own, axis=1)
     along = np.einsum("ni,ni->n", seen, own / (size[:, None] + 1e-15))
-    x, name = _cause(finding.problem.samples, part, kept, size)
+    x, name = _cause(diagnosis.problem.samples, part, kept, size)
     cuts = np.unique(np.quantile(x, np.linspace(0.0, 1.0, _BINS + 1)))
     if len(cuts) < 3:
         return "<p>The cause has too few levels to draw.</p>"

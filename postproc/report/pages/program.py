@@ -27,7 +27,7 @@ from postproc.units import DEG, N_PER_MM
 if TYPE_CHECKING:
     from postproc.arrays import IntArray
     from postproc.cell import Cell
-    from postproc.errors import Issue
+    from postproc.errors import Finding
     from postproc.model import Plan, ToolPath
     from postproc.report.parts import ProgramText
 
@@ -38,7 +38,7 @@ _LEVELS = 65534
 def program_page(
     plan: Plan,
     cell: Cell,
-    issues: Sequence[Issue] = (),
+    findings: Sequence[Finding] = (),
     text: ProgramText | None = None,
 ) -> bytes:
     """Return the page of a plan as one self-contained HTML file.
@@ -46,7 +46,7 @@ def program_page(
     Args:
         plan: the plan; one that failed shows its failing tags and the solids that hit.
         cell: the cell it was planned for.
-        issues: all findings of the conversion.
+        findings: all findings of the conversion.
         text: the program text, read back; None when no text was written.
     """
     from postproc.collision import Scene
@@ -56,10 +56,10 @@ def program_page(
     scene = Scene.build(cell, kinematics)
     failing = {
         int(i.tag_index): i.message
-        for i in issues
+        for i in findings
         if i.severity is Severity.ERROR and i.tag_index is not None
     }
-    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, issues, failing), _room(plan, cell)])
+    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, findings, failing), _room(plan, cell)])
     moves = moves_of_tags(plan)
     columns = tag_columns(plan, cell, moves, scene, text)
     spins = spin_index(plan, cell, moves, scene)
@@ -73,7 +73,7 @@ def program_page(
         "failing": {str(tag): message for tag, message in failing.items()},
         "poses": {
             str(tag): pose.to_page()
-            for tag, pose in failing_poses(plan.toolpath, cell, kinematics, scene, issues).items()
+            for tag, pose in failing_poses(plan.toolpath, cell, kinematics, scene, findings).items()
         },
         "move_of_tag": packed(moves, "int32"),
         "objective": str(cell.optimize.objective),
@@ -81,7 +81,7 @@ def program_page(
     }
     motion_sections(page, columns, "Tags", spins=True)
     page.section("Time per operation", _operations(plan), "half")
-    page.section("Findings", _findings(issues), "half")
+    page.section("Findings", _findings(findings), "half")
     return page.render()
 
 
@@ -100,12 +100,12 @@ def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool
     page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
 
 
-def _lead(plan: Plan, issues: Sequence[Issue], failing: dict[int, str]) -> list[str]:
+def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> list[str]:
     tags, total = len(plan.toolpath), float(np.nansum(plan.duration))
     if failing:
         first = failing[min(failing)]
         return [f"No complete program: {len(failing)} of {tags} tags fail.", f"First: {first}"]
-    errors = [issue for issue in issues if issue.severity is Severity.ERROR]
+    errors = [finding for finding in findings if finding.severity is Severity.ERROR]
     if errors:
         return [f"No program: {errors[0].message}."]
     lines = [f"{tags} tags, {len(plan)} controller points, about {time_span(total)}."]
@@ -222,8 +222,8 @@ def _operations(plan: Plan) -> str:
     )
 
 
-def _findings(issues: Sequence[Issue]) -> str:
-    if not issues:
+def _findings(findings: Sequence[Finding]) -> str:
+    if not findings:
         return '<p class="good">none</p>'
     rows = "".join(
         f'<tr class="{"failing" if i.severity is Severity.ERROR else ""}"'
@@ -231,9 +231,9 @@ def _findings(issues: Sequence[Issue]) -> str:
         + f'><td class="text wrap">{escape(i)}'
         + (f"<br>{escape(i.hint)}" if i.hint else "")
         + "</td></tr>"
-        for i in issues[:_MOST_FINDINGS]
+        for i in findings[:_MOST_FINDINGS]
     )
-    left = len(issues) - _MOST_FINDINGS
+    left = len(findings) - _MOST_FINDINGS
     more = f"<p>and {left} more</p>" if left > 0 else ""
     return f'<div class="scroll"><table id="findings">{rows}</table></div>{more}'
 

@@ -7,7 +7,6 @@ has not seen lies within one standard error of the best.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +16,7 @@ from postproc.errors import SourceRef, StiffnessError
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, fit_registration
 from postproc.model import ModelFile, Registration
+from postproc.progress import Progress
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
 from postproc.stiffness.fieldfile import describe, effects_of
 from postproc.stiffness.identify.cases import LoadCases, load_cases
@@ -33,7 +33,6 @@ FEWEST_CASES = 9
 """Cases in the median cell below which a grid is not tried (the paper: more than ten a cell)."""
 FEWEST_CONTINUOUS = 12
 """Cases below which a continuous field is not tried."""
-Progress = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Finding, Rows, Way
+from postproc.controller import Rows, RunFinding, Way
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
 from postproc.units import DEG, MM
@@ -242,10 +242,10 @@ def _missed(
         result.measure("position", value, "mm", min(int(max(before[worst], 0)), len(paths) - 1))
 
 
-def _nowhere(result: Result, toolpath: ToolPath, row: int) -> list[Finding]:
+def _nowhere(result: Result, toolpath: ToolPath, row: int) -> list[RunFinding]:
     names = result.paths.trace.files
     text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
-    return [] if row else [Finding("missed", text, names[0] if names else "", 1)]
+    return [] if row else [RunFinding("missed", text, names[0] if names else "", 1)]
 
 
 def _how(

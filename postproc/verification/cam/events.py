@@ -172,8 +172,8 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
 
 
 def _tell(result: Result, kind: str, call: TraceEvent | None, text: str, is_error: bool) -> None:
-    from postproc.controller import Finding
+    from postproc.controller import RunFinding
 
     files = result.paths.trace.files
     file, line = (files[call.file], call.line) if call else (files[0] if files else "", 1)
-    result.findings.append(Finding(kind, text, file, line, is_error))
+    result.findings.append(RunFinding(kind, text, file, line, is_error))
