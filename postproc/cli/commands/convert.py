@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from postproc.cli.common import Session, answer, reading_options, standard_options
+from postproc.progress import Progress
 
 EPILOG = """\b
 Examples:
