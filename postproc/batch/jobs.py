@@ -52,7 +52,7 @@ def find_inputs(patterns: Sequence[str]) -> list[str]:
     file with one pattern a line; a file that is named there but missing is an input that fails.
 
     Raises:
-        DataError: BAT001 if a pattern matches nothing.
+        DataError: BAT001 if a pattern matches nothing, BAT006 if a list names itself.
     """
     found: dict[str, str] = {}
     for path in _all_matches(patterns, ()):
@@ -77,7 +77,7 @@ def _all_matches(patterns: Iterable[str], lists: tuple[str, ...]) -> Iterator[st
 
 def _listed(path: str, lists: tuple[str, ...]) -> Iterator[str]:
     if path in lists:
-        raise DataError("BAT001", "this list names itself", SourceRef(path))
+        raise DataError("BAT006", "this list names itself", SourceRef(path))
     lines = os.fsdecode(read_bytes(path).removeprefix(b"\xef\xbb\xbf")).splitlines()
     wanted = (line.strip() for line in lines)
     yield from _all_matches((w for w in wanted if w and not w.startswith("#")), (*lists, path))

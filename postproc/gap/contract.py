@@ -75,7 +75,7 @@ def check_needs(effect: Effect, samples: Samples) -> None:
             effect.basis(without, effect.prepare(samples))
         except DataError:
             continue
-        raise PluginError("PLG003", f"effect {effect.name!r} does not miss its column {column}")
+        raise PluginError("PLG004", f"effect {effect.name!r} does not miss its column {column}")
     absent = {
         name: None
         for name in ("direction", "qd", "wrench", "time", "temperature")
@@ -129,4 +129,4 @@ CHECKS: tuple[Check, ...] = (
 
 def _require(good: bool, effect: Effect, reason: str) -> None:
     if not good:
-        raise PluginError("PLG003", f"effect {effect.name!r} breaks its contract: {reason}")
+        raise PluginError("PLG004", f"effect {effect.name!r} breaks its contract: {reason}")

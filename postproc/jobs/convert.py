@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.cell import shared_cell
-from postproc.errors import CellError, DataError, EmitError, Finding, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
 from postproc.units import MM, N_PER_MM
 
@@ -140,14 +140,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         tool_axis=tuple(float(v) for v in cell.tool.axis),
         surface_normals=_surface_normals(cell),
     )
-    toolpath = read(request.source, request.format, options)
-    if len(toolpath) == 0:
-        raise EmitError(
-            "CNV001",
-            "no motion in this file, expected at least one point",
-            SourceRef(request.source),
-        )
-    return with_joint_targets(toolpath, cell)
+    return with_joint_targets(read(request.source, request.format, options), cell)
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:

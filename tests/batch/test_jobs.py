@@ -92,7 +92,7 @@ def test_what_is_no_file_is_refused(tmp_path, monkeypatch):
     with pytest.raises(DataError, match=r"endless\.csv:1: error BAT001: neither"):
         find_inputs(["endless.csv"])
     (tmp_path / "list.txt").write_text("@list.txt\n")
-    with pytest.raises(DataError, match="BAT001: this list names itself"):
+    with pytest.raises(DataError, match="BAT006: this list names itself"):
         find_inputs(["@list.txt"])
 
 

@@ -100,12 +100,12 @@ def spin_curves(
         most: how many key tags.
 
     Raises:
-        CellError: PLN205 if neither the cell nor a model gives joint stiffness.
+        CellError: PLN208 if neither the cell nor a model gives joint stiffness.
     """
     c_joint = stiffness_of(cell)
     if c_joint is None:
         raise CellError(
-            "PLN205",
+            "PLN208",
             "no joint stiffness: the cell has no [stiffness] and no --model is given",
             SourceRef(cell.path),
         )

@@ -294,7 +294,7 @@ class _ElementReader:
         for joint in element.iter("Joint"):
             number = parse_number(joint.get("DOFNumber", ""))
             if number is None:
-                raise self._faults.error("DEL004", "a Joint without DOFNumber", _line(joint))
+                raise self._missing("DOFNumber", joint)
             if number > N_JOINTS:
                 self._faults.warn("DEL120", "positions of external axes are left out", _line(joint))
                 continue
