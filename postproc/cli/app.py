@@ -29,6 +29,7 @@ COMMANDS = {
     "diagnose": "The sim-to-real gap: where, which effect, how far it shrinks.",
     "predict": "Tool points that the model expects.",
     "stiffness": "Stiffness index over the rotation about the tool axis.",
+    "explain": "Cause and remedy of a finding code.",
     "robots": "The built-in robots and where each number is from.",
     "plugins": "Readers, emitters, effects, objectives: name, origin, version.",
     "new-cell": "Write a commented cell.toml.",

@@ -1,0 +1,77 @@
+"""``postproc explain``: cause and remedy of a finding code."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+import click
+
+from postproc.cli.common import Session, answer, standard_options
+from postproc.codes import Entry, find, groups, nearest
+from postproc.errors import UsageError
+
+EPILOG = """\b
+Examples:
+  postproc explain APT010
+  postproc explain pln102 --json
+  postproc explain
+"""
+_WIDTH = 88
+
+
+@click.command(epilog=EPILOG)
+@click.argument("code", required=False)
+@standard_options
+def command(session: Session, /, code: str | None) -> int:
+    """Say what a finding CODE means and what to do about it; without CODE list all codes."""
+    if code is None:
+        listed = [entry for group in groups() for entry in group.entries]
+        codes = [{"code": e.code, "severity": e.severity, "title": e.title} for e in listed]
+        session.document({"schema": "postproc.explain/1", "codes": codes})
+        session.show("\n\n".join(_listing()))
+    else:
+        entry = _known(code.strip().upper())
+        session.document({"schema": "postproc.explain/1", **_document(entry)})
+        session.show(_page(entry))
+    return answer(good=True)
+
+
+def _known(code: str) -> Entry:
+    entry = find(code)
+    if entry is None:
+        near = ", ".join(nearest(code))
+        raise UsageError(
+            "CLI014",
+            f"no finding has the code {code!r}" + (f", the nearest are {near}" if near else ""),
+            hint="postproc explain lists all",
+        )
+    return entry
+
+
+def _document(entry: Entry) -> dict[str, Any]:
+    return {
+        "code": entry.code,
+        "severity": entry.severity,
+        "title": entry.title,
+        "cause": entry.cause,
+        "remedy": entry.remedy,
+    }
+
+
+def _page(entry: Entry) -> str:
+    kind = f" ({entry.severity})" if entry.severity else ""
+    parts = [f"{entry.code}{kind}: {entry.title}"]
+    for head, text in (("Cause", entry.cause), ("Remedy", entry.remedy)):
+        parts.append(textwrap.fill(f"{head}: {text}", _WIDTH, subsequent_indent="  "))
+    return "\n\n".join(parts)
+
+
+def _listing() -> list[str]:
+    """Return a paragraph per prefix, one line per code."""
+    return [
+        "\n".join(
+            [f"{group.prefix}  {group.about}", *(f"  {e.code}  {e.title}" for e in group.entries)]
+        )
+        for group in groups()
+    ]
