@@ -61,7 +61,7 @@ class Doubled(type(effect_of("base_frame"))):
 
 
 def test_the_contract_finds_a_broken_effect(samples):
-    with pytest.raises(PluginError, match="two of one name"):
+    with pytest.raises(PluginError, match=r"PLG004: .*two of one name"):
         contract.check_parameters(Broken(), samples)
     with pytest.raises(PluginError, match="off the exact derivative"):
         contract.check_columns(Doubled(), samples)

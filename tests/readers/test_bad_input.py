@@ -156,6 +156,9 @@ TABLE = [
                             + task("T20", TARGET)), "DEL012", "more than"),
     ("target.xml", XML.format(task("A", TARGET.replace("<CartesianTarget>", "<Tag>").replace(
         "</CartesianTarget>", "</Tag>"))), "DEL005", "without"),
+    ("joint.xml", XML.format(task("A", TARGET.replace(
+        "</CartesianTarget>", "</CartesianTarget><JointTarget><Joint Units='deg'><JointValue>1"
+        "</JointValue></Joint></JointTarget>"))), "DEL005", "Joint without DOFNumber"),
     ("twice.xml", XML.format(task("A", TARGET) + task("A", TARGET)), "DEL015", "two tasks"),
     ("robots.xml", "<OLPData>" + "".join(
         f"<Resource id='{r}'><GeneralInfo><ResourceName>{r}</ResourceName></GeneralInfo>"
