@@ -11,17 +11,17 @@ from postproc.gap.effect import EFFECTS, Basis, Effect, Parameter, register
 from postproc.gap.robot_model import effect_of
 from postproc.model.modelfile import EFFECT_NAMES
 
-EFFECTS = [effect for _, effect in EFFECTS]
+ALL = [effect for _, effect in EFFECTS]
 
 
-@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.name)
+@pytest.mark.parametrize("effect", ALL, ids=lambda e: e.name)
 @pytest.mark.parametrize("check", contract.CHECKS, ids=lambda c: c.__name__)
 def test_contract(check, effect, samples):
     check(effect, samples)
 
 
 def test_every_public_name_is_there():
-    assert set(EFFECT_NAMES) <= {effect.name for effect in EFFECTS}
+    assert set(EFFECT_NAMES) <= {effect.name for effect in ALL}
 
 
 def test_all_parts_of_the_registry_load():
