@@ -164,6 +164,7 @@ def test_texts_are_whole_sentences():
         for text in (entry.cause, entry.remedy):
             assert text.endswith("."), entry.code
             assert text == " ".join(text.split()), entry.code
+            assert text.isascii(), f"{entry.code}: not every terminal shows it"
             assert len(text.split()) >= 4, entry.code
 
 
