@@ -53,7 +53,7 @@ def test_links_of_the_readme_are_there():
 
 
 def test_files_that_the_readme_names_are_there():
-    for name in re.findall(r"`(tools/[\w./]+|tests/[\w./]+)`", README):
+    for name in re.findall(r"`((?:docs|tests|tools)/[\w./]+)`", README):
         assert (ROOT / name).exists(), name
 
 

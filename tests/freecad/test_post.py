@@ -18,7 +18,7 @@ from postproc.readers.base import ReadOptions, read
 from postproc.units import MM, MM_PER_MIN
 
 ROOT = Path(__file__).resolve().parents[2]
-POST = ROOT / "tools" / "freecad" / "postproc_krl_post.py"
+POST = ROOT / "docs" / "examples" / "freecad" / "postproc_krl_post.py"
 CELL = """\
 schema = "postproc.cell/1"
 name = "bench"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-EXAMPLE = ROOT / "tools" / "plugin_example"
+EXAMPLE = ROOT / "docs" / "examples" / "plugin"
 
 CELL = """\
 schema = "postproc.cell/1"
