@@ -21,7 +21,7 @@ from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import ToolPath
 
-CELL = Path(__file__).resolve().parent.parent / "fixtures" / "cells" / "drilling_kr500.toml"
+CELL = Path(__file__).resolve().parent.parent / "tests" / "cell" / "data" / "drilling_kr500.toml"
 T = TypeVar("T")
 
 

@@ -25,7 +25,7 @@ from postproc.krl.text.parse import parse_files
 from postproc.model.toolpath import ToolPath
 from postproc.verification.verify import verify_modules
 
-CELL = Path(__file__).resolve().parent.parent / "fixtures" / "cells" / "drilling_kr500.toml"
+CELL = Path(__file__).resolve().parent.parent / "tests" / "cell" / "data" / "drilling_kr500.toml"
 HEAD = """&ACCESS RVP
 DEF SPIRAL( )
 ;FOLD INI

@@ -26,7 +26,7 @@ from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.dialect import DIALECTS
 
-FIXTURES = Path(__file__).resolve().parents[1] / "fixtures" / "readers"
+FIXTURES = Path(__file__).resolve().parents[1] / "tests" / "readers" / "data"
 SECONDS = 5
 TOKENS = tuple(
     token.encode("latin-1")

@@ -12,7 +12,7 @@ from postproc.cell.robotfile import load_robot
 from postproc.errors import CellError, ReadError
 from postproc.units import DEG
 
-FIXTURES = Path(__file__).resolve().parents[2] / "fixtures" / "cells"
+FIXTURES = Path(__file__).parent / "data"
 SMALLEST = 'schema = "postproc.cell/1"\n[robot]\nmodel = "kuka_kr500_r2830"\n'
 
 

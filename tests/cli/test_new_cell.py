@@ -13,7 +13,7 @@ import pytest
 from postproc.cell.file import load_cell
 from postproc.cli import app
 
-FIXTURE = Path(__file__).resolve().parents[2] / "fixtures" / "cells" / "drilling_kr500.toml"
+FIXTURE = Path(__file__).parents[1] / "cell" / "data" / "drilling_kr500.toml"
 
 
 def run(arguments, capsys):

@@ -9,7 +9,7 @@ from postproc.krl.lint import RULES, lint
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.text.parse import load_modules, parse_files
 
-FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
+FIXTURES = Path(__file__).parent / "data"
 
 MAIN = """&ACCESS RVP
 &REL 1

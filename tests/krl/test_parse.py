@@ -37,7 +37,7 @@ from postproc.krl.text.program import (
 )
 from postproc.krl.text.render import render
 
-FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
+FIXTURES = Path(__file__).parent / "data"
 
 
 def module(*lines, data=None):

@@ -7,7 +7,7 @@ from postproc.model.toolpath import ToolPath
 from postproc.readers import ReadOptions, read
 
 ROOT = Path(__file__).resolve().parents[2]
-FIXTURES = ROOT / "fixtures" / "readers"
+FIXTURES = Path(__file__).parent / "data"
 CORPUS = ROOT.parent / "shared" / "corpus"
 
 

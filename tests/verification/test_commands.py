@@ -8,7 +8,7 @@ import pytest
 from postproc.cli.app import run
 from tests.verification.samples import APT_TEXT
 
-FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
+FIXTURES = Path(__file__).parents[1] / "krl" / "data"
 
 
 @pytest.fixture

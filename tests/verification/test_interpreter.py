@@ -14,7 +14,7 @@ from postproc.krl.text.parse import load_modules, parse_files
 from postproc.krl.text.program import Axes, Pose
 from tests.verification.samples import modules
 
-FIXTURES = Path(__file__).parents[2] / "fixtures" / "krl"
+FIXTURES = Path(__file__).parents[1] / "krl" / "data"
 KINEMATICS = build(load_robot("kuka_kr210_r2700_2"))
 ZERO = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 WORLD = World(
