@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
-
-if TYPE_CHECKING:
-    from postproc.cell import Cell
-    from postproc.gap import Along, Diagnosis
 
 EPILOG = """\b
 Examples:
@@ -53,45 +49,23 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     Several measurement files count as one campaign.
     """
     from postproc.cell import load_cell
-    from postproc.files import write_files
-    from postproc.gap import diagnose, document, model_file, pose_problem, summary
-    from postproc.jobs.measure_next import files as next_files
-    from postproc.jobs.measure_next import keep_readings, measure_next
-    from postproc.kinematics import build
-    from postproc.measurement import read_campaign
-    from postproc.model import load_model, save_model
+    from postproc.jobs.diagnose import diagnose
+    from postproc.jobs.measure_next import keep_readings
+    from postproc.model import load_model
 
     if options["output"]:
         keep_readings(Path(options["output"]))
     cell = load_cell(options["cell"])
     model = load_model(options["model"]) if options["model"] else None
-    rows = read_campaign(options["measurements"])
-    problem = pose_problem(rows, build(cell.robot), cell, model, options["registered"])
+    toolpath = read_cam(options["program"], options, cell) if options["program"] else None
     with session.progress() as progress:
-        diagnosis = diagnose(problem, progress)
-    following = measure_next(diagnosis, cell)
-    path = _path(options, diagnosis, cell)
-    content = document(diagnosis, following.poses, path)
+        job = diagnose(
+            options["measurements"], cell, model, options["registered"], toolpath, progress
+        )
     if options["output"]:
-        from postproc.report.pages.diagnosis import diagnosis_page
-
-        folder = Path(options["output"])
-        files = {
-            folder / "report.html": diagnosis_page(diagnosis, content, cell, path),
-            folder / "model.toml": save_model(model_file(diagnosis, model)),
-        }
-        more = next_files(following, diagnosis, cell)
-        write_files(files | {folder / name: content for name, content in more.items()})
-    session.document(content)
-    for line in summary(content):
+        job.write(options["output"])
+    session.document(job.document)
+    for line in job.summary:
         session.show(line)
     tolerance = options["tol_mm"]
-    return answer(tolerance is None or content["gap"]["rms_mm"] <= tolerance)
-
-
-def _path(options: dict[str, Any], diagnosis: Diagnosis, cell: Cell) -> Along | None:
-    if not options["program"]:
-        return None
-    from postproc.gap import along
-
-    return along(diagnosis, read_cam(options["program"], options, cell), cell)
+    return answer(tolerance is None or job.document["gap"]["rms_mm"] <= tolerance)

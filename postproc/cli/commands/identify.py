@@ -61,32 +61,19 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.kinematics import build
-    from postproc.measurement import read_measurements
+    from postproc.jobs.identify import identify
     from postproc.model import save_model
-    from postproc.stiffness.identify import document, identify, warnings
 
     cell = load_cell(options["cell"])
-    measured = read_measurements(options["source"])
     with session.progress() as progress:
-        result = identify(
-            measured,
-            build(cell.robot),
-            cell.tool.T_flange_tcp[:3, 3],
-            _settings(options),
-            cell.joint_stiffness,
-            progress,
-        )
-    contents = {Path(options["output"]): save_model(result.model())}
+        job = identify(options["source"], cell, _settings(options), progress)
+    contents = {Path(options["output"]): save_model(job.model)}
     if options["report"]:
-        from postproc.report.pages.identify import identify_page
-
-        contents[Path(options["report"])] = identify_page(result, cell)
+        contents[Path(options["report"])] = job.page()
     write_files(contents)
-    content = document(result)
-    session.document(content)
-    _summary(session, content, options)
-    for text in warnings(result):
+    session.document(job.document)
+    _summary(session, job.document, options)
+    for text in job.warnings:
         session.say(f"warning: {text}")
     return answer(good=True)
 

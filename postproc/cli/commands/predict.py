@@ -35,15 +35,12 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.gap import predict
-    from postproc.kinematics import build
-    from postproc.measurement import read_measurements
+    from postproc.jobs.predict import predict
     from postproc.model import load_model
 
     cell = load_cell(options["cell"])
     model = load_model(options["model"]) if options["model"] else None
-    rows = read_measurements(options["measurements"])
-    prediction = predict(rows, build(cell.robot), cell, model, options["registered"])
+    prediction, rows = predict(options["measurements"], cell, model, options["registered"])
     write_files({Path(options["output"]): prediction.csv(rows.ids)})
     for name in prediction.missing:
         session.say(f"{options['measurements']}: {name} was left out, its columns are missing")

@@ -9,8 +9,6 @@ import click
 from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 if TYPE_CHECKING:
-    from postproc.cell import Cell
-    from postproc.paths import Displacement
     from postproc.verification import VerifyReport
 
 _POSITIVE = click.FloatRange(min=0.0, min_open=True)
@@ -61,13 +59,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     code 1 if anything is violated.
     """
     from postproc.cell import load_cell
+    from postproc.jobs.verify import uncounted, verify
+    from postproc.model import load_model
     from postproc.units import DEG, MM
-    from postproc.verification import Tolerances, verify
+    from postproc.verification import Tolerances
 
     if options["model"] and not options["against"]:
         raise click.UsageError("--model needs --against: the real tool is compared with CAM points")
     cell = load_cell(options["cell"])
-    displacement = _displacement(session, options["model"], cell)
+    model = load_model(options["model"]) if options["model"] else None
+    if model is not None:
+        for name, missing in uncounted(cell, model).items():
+            session.say(f"{name} is not counted: a program does not know {', '.join(missing)}")
     toolpath = None
     if options["against"]:
         toolpath = read_cam(options["against"], options, cell)
@@ -79,7 +82,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             Tolerances(options["tol_mm"] * MM, options["tol_deg"] * DEG),
             not options["no_collisions"],
             progress,
-            displacement,
+            model,
         )
     if options["report"]:
         from pathlib import Path
@@ -91,18 +94,6 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     session.document(report.to_dict())
     _show(session, report)
     return answer(report.ok)
-
-
-def _displacement(session: Session, path: str | None, cell: Cell) -> Displacement | None:
-    if path is None:
-        return None
-    from postproc.compensation import RealArm, left_out
-    from postproc.model import load_model
-
-    arm = RealArm.of(cell, load_model(path))
-    for name, missing in left_out(arm.model).items():
-        session.say(f"{name} is not counted: a program does not know {', '.join(missing)}")
-    return arm.displacement
 
 
 def _show(session: Session, report: VerifyReport) -> None:

@@ -1,0 +1,118 @@
+"""Campaigns from Python: joint stiffness, the sim-to-real gap, what a model expects."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from postproc.api.programs import Source, load_cell, load_model, read
+from postproc.cell import Cell
+from postproc.gap import Prediction
+from postproc.jobs.diagnose import DiagnosisJob
+from postproc.jobs.diagnose import diagnose as diagnose_campaign
+from postproc.jobs.identify import IdentifyJob
+from postproc.jobs.identify import identify as identify_campaign
+from postproc.jobs.predict import predict as predict_rows
+from postproc.model import ModelFile, ToolPath
+from postproc.progress import Progress
+from postproc.stiffness.identify import IdentifyOptions
+from postproc.units import MM
+
+
+def identify(
+    measurements: Source,
+    cell: Cell | Source,
+    *,
+    method: str | None = None,
+    grid_mm: float | None = None,
+    origin_mm: Sequence[float] | None = None,
+    blend: bool = True,
+    confidence: float = 0.9,
+    register: bool = False,
+    progress: Progress | None = None,
+) -> IdentifyJob:
+    """Return joint stiffness identified from readings with and without load.
+
+    Args:
+        measurements: CSV of readings.
+        cell: the cell it was measured in, or its file.
+        method: ``auto``, ``constant``, ``grid`` or ``continuous``; None: ``grid`` where ``grid_mm``
+            is given, else ``auto``.
+        grid_mm: edge of the grid cells [mm].
+        origin_mm: (3,) lowest corner of the grid [mm]; None: of the tool points.
+        blend: run continuously between cell centres; False: average on faces (Jiao et al. 2022).
+        confidence: of the intervals.
+        register: fit the tracker's frame and the reflector's place first.
+        progress: called with (done, total, what).
+
+    Raises:
+        DataError: if the file is wrong or lacks a column.
+        StiffnessError: if an option is wrong or the loads show no joint.
+    """
+    options = IdentifyOptions(
+        method=method or ("auto" if grid_mm is None else "grid"),
+        grid=None if grid_mm is None else grid_mm * MM,
+        origin=None if origin_mm is None else np.asarray(origin_mm, dtype=np.float64) * MM,
+        blend=blend,
+        confidence=confidence,
+        register=register,
+    )
+    return identify_campaign(measurements, _cell(cell), options, progress)
+
+
+def diagnose(
+    measurements: Source | Sequence[Source],
+    cell: Cell | Source,
+    *,
+    model: ModelFile | Source | None = None,
+    register: bool = False,
+    program: ToolPath | Source | None = None,
+    progress: Progress | None = None,
+) -> DiagnosisJob:
+    """Return where a robot misses its model, which effect causes it and how far that shrinks it.
+
+    Args:
+        measurements: CSV of a campaign, or several files of one.
+        cell: the cell it was measured in, or its file.
+        model: what the simulation knows already.
+        register: the measured frame and the reflector's place on the tool are unknown: fit them.
+        program: toolpath or CAM file; tells where along it the gap lies.
+        progress: called with (done, total, what).
+
+    Raises:
+        DataError: if a file is wrong or lacks a column.
+    """
+    known = _cell(cell)
+    files = [measurements] if isinstance(measurements, Source) else list(measurements)
+    part = read(program, known) if isinstance(program, Source) else program
+    return diagnose_campaign(files, known, _model(model), register, part, progress)
+
+
+def predict(
+    measurements: Source,
+    cell: Cell | Source,
+    model: ModelFile | Source | None = None,
+    *,
+    register: bool = False,
+) -> Prediction:
+    """Return the tool point that a model expects at each row of a measurement file.
+
+    Args:
+        measurements: CSV of commanded joints and conditions.
+        cell: the cell, or its file.
+        model: what is known of the arm; None: nominal.
+        register: fit the measured frame and the reflector anew on these rows.
+
+    Raises:
+        DataError: if a file is wrong or lacks a column.
+    """
+    return predict_rows(measurements, _cell(cell), _model(model), register)[0]
+
+
+def _cell(cell: Cell | Source) -> Cell:
+    return cell if isinstance(cell, Cell) else load_cell(cell)
+
+
+def _model(model: ModelFile | Source | None) -> ModelFile | None:
+    return load_model(model) if isinstance(model, Source) else model

@@ -1,0 +1,117 @@
+"""Diagnose a campaign: rows in; verdict, model, page and what to measure next out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from postproc.cell import Cell
+from postproc.files import write_files
+from postproc.gap import Along, Diagnosis, along, document, model_file, pose_problem, summary
+from postproc.gap import diagnose as diagnose_problem
+from postproc.jobs.measure_next import files as next_files
+from postproc.jobs.measure_next import keep_readings, measure_next
+from postproc.kinematics import build
+from postproc.measurement import read_campaign
+from postproc.model import ModelFile, ToolPath, save_model
+from postproc.progress import Progress
+
+
+class DiagnosisJob:
+    """The answer to a campaign. Nothing is on disk before ``write``.
+
+    ``given``: what the simulation knew before; ``path``: where the rows lie on a program.
+    """
+
+    def __init__(
+        self, diagnosis: Diagnosis, cell: Cell, given: ModelFile | None, path: Along | None
+    ) -> None:
+        self.diagnosis = diagnosis
+        self.cell = cell
+        self.given = given
+        self.path = path
+        self.following = measure_next(diagnosis, cell)
+
+    @property
+    def verdict(self) -> str:
+        """``explained``, ``no_gap`` or ``unexplained``."""
+        return self.diagnosis.verdict
+
+    @property
+    def adopted(self) -> tuple[str, ...]:
+        """The effects that cause the gap, in order of how much of it they remove."""
+        return self.diagnosis.adopted
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The ``postproc.diagnosis/1`` document, as ``diagnose --json`` prints it."""
+        return document(self.diagnosis, self.following.poses, self.path)
+
+    @property
+    def summary(self) -> Sequence[str]:
+        """The answer in words, line by line."""
+        return summary(self.document)
+
+    @property
+    def model(self) -> ModelFile:
+        """The given model plus what was adopted."""
+        return model_file(self.diagnosis, self.given)
+
+    def page(self) -> bytes:
+        """Return the page: one HTML file that opens offline."""
+        from postproc.report.pages.diagnosis import diagnosis_page
+
+        return diagnosis_page(self.diagnosis, self.document, self.cell, self.path)
+
+    def write(self, folder: str | Path) -> tuple[Path, ...]:
+        """Write ``report.html``, ``model.toml`` and what to measure next; return the paths.
+
+        Raises:
+            DataError: if the folder holds readings that were filled in by hand.
+        """
+        folder = Path(folder)
+        keep_readings(folder)
+        contents = {folder / "report.html": self.page(), folder / "model.toml": save_model(self.model)}
+        more = next_files(self.following, self.diagnosis, self.cell)
+        contents |= {folder / name: content for name, content in more.items()}
+        write_files(contents)
+        return tuple(contents)
+
+    def report(self, file: str | Path) -> Path:
+        """Write the page alone and return its path."""
+        write_files({Path(file): self.page()})
+        return Path(file)
+
+    def __repr__(self) -> str:
+        """Return verdict and adopted effects on one line."""
+        return f"<DiagnosisJob {self.verdict}: {', '.join(self.adopted) or 'no effect adopted'}>"
+
+
+def diagnose(
+    measurements: Sequence[str | Path],
+    cell: Cell,
+    model: ModelFile | None = None,
+    register: bool = False,
+    toolpath: ToolPath | None = None,
+    progress: Progress | None = None,
+) -> DiagnosisJob:
+    """Return the diagnosis of one campaign in one or several files.
+
+    Args:
+        measurements: the files.
+        cell: robot and tool.
+        model: what the simulation knows already.
+        register: fit the measured frame and the reflector's place first.
+        toolpath: tells where along a CAM file the gap lies.
+        progress: called with (done, total, what).
+
+    Raises:
+        DataError: if a file is wrong or lacks a column.
+    """
+    rows = read_campaign([str(file) for file in measurements])
+    problem = pose_problem(rows, build(cell.robot), cell, model, register)
+    diagnosis = diagnose_problem(problem, progress)
+    path = None if toolpath is None else along(diagnosis, toolpath, cell)
+    return DiagnosisJob(diagnosis, cell, model, path)

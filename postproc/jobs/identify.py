@@ -1,0 +1,91 @@
+"""Identify joint stiffness from a campaign: rows in, model and figures out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from postproc.cell import Cell
+from postproc.files import write_files
+from postproc.kinematics import build
+from postproc.measurement import read_measurements
+from postproc.model import ModelFile, save_model
+from postproc.progress import Progress
+from postproc.stiffness.identify import (
+    Identification,
+    IdentifyOptions,
+    document,
+    identify as identify_rows,
+    warnings,
+)
+
+
+class IdentifyJob:
+    """Joint stiffness identified from a campaign. Nothing is on disk before ``write``."""
+
+    def __init__(self, result: Identification, cell: Cell) -> None:
+        self.result = result
+        self.cell = cell
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """The ``postproc.identify/1`` document, as ``identify --json`` prints it."""
+        return document(self.result)
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What to doubt, in words."""
+        return warnings(self.result)
+
+    @property
+    def model(self) -> ModelFile:
+        """The model of the arm that was found."""
+        return self.result.model()
+
+    def page(self) -> bytes:
+        """Return the page with the figures: one HTML file that opens offline."""
+        from postproc.report.pages.identify import identify_page
+
+        return identify_page(self.result, self.cell)
+
+    def write(self, file: str | Path) -> Path:
+        """Write ``model.toml`` and return its path."""
+        write_files({Path(file): save_model(self.model)})
+        return Path(file)
+
+    def report(self, file: str | Path) -> Path:
+        """Write the page and return its path."""
+        write_files({Path(file): self.page()})
+        return Path(file)
+
+    def __repr__(self) -> str:
+        """Return method and number of rows on one line."""
+        return f"<IdentifyJob {self.document['method']}: {self.document['rows']} rows>"
+
+
+def identify(
+    measurements: str | Path,
+    cell: Cell,
+    options: IdentifyOptions | None = None,
+    progress: Progress | None = None,
+) -> IdentifyJob:
+    """Return the joint stiffness that a campaign shows.
+
+    Args:
+        measurements: file of readings with and without load.
+        cell: robot and tool.
+        options: method, grid, intervals, registration.
+        progress: called with (done, total, what).
+
+    Raises:
+        DataError: if the file is wrong or lacks a column.
+        StiffnessError: if the loads show no joint.
+    """
+    rows = read_measurements(str(measurements))
+    p_flange_tcp = cell.tool.T_flange_tcp[:3, 3]
+    options = options or IdentifyOptions()
+    known = cell.joint_stiffness
+    result = identify_rows(rows, build(cell.robot), p_flange_tcp, options, known, progress)
+    return IdentifyJob(result, cell)
