@@ -35,7 +35,8 @@ if TYPE_CHECKING:
         verify,
     )
 
-__version__ = "0.1.0"
+from postproc.version import __version__
+
 __all__ = [
     "Cell",
     "DiagnosisJob",

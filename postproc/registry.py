@@ -110,6 +110,6 @@ class Registry(Generic[T]):
 
 
 def _own_version() -> str:
-    from postproc import __version__
+    from postproc.version import __version__
 
     return __version__

@@ -167,7 +167,9 @@ class Job:
             "motions": len(self.plan),
             "cycle time [s]": content["cycle_time_s"],
         }
-        rows = "".join(f"<tr><th>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in facts.items())
+        rows = "".join(
+            f"<tr><th>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in facts.items()
+        )
         told = "".join(f"<li>{escape(str(finding))}</li>" for finding in self.findings[:20])
         return f"<table>{rows}</table><ul>{told}</ul>"
 

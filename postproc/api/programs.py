@@ -126,7 +126,6 @@ def convert(
         name=name,
         strategy=strategy,
         objective=objective,
-        emitter=emitter,
         model=None if model is None else str(model),
         pins=None if pins is None else str(pins),
         partial=partial,
@@ -193,9 +192,7 @@ def lint(
     return lint_programs(programs, options, config)[0]
 
 
-def diff(
-    old: Source, new: Source, *, tol_mm: float = 0.001, tol_deg: float = 0.001
-) -> DiffReport:
+def diff(old: Source, new: Source, *, tol_mm: float = 0.001, tol_deg: float = 0.001) -> DiffReport:
     """Return what the robot would do differently with the new program or folder.
 
     Args:

@@ -14,8 +14,8 @@ from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from typing import TYPE_CHECKING
 
-from postproc import __version__
 from postproc.batch.worker import JobResult, died, limit_memory, run_job, too_slow
+from postproc.version import __version__
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job

@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import TYPE_CHECKING, Any
 
-from postproc import __version__
 from postproc.batch.child import run_in_child
 from postproc.batch.worker import JobResult, died, limit_memory, run_job, too_slow
 from postproc.errors import DataError, PluginError, SourceRef
+from postproc.version import __version__
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job

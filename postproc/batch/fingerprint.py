@@ -9,9 +9,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from postproc import __version__
 from postproc.errors import PostprocError
 from postproc.files import read_bytes
+from postproc.version import __version__
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job

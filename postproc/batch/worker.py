@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from postproc.errors import PostprocError, Severity
@@ -69,7 +69,8 @@ def _convert(job: Job) -> JobResult:
 
     from postproc.jobs.convert import convert
 
-    conversion = convert(job.request, toolpath=job.toolpath)
+    request = replace(job.request, cam_lines=job.toolpath is None)
+    conversion = convert(request, toolpath=job.toolpath)
     errors = tuple(str(i) for i in conversion.findings if i.severity is Severity.ERROR)
     return JobResult(
         key=job.key,

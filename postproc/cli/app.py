@@ -9,8 +9,8 @@ import traceback
 
 import click
 
-from postproc import __version__
 from postproc.errors import ExitCode, PostprocError
+from postproc.version import __version__
 
 # One thread for linear algebra, set before numpy is loaded: sums must not depend on the number
 # of cores, the matrices here are small, and parallel work runs in processes.

@@ -55,6 +55,8 @@ class ConvertRequest:
     model: str | None = None
     pins: str | None = None
     partial: bool = False
+    cam_lines: bool = True
+    """False: the program names no CAM lines, which move with every line added elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +87,15 @@ def convert(
     request: ConvertRequest,
     progress: Progress | None = None,
     toolpath: ToolPath | None = None,
+    cell: Cell | None = None,
 ) -> Conversion:
     """Convert one CAM file; pure but for reading files.
 
     Args:
         request: input, cell and options.
         progress: called with (done, total, what).
-        toolpath: a section of the input that was read before; None reads the input. A section's
-            program names no CAM lines: they move with every line that is added elsewhere.
+        toolpath: what was read before; None reads the input.
+        cell: what was loaded before; None loads it.
 
     Returns:
         The conversion; ``files`` is empty when a tag fails (unless ``partial``) or a check fails.
@@ -104,10 +107,10 @@ def convert(
 
     clock = Clock()
     wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
-    cell = settle(shared_cell(request.cell), wishes)[0]
+    cell = settle(cell or shared_cell(request.cell), wishes)[0]
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
-    else:
+    if not request.cam_lines:
         quiet = {**cell.krl.options, "cam_lines": False}
         cell = replace(cell, krl=replace(cell.krl, options=quiet))
     if request.pins:

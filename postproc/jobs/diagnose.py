@@ -73,9 +73,9 @@ class DiagnosisJob:
         """
         folder = Path(folder)
         keep_readings(folder)
-        contents = {folder / "report.html": self.page(), folder / "model.toml": save_model(self.model)}
-        more = next_files(self.following, self.diagnosis, self.cell)
-        contents |= {folder / name: content for name, content in more.items()}
+        files = {"report.html": self.page(), "model.toml": save_model(self.model)}
+        files |= next_files(self.following, self.diagnosis, self.cell)
+        contents = {folder / name: content for name, content in files.items()}
         write_files(contents)
         return tuple(contents)
 

@@ -17,8 +17,10 @@ from postproc.stiffness.identify import (
     Identification,
     IdentifyOptions,
     document,
-    identify as identify_rows,
     warnings,
+)
+from postproc.stiffness.identify import (
+    identify as identify_rows,
 )
 
 

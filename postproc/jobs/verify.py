@@ -21,10 +21,20 @@ def verify(
     progress: Progress | None = None,
     model: ModelFile | None = None,
 ) -> VerifyReport:
-    """Return the report on a program; arguments as ``verification.verify``.
+    """Return the report on a program.
 
     Args:
+        program: the .src file to start.
+        cell: robot, tool, workpiece, solids, margins.
+        toolpath: what it was made from; None: only what the program says by itself.
+        tolerances: of the comparison.
+        collisions: search for collisions along the motions.
+        progress: called with (done, total, what).
         model: what is known of the arm; then the real tool is compared with the CAM file.
+
+    Raises:
+        KrlError: if a file is no KRL that could run.
+        ReadError: if a file is missing.
     """
     displacement = None if model is None else RealArm.of(cell, model).displacement
     return verify_text(program, cell, toolpath, tolerances, collisions, progress, displacement)

@@ -5,7 +5,7 @@ from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.next_pose import NextPose, Reach
 from postproc.gap.answers.next_poses import next_poses, questions, reassessed
-from postproc.gap.answers.predict import predict
+from postproc.gap.answers.predict import Prediction, predict
 from postproc.gap.answers.summary import summary
 from postproc.gap.answers.where import Part, parts
 
@@ -14,6 +14,7 @@ __all__ = [
     "Diagnosis",
     "NextPose",
     "Part",
+    "Prediction",
     "Reach",
     "along",
     "diagnose",
