@@ -18,7 +18,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
-from postproc.diff.diff import diff_bytes
+from postproc.comparison.diff import diff_bytes
 from postproc.krl.lint import lint
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.text.parse import parse_files

@@ -4,7 +4,7 @@ from postproc.api.job import Job
 from postproc.api.measurements import diagnose, identify, predict
 from postproc.api.programs import convert, diff, lint, load_cell, load_model, read, verify
 from postproc.cell import Cell
-from postproc.diff import DiffReport
+from postproc.comparison import DiffReport
 from postproc.errors import Finding, PostprocError, Severity
 from postproc.gap import Prediction
 from postproc.jobs.diagnose import DiagnosisJob

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from postproc.api.job import Job
 from postproc.cell import Cell, shared_cell
-from postproc.diff import DiffReport, DiffTolerance
-from postproc.diff import diff as diff_programs
+from postproc.comparison import DiffReport, DiffTolerance
+from postproc.comparison import diff as diff_programs
 from postproc.errors import Finding, UsageError
 from postproc.jobs.convert import ConvertRequest, read_toolpath
 from postproc.jobs.convert import convert as convert_part

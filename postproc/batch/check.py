@@ -17,7 +17,7 @@ from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
 
 if TYPE_CHECKING:
-    from postproc.diff import DiffReport
+    from postproc.comparison import DiffReport
 
 
 @dataclass(slots=True)
@@ -113,6 +113,6 @@ def _difference(old: bytes | None, new: bytes | None) -> str:
 
 
 def _report(old: Mapping[str, bytes], new: Mapping[str, bytes], name: str) -> DiffReport:
-    from postproc.diff import diff_files
+    from postproc.comparison import diff_files
 
     return diff_files(old, new, name)

@@ -101,12 +101,8 @@ def test_joints_of_the_points_put_the_tool_where_the_points_say(job, cell):
         T = np.linalg.inv(cell.T_robroot_base) @ T_robroot_flange @ cell.tool.T_flange_tcp
         np.testing.assert_allclose(T[:3, 3] * 1e3, xyz[row], atol=1e-3)
         a, b, c = (np.deg2rad(job.points[name][row]) for name in ("a_deg", "b_deg", "c_deg"))
-        R = (
-            pinocchio.utils.rotate("z", a)
-            @ pinocchio.utils.rotate("y", b)
-            @ pinocchio.utils.rotate("x", c)
-        )
-        np.testing.assert_allclose(T[:3, :3], R, atol=1e-6)
+        Rz, Ry, Rx = (pinocchio.utils.rotate(u, v) for u, v in zip("zyx", (a, b, c), strict=True))
+        np.testing.assert_allclose(T[:3, :3], Rz @ Ry @ Rx, atol=1e-6)
 
 
 def test_what_is_written_verifies_and_equals_the_command_line(job, cell, holes, tmp_path):

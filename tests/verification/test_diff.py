@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from postproc.diff.align import Lines, align
-from postproc.diff.diff import DiffTolerance, diff, diff_bytes
+from postproc.comparison.align import Lines, align
+from postproc.comparison.diff import DiffTolerance, diff, diff_bytes
 from postproc.errors import PostprocError
 from postproc.krl.text.parse import parse_files
 from postproc.krl.text.render import render

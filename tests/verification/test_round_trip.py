@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from postproc.diff.diff import diff_bytes
+from postproc.comparison.diff import diff_bytes
 from postproc.errors import PostprocError
 from postproc.krl.lint import lint
 from postproc.krl.text.parse import parse_files

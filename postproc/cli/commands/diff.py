@@ -40,7 +40,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     With --update the differences are shown and accepted: the files of NEW are copied over those of
     OLD, with sub-programs; of folders, modules that NEW has no more are removed from OLD.
     """
-    from postproc.diff import DiffTolerance, diff
+    from postproc.comparison import DiffTolerance, diff
 
     tolerance = DiffTolerance(options["tol_mm"], options["tol_deg"])
     report = diff(options["old"], options["new"], tolerance)
@@ -53,7 +53,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         write_files({Path(options["page"]): diff_page(report)})
     document = report.to_dict()
     if options["update"]:
-        from postproc.diff import accept
+        from postproc.comparison import accept
 
         document["updated"] = accept(options["old"], options["new"])
     session.document(document)

@@ -11,7 +11,7 @@ from postproc.report.parts import Page, RowsView, TagColumn, add_rows, table
 from postproc.units import MM
 
 if TYPE_CHECKING:
-    from postproc.diff import Difference, DiffReport
+    from postproc.comparison import Difference, DiffReport
 
 _MOST_ROWS = 2000
 

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.comparison.align import Indices, Lines, align
+from postproc.comparison.listing import listing, spaced
+from postproc.comparison.settings import setting_differences
 from postproc.controller import Blend, EventWord, Trace, TraceEvent, Way
-from postproc.diff.align import Indices, Lines, align
-from postproc.diff.listing import listing, spaced
-from postproc.diff.settings import setting_differences
 from postproc.geometry import rotation_angle, rotation_from_abc
 from postproc.krl import KrlModule
 from postproc.units import DEG, MM

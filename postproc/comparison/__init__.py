@@ -1,7 +1,7 @@
 """What two programs do differently."""
 
-from postproc.diff.accept import accept
-from postproc.diff.diff import Difference, DiffReport, DiffTolerance, diff, diff_files
+from postproc.comparison.accept import accept
+from postproc.comparison.diff import Difference, DiffReport, DiffTolerance, diff, diff_files
 
 __all__ = [
     "DiffReport",

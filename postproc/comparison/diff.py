@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from postproc.diff.lines import Program, differences, program_of
+from postproc.comparison.lines import Program, differences, program_of
 from postproc.errors import KrlError, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.units import MM
