@@ -1,2 +1,28 @@
-export {Scene,PerspectiveCamera,WebGLRenderer,BufferGeometry,BufferAttribute,Mesh,MeshLambertMaterial,LineBasicMaterial,LineSegments,Line,InstancedMesh,SphereGeometry,ConeGeometry,CylinderGeometry,Color,Matrix4,Vector3,Vector2,Raycaster,AmbientLight,DirectionalLight,HemisphereLight,GridHelper,AxesHelper,Group,DoubleSide,Points,PointsMaterial,Box3,Float32BufferAttribute} from 'three';
-export {OrbitControls} from 'three/addons/controls/OrbitControls.js';
+// The part of three.js that the report pages embed; `npm run build` bundles it into one module.
+export {
+  AxesHelper,
+  BufferAttribute,
+  BufferGeometry,
+  Color,
+  ConeGeometry,
+  DirectionalLight,
+  DoubleSide,
+  Float32BufferAttribute,
+  GridHelper,
+  Group,
+  HemisphereLight,
+  InstancedMesh,
+  LineBasicMaterial,
+  LineSegments,
+  Matrix4,
+  Mesh,
+  MeshLambertMaterial,
+  PerspectiveCamera,
+  Raycaster,
+  Scene,
+  SphereGeometry,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+export { OrbitControls } from "three/addons/controls/OrbitControls.js";

@@ -1,21 +1,52 @@
 // The page of a cell: the robot at home, sliders for its axes, the frames that the cell names.
-"use strict";
-(() => {
-  const D = PP.data, $ = id => document.getElementById(id), angles = D.home.slice(), deg = 180 / Math.PI;
-  let scene = null;
-  try {
-    scene = PPScene($("scene"), D);
-    for (const f of D.frames) scene.frame(f.matrix, 0.25);
-    scene.floor(8, [0, 0, 0], 0); scene.place(angles);
-    const root = D.robot.T_world_robroot, base = D.robot.T_world_base, mid = [3, 7, 11].map(k => (root[k] + base[k]) / 2), reach = Math.max(D.reach, Math.hypot(...[3, 7, 11].map(k => root[k] - base[k])));
-    scene.look([mid[0], mid[1], mid[2] + 0.12 * reach], 0.62 * reach, [-0.75, -1, 0.5]); scene.highlight(D.colliding);
-  } catch (problem) { $("scene").textContent = "This browser shows no 3D (WebGL is off): " + problem.message; }
-  D.robot.limits.forEach(([low, high], j) => {
-    const label = document.createElement("label"), input = document.createElement("input"), out = document.createElement("span");
-    input.type = "range"; input.min = low; input.max = high; input.step = "any"; input.value = angles[j] * deg; input.id = `axis${j + 1}`;
-    const tell = () => { out.textContent = `A${j + 1} ${(angles[j] * deg).toFixed(1)} deg (${low.toFixed(0)} to ${high.toFixed(0)})`; };
-    input.addEventListener("input", () => { angles[j] = input.value / deg; if (scene) scene.place(angles); tell(); });
-    label.append(input, out); label.className = "axis"; $("axes").appendChild(label); tell();
+import { pageData } from "./data.js";
+import { byId, element } from "./dom.js";
+import { DEGREES } from "./numbers.js";
+import { openScene } from "./scene.js";
+import { sortTables } from "./tables.js";
+import { distance, middle, origin, raised } from "./views.js";
+
+const FRAME = 0.25; // m
+
+const data = pageData();
+const angles = data.home.slice();
+
+function look() {
+  const root = origin(data.robot.T_world_robroot);
+  const base = origin(data.robot.T_world_base);
+  const reach = Math.max(data.reach, distance(root, base));
+  const centre = raised(middle(root, base), 0.12 * reach);
+  scene.look({ centre, radius: 0.62 * reach, from: [-0.75, -1, 0.5] });
+}
+
+function addSlider([low, high], j) {
+  const range = { type: "range", min: low, max: high, step: "any", value: angles[j] * DEGREES };
+  const input = element("input", { ...range, id: `axis${j + 1}` });
+  const text = element("span");
+  const tell = () => {
+    const at = (angles[j] * DEGREES).toFixed(1);
+    text.textContent = `A${j + 1} ${at} deg (${low.toFixed(0)} to ${high.toFixed(0)})`;
+  };
+  input.addEventListener("input", () => {
+    angles[j] = input.value / DEGREES;
+    scene.place(angles);
+    tell();
   });
-  window.ppPage = { state: () => ({ ready: true, angles: angles.slice(), colliding: D.colliding, tip: scene ? scene.tip() : null }) };
-})();
+  byId("axes").append(element("label", { className: "axis" }, input, text));
+  tell();
+}
+
+function state() {
+  return { ready: true, angles: angles.slice(), colliding: data.colliding, tip: scene.tip };
+}
+
+sortTables();
+const scene = openScene(byId("scene"), data);
+for (const { matrix } of data.frames) scene.addFrame(matrix, FRAME);
+scene.addFloor();
+scene.place(angles);
+look();
+scene.highlight(data.colliding);
+data.robot.limits.forEach(addSlider);
+
+window.ppPage = { state };

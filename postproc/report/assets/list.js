@@ -1,60 +1,130 @@
-// The list of all pages: sorts, filters what fails, keeps only the rows in sight in the document.
-"use strict";
-function PPSpell(v) {
-  if (v === null || v === undefined) return "";
-  if (typeof v !== "number" || Number.isInteger(v)) return String(v);
-  return String(Math.abs(v) < 1 ? +v.toFixed(4) : +v.toPrecision(4));
-}
+// The list of rows: sorts, filters what fails, keeps only the rows in sight in the document.
+import { byId, element, onPress } from "./dom.js";
+import { sortedIndices, spell } from "./numbers.js";
+
+const ROW_HEIGHT = 24; // px, as in page.css
+const PRINTED_ROWS = 300;
+
 // a column of numbers as a field of the list
-function PPField(column) {
-  return [`${column.label} [${column.unit}]`, i => { const v = column.values[i]; return Number.isFinite(v) ? v : null; }];
+export function columnField({ label, unit, values }) {
+  return [`${label} [${unit}]`, (i) => (Number.isFinite(values[i]) ? values[i] : null)];
 }
-// fields: [[name, i => value]]; failed: i => text; select: i => {}
-function PPList({ n, what, fields, failed, select }) {
-  const $ = id => document.getElementById(id), table = $("tags"), body = table.tBodies[0], host = $("list"), rowHeight = 24;
-  let order = Array.from({ length: n }, (_, i) => i), visible = order, sortBy = -1, ascending = true, everything = false, marked = -1;
-  function row(i) {
-    const tr = document.createElement("tr"); tr.dataset.tag = i;
-    tr.className = (failed(i) ? "failing " : "") + (i === marked ? "selected" : "");
-    for (const f of fields) { const td = document.createElement("td"); td.textContent = PPSpell(f[1](i)); if (f[0] === "finding") td.className = "text"; tr.appendChild(td); }
-    tr.addEventListener("click", () => select(i));
-    return tr;
+
+// first and end of the rows that stand in the document, ten more than in sight at either end
+export function rowsInSight(scrollTop, height, total) {
+  const first = Math.max(0, Math.floor(scrollTop / ROW_HEIGHT) - 10);
+  return [first, Math.min(total, first + Math.ceil(height / ROW_HEIGHT) + 20)];
+}
+
+// where the list is scrolled to so that the k-th row is in sight
+export function scrollTo(k, scrollTop, height) {
+  const at = k * ROW_HEIGHT;
+  const hidden = at < scrollTop || at > scrollTop + height - 3 * ROW_HEIGHT;
+  return k >= 0 && hidden ? Math.max(0, at - height / 2) : scrollTop;
+}
+
+// fields: [[name, i => value]]; failed: i => text, "" for a row that is good; select: i => {}
+export class RowList {
+  #order;
+  #visible;
+  #sortedBy = -1;
+  #ascending = true;
+  #printing = false;
+  #marked = -1;
+  #options;
+  #table = byId("tags");
+  #host = byId("list");
+
+  constructor(options) {
+    this.#options = options;
+    this.#order = Array.from({ length: options.n }, (_, i) => i);
+    options.fields.forEach((_, k) => this.#addHead(k));
+    this.#host.addEventListener("scroll", () => this.#fill());
+    window.addEventListener("beforeprint", () => this.#print(true));
+    window.addEventListener("afterprint", () => this.#print(false));
+    byId("failing")?.addEventListener("change", () => this.#filter(0));
+    this.#filter();
   }
-  function spacer(count) { const tr = document.createElement("tr"), td = document.createElement("td"); td.colSpan = fields.length; td.style.height = count * rowHeight + "px"; td.className = "spacer"; tr.appendChild(td); return tr; }
-  function fill() {
-    const first = everything ? 0 : Math.max(0, Math.floor(host.scrollTop / rowHeight) - 10);
-    const count = everything ? 300 : Math.ceil((host.clientHeight || 420) / rowHeight) + 20, end = Math.min(visible.length, first + count);
-    const parts = [];
-    if (first) parts.push(spacer(first));
-    for (let k = first; k < end; k++) parts.push(row(visible[k]));
-    if (end < visible.length && !everything) parts.push(spacer(visible.length - end));
-    body.replaceChildren(...parts);
+
+  // indices of the rows that pass the filter, in the order shown
+  get visible() {
+    return this.#visible;
   }
-  function filter() {
-    visible = $("failing") && $("failing").checked ? order.filter(i => failed(i)) : order;
-    $("more").textContent = `${visible.length} of ${n} ${what}s`; fill();
+
+  mark(i) {
+    this.#marked = i;
+    for (const row of this.#table.tBodies[0].rows) {
+      row.classList.toggle("selected", +row.dataset.tag === i);
+    }
   }
-  function reveal(i) {  // within the list only: the page itself must not jump
-    const at = visible.indexOf(i) * rowHeight;
-    if (at >= 0 && (at < host.scrollTop || at > host.scrollTop + host.clientHeight - 3 * rowHeight)) host.scrollTop = Math.max(0, at - host.clientHeight / 2);
-    fill();
+
+  // within the list only: the page itself must not jump
+  reveal(i) {
+    const { scrollTop, clientHeight } = this.#host;
+    const to = scrollTo(this.#visible.indexOf(i), scrollTop, clientHeight);
+    if (to !== scrollTop) this.#host.scrollTop = to;
+    this.#fill();
   }
-  host.addEventListener("scroll", fill);
-  window.addEventListener("beforeprint", () => { everything = true; fill(); });
-  window.addEventListener("afterprint", () => { everything = false; fill(); });
-  fields.forEach(([name, key], k) => {
-    const th = document.createElement("th"), [word, unit] = name.split(" ["); th.textContent = word; th.className = "sortable"; th.tabIndex = 0;
-    if (unit) { const small = document.createElement("small"); small.textContent = "[" + unit; th.append(document.createElement("br"), small); }
-    const sort = () => {
-      ascending = sortBy === k ? !ascending : true; sortBy = k;
-      const sign = ascending ? 1 : -1;
-      order.sort((a, b) => { const x = key(a), y = key(b); return x === y ? a - b : (x === null ? 1 : y === null ? -1 : (x < y ? -1 : 1) * sign); });
-      host.scrollTop = 0; filter();
-    };
-    th.addEventListener("click", sort); th.addEventListener("keydown", e => { if (e.key === "Enter") sort(); });
-    table.tHead.rows[0].appendChild(th);
-  });
-  if ($("failing")) $("failing").addEventListener("change", () => { host.scrollTop = 0; filter(); });
-  filter();
-  return { reveal, mark(i) { marked = i; for (const tr of body.rows) tr.classList.toggle("selected", +tr.dataset.tag === i); }, visible: () => visible };
+
+  #addHead(k) {
+    const [word, unit] = this.#options.fields[k][0].split(" [");
+    const head = element("th", { textContent: word, className: "sortable", tabIndex: 0 });
+    if (unit) head.append(element("br"), element("small", { textContent: `[${unit}` }));
+    onPress(head, () => this.#sort(k));
+    this.#table.tHead.rows[0].append(head);
+  }
+
+  #sort(k) {
+    this.#ascending = this.#sortedBy === k ? !this.#ascending : true;
+    this.#sortedBy = k;
+    const { n, fields } = this.#options;
+    const values = Array.from({ length: n }, (_, i) => fields[k][1](i));
+    this.#order = sortedIndices(values, this.#ascending);
+    this.#filter(0);
+  }
+
+  #filter(scrollTop = this.#host.scrollTop) {
+    const { n, what, failed } = this.#options;
+    this.#host.scrollTop = scrollTop;
+    this.#visible = byId("failing")?.checked ? this.#order.filter(failed) : this.#order;
+    byId("more").textContent = `${this.#visible.length} of ${n} ${what}s`;
+    this.#fill();
+  }
+
+  #print(on) {
+    this.#printing = on;
+    this.#fill();
+  }
+
+  #fill() {
+    const total = this.#visible.length;
+    const { scrollTop, clientHeight } = this.#host;
+    const [first, end] = this.#printing
+      ? [0, Math.min(total, PRINTED_ROWS)]
+      : rowsInSight(scrollTop, clientHeight || 420, total);
+    const parts = this.#visible.slice(first, end).map((i) => this.#row(i));
+    if (first) parts.unshift(this.#spacer(first));
+    if (end < total && !this.#printing) parts.push(this.#spacer(total - end));
+    this.#table.tBodies[0].replaceChildren(...parts);
+  }
+
+  #row(i) {
+    const { fields, failed, select } = this.#options;
+    const row = element("tr");
+    row.dataset.tag = i;
+    row.className = (failed(i) ? "failing " : "") + (i === this.#marked ? "selected" : "");
+    for (const [name, value] of fields) {
+      const cell = element("td", { textContent: spell(value(i)) });
+      if (name === "finding") cell.className = "text";
+      row.append(cell);
+    }
+    row.addEventListener("click", () => select(i));
+    return row;
+  }
+
+  #spacer(rows) {
+    const cell = element("td", { colSpan: this.#options.fields.length, className: "spacer" });
+    cell.style.height = `${rows * ROW_HEIGHT}px`;
+    return element("tr", {}, cell);
+  }
 }

@@ -38,7 +38,7 @@ def cell_page(cell: Cell, facts: Mapping[str, Any], findings: Sequence[Finding])
     hits = scene.check(home[None])
     page = Page(f"Cell {cell.name}", _lead(cell, findings))
     add_scene(page, cell, kinematics, scene)
-    page.script("cell.js")
+    page.script = "cell.js"
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
     T_world_tcp = T_world_robroot @ kinematics.fk(home) @ cell.tool.T_flange_tcp
     frames = (("robot root", T_world_robroot), ("base", T_world_base(cell)), ("tcp", T_world_tcp))

@@ -64,8 +64,7 @@ def program_page(
     columns = tag_columns(plan, cell, moves, scene, text)
     spins = spin_index(plan, cell, moves, scene)
     add_scene(page, cell, kinematics, scene)
-    page.script("list.js")
-    page.script("program.js")
+    page.script = "program.js"
     page.data |= {
         **_moves(plan, cell),
         **_tags(plan.toolpath, columns),

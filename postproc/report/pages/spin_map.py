@@ -24,8 +24,7 @@ def spin_map_page(spins: SpinMap, cell_name: str) -> bytes:
     """
     picture = draw(spins)
     page = Page(f"Spin map of {spins.plan.name}: {cell_name}", _lead(spins, picture))
-    page.script("charts.js")
-    page.script("spinmap.js")
+    page.script = "spin_map.js"
     page.data |= _data(spins, picture)
     code = base64.b64encode(picture.png).decode("ascii")
     page.section(

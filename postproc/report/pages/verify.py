@@ -58,8 +58,7 @@ def verify_page(report: VerifyReport, cell: Cell, toolpath: ToolPath | None = No
     columns = _columns(report.run, cell, kinematics)
     page = Page(f"{report.program}: {cell.name}", _lead(report))
     add_scene(page, cell, kinematics, scene)
-    page.script("list.js")
-    page.script("program.js")
+    page.script = "program.js"
     page.data |= {
         "what": "motion",
         **_moves(report.run),

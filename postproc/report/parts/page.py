@@ -1,6 +1,6 @@
 """The one design of all pages: a self-contained HTML file that opens offline and prints.
 
-Scripts and data are embedded; a page makes no request. Large arrays travel as base64 of
+Script and data are embedded; a page makes no request. Large arrays travel as base64 of
 little-endian float32 or int32.
 """
 
@@ -12,13 +12,13 @@ import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-ASSETS = Path(__file__).parent.parent / "assets"
+from postproc.report.parts.modules import ASSETS, one_script
+
 _SENTENCE = 28
 """Cells longer than this are text, not numbers."""
 
@@ -56,26 +56,23 @@ def _cell(text: str) -> str:
 
 @dataclass(slots=True)
 class Page:
-    """A page under construction: title, lead sentences, sections of trusted HTML, scripts, data."""
+    """A page under construction: title, lead sentences, sections of trusted HTML, script, data.
+
+    ``script`` is the module of the assets folder that the page starts.
+    """
 
     title: str
     lead: Sequence[str] = ()
     sections: list[str] = field(default_factory=list)
-    scripts: list[str] = field(default_factory=list)
+    script: str = "page.js"
     data: dict[str, Any] = field(default_factory=dict)
 
     def section(self, heading: str, body: str, width: str = "") -> None:
         """Add a section; ``width`` is "", ``half``, ``third`` or ``wide``; ``body`` is HTML."""
         self.sections.append(f'<section class="{width}"><h2>{escape(heading)}</h2>{body}</section>')
 
-    def script(self, asset: str) -> None:
-        """Embed a script of the assets folder."""
-        self.scripts.append((ASSETS / asset).read_text(encoding="utf-8"))
-
     def render(self) -> bytes:
         """Return the page as UTF-8 bytes."""
-        if not self.scripts:
-            self.script("charts.js")
         style = (ASSETS / "page.css").read_text(encoding="utf-8")
         lead = "".join(
             f'<p class="{"lead" if i == 0 else ""}">{escape(line)}</p>'
@@ -83,8 +80,7 @@ class Page:
         )
         # "<" inside JSON would let a name of the CAM file end the script element
         data = json.dumps(self.data, allow_nan=False, ensure_ascii=True).replace("<", "\\u003c")
-        closed = [text.replace("</script", "<\\/script") for text in self.scripts]
-        scripts = "".join(f"<script>{text}</script>" for text in closed)
+        script = one_script(self.script).replace("</script", "<\\/script")
         return (
             '<!doctype html><html lang="en"><head><meta charset="utf-8">'
             '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -92,5 +88,6 @@ class Page:
             f"<title>{escape(self.title)}</title><style>{style}</style></head><body>"
             f"<header><h1>{escape(self.title)}</h1>{lead}</header>"
             f"<main>{''.join(self.sections)}</main>"
-            f'<script type="application/json" id="data">{data}</script>{scripts}</body></html>\n'
+            f'<script type="application/json" id="data">{data}</script>'
+            f'<script type="module">{script}</script></body></html>\n'
         ).encode()

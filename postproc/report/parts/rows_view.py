@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.report.parts.page import Page, escape, packed
-from postproc.report.parts.scene_data import add_viewer, body_data, robot_data
+from postproc.report.parts.scene_data import body_data, robot_data
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
@@ -58,9 +58,7 @@ def add_rows(
         solids = body_data(cell, kinematics)
         page.data["bodies"] = [body for body in solids if body["kind"] != "workpiece"]
     page.data["rows"] = _rows(view)
-    add_viewer(page)
-    page.script("list.js")
-    page.script("rows.js")
+    page.script = "rows.js"
     page.section(heading, _html(view), "seven")
     page.section(f"{view.what.capitalize()}s", _LIST_HTML, "five")
 

@@ -22,16 +22,9 @@ _FEWEST_FACES = 500
 
 
 def add_scene(page: Page, cell: Cell, kinematics: Kinematics, scene: Scene | None = None) -> None:
-    """Put the robot and the solids of a cell, and the scripts that show them, into a page."""
+    """Put the robot and the solids of a cell into a page."""
     page.data["robot"] = robot_data(cell, kinematics)
     page.data["bodies"] = body_data(cell, kinematics, scene)
-    add_viewer(page)
-
-
-def add_viewer(page: Page) -> None:
-    """Put the scripts of the 3D view into a page."""
-    for asset in ("charts.js", "three.bundle.js", "scene.js"):
-        page.script(asset)
 
 
 def robot_data(cell: Cell, kinematics: Kinematics) -> dict[str, Any]:

@@ -1,0 +1,4 @@
+// The script of pages with nothing but text, pictures and tables.
+import { sortTables } from "./tables.js";
+
+sortTables();

@@ -1,0 +1,59 @@
+// The solids of a cell as meshes: links and tools carried by the arm, workpiece, obstacles.
+import {
+  BufferAttribute,
+  BufferGeometry,
+  DoubleSide,
+  Mesh,
+  MeshLambertMaterial,
+} from "./three.bundle.js";
+import { unpack } from "./data.js";
+
+const COLOURS = {
+  link: 0xe8792b,
+  tool: 0x6c7a89,
+  cutting: 0x37474f,
+  workpiece: 0x9fb8cf,
+  obstacle: 0xb0a18f,
+};
+const OTHER = 0x999999;
+const COLLIDING = 0xd32f2f;
+
+function meshOf(body) {
+  const indexed = new BufferGeometry();
+  indexed.setAttribute("position", new BufferAttribute(unpack(body.vertices), 3));
+  indexed.setIndex(new BufferAttribute(new Uint32Array(unpack(body.faces)), 1));
+  const flat = indexed.toNonIndexed();
+  flat.computeVertexNormals();
+  const clear = body.kind === "workpiece";
+  const material = new MeshLambertMaterial({
+    color: COLOURS[body.kind] ?? OTHER,
+    side: DoubleSide,
+    transparent: clear,
+    opacity: clear ? 0.85 : 1,
+  });
+  const mesh = new Mesh(flat, material);
+  mesh.matrixAutoUpdate = false;
+  return mesh;
+}
+
+export class Solids {
+  #parts;
+
+  // puts the workpiece into one group, all others into another
+  constructor(bodies, world, workpiece) {
+    this.#parts = bodies.map((body) => ({ ...body, mesh: meshOf(body) }));
+    for (const { kind, mesh } of this.#parts) (kind === "workpiece" ? workpiece : world).add(mesh);
+  }
+
+  // moves what the links carry to the frames of the links
+  carry(frames) {
+    for (const { mesh, link } of this.#parts) if (link >= 0) mesh.matrix.copy(frames[link]);
+  }
+
+  // shows solids of some names in red, the others in the colour of their kind
+  highlight(names) {
+    for (const { name, kind, mesh } of this.#parts) {
+      mesh.material.color.set(names.includes(name) ? COLLIDING : (COLOURS[kind] ?? OTHER));
+    }
+  }
+}
