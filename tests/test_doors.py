@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.places import ROOT
+
 ROOMS = {
     ".".join(path.parent.relative_to(ROOT).parts)
     for path in (ROOT / "postproc").rglob("__init__.py")

@@ -10,25 +10,9 @@ import pytest
 from postproc.batch import run as run_module
 from postproc.batch.worker import run_job
 from postproc.cli.app import run as run_cli
+from tests.cells import FEED, cell_text
 
-CELL = """\
-schema = "postproc.cell/1"
-name = "bench"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "head"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-number = 1
-frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
-[optimize]
-step_deg = 30
-[motion]
-feed_mm_min = 600
-"""
+CELL = cell_text("[optimize]\nstep_deg = 30\n", FEED)
 HEADER = "x,y,z,i,j,k,depth\n"
 
 

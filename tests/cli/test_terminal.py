@@ -7,6 +7,8 @@ import sys
 
 import pytest
 
+from tests.cells import cell_text
+
 ESCAPE = "\x1b["
 
 
@@ -38,16 +40,7 @@ def on_a_terminal(arguments, folder, **variables):
     return output.decode()
 
 
-CELL = """\
-schema = "postproc.cell/1"
-[robot]
-model = "kuka_kr210_r2700_2"
-[tool]
-frame = { xyz_mm = [150, 0, 250], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-frame = { xyz_mm = [1400, -60, 700], abc_deg = [0, 0, 0] }
-"""
+CELL = cell_text(robot="kuka_kr210_r2700_2", tcp=(150, 0, 250), origin=(1400, -60, 700))
 
 
 @pytest.fixture

@@ -11,12 +11,13 @@ import pytest
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
 from postproc.kinematics.model import build
+from tests.places import SHARED
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [
     pytest.mark.corpus,
     pytest.mark.skipif(
-        not (ROOT.parent / "shared" / "workloads" / "scene").is_dir(),
+        not (SHARED / "workloads" / "scene").is_dir(),
         reason="the shared workloads are not beside the checkout",
     ),
 ]

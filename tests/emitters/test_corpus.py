@@ -4,7 +4,6 @@ The moves are made up (a line to every tag); planning is not tested here.
 """
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +13,11 @@ from postproc.krl.text.parse import parse_files
 from postproc.model.plan import MoveKind
 from postproc.model.toolpath import EventKind
 from postproc.readers.base import ReadOptions, read
+from tests.places import SHARED
 
 from . import plans, texts
 
-CORPUS = Path(__file__).resolve().parents[3] / "shared" / "corpus" / "apt"
+CORPUS = SHARED / "corpus" / "apt"
 FILES = sorted(path.name for path in CORPUS.iterdir()) if CORPUS.is_dir() else []
 LINES = {
     EventKind.SPINDLE_ON: r"\bPP_SPINDLE_ON\(-?[\d.]+\)",

@@ -16,25 +16,10 @@ from postproc.krl.text.program import Axes, Move, MoveWord, Pose
 from postproc.model.toolpath import EventKind, MotionKind
 from postproc.readers.base import ReadOptions, read
 from postproc.units import MM, MM_PER_MIN
+from tests.cells import STIFFNESS, cell_text
+from tests.places import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 POST = ROOT / "docs" / "examples" / "freecad" / "postproc_krl_post.py"
-CELL = """\
-schema = "postproc.cell/1"
-name = "bench"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "head"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-number = 1
-frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
-[stiffness]
-joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
-"""
 
 
 @pytest.fixture(scope="module")
@@ -187,7 +172,7 @@ def freecad(tmp_path_factory):
     folder = tmp_path_factory.mktemp("freecad")
     (folder / "post").mkdir()
     shutil.copy(POST, folder / "post")
-    (folder / "cell.toml").write_text(CELL)
+    (folder / "cell.toml").write_text(cell_text(STIFFNESS))
     environment = {
         **os.environ,
         "HOME": str(folder),

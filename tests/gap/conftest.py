@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -15,22 +12,8 @@ from postproc.cell.file import load_cell
 from postproc.gap.data.dataset import Samples, make_samples
 from postproc.gap.robot_model import RobotModel
 from postproc.kinematics.model import Kinematics, build
-
-ROOT = Path(__file__).resolve().parents[2]
-CELL = ROOT / "fixtures" / "drilling_panel" / "cell.toml"
-
-
-def _load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, Path(__file__).with_name(f"{name}.py"))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-synthetic = _load("synthetic")
+from tests.gap import synthetic
+from tests.places import PANEL_CELL
 
 
 @pytest.fixture(scope="session")
@@ -41,7 +24,7 @@ def world() -> ModuleType:
 
 @pytest.fixture(scope="session")
 def cell() -> Cell:
-    return load_cell(CELL)
+    return load_cell(PANEL_CELL)
 
 
 @pytest.fixture(scope="session")

@@ -15,21 +15,9 @@ from postproc.gap.answers.along import along
 from postproc.gap.data.dataset import make_samples
 from postproc.gap.robot_model import RobotModel
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, Operation, ToolPath
+from tests.cells import cell_text
 
 START = np.radians([5.0, -80.0, 95.0, 20.0, 60.0, -30.0])
-CELL = """schema = "postproc.cell/1"
-name = "line"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "spindle"
-frame = {{ xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }}
-axis = "+x"
-[workpiece]
-number = 1
-frame = {{ xyz_mm = [{0:.6f}, {1:.6f}, {2:.6f}], abc_deg = [0, 0, 0] }}
-"""
 
 
 @pytest.fixture
@@ -38,7 +26,7 @@ def bench(tmp_path, kinematics, cell):
     T_flange_tcp = cell.tool.T_flange_tcp
     T = kinematics.fk(START[None])[0] @ T_flange_tcp
     path = tmp_path / "cell.toml"
-    path.write_text(CELL.format(*(1e3 * T[:3, 3])))
+    path.write_text(cell_text(origin=tuple((1e3 * T[:3, 3]).round(6).tolist())))
 
     def joints(points):
         poses = np.repeat(T[None], len(points), axis=0)

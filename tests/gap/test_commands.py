@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
 from postproc.cli.app import run
+from tests.places import PANEL_CELL
 
-CELL = str(Path(__file__).resolve().parents[2] / "fixtures" / "drilling_panel" / "cell.toml")
+CELL = str(PANEL_CELL)
 
 
 @pytest.fixture

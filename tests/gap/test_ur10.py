@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from postproc.gap.answers.predict import predict
 from postproc.gap.fit.problem import pose_problem
 from postproc.kinematics.model import build
 from postproc.measurement.file import read_measurements
+from tests.places import SHARED
 
-REAL = Path(__file__).resolve().parents[3] / "shared" / "real" / "ur10"
+REAL = SHARED / "real" / "ur10"
 CELL = """schema = "postproc.cell/1"
 name = "ur10"
 [robot]

@@ -8,20 +8,9 @@ from postproc.cell.cache import shared_cell
 from postproc.collision.scene import Scene
 from postproc.errors import CellError
 from postproc.kinematics.model import build
+from tests.cells import cell_text
 
-CELL = """\
-schema = "postproc.cell/1"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
-[[obstacles]]
-name = "post"
-file = "post.stl"
-"""
+CELL = cell_text('[[obstacles]]\nname = "post"\nfile = "post.stl"\n')
 TETRAHEDRON = ((0, 0, 0), (100, 0, 0), (0, 100, 0), (0, 0, 100))
 FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
 

@@ -18,9 +18,10 @@ from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.units import NMM_PER_RAD
 from postproc.verification.verify import verify
+from tests.cells import JOINT_STIFFNESS, STIFFNESS, twin_text
 from tools.hidden_twin import Twin
 
-K = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
+K = list(JOINT_STIFFNESS)
 STIFF = f'schema = "postproc.model/1"\n[effects.joint_compliance]\nstiffness_Nmm_per_rad = {K}\n'
 LOADS = "[process]\nforce_N = [-300, 40, 20]\nmoment_Nm = [0, 2, 0]\n"
 PATH = """\
@@ -336,30 +337,13 @@ def test_unseen_joints_of_a_field_keep_the_cells_stiffness(tmp_path, bench):
 
 # ---------------------------------------------------------------------------------- the hidden twin
 
-TWIN_CELL = f"""schema = "postproc.cell/1"
-name = "twin"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "spindle"
-frame = {{ xyz_mm = [107, 0, 362], abc_deg = [0, 0, 180] }}
-axis = "+x"
-mass_kg = 50.0
-cog_mm = [53.5, 0, 362]
-[workpiece]
-number = 1
-frame = {{ xyz_mm = [0, 0, 0], abc_deg = [0, 0, 0] }}
-[stiffness]
-joint_Nmm_per_rad = {K}
-[optimize]
-range_deg = [-10, 10]
-turns = false
-[process]
-force_N = [-300, 40, 0]
-[motion]
-feed_mm_min = 1200
-"""
+TWIN_CELL = twin_text(
+    STIFFNESS,
+    "[optimize]\nrange_deg = [-10, 10]\nturns = false\n",
+    "[process]\nforce_N = [-300, 40, 0]\n",
+    "[motion]\nfeed_mm_min = 1200\n",
+    origin=(0, 0, 0),
+)
 FORCE = np.array([-300.0, 40.0, 0.0])
 SIGMA = 12e-6
 

@@ -2,13 +2,11 @@
 
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-PANEL = ROOT / "fixtures" / "drilling_panel"
+from tests.places import PANEL
 
 SQUARE = """\
 PARTNO/SQUARE

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import csv
-import importlib.util
 import json
 import re
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,26 +30,21 @@ from postproc.jobs.measure_next import NextMeasurements, csv_text, measure_next
 from postproc.kinematics.model import build
 from postproc.measurement.campaign import read_campaign
 from postproc.measurement.file import read_measurements
+from tests.gap import synthetic
+from tests.places import PANEL_CELL
 
-ROOT = Path(__file__).resolve().parents[2]
-CELL = ROOT / "fixtures" / "drilling_panel" / "cell.toml"
 NOISE = 2e-5
 
 
 @pytest.fixture(scope="module")
 def world():
     """The made-up robot of the gap tests: formulas of its own."""
-    path = ROOT / "tests" / "gap" / "synthetic.py"
-    spec = importlib.util.spec_from_file_location("synthetic_robot", path)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return synthetic
 
 
 @pytest.fixture(scope="module")
 def cell():
-    return load_cell(CELL)
+    return load_cell(PANEL_CELL)
 
 
 class Campaign:
@@ -148,7 +140,7 @@ def ambiguous(world, cell, tmp_path_factory):
 def test_a_set_is_resolved_by_what_was_asked_for(ambiguous, tmp_path, capsys):
     _, path, name, campaign = ambiguous
     out, filled = tmp_path / "out", tmp_path / "next.csv"
-    assert run(["diagnose", str(path), "--cell", str(CELL), "-o", str(out), "--json"]) == 0
+    assert run(["diagnose", str(path), "--cell", str(PANEL_CELL), "-o", str(out), "--json"]) == 0
     before = json.loads(capsys.readouterr().out)
     assert any(item["confounded_with"] for item in before["effects"] if item["adopted"])
     asked = [item for item in before["next_measurements"] if name in item["why"]]
@@ -159,7 +151,7 @@ def test_a_set_is_resolved_by_what_was_asked_for(ambiguous, tmp_path, capsys):
     points, expected = campaign.fill(out / "next_measurements.csv", filled)
     # near enough to find the place, not equal: it is what is to be measured
     assert np.linalg.norm(points - expected, axis=1).max() < 1e-3
-    assert run(["diagnose", str(path), str(filled), "--cell", str(CELL), "--json"]) == 0
+    assert run(["diagnose", str(path), str(filled), "--cell", str(PANEL_CELL), "--json"]) == 0
     after = json.loads(capsys.readouterr().out)
     assert after["adopted"] == [name]
     assert after["verdict"] == "explained"
@@ -243,7 +235,7 @@ def test_an_obstacle_keeps_poses_away(ambiguous, cell):
 def test_the_program_comes_from_the_proposed_side_and_halts(ambiguous, tmp_path, capsys):
     path = ambiguous[1]
     out = tmp_path / "out"
-    assert run(["diagnose", str(path), "--cell", str(CELL), "-o", str(out), "--quiet"]) == 0
+    assert run(["diagnose", str(path), "--cell", str(PANEL_CELL), "-o", str(out), "--quiet"]) == 0
     text = (out / "next_measurements.src").read_text()
     rows = list(csv.DictReader((out / "next_measurements.csv").read_text().splitlines()[4:]))
     number = r"A\d (-?[\d.]+)"
@@ -261,13 +253,13 @@ def test_the_program_comes_from_the_proposed_side_and_halts(ambiguous, tmp_path,
     assert len(re.findall(r"HALT ; .*put on load", text)) == changes
     assert "CAM line 6" in text.split("take the reading")[0]
     assert run(["lint", str(out / "next_measurements.src")]) == 0
-    assert run(["verify", str(out / "next_measurements.src"), "--cell", str(CELL)]) == 0
+    assert run(["verify", str(out / "next_measurements.src"), "--cell", str(PANEL_CELL)]) == 0
 
 
 def test_a_table_with_readings_is_never_overwritten(ambiguous, tmp_path, capsys):
     path = ambiguous[1]
     out = tmp_path / "out"
-    call = ["diagnose", str(path), "--cell", str(CELL), "-o", str(out), "--quiet"]
+    call = ["diagnose", str(path), "--cell", str(PANEL_CELL), "-o", str(out), "--quiet"]
     assert run(call) == 0
     plan = out / "next_measurements.csv"
     assert run(call) == 0
@@ -283,9 +275,9 @@ def test_a_table_with_readings_is_never_overwritten(ambiguous, tmp_path, capsys)
 def test_an_unfilled_table_is_refused_with_its_line(ambiguous, tmp_path, capsys):
     path = ambiguous[1]
     out = tmp_path / "out"
-    assert run(["diagnose", str(path), "--cell", str(CELL), "-o", str(out), "--quiet"]) == 0
+    assert run(["diagnose", str(path), "--cell", str(PANEL_CELL), "-o", str(out), "--quiet"]) == 0
     plan = str(out / "next_measurements.csv")
-    assert run(["diagnose", str(path), plan, "--cell", str(CELL)]) == 2
+    assert run(["diagnose", str(path), plan, "--cell", str(PANEL_CELL)]) == 2
     assert f"{plan}:6: error MEA007: x_mm is empty" in capsys.readouterr().err
 
 

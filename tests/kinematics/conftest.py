@@ -1,9 +1,8 @@
-from pathlib import Path
-
 import pytest
 
 from postproc.cell.robotfile import load_robot, robot_names
 from postproc.kinematics.model import build
+from tests.places import SHARED
 
 
 @pytest.fixture(params=robot_names())
@@ -19,7 +18,6 @@ def kr500():
 @pytest.fixture
 def corpus():
     """The shared corpus beside the checkout."""
-    folder = Path(__file__).resolve().parents[2].parent / "shared"
-    if not folder.is_dir():
+    if not SHARED.is_dir():
         pytest.skip("the shared corpus is not beside the checkout")
-    return folder
+    return SHARED

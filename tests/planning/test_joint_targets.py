@@ -14,23 +14,8 @@ from postproc.planning.planner import plan
 from postproc.planning.states.place import place
 from postproc.planning.states.settings import PlanOptions
 from postproc.readers import ReadOptions, read
+from tests.cells import FEED, cell_text
 
-CELL = """\
-schema = "postproc.cell/1"
-name = "olp"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "head"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-number = 1
-frame = { xyz_mm = [0, 0, 0], abc_deg = [0, 0, 0] }
-[motion]
-feed_mm_min = 600
-"""
 POSE = (
     "<CartesianTarget>"
     '<Position Units="mm" X="{}" Y="{}" Z="{}"/>'
@@ -123,7 +108,7 @@ def test_only_joint_targets(tmp_path, make_cell):
 @pytest.mark.parametrize("partial", [False, True])
 def test_from_the_command_line(tmp_path, source, capsys, partial):
     cell, out = tmp_path / "cell.toml", tmp_path / "out"
-    cell.write_text(CELL)
+    cell.write_text(cell_text(FEED, origin=(0, 0, 0)))
     page = tmp_path / "page.html"
     call = ["convert", str(source), "--cell", str(cell), "-o", str(out), "--json"]
     code = app.run([*call, "--report", str(page), *(["--partial"] if partial else [])])

@@ -5,10 +5,10 @@ import pytest
 
 from postproc.model.toolpath import ToolPath
 from postproc.readers import ReadOptions, read
+from tests.places import SHARED
 
-ROOT = Path(__file__).resolve().parents[2]
 FIXTURES = Path(__file__).parent / "data"
-CORPUS = ROOT.parent / "shared" / "corpus"
+CORPUS = SHARED / "corpus"
 
 
 @pytest.fixture(scope="session")

@@ -2,16 +2,13 @@ import base64
 import gzip
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.places import PANEL, PANEL_CELL
 from tools.browser import Browser, installed
 from tools.make_pictures import campaign
-
-ROOT = Path(__file__).resolve().parents[2]
-PANEL = ROOT / "fixtures" / "drilling_panel"
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +49,7 @@ _SIZE = {"float32": 4, "int32": 4, "uint16": 2, "uint8": 1}
 
 def panel_cell(extra="", replacing=()):
     """Return the text of the panel's cell with absolute mesh paths and further tables."""
-    text = (PANEL / "cell.toml").read_text()
+    text = PANEL_CELL.read_text()
     text = text.replace('file = "', f'file = "{PANEL.as_posix()}/')
     for old, new in replacing:
         text = text.replace(old, new)
@@ -107,7 +104,7 @@ def measured(tmp_path_factory):
     (folder / "rows.csv").write_text(campaign(rows=120))
     lines = (PANEL / "panel.csv").read_text().splitlines()
     (folder / "holes.csv").write_text("\n".join(lines[:5]) + "\n")
-    cell = ["--cell", str(PANEL / "cell.toml"), "-q"]
+    cell = ["--cell", str(PANEL_CELL), "-q"]
     rows, holes = str(folder / "rows.csv"), str(folder / "holes.csv")
     page = {name: str(folder / f"{name}.html") for name in ("identify", "stiffness", "cell")}
     model = str(folder / "model.toml")
@@ -117,7 +114,7 @@ def measured(tmp_path_factory):
         ["identify", rows, *cell, "-o", model, "--report", page["identify"]],
         ["stiffness", holes, *cell, "-o", page["stiffness"]],
         ["sample", *cell, "--box", *box, "--grid", "400", "-o", str(folder / "plan")],
-        ["check", str(PANEL / "cell.toml"), "-q", "--report", page["cell"]],
+        ["check", str(PANEL_CELL), "-q", "--report", page["cell"]],
     )
     for call in calls:
         assert app.run(call) in (0, 1), call

@@ -5,7 +5,8 @@ from postproc.cell.file import load_cell
 from postproc.cli import app
 from postproc.kinematics.model import build
 from postproc.report.parts.headline import headline
-from tests.report.conftest import PANEL, data_of
+from tests.places import PANEL_CELL
+from tests.report.conftest import data_of
 from tools.hidden_twin import Twin
 
 READY = "window.ppPage && ppPage.state().ready"
@@ -50,7 +51,7 @@ def test_the_plan_shows_its_postures(browser, measured):
     path = next((measured / "plan").glob("*.html"))
     browser.open(path, READY)
     rows = data_of(path.read_bytes())["rows"]
-    cell = load_cell(PANEL / "cell.toml")
+    cell = load_cell(PANEL_CELL)
     last = len(rows["names"]) - 1
     browser.run(f"ppPage.select({last})")
     state = browser.run("ppPage.state()")
@@ -81,7 +82,7 @@ def test_the_cell_can_be_moved_by_its_axes(browser, measured):
     after = browser.run("ppPage.state()")
     assert np.degrees(after["angles"][0]) == pytest.approx(30.0, abs=0.01)
     assert after["tip"] != before["tip"]
-    cell = load_cell(PANEL / "cell.toml")
+    cell = load_cell(PANEL_CELL)
     T = build(cell.robot).link_frames(np.array(after["angles"]))[6]
     np.testing.assert_allclose(after["tip"], T[:3, 3], atol=1e-6)
 

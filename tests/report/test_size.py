@@ -10,7 +10,7 @@ from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.jobs.convert import ConvertRequest, make_plan, read_toolpath
 from postproc.report.pages.program import program_page
 from postproc.report.parts.program_text import program_text
-from tests.report.conftest import PANEL
+from tests.places import PANEL, PANEL_CELL
 
 COPIES = 100
 PER_MOVE = (
@@ -26,8 +26,8 @@ def page(tmp_path_factory):
     (folder / "one.csv").write_text("\n".join([lines[0], *lines[81:181]]) + "\n")
     names = [f"K{k}{line}" for k in range(COPIES) for line in lines[81:181]]
     (folder / "many.csv").write_text("\n".join([lines[0], *names]) + "\n")
-    request = ConvertRequest(str(folder / "one.csv"), str(PANEL / "cell.toml"))
-    cell = load_cell(PANEL / "cell.toml")
+    request = ConvertRequest(str(folder / "one.csv"), str(PANEL_CELL))
+    cell = load_cell(PANEL_CELL)
     plan = make_plan(read_toolpath(request, cell), cell, request, None)
     many = read_toolpath(replace(request, source=str(folder / "many.csv")), cell)
     n = len(plan.toolpath)

@@ -16,7 +16,8 @@ from postproc.cli import app
 from postproc.planning.checks.grade import Grade
 from postproc.planning.maps.spinmap import SpinClass, SpinMap
 from postproc.report.parts.spin_map_picture import CLASS_COLOURS, columns_of, draw
-from tests.report.conftest import PANEL, data_of
+from tests.places import PANEL, PANEL_CELL
+from tests.report.conftest import data_of
 
 
 class _Path:
@@ -105,7 +106,7 @@ def blocked_maps(tmp_path_factory):
     folder = tmp_path_factory.mktemp("maps")
     lines = (PANEL / "panel.csv").read_text().splitlines()
     (folder / "holes.csv").write_text("\n".join([lines[0], *lines[64:104:8]]) + "\n")
-    text = (PANEL / "cell.toml").read_text().replace('file = "', f'file = "{PANEL.as_posix()}/')
+    text = PANEL_CELL.read_text().replace('file = "', f'file = "{PANEL.as_posix()}/')
     post = '\n[[obstacles]]\nname = "post"\nbox = { size_mm = [300, 300, 2000] }\n'
     (folder / "cell.toml").write_text(text + post + "xyz_mm = [1850, 0, 1000]\n")
     call = ["convert", str(folder / "holes.csv"), "--cell", str(folder / "cell.toml"), "-q"]

@@ -14,25 +14,9 @@ from postproc.cell.file import load_cell
 from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics.model import build
 from postproc.measurement.rows import MeasurementSet
+from tests.cells import STIFFNESS, twin_text
 from tools.hidden_twin import Twin
 
-CELL = """schema = "postproc.cell/1"
-name = "twin"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "spindle"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 180] }
-axis = "+x"
-mass_kg = 50.0
-cog_mm = [53.5, 0, 362]
-[workpiece]
-number = 1
-frame = { xyz_mm = [1500, 0, 500], abc_deg = [0, 0, 0] }
-[stiffness]
-joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
-"""
 K_PAPER = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 LOW, HIGH = np.array([1.5, -0.6, 0.5]), np.array([2.1, 0.6, 1.1])
 TCP = np.array([0.107, 0.0, 0.362])
@@ -42,7 +26,7 @@ WEIGHT = np.array([0.0, 0.0, -50.0 * 9.80665])
 @pytest.fixture(scope="session")
 def cell_path(tmp_path_factory):
     path = tmp_path_factory.mktemp("cell") / "cell.toml"
-    path.write_text(CELL, encoding="utf-8")
+    path.write_text(twin_text(STIFFNESS, origin=(1500, 0, 500)))
     return path
 
 

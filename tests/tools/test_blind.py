@@ -13,6 +13,7 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.kinematics.model import build
+from tests.places import ROOT
 from tools.blind import answerers, names
 from tools.blind.__main__ import main, score
 from tools.blind.beyond import OUTSIDE, make
@@ -25,7 +26,6 @@ from tools.blind.robots import CLASSES, COBOT, RobotClass, cell_text, urdf
 from tools.blind.world import Hidden, nominal, simulate
 from tools.blind.writing import generate, write_case
 
-ROOT = Path(__file__).resolve().parents[2]
 PLAN = Plan("wide_loads", 60, "three", 0.5, False, 0, False, 8.0)
 
 

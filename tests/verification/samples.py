@@ -8,27 +8,14 @@ from postproc.cell.file import load_cell
 from postproc.krl.text.parse import parse_files
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath
 from postproc.readers.base import ReadOptions, read
+from tests.cells import STIFFNESS, cell_text
 
-CELL_TEXT = """
-schema = "postproc.cell/1"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "spindle"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-mass_kg = 80.0
-[workpiece]
-number = 1
-frame = { xyz_mm = [1900, 0, 900], abc_deg = [0, 0, 0] }
-[motion]
-rapid_percent = 50
-feed_mm_min = 600
-approximation_mm = 1.0
-[stiffness]
-joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
-"""
+CELL_TEXT = cell_text(
+    "[motion]\nrapid_percent = 50\nfeed_mm_min = 600\napproximation_mm = 1.0\n",
+    STIFFNESS,
+    tool="mass_kg = 80.0\n",
+    origin=(1900, 0, 900),
+)
 APT_TEXT = """PARTNO/DEMO
 UNITS/MM
 LOADTL/1

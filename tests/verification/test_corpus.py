@@ -1,7 +1,5 @@
 """The loop closed on real CAM files: read, plan, write, read the text back, run it, compare."""
 
-from pathlib import Path
-
 import pytest
 
 from postproc.cell.file import load_cell
@@ -12,8 +10,9 @@ from postproc.krl.text.parse import parse_files
 from postproc.planning.planner import plan
 from postproc.readers.base import ReadOptions, read
 from postproc.verification.verify import verify_modules
+from tests.places import SHARED
 
-CORPUS = Path(__file__).parents[3] / "shared" / "corpus" / "apt"
+CORPUS = SHARED / "corpus" / "apt"
 CELL = """
 schema = "postproc.cell/1"
 [robot]

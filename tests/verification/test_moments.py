@@ -15,28 +15,15 @@ from postproc.model.modelfile import load_model
 from postproc.paths.moments import directions, moments_of
 from postproc.paths.motion import joint_paths
 from postproc.verification.verify import world_of
+from tests.cells import cell_text
 
-CELL = """\
-schema = "postproc.cell/1"
-name = "bench"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "head"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-number = 1
-frame = { xyz_mm = [0, 0, 0], abc_deg = [0, 0, 0] }
-"""
 SPEED = 0.05
 
 
 @pytest.fixture
 def cell(tmp_path):
     path = tmp_path / "cell.toml"
-    path.write_text(CELL)
+    path.write_text(cell_text(origin=(0, 0, 0)))
     return load_cell(path)
 
 
