@@ -154,7 +154,7 @@ class Job:
     def __repr__(self) -> str:
         """Return name, sizes and verdict on one line."""
         errors = sum(finding.severity == "error" for finding in self.findings)
-        verdict = "good" if self.good else f"{errors} errors"
+        verdict = "good" if self.good else f"errors: {errors}"
         return f"<Job {self.name}: {len(self.part)} tags, {len(self.plan)} motions, {verdict}>"
 
     def _repr_html_(self) -> str:

@@ -131,7 +131,7 @@ def test_a_tag_out_of_reach_is_a_finding_and_no_program(cell, tmp_path):
     assert not job.good
     assert not job.files
     assert job.document["failures"][0]["reason"] == "unreachable"
-    assert repr(job).endswith("errors>")
+    assert repr(job).endswith("errors: 1>")
 
 
 def test_wrong_input_raises_one_kind_of_error(cell, tmp_path):
