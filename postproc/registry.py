@@ -2,8 +2,9 @@
 
 Built-in parts register by a decorator and are found by importing every module of their
 folder; foreign parts come by the entry-point groups ``postproc.readers``, ``postproc.emitters``,
-``postproc.effects`` and ``postproc.objectives``. A plug-in that fails to import is reported with
-its name and cause and left out; it never stops the product and is never silent.
+``postproc.effects`` and ``postproc.objectives``. A plug-in that fails to import, or is not what its
+group promises, is reported with its name and cause and left out; it never stops the product and is
+never silent.
 """
 
 from __future__ import annotations
@@ -11,13 +12,16 @@ from __future__ import annotations
 import importlib
 import pkgutil
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import entry_points
-from typing import Generic, TypeVar
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar
 
-from postproc.errors import PluginError
+from postproc.errors import PluginError, PostprocError
 
 T = TypeVar("T")
+BUILT_IN = "built-in"
+GROUPS = ("readers", "emitters", "effects", "objectives")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +34,10 @@ class PluginInfo:
     version: str
     problem: str = ""
 
+    def __str__(self) -> str:
+        """Return the part in words."""
+        return f"{self.group[:-1]} {self.name!r} of {self.origin} {self.version}"
+
 
 class Registry(Generic[T]):
     """Parts of one kind by name; a second part of the same name is an error.
@@ -38,24 +46,27 @@ class Registry(Generic[T]):
         group: ``readers``, ``emitters``, ``effects`` or ``objectives``; the entry-point group is
             ``postproc.<group>``.
         package: dotted name of the package whose modules hold the built-in parts.
+        kind: the class that every part is an instance of.
     """
 
-    def __init__(self, group: str, package: str) -> None:
+    def __init__(self, group: str, package: str, kind: type[Any] = object) -> None:
         self.group = group
         self._package = package
+        self._kind = kind
         self._parts: dict[str, T] = {}
-        self._infos: dict[str, PluginInfo] = {}
+        self._infos: list[PluginInfo] = []
         self._loaded = False
 
     def register(self, name: str) -> Callable[[T], T]:
-        """Return a decorator that registers a part under ``name``.
+        """Return a decorator that registers a built-in part under ``name``.
 
         Raises:
-            PluginError: if the name is taken.
+            PluginError: PLG002 if the name is taken, PLG005 if the part is none of this kind.
         """
 
         def add(part: T) -> T:
-            self._add(name, part, origin="built-in", version=_own_version())
+            self._add(name, part)
+            self._infos.append(PluginInfo(self.group, name, BUILT_IN, _own_version()))
             return part
 
         return add
@@ -64,32 +75,66 @@ class Registry(Generic[T]):
         """Return the part of this name.
 
         Raises:
-            PluginError: if there is none; the message lists those known.
+            PluginError: PLG001 with the words of ``unknown``.
         """
         self._load()
-        try:
-            return self._parts[name]
-        except KeyError:
-            known = ", ".join(sorted(self._parts))
-            raise PluginError(
-                "PLG001", f"no {self.group} part is named {name!r}, known are {known}"
-            ) from None
+        if name not in self._parts:
+            raise PluginError("PLG001", self.unknown(name))
+        return self._parts[name]
+
+    def __contains__(self, name: str) -> bool:
+        """Return whether a part of this name can be used."""
+        self._load()
+        return name in self._parts
+
+    def unknown(self, name: str, *more: str) -> str:
+        """Return why ``name`` cannot be used, with the names that can; ``more``: further ones."""
+        self._load()
+        for info in self._infos:
+            if info.name == name and info.problem:
+                return f"{info} cannot be used: {info.problem}"
+        known = ", ".join(sorted((*self._parts, *more)))
+        return f"no {self.group[:-1]} is named {name!r}, known are {known}"
 
     def __iter__(self) -> Iterator[tuple[str, T]]:
         """Yield name and part, ordered by name."""
         self._load()
         return iter(sorted(self._parts.items(), key=lambda item: item[0]))
 
+    @contextmanager
+    def blame(self, name: str) -> Iterator[None]:
+        """Within it, what a foreign part of this name fails with counts as its own fault.
+
+        Raises:
+            PluginError: PLG006 for anything but an expected error.
+        """
+        try:
+            yield
+        except PostprocError:
+            raise
+        except Exception as problem:
+            info = next((i for i in self.infos() if i.name == name and not i.problem), None)
+            if info is None or info.origin == BUILT_IN:
+                raise
+            what = f"{type(problem).__name__}: {problem}"
+            raise PluginError("PLG006", f"{info} failed: {what}") from problem
+
     def infos(self) -> tuple[PluginInfo, ...]:
         """Return where each part comes from, broken plug-ins with their problem included."""
         self._load()
-        return tuple(self._infos[name] for name in sorted(self._infos))
+        return tuple(sorted(self._infos, key=lambda info: (info.name, info.origin)))
 
-    def _add(self, name: str, part: T, origin: str, version: str) -> None:
+    def _add(self, name: str, part: T) -> None:
+        if isinstance(part, type) or not isinstance(part, self._kind):
+            raise PluginError(
+                "PLG005", f"{_kind_of(part)} is no {self._kind.__name__}, see postproc.testing"
+            )
+        own = getattr(part, "name", name)
+        if own != name:
+            raise PluginError("PLG005", f"it calls itself {own!r}, but is registered as {name!r}")
         if name in self._parts:
-            raise PluginError("PLG002", f"{self.group} part {name!r} is registered twice")
+            raise PluginError("PLG002", f"{self.group[:-1]} {name!r} is registered twice")
         self._parts[name] = part
-        self._infos[name] = PluginInfo(self.group, name, origin, version)
 
     def _load(self) -> None:
         if self._loaded:
@@ -99,14 +144,34 @@ class Registry(Generic[T]):
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{self._package}.{module.name}")
         for entry in entry_points(group=f"postproc.{self.group}"):
-            version = entry.dist.version if entry.dist else "?"
-            origin = entry.dist.name if entry.dist else entry.value
+            problem = ""
             try:
-                self._add(entry.name, entry.load(), origin, version)
-            except Exception as problem:  # noqa: BLE001 - a foreign plug-in may fail in any way
-                self._infos[entry.name] = PluginInfo(
-                    self.group, entry.name, origin, version, f"{type(problem).__name__}: {problem}"
-                )
+                self._add(entry.name, entry.load())
+            except PluginError as error:
+                problem = error.message
+            except Exception as error:  # noqa: BLE001 - a foreign plug-in may fail in any way
+                problem = f"{type(error).__name__}: {error}"
+            self._infos.append(PluginInfo(self.group, entry.name, *_origin(entry), problem))
+
+
+def foreign() -> tuple[str, ...]:
+    """Return group, name, package and version of every installed plug-in, without loading any."""
+    return tuple(
+        sorted(
+            " ".join((group, entry.name, *_origin(entry)))
+            for group in GROUPS
+            for entry in entry_points(group=f"postproc.{group}")
+        )
+    )
+
+
+def _origin(entry: EntryPoint) -> tuple[str, str]:
+    """Return the package that an entry point is of, and its version."""
+    return (entry.dist.name, entry.dist.version) if entry.dist else (entry.value, "?")
+
+
+def _kind_of(part: object) -> str:
+    return f"the class {part.__name__}" if isinstance(part, type) else f"a {type(part).__name__}"
 
 
 def _own_version() -> str:

@@ -18,17 +18,19 @@ from postproc.gap.answers import (
     reassessed,
     summary,
 )
-from postproc.gap.data import Samples
-from postproc.gap.effect import EFFECTS, Basis, Effect, Parameter, State, register
-from postproc.gap.fit import pose_problem
-from postproc.gap.robot_model import RobotModel, effect_of
+from postproc.gap.data import Arm, Samples, make_samples
+from postproc.gap.effect import EFFECTS, Basis, Effect, Parameter, Setting, State, register
+from postproc.gap.fit import Gram, block_of, pose_problem
+from postproc.gap.robot_model import RobotModel, act, columns, effect_of
 
 __all__ = [
     "EFFECTS",
     "Along",
+    "Arm",
     "Basis",
     "Diagnosis",
     "Effect",
+    "Gram",
     "NextPose",
     "Parameter",
     "Part",
@@ -36,11 +38,16 @@ __all__ = [
     "Reach",
     "RobotModel",
     "Samples",
+    "Setting",
     "State",
+    "act",
     "along",
+    "block_of",
+    "columns",
     "diagnose",
     "document",
     "effect_of",
+    "make_samples",
     "model_file",
     "next_poses",
     "parts",

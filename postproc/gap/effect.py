@@ -23,7 +23,6 @@ from postproc.registry import Registry
 if TYPE_CHECKING:
     from postproc.gap.data import Arm, Samples
 
-EFFECTS: Registry[Effect] = Registry("effects", "postproc.gap.effects")
 Setting = Mapping[str, Any]
 
 
@@ -160,6 +159,10 @@ class Effect(ABC):
             values = model.values(self.name, key, shape, optional=index > 0)
             parts.append(np.zeros(count) if values is None else np.atleast_1d(values))
         return State(np.concatenate(parts))
+
+
+EFFECTS: Registry[Effect] = Registry("effects", "postproc.gap.effects", Effect)
+"""All effects by name."""
 
 
 def register(cls: type[Effect]) -> type[Effect]:

@@ -7,7 +7,7 @@ the joints is put in equilibrium with the pose that results, by fixed point.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -58,7 +58,11 @@ def tool_point(samples: Samples, states: States) -> FloatArray:
 
 def evaluate(samples: Samples, states: States) -> tuple[FloatArray, Samples]:
     """Return the real point (n, 3) and the samples at the angles that the joints really take."""
-    active = [(effect_of(name), state) for name, state in states.items()]
+    return act(samples, [(effect_of(name), state) for name, state in states.items()])
+
+
+def act(samples: Samples, active: Sequence[tuple[Effect, State]]) -> tuple[FloatArray, Samples]:
+    """Return what ``evaluate`` does, for effects that need not be registered."""
     steps = _FIXED_POINT_STEPS if any(effect.equilibrium for effect, _ in active) else 1
     fixed = [(e, s, e.basis(samples, s.setting)) for e, s in active if not e.equilibrium]
     loaded = [(e, s) for e, s in active if e.equilibrium]
@@ -82,10 +86,9 @@ def effect_of(name: str) -> Effect:
     Raises:
         DataError: GAP002 if no effect has this name.
     """
-    known = dict(EFFECTS)
-    if name not in known:
-        raise DataError("GAP002", f"no effect is named {name!r}, known are {', '.join(known)}")
-    return known[name]
+    if name not in EFFECTS:
+        raise DataError("GAP002", EFFECTS.unknown(name))
+    return EFFECTS.get(name)
 
 
 def columns(samples: Samples, basis: Basis) -> FloatArray:

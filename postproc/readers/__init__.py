@@ -1,9 +1,11 @@
 """CAM files to ToolPath; one format per file, found by the registry."""
 
-from postproc.readers.base import READERS, Reader, ReadOptions, read
+from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, Reader, ReadOptions, read
 from postproc.readers.csv import read_pins
 
 __all__ = [
+    "HEAD_BYTES",
+    "LENGTH_UNITS",
     "READERS",
     "ReadOptions",
     "Reader",

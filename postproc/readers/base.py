@@ -7,12 +7,12 @@ foreign readers come by the entry-point group ``postproc.readers``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from postproc.arrays import FloatArray
-from postproc.errors import ReadError, SourceRef, UsageError
+from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef, UsageError
 from postproc.files import open_input
 from postproc.model import ToolPath
 from postproc.readers.text import check_text
@@ -73,6 +73,7 @@ class ReadOptions:
             raise UsageError("IO021", f"no cycle word {wrong[0]!r}, known are {known}")
 
 
+@runtime_checkable
 class Reader(Protocol):
     """What a reader offers."""
 
@@ -87,7 +88,7 @@ class Reader(Protocol):
         """
 
 
-READERS: Registry[Reader] = Registry("readers", "postproc.readers")
+READERS: Registry[Reader] = Registry("readers", "postproc.readers", Reader)
 
 
 def read(path: str | Path, format: str = "auto", options: ReadOptions | None = None) -> ToolPath:
@@ -102,16 +103,20 @@ def read(path: str | Path, format: str = "auto", options: ReadOptions | None = N
         ReadError: IO001 missing, IO002 unreadable, IO010 no format fits, IO011 empty, IO012 not a
             text file, IO014 no motion in it; and the codes of the reader.
         UsageError: IO013 if two formats fit equally well.
-        PluginError: PLG001 for an unknown format.
+        PluginError: PLG001 for an unknown format, PLG006 if a foreign reader fails.
     """
     name = str(path)
     head = _head(name)
-    reader = READERS.get(format) if format != "auto" else _sniffed(name, head)
-    toolpath = reader.read(name, options or ReadOptions())
+    chosen, left_out = (format, ()) if format != "auto" else _sniffed(name, head)
+    reader = READERS.get(chosen)
+    with READERS.blame(chosen):
+        toolpath = reader.read(name, options or ReadOptions())
     if len(toolpath) == 0:
         raise ReadError(
             "IO014", "no motion in this file, expected at least one point", SourceRef(name)
         )
+    if left_out:
+        return replace(toolpath, warnings=(*left_out, *toolpath.warnings))
     return toolpath
 
 
@@ -125,11 +130,18 @@ def _head(path: str) -> bytes:
     return head
 
 
-def _sniffed(path: str, head: bytes) -> Reader:
-    scores = sorted(((reader.sniff(head), name, reader) for name, reader in READERS), key=_by_score)
-    best, runner_up = scores[-1], scores[-2] if len(scores) > 1 else (0.0, "", None)
+def _sniffed(path: str, head: bytes) -> tuple[str, tuple[Finding, ...]]:
+    """Return the name of the reader that is surest, and plug-ins that failed to say."""
+    scores, failed = [], []
+    for name, reader in READERS:
+        try:
+            with READERS.blame(name):
+                scores.append((reader.sniff(head), name))
+        except PluginError as problem:
+            failed.append(Finding(Severity.WARNING, "PLG007", f"not asked: {problem.message}"))
+    best, runner_up = sorted([(0.0, ""), (0.0, ""), *scores])[:-3:-1]
     if best[0] <= 0.0:
-        known = ", ".join(sorted(name for _, name, _ in scores))
+        known = ", ".join(name for _, name in scores)
         raise ReadError(
             "IO010",
             f"this is none of the formats {known}",
@@ -142,8 +154,4 @@ def _sniffed(path: str, head: bytes) -> Reader:
             f"this may be {best[1]} or {runner_up[1]}, say which with --format",
             SourceRef(path),
         )
-    return best[2]
-
-
-def _by_score(candidate: tuple[float, str, Reader]) -> tuple[float, str]:
-    return candidate[0], candidate[1]
+    return best[1], tuple(failed)

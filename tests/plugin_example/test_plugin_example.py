@@ -95,23 +95,9 @@ def test_the_effect_keeps_the_contract(monkeypatch):
     monkeypatch.syspath_prepend(str(EXAMPLE))
     from postproc_example.effect import TRACKER_SCALE
 
-    from postproc.cell.file import load_cell
-    from postproc.gap import contract
-    from postproc.gap.data.dataset import make_samples
-    from postproc.gap.effect import EFFECTS
-    from postproc.gap.robot_model import RobotModel
-    from postproc.kinematics.model import build
+    from postproc.testing import check_effect
 
-    list(EFFECTS)
-    monkeypatch.setitem(EFFECTS._parts, TRACKER_SCALE.name, TRACKER_SCALE)
-    cell = load_cell(ROOT / "fixtures" / "drilling_panel" / "cell.toml")
-    kinematics = build(cell.robot)
-    rng = np.random.default_rng(5)
-    low, high = np.radians([-40, -90, 40, -90, -80, -90]), np.radians([40, -40, 110, 90, -20, 90])
-    samples = make_samples(RobotModel.of(kinematics, cell).arm, rng.uniform(low, high, (80, 6)))
-    for check in (contract.check_words, contract.check_parameters, contract.check_zero,
-                  contract.check_columns):  # fmt: skip
-        check(TRACKER_SCALE, samples)
+    check_effect(TRACKER_SCALE)
 
 
 def test_the_emitter_writes_the_plan(monkeypatch, tmp_path):

@@ -7,8 +7,9 @@ import time
 import pytest
 
 from postproc.cli.app import run
-from postproc.errors import ReadError
-from postproc.readers import read
+from postproc.errors import PluginError, ReadError
+from postproc.readers import READERS, read
+from postproc.registry import PluginInfo
 
 MM = "UNITS/MM\n"
 NX = "TOOL PATH/A,TOOL,B\n"
@@ -247,3 +248,25 @@ def test_a_list_without_normals_can_be_looked_at_but_not_read(tmp_path, capsys):
     assert "warning CSV112: no orientation" in err
     with pytest.raises(ReadError, match="CSV020"):
         read(str(path))
+
+
+def test_a_foreign_reader_that_fails_stops_nobody_elses_file(tmp_path, monkeypatch):
+    class Failing:
+        def sniff(self, head):
+            raise KeyError("head")
+
+        def read(self, path, options):
+            raise KeyError("read")
+
+    list(READERS)
+    monkeypatch.setitem(READERS._parts, "failing", Failing())
+    info = PluginInfo("readers", "failing", "their-package", "1.0")
+    monkeypatch.setattr(READERS, "_infos", [*READERS._infos, info])
+    path = tmp_path / "part.csv"
+    path.write_text(CSV + "0,0,0,0,0,1\n5,0,0,0,0,1\n")
+    toolpath = read(path)
+    assert toolpath.format == "csv"
+    assert [finding.code for finding in toolpath.warnings][:1] == ["PLG007"]
+    assert "reader 'failing' of their-package 1.0 failed: KeyError" in toolpath.warnings[0].message
+    with pytest.raises(PluginError, match=r"PLG006: reader .failing. of their-package 1\.0 failed"):
+        read(path, "failing")

@@ -1,7 +1,7 @@
 """Which robot states serve a tag and what each costs."""
 
 from postproc.planning.states.candidates import States, evaluate, sample
-from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT
+from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
 from postproc.planning.states.ladder import NONE, IndexArray, Ladder, Rule
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
@@ -39,11 +39,13 @@ __all__ = [
     "IndexArray",
     "Ladder",
     "Moves",
+    "Objective",
     "Placement",
     "PlanOptions",
     "Problem",
     "Rule",
     "Settings",
+    "StateContext",
     "States",
     "Strokes",
     "beside_in_grid",

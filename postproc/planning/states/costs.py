@@ -101,7 +101,9 @@ class Objective:
         return self.function(context)
 
 
-OBJECTIVES: Registry[Objective] = Registry("objectives", "postproc.planning.states.objectives")
+OBJECTIVES: Registry[Objective] = Registry(
+    "objectives", "postproc.planning.states.objectives", Objective
+)
 
 
 def objective(
@@ -149,24 +151,19 @@ def weights_of(cell: Cell) -> Weights:
     table: Mapping[str, float] = {asked: 1.0} if isinstance(asked, str) else asked
     if TiltRange.of(cell):
         table = {TILT: DEFAULT_TILT, **table}
-    known = dict(OBJECTIVES)
     states, notes = [], []
     for name, weight in sorted(table.items()):
         if name == TRAVEL:
             continue
-        if name not in known:
-            names = ", ".join(sorted([*known, TRAVEL]))
-            raise CellError(
-                "PLN202",
-                f"[optimize] objective: there is no objective {name!r}, known are {names}",
-                SourceRef(cell.path),
-            )
-        if known[name].is_stiffness and not cell.has_stiffness:
+        if name not in OBJECTIVES:
+            raise CellError("PLN202", OBJECTIVES.unknown(name, TRAVEL), SourceRef(cell.path))
+        part = OBJECTIVES.get(name)
+        if part.is_stiffness and not cell.has_stiffness:
             notes.append(
                 f"no joint stiffness in the cell: {name!r} is left out, joint travel rules"
             )
         elif weight > 0.0:
-            states.append((name, float(weight), known[name]))
+            states.append((name, float(weight), part))
     travel = float(table.get(TRAVEL, DEFAULT_TRAVEL))
     if travel == 0.0 and all(name == TILT for name, _, _ in states):
         travel = DEFAULT_TRAVEL

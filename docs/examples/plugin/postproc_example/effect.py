@@ -2,7 +2,7 @@
 
 What an effect owes: plain words for the shop floor, parameters in SI with a typical size, and what
 one unit of each does to the tool point. Everything else (fit, selection, intervals, the model file)
-follows; ``postproc.gap.contract`` holds the checks that it must pass.
+follows; ``postproc.testing.check_effect`` holds it to that.
 """
 
 from __future__ import annotations

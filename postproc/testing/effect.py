@@ -1,4 +1,4 @@
-"""What every effect must keep, built-in or foreign: checks for the tests of a plug-in.
+"""What every effect must keep, built-in or foreign.
 
 Each check takes an effect and samples that have all columns, and raises ``PluginError`` with the
 reason if the effect breaks its contract.
@@ -12,12 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.errors import DataError, PluginError
-from postproc.gap.data import Samples
-from postproc.gap.effect import Effect, State
-from postproc.gap.fit import Gram, block_of
-from postproc.gap.robot_model import columns, evaluate
+from postproc.errors import DataError
+from postproc.gap import Effect, Gram, Samples, State, act, block_of, columns
 from postproc.model import ModelFile
+from postproc.testing.contract import require
+from postproc.testing.made import made_samples
 
 Check = Callable[[Effect, Samples], None]
 _SMALL = 1e-3
@@ -48,7 +47,7 @@ def check_zero(effect: Effect, samples: Samples) -> None:
     """Parameters of zero move nothing."""
     setting = effect.prepare(samples)
     theta = np.zeros(len(effect.parameters(samples.arm, setting)))
-    moved = evaluate(samples, {effect.name: State(theta, setting)})[0] - samples.point
+    moved = act(samples, [(effect, State(theta, setting))])[0] - samples.point
     _require(float(np.abs(moved).max()) < 1e-12, effect, "moves the point with zero parameters")
 
 
@@ -60,7 +59,7 @@ def check_columns(effect: Effect, samples: Samples) -> None:
     for k, p in enumerate(parameters):
         step = np.zeros(len(parameters))
         step[k] = _SMALL * p.typical
-        ends = [evaluate(samples, {effect.name: State(s * step, setting)})[0] for s in (1.0, -1.0)]
+        ends = [act(samples, [(effect, State(s * step, setting))])[0] for s in (1.0, -1.0)]
         slope = (ends[0] - ends[1]) / (2.0 * step[k])
         size = float(np.abs(slope).max()) + 1e-9
         off = float(np.abs(slope - linear[:, :, k]).max()) / size
@@ -75,14 +74,17 @@ def check_needs(effect: Effect, samples: Samples) -> None:
             effect.basis(without, effect.prepare(samples))
         except DataError:
             continue
-        raise PluginError("PLG004", f"effect {effect.name!r} does not miss its column {column}")
+        _require(False, effect, f"it does not miss its column {column}")
     absent = {
         name: None
         for name in ("direction", "qd", "wrench", "time", "temperature")
         if name not in effect.needs
     }
     bare: Samples = replace(samples, **absent)  # type: ignore[arg-type]
-    effect.basis(bare, effect.prepare(bare))
+    try:
+        effect.basis(bare, effect.prepare(bare))
+    except DataError as error:
+        _require(False, effect, f"it {error.message} without saying so")
 
 
 def check_placebo(effect: Effect, samples: Samples) -> None:
@@ -111,7 +113,7 @@ def check_file(effect: Effect, samples: Samples) -> None:
     state = State(drawn, setting)
     table = effect.write(state, samples.arm)
     again = effect.read(ModelFile({effect.name: table}), samples.arm)
-    ends = [evaluate(samples, {effect.name: s})[0] for s in (state, again)]
+    ends = [act(samples, [(effect, s)])[0] for s in (state, again)]
     off = float(np.abs(ends[0] - ends[1]).max())
     _require(off < 1e-9, effect, f"a model file changes it by {off:.1e} m")
 
@@ -125,8 +127,23 @@ CHECKS: tuple[Check, ...] = (
     check_placebo,
     check_file,
 )
+"""All that is asked of an effect."""
+
+
+def check_effect(effect: Effect, samples: Samples | None = None) -> None:
+    """Hold an effect to its contract.
+
+    Args:
+        effect: the part that the entry point names.
+        samples: rows with all columns, at postures where the effect shows; default: made-up ones.
+
+    Raises:
+        PluginError: PLG004 with what it breaks.
+    """
+    rows = made_samples() if samples is None else samples
+    for check in CHECKS:
+        check(effect, rows)
 
 
 def _require(good: bool, effect: Effect, reason: str) -> None:
-    if not good:
-        raise PluginError("PLG004", f"effect {effect.name!r} breaks its contract: {reason}")
+    require(good, f"effect {effect.name!r}", reason)
