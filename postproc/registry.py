@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from postproc.errors import PluginError, PostprocError
@@ -172,6 +173,19 @@ def _origin(entry: EntryPoint) -> tuple[str, str]:
 
 def _kind_of(part: object) -> str:
     return f"the class {part.__name__}" if isinstance(part, type) else f"a {type(part).__name__}"
+
+
+def part_names(group: str, package: str) -> tuple[str, ...]:
+    """Return the names of the parts of a group without importing any of them.
+
+    Args:
+        group: as of the registry.
+        package: dotted name of the folder, where each module has the name of its part.
+    """
+    top, *inner = package.split(".")
+    folders = [str(Path(place, *inner)) for place in importlib.import_module(top).__path__]
+    own = {module.name for module in pkgutil.iter_modules(folders)}
+    return tuple(sorted(own | {e.name for e in entry_points(group=f"postproc.{group}")}))
 
 
 def _own_version() -> str:

@@ -26,13 +26,12 @@ from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
 from postproc.compensation.compensate import solve
 from postproc.compensation.real_arm import loads
-from postproc.gap.robot_model import RobotModel
+from postproc.gap import RobotModel, stiffness_tables
 from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics.model import Kinematics, build
 from postproc.measurement.rows import MeasurementSet
 from postproc.model.modelfile import ModelFile
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
-from postproc.stiffness.fieldfile import effects_of
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import ConstantFit, fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
@@ -148,7 +147,7 @@ class Experiment:
         """Return true and measured error (n, 3) after commanding what the model asks for."""
         mean = field.compliance(q.mean(axis=0), self.twin.point(q).mean(axis=0))
         model = RobotModel.of(
-            self.kinematics, self.cell, ModelFile(effects_of(field, np.asarray(mean)))
+            self.kinematics, self.cell, ModelFile(stiffness_tables(field, np.asarray(mean)))
         )
         wrench = loads(q, self.cell, self.kinematics, np.zeros(len(q), dtype=bool))
         command = solve(model, self.kinematics, self.cell.tool.T_flange_tcp, q, wrench).q

@@ -26,12 +26,12 @@ from postproc.compensation.real_arm import RealArm, left_out, real_point
 from postproc.controller import run
 from postproc.emitters import emit
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
-from postproc.gap import RobotModel
+from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
 from postproc.paths import Clock, Moments, joint_paths, moments_of
-from postproc.stiffness import ContinuousField, field_of
+from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
 from postproc.verification import world_of
 
@@ -369,7 +369,7 @@ def _left_out(model: RobotModel, file: ModelFile) -> list[Finding]:
 
 def _far(plan: Plan, file: ModelFile) -> list[Finding]:
     """Return a finding for working moves in poses that the stiffness field knows nothing of."""
-    field = field_of(file)
+    field = stiffness_of(file)
     working = np.flatnonzero(np.isin(plan.role, WORKING))
     if not isinstance(field, ContinuousField) or not len(working):
         return []

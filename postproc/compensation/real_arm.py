@@ -14,17 +14,14 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.gap import RobotModel, effect_of
+from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
-from postproc.model import ModelFile, entry
+from postproc.model import ModelFile
 from postproc.paths import Displacement, Moments, directions
-from postproc.stiffness import field_of, moved_wrench
+from postproc.stiffness import moved_wrench
 from postproc.units import STANDARD_GRAVITY
 
-FOLLOWS_MOTION = frozenset({"direction", "qd"})
-"""Columns of a model that only the motion of the program tells."""
-_STIFFNESS = "stiffness_Nmm_per_rad"
 _CHUNK = 4000
 _STANDING = 1e-9
 
@@ -36,48 +33,36 @@ def cell_with_model(cell: Cell, file: ModelFile) -> Cell:
     changes nothing.
     """
     kinematics, p_flange_tcp = build(cell.robot), np.asarray(cell.tool.T_flange_tcp[:3, 3])
-    field = field_of(file, cell.joint_stiffness, lambda q: apply(kinematics.fk(q), p_flange_tcp))
+    stiffness, locate = cell.joint_stiffness, lambda q: apply(kinematics.fk(q), p_flange_tcp)
+    field = stiffness_of(file, stiffness, locate)
     return cell if field is None else replace(cell, joint_compliance=field.compliance)
 
 
 def compensation_model(kinematics: Kinematics, cell: Cell, file: ModelFile) -> RobotModel:
     """Return the robot model that compensation uses.
 
-    A joint whose stiffness the data could not see takes the cell's, where the cell gives one: the
-    process may load it although the measurement did not, and rigid would be worse.
+    A joint whose stiffness the data could not see takes the cell's, where the cell gives one.
     """
-    effects: dict[str, Mapping[str, Any]] = dict(file.effects)
-    table = effects.get("joint_compliance")
-    known = cell.joint_stiffness
-    if table is not None and known is not None and _STIFFNESS in table:
-        k = np.asarray(table[_STIFFNESS], dtype=np.float64)
-        if k.shape == (6,) and bool(np.any(np.isnan(k))):
-            filled = np.where(np.isnan(k), entry(_STIFFNESS, known), k)
-            effects["joint_compliance"] = {**table, _STIFFNESS: filled.tolist()}
+    known = dict(EFFECTS)
+    effects = {
+        name: known[name].completed(table, cell.joint_stiffness) if name in known else table
+        for name, table in file.effects.items()
+    }
     return RobotModel.of(kinematics, cell, replace(file, effects=effects))
 
 
 def carries_dead_load(file: ModelFile) -> bool:
     """Return whether the tool's weight is to be added as a load.
 
-    A sag or payload effect was fitted to the arm with its tool on, so it has the weight already.
+    An effect that was fitted to the arm with its tool on has the weight already.
     """
-    return not any(name in file.effects for name in ("gravity_sag", "payload_error"))
-
-
-def needs(model: RobotModel) -> frozenset[str]:
-    """Return the columns that the effects of a model need."""
-    return frozenset(column for name in model.states for column in effect_of(name).needs)
+    return not any(effect.has_tool_weight for name, effect in EFFECTS if name in file.effects)
 
 
 def left_out(model: RobotModel) -> dict[str, tuple[str, ...]]:
     """Return the effects that move nothing in a program, with the columns no program knows."""
-    given = FOLLOWS_MOTION | {"wrench"}
-    return {
-        name: tuple(sorted(missing))
-        for name in model.states
-        if (missing := set(effect_of(name).needs) - given)
-    }
+    missing = {name: effect_of(name).unknown_to_programs for name in model.states}
+    return {name: columns for name, columns in missing.items() if columns}
 
 
 def loads(
@@ -128,14 +113,15 @@ def real_point(
     conditions = dict(conditions or {})
     point = model.tool_point(q, wrench, conditions)
     qd = conditions.pop("qd", None)
-    if qd is None or not bool(np.any(qd)) or "qd" not in needs(model):
+    late = any("qd" in effect_of(name).needs for name in model.states)
+    if qd is None or not bool(np.any(qd)) or not late:
         return point
     in_time = model.tool_point(q, wrench, {**conditions, "qd": np.zeros_like(qd)})
     velocity = np.einsum("nij,nj->ni", model.samples(q).jacobian, qd)
     size = np.linalg.norm(velocity, axis=1, keepdims=True)
     way = np.where(size > _STANDING, velocity / np.maximum(size, _STANDING), 0.0)
-    late = point - in_time
-    across: FloatArray = late - way * np.sum(way * late, axis=1, keepdims=True)
+    behind = point - in_time
+    across: FloatArray = behind - way * np.sum(way * behind, axis=1, keepdims=True)
     return in_time + across
 
 
@@ -162,7 +148,7 @@ class RealArm:
     @property
     def follows_motion(self) -> bool:
         """Whether an effect depends on how the joints move: from which side, how fast."""
-        return bool(needs(self.model) & FOLLOWS_MOTION)
+        return any(effect_of(name).follows_motion for name in self.model.states)
 
     def wrench(self, q: FloatArray, process: FloatArray) -> FloatArray:
         """Return the wrench (n, 6) of tool and process at joint angles (n, 6), robroot."""

@@ -19,8 +19,9 @@ from postproc.gap.answers import (
     summary,
 )
 from postproc.gap.data import Arm, Samples, make_samples
-from postproc.gap.effect import EFFECTS, Basis, Effect, Parameter, Setting, State, register
+from postproc.gap.effect import EFFECTS, Basis, Effect, Kind, Parameter, Setting, State, register
 from postproc.gap.fit import Gram, block_of, pose_problem
+from postproc.gap.joint_stiffness import stiffness_of, stiffness_tables
 from postproc.gap.robot_model import RobotModel, act, columns, effect_of
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Diagnosis",
     "Effect",
     "Gram",
+    "Kind",
     "NextPose",
     "Parameter",
     "Part",
@@ -56,5 +58,7 @@ __all__ = [
     "questions",
     "reassessed",
     "register",
+    "stiffness_of",
+    "stiffness_tables",
     "summary",
 ]

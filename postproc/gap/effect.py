@@ -1,10 +1,12 @@
 """What an effect is: one cause of a gap, its parameters, and how they move the tool point.
 
-An effect is one file in ``postproc/gap/effects``. It names the columns it needs, its parameters
-with a typical size (the standard deviation of a Gaussian prior) and bounds, and a ``basis``: what
-one unit of each parameter does to the joints, to the links or to the measured point. The basis is
-linear in the parameters; what is nonlinear (exact forward kinematics, the equilibrium of a load
-that moves the arm that carries it) is done once for all effects by ``RobotModel``.
+An effect is one file in ``postproc/gap/effects``, named as the effect. It names the columns it
+needs, its parameters with a typical size (the standard deviation of a Gaussian prior) and bounds,
+and a ``basis``: what one unit of each parameter does to the joints, to the links or to the measured
+point. The basis is linear in the parameters; what is nonlinear (exact forward kinematics, the
+equilibrium of a load that moves the arm that carries it) is done once for all effects by
+``RobotModel``. All that others must know of an effect it declares itself: what it refines, what it
+is mistaken for, what absorbs it, what it says of the joint stiffness. No other file has its name.
 """
 
 from __future__ import annotations
@@ -12,18 +14,36 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from enum import StrEnum
+from typing import Any, ClassVar
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.model import ModelFile, entry
+from postproc.gap.data import Arm, Samples
+from postproc.model import ModelFile, Registration, entry
 from postproc.registry import Registry
-
-if TYPE_CHECKING:
-    from postproc.gap.data import Arm, Samples
+from postproc.stiffness import Locate, StiffnessField
 
 Setting = Mapping[str, Any]
+Table = Mapping[str, Any]
+"""An effect's table of a model file: its own keys, values in the unit that ends each key."""
+MOTION_COLUMNS = ("direction", "qd")
+"""Columns that only the motion of a program tells: from which side, how fast."""
+PROGRAM_COLUMNS = (*MOTION_COLUMNS, "wrench")
+"""Columns that are known of a program before it runs."""
+
+
+class Kind(StrEnum):
+    """What an effect is of, and with it when it is named as a cause."""
+
+    MACHINE = "machine"
+    MEASUREMENT = "measurement"
+    """How it was measured."""
+    REGISTRATION = "registration"
+    """Where robot and measured point stand: not named where a registration is fitted."""
+    ALTERNATIVE = "alternative"
+    """A resemblance: tested against the others, never named as the cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,15 +101,57 @@ class Effect(ABC):
     """What to do about it on the shop floor."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Columns of the measurement without which it cannot be tested."""
-    kind: ClassVar[str] = "machine"
-    """``machine``, ``measurement`` (how it was measured), or ``suspect``: a resemblance that is
-    tested against the library but never named as the cause."""
+    kind: ClassVar[Kind] = Kind.MACHINE
     conditions: ClassVar[tuple[str, ...]] = ()
     """Conditions that it makes the gap depend on, as in ``where.conditions``."""
     equilibrium: ClassVar[bool] = False
     """The basis depends on the load at the pose that the arm really takes."""
     layout: ClassVar[tuple[tuple[str, int], ...]] = ()
     """Keys of the model file with the count of parameters behind each (1: a plain number)."""
+    geometric: ClassVar[bool] = False
+    """It moves the tool as a wrong geometry of arm or frames does."""
+    periodic: ClassVar[bool] = False
+    """Waves of a joint's angle, whose joints and orders are sought in the rows."""
+    has_tool_weight: ClassVar[bool] = False
+    """It is fitted to the arm with its tool on: the tool's weight is in it."""
+    refines: ClassVar[tuple[str, ...]] = ()
+    """Effects that it describes more closely: it comes after them, for alone it would have to be
+    them too."""
+    absorbed_by: ClassVar[tuple[str, ...]] = ()
+    """Effects that take it in almost wholly on the rows they are fitted to, but not on others."""
+    mistaken_for: ClassVar[tuple[str, ...]] = ()
+    """Of an alternative: the effects that it is mistaken for."""
+    mistaken_for_pose: ClassVar[bool] = False
+    """Of an alternative: it is mistaken for every effect that follows the pose alone."""
+    prevails_from: ClassVar[float] = 0.35
+    """Of an alternative: its unique part against that of an effect which it is mistaken for, from
+    which that effect is not named."""
+
+    @property
+    def is_alternative(self) -> bool:
+        """Whether it is only a resemblance, never a named cause."""
+        return self.kind == Kind.ALTERNATIVE
+
+    @property
+    def follows_pose_alone(self) -> bool:
+        """Whether it is of the machine and needs no column but the pose."""
+        return self.kind == Kind.MACHINE and not self.needs
+
+    @property
+    def follows_motion(self) -> bool:
+        """Whether it depends on how the joints move: from which side, how fast."""
+        return not set(self.needs).isdisjoint(MOTION_COLUMNS)
+
+    @property
+    def unknown_to_programs(self) -> tuple[str, ...]:
+        """Columns it needs that no program knows; with any it cannot be compensated."""
+        return tuple(sorted(set(self.needs) - set(PROGRAM_COLUMNS)))
+
+    def is_mistaken_for(self, other: Effect) -> bool:
+        """Return whether this alternative is mistaken for another effect."""
+        return other.name in self.mistaken_for or (
+            self.mistaken_for_pose and other.follows_pose_alone
+        )
 
     @abstractmethod
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
@@ -129,6 +191,49 @@ class Effect(ABC):
         if not self.needs:
             return samples.at(samples.q[order])
         return samples.shuffled(self.needs, order)
+
+    def is_fixed(self, setting: Setting) -> bool:
+        """Return whether a setting, as a model file gave it, leaves nothing to fit."""
+        del setting
+        return False
+
+    def registered(self, registration: Registration, theta: FloatArray) -> Registration:
+        """Return a registration that takes fitted numbers (p,) of this effect in."""
+        del theta
+        return registration
+
+    def stiffness(self, model: ModelFile, locate: Locate | None) -> StiffnessField | None:
+        """Return the whole joint stiffness that the effect's table of a model gives, if any.
+
+        Args:
+            model: with a table of this effect.
+            locate: joint angles to tool points, for a stiffness over space.
+
+        Raises:
+            DataError: MOD004 to MOD006 for a wrong table, with the line.
+        """
+        del model, locate
+        return None
+
+    def stiffness_table(self, field: StiffnessField, c_mean: FloatArray) -> Table | None:
+        """Return the table that holds an identified stiffness, if this effect can.
+
+        Args:
+            field: the stiffness.
+            c_mean: (6,) its constant part, NaN for a joint not seen [rad/(N*m)].
+        """
+        del field, c_mean
+        return None
+
+    def completed(self, table: Table, joint_stiffness: FloatArray | None) -> Table:
+        """Return a table with what the data could not see taken from the cell, if it can be.
+
+        Args:
+            table: as in a model file.
+            joint_stiffness: (6,) of the cell [N*m/rad].
+        """
+        del joint_stiffness
+        return table
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the table of the model file, file units; NaN where the data saw nothing."""
@@ -173,6 +278,16 @@ def register(cls: type[Effect]) -> type[Effect]:
     """
     EFFECTS.register(cls.name)(cls())
     return cls
+
+
+def registration_effects() -> tuple[str, ...]:
+    """Return the names of what a registration fits; with one they are never named."""
+    return tuple(name for name, effect in EFFECTS if effect.kind == Kind.REGISTRATION)
+
+
+def periodic_effect() -> Effect:
+    """Return the effect whose waves are sought in the rows."""
+    return next(effect for _, effect in EFFECTS if effect.periodic)
 
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

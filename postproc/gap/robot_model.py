@@ -8,7 +8,7 @@ the joints is put in equilibrium with the pose that results, by fixed point.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,6 @@ def arm_of(kinematics: Kinematics, cell: Cell, seen: Registration | None = None)
     point = tcp if seen is None else np.asarray(seen.p_flange_point)
     load = point if seen is not None and seen.loads_at_point else tcp
     return Arm(kinematics, point, load, reference_of(kinematics, cell))
-
-
-def nominal_point(samples: Samples) -> FloatArray:
-    """Return (n, 3) the point of the nominal rigid arm [m], robroot."""
-    return samples.point
 
 
 def tool_point(samples: Samples, states: States) -> FloatArray:
@@ -244,10 +239,6 @@ class RobotModel:
             for name in self.states
             if not all(samples.has(column) for column in effect_of(name).needs)
         )
-
-    def with_states(self, states: States) -> RobotModel:
-        """Return the same arm with other effects."""
-        return replace(self, states=dict(states))
 
 
 def _effect_in(model: ModelFile, name: str) -> Effect:

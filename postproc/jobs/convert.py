@@ -293,7 +293,7 @@ def check_text(
             Finding(
                 Severity.WARNING,
                 "CMP006",
-                f"at {len(left)} places backlash or servo lag is left: {left[0].detail}",
+                f"at {len(left)} places what follows the motion is left: {left[0].detail}",
                 source=SourceRef(left[0].file, left[0].line),
                 hint="lower the feed, or see verify --model for all of them",
             )

@@ -9,6 +9,7 @@ from typing import Any
 
 from postproc.cell import Cell
 from postproc.files import write_files
+from postproc.gap import stiffness_tables
 from postproc.kinematics import build
 from postproc.measurement import read_measurements
 from postproc.model import ModelFile, save_model
@@ -44,7 +45,9 @@ class IdentifyJob:
     @property
     def model(self) -> ModelFile:
         """The model of the arm that was found."""
-        return self.result.model()
+        result = self.result
+        effects = stiffness_tables(result.field, result.constant.c_joint)
+        return ModelFile(effects, result.registration, result.notes)
 
     def page(self) -> bytes:
         """Return the page with the figures: one HTML file that opens offline."""

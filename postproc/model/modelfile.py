@@ -25,28 +25,11 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.registry import part_names
 from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
 from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
 
 SCHEMA = "postproc.model/1"
-EFFECT_NAMES = (
-    "base_frame",
-    "tool_frame",
-    "joint_offset",
-    "link_geometry",
-    "joint_compliance",
-    "gravity_sag",
-    "variable_stiffness",
-    "backlash",
-    "transmission_error",
-    "thermal_drift",
-    "servo_lag",
-    "gear_coupling",
-    "payload_error",
-    "counterbalance",
-)
-"""Effects of the public schema; others may be added under names of their own."""
-
 UNITS = MappingProxyType(
     {
         "Nmm_per_rad": NMM_PER_RAD,
@@ -220,12 +203,11 @@ def _effects(text: TomlText) -> dict[str, dict[str, Any]]:
     tables = text.data.get("effects", {})
     if not isinstance(tables, dict):
         raise DataError("MOD006", "effects must be tables", text.source(("effects",)))
+    known = part_names("effects", "postproc.gap.effects") if tables else ()
     for name, table in tables.items():
         place = text.source(("effects", name))
-        if name not in EFFECT_NAMES and difflib.get_close_matches(name, EFFECT_NAMES, 1, 0.85):
-            raise DataError(
-                "MOD003", f"unknown effect {name!r}{_nearest(name, EFFECT_NAMES)}", place
-            )
+        if name not in known and difflib.get_close_matches(name, known, 1, 0.85):
+            raise DataError("MOD003", f"unknown effect {name!r}{_nearest(name, known)}", place)
         if not isinstance(table, dict):
             raise DataError("MOD006", f"effects.{name} must be a table", place)
     return {name: dict(table) for name, table in tables.items()}

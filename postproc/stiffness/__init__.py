@@ -1,15 +1,29 @@
 """Cartesian stiffness and compliance, task indices, identification of joint stiffness."""
 
 from postproc.stiffness.cartesian import joint_compliance, moved_wrench
-from postproc.stiffness.field import ContinuousField
-from postproc.stiffness.fieldfile import constant_of, describe, field_of, is_field_table
+from postproc.stiffness.field import ConstantField, ContinuousField, Locate, StiffnessField
+from postproc.stiffness.fieldfile import (
+    STIFFNESS,
+    constant_of,
+    constant_table,
+    describe,
+    field_table,
+    is_field_table,
+    whole_field,
+)
 
 __all__ = [
+    "STIFFNESS",
+    "ConstantField",
     "ContinuousField",
+    "Locate",
+    "StiffnessField",
     "constant_of",
+    "constant_table",
     "describe",
-    "field_of",
+    "field_table",
     "is_field_table",
     "joint_compliance",
     "moved_wrench",
+    "whole_field",
 ]

@@ -1,13 +1,13 @@
-"""Stiffness fields in ``model.toml``: the tables ``joint_compliance`` and ``variable_stiffness``.
+"""Joint stiffness in tables of ``model.toml``: one number a joint, or a field.
 
-``joint_compliance`` holds one stiffness per joint. ``variable_stiffness`` of kind ``grid`` or
-``joint_space`` holds the whole stiffness over the workspace (not a change on top of the constant);
-where both stand in a file the field counts and the constant is its mean, for readers that know no
-more. NaN marks a joint that the data could not see.
+A table of kind ``grid`` or ``joint_space`` holds the whole stiffness over the workspace (not a
+change on top of a constant). Which effects have such tables is theirs to say. NaN marks a joint
+that the data could not see.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError
 from postproc.model import ModelFile, entry
 from postproc.stiffness.field import (
-    ConstantField,
     ContinuousField,
     Grid,
     GridField,
@@ -38,14 +37,16 @@ JOINT_SPACE_KEYS = (
 
 
 def constant_table(c_joint: FloatArray) -> dict[str, Any]:
-    """Return the table ``joint_compliance`` of compliances (6,) [rad/(N*m)]."""
+    """Return the table of constant compliances (6,) [rad/(N*m)], NaN where unseen."""
     with np.errstate(divide="ignore"):
         table = {STIFFNESS: entry(STIFFNESS, 1.0 / c_joint)}
     return table | _marks(np.isfinite(c_joint))
 
 
-def field_table(field: GridField | ContinuousField) -> dict[str, Any]:
-    """Return the table ``variable_stiffness`` of a field."""
+def field_table(field: StiffnessField) -> dict[str, Any] | None:
+    """Return the table of a field over the workspace, None for a constant one."""
+    if not isinstance(field, (GridField, ContinuousField)):
+        return None
     if isinstance(field, GridField):
         table: dict[str, Any] = {
             "kind": "grid",
@@ -66,54 +67,42 @@ def field_table(field: GridField | ContinuousField) -> dict[str, Any]:
     return table | _marks(field.observed)
 
 
-def effects_of(field: StiffnessField, mean: FloatArray) -> dict[str, dict[str, Any]]:
-    """Return the effect tables of a field, with the constant compliances (6,) beside it."""
-    tables = {"joint_compliance": constant_table(mean)}
-    if isinstance(field, (GridField, ContinuousField)):
-        tables["variable_stiffness"] = field_table(field)
-    return tables
+def is_field_table(table: Mapping[str, Any]) -> bool:
+    """Return whether a table holds a whole field, of a kind known here."""
+    return table.get("kind") in ("grid", "joint_space")
 
 
-def is_field_table(model: ModelFile) -> bool:
-    """Return whether the model has a ``variable_stiffness`` table of a kind known here."""
-    table = model.effects.get("variable_stiffness")
-    return table is not None and table.get("kind") in ("grid", "joint_space")
-
-
-def field_of(
-    model: ModelFile, k_fallback: FloatArray | None = None, locate: Locate | None = None
-) -> StiffnessField | None:
-    """Return the stiffness field of a model, None where it knows no joint stiffness.
+def whole_field(model: ModelFile, effect: str, locate: Locate | None = None) -> StiffnessField:
+    """Return the field of a table of kind ``grid`` or ``joint_space``.
 
     Args:
-        model: with ``variable_stiffness`` of kind grid or joint_space, or ``joint_compliance``.
-        k_fallback: (6,) [N*m/rad] for joints that the data could not see; None: rigid.
+        model: with the table.
+        effect: whose table it is.
         locate: joint angles to tool points, for a field over space.
 
     Raises:
-        DataError: MOD004 to MOD006 for wrong tables, with the line.
+        DataError: MOD004 to MOD006 for a wrong table, with the line.
     """
-    if is_field_table(model):
-        kind = model.effects["variable_stiffness"]["kind"]
-        found = _grid(model, locate) if kind == "grid" else _joint_space(model)
-        return found.with_fallback(k_fallback)
-    if "joint_compliance" in model.effects:
-        return ConstantField(constant_of(model)).with_fallback(k_fallback)
-    return None
+    if model.effects[effect]["kind"] == "grid":
+        return _grid(model, effect, locate)
+    return _joint_space(model, effect)
 
 
-def constant_of(model: ModelFile) -> FloatArray:
-    """Return the compliances (6,) [rad/(N*m)] of ``joint_compliance``, NaN where unseen."""
-    model.require_known("joint_compliance", CONSTANT_KEYS)
-    return _compliance(model, "joint_compliance", (6,))
+def constant_of(model: ModelFile, effect: str) -> FloatArray:
+    """Return the compliances (6,) [rad/(N*m)] of a constant table, NaN where unseen.
+
+    Raises:
+        DataError: MOD004 to MOD006 for a wrong table, with the line.
+    """
+    model.require_known(effect, CONSTANT_KEYS)
+    return _compliance(model, effect, (6,))
 
 
-def _grid(model: ModelFile, locate: Locate | None) -> StiffnessField:
-    name = "variable_stiffness"
+def _grid(model: ModelFile, name: str, locate: Locate | None) -> StiffnessField:
     model.require_known(name, GRID_KEYS)
-    origin = _needed(model, "origin_mm", (3,))
-    size = _needed(model, "cell_mm", (3,))
-    counts = _needed(model, "counts", (3,))
+    origin = _needed(model, name, "origin_mm", (3,))
+    size = _needed(model, name, "cell_mm", (3,))
+    counts = _needed(model, name, "counts", (3,))
     rule = model.effects[name].get("between_cells", "blend")
     if rule not in ("blend", "average"):
         raise DataError(
@@ -131,24 +120,21 @@ def _grid(model: ModelFile, locate: Locate | None) -> StiffnessField:
     return GridField(grid, c, rule == "blend", locate)
 
 
-def _joint_space(model: ModelFile) -> StiffnessField:
-    name = "variable_stiffness"
+def _joint_space(model: ModelFile, name: str) -> StiffnessField:
     model.require_known(name, JOINT_SPACE_KEYS)
-    nodes = _needed(model, "nodes_deg", (None, 6))
-    weights = _needed(model, "log_compliance_weights", (len(nodes), 6))
-    lengths = _needed(model, "length_deg", (6,))
+    nodes = _needed(model, name, "nodes_deg", (None, 6))
+    weights = _needed(model, name, "log_compliance_weights", (len(nodes), 6))
+    lengths = _needed(model, name, "length_deg", (6,))
     if not bool(np.all(lengths > 0.0)):
         raise DataError("MOD006", "length_deg must be positive", model.source(name, "length_deg"))
     base = np.log(_compliance(model, name, (6,)))
     return ContinuousField(nodes, lengths, base, weights)
 
 
-def _needed(model: ModelFile, key: str, shape: tuple[int | None, ...]) -> FloatArray:
-    values = model.values("variable_stiffness", key, shape)
+def _needed(model: ModelFile, effect: str, key: str, shape: tuple[int | None, ...]) -> FloatArray:
+    values = model.values(effect, key, shape)
     if values is None or not bool(np.all(np.isfinite(values))):
-        raise DataError(
-            "MOD006", f"{key} must be finite numbers", model.source("variable_stiffness", key)
-        )
+        raise DataError("MOD006", f"{key} must be finite numbers", model.source(effect, key))
     return values
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
-from postproc.gap import Effect, Gram, Samples, State, act, block_of, columns
+from postproc.gap import Effect, Gram, Kind, Samples, State, act, block_of, columns
 from postproc.model import ModelFile
 from postproc.testing.contract import require
 from postproc.testing.made import made_samples
@@ -28,7 +28,7 @@ def check_words(effect: Effect, samples: Samples) -> None:
     del samples
     for field in ("name", "title", "source", "action"):
         _require(bool(getattr(effect, field, "").strip()), effect, f"has no {field}")
-    _require(effect.kind in ("machine", "measurement", "suspect"), effect, "has an unknown kind")
+    _require(effect.kind in list(Kind), effect, "has an unknown kind")
     _require(bool(effect.conditions), effect, "names no condition that the gap then depends on")
 
 
@@ -104,7 +104,7 @@ def check_placebo(effect: Effect, samples: Samples) -> None:
 
 def check_file(effect: Effect, samples: Samples) -> None:
     """What it writes into a model file it reads back, to the same displacement."""
-    if effect.kind == "suspect":
+    if effect.is_alternative:
         return
     setting = effect.prepare(samples)
     parameters = effect.parameters(samples.arm, setting)

@@ -8,11 +8,11 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.compensation.real_arm import RealArm, cell_with_model, displacement_of, loads
+from postproc.gap import stiffness_tables
 from postproc.geometry.frames import rotation_about
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
 from postproc.kinematics.model import build
 from postproc.model.modelfile import ModelFile, load_model, save_model
-from postproc.stiffness.fieldfile import effects_of
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
@@ -420,7 +420,7 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
         cases = load_cases(readings(twin, arm, cell, q, rng), arm, twin.tcp)
         constant = fit_constant(cases)
         fitted = fit_continuous(cases, constant).field
-        model_path.write_bytes(save_model(ModelFile(effects_of(fitted, constant.c_joint))))
+        model_path.write_bytes(save_model(ModelFile(stiffness_tables(fitted, constant.c_joint))))
         done = convert(ConvertRequest(str(source), str(cell_path), model=str(model_path)))
         if not [i for i in done.findings if i.code == "CMP005"]:
             break

@@ -10,13 +10,13 @@ from postproc.cell.cell import Process
 from postproc.compensation.compensate import compensate, solve
 from postproc.compensation.real_arm import expected_points, loads
 from postproc.errors import DataError
+from postproc.gap import stiffness_tables
 from postproc.gap.robot_model import RobotModel
 from postproc.geometry.frames import transform
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.stiffness.field import ConstantField
-from postproc.stiffness.fieldfile import effects_of
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
@@ -28,7 +28,7 @@ NONE = np.zeros(0, dtype=bool)
 
 
 def constant_model(path: Path, c=1.0 / K_PAPER) -> str:
-    path.write_bytes(save_model(ModelFile(effects_of(ConstantField(c), c))))
+    path.write_bytes(save_model(ModelFile(stiffness_tables(ConstantField(c), c))))
     return str(path)
 
 
@@ -112,7 +112,7 @@ def test_identified_field_compensates_to_the_noise(cell, arm, postures):
     cases = load_cases(campaign(twin, postures(64), dead_weight(twin), sigma), arm, TCP)
     constant = fit_constant(cases)
     field = fit_continuous(cases, constant).field
-    model = RobotModel.of(arm, cell, ModelFile(effects_of(field, constant.c_joint)))
+    model = RobotModel.of(arm, cell, ModelFile(stiffness_tables(field, constant.c_joint)))
     q = postures(128, seed=20, spread=0.0)
     wrench = loads(q, cell, arm, np.zeros(len(q), dtype=bool))
     solved = solve(model, arm, cell.tool.T_flange_tcp, q, wrench)
@@ -130,7 +130,7 @@ def test_grid_field_in_the_model_predicts_what_the_field_says(cell, arm, posture
     grid = Grid(np.array([1.5, -0.6, 0.5]), np.full(3, 0.6), (1, 2, 1))
     c = np.vstack([1.0 / K_PAPER, 2.0 / K_PAPER])
     field = GridField(grid, c)
-    model = RobotModel.of(arm, cell, ModelFile(effects_of(field, c.mean(axis=0))))
+    model = RobotModel.of(arm, cell, ModelFile(stiffness_tables(field, c.mean(axis=0))))
     q = postures(30)
     wrench = loads(q, cell, arm, np.zeros(30, dtype=bool))
     expected = deflection(arm.jacobian(q, TCP), field.compliance(q, model.nominal(q)), wrench)
@@ -203,7 +203,7 @@ def test_unseen_joints_take_the_cells_stiffness(cell, arm, postures, tmp_path):
     c = 1.0 / K_PAPER
     c = np.where(np.arange(6) == 0, np.nan, c)
     path = tmp_path / "m.toml"
-    path.write_bytes(save_model(ModelFile(effects_of(ConstantField(c), c))))
+    path.write_bytes(save_model(ModelFile(stiffness_tables(ConstantField(c), c))))
     q = postures(5)
     side = np.tile([0.0, 500.0, 0.0, 0.0, 0.0, 0.0], (5, 1))
     helped = compensation_model(arm, cell, load_model(path)).displacement(q, side)

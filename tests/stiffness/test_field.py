@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from postproc.errors import DataError, StiffnessError
+from postproc.gap import stiffness_of, stiffness_tables
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.stiffness.field import ConstantField, ContinuousField, Grid, GridField, kernel
-from postproc.stiffness.fieldfile import effects_of, field_of
 
 GRID = Grid(np.zeros(3), np.array([0.1, 0.2, 0.3]), (2, 2, 2))
 Q = np.zeros((1, 6))
@@ -125,8 +125,8 @@ def fields():
 def test_round_trip_through_the_model_file(field, tmp_path):
     path = tmp_path / "model.toml"
     mean = np.array([np.nan, 1.0, 2.0, 3.0, 4.0, 5.0]) * 1e-7
-    path.write_bytes(save_model(ModelFile(effects_of(field, mean))))
-    back = field_of(load_model(path))
+    path.write_bytes(save_model(ModelFile(stiffness_tables(field, mean))))
+    back = stiffness_of(load_model(path))
     if isinstance(field, ConstantField):
         field = ConstantField(mean)
     rng = np.random.default_rng(5)
@@ -147,11 +147,11 @@ def test_round_trip_through_the_model_file(field, tmp_path):
 )
 def test_a_wrong_table_is_refused_with_its_line(change, code, tmp_path):
     path = tmp_path / "model.toml"
-    text = save_model(ModelFile(effects_of(fields()[1], np.full(6, 1e-7)))).decode()
+    text = save_model(ModelFile(stiffness_tables(fields()[1], np.full(6, 1e-7)))).decode()
     assert change[0] in text
     path.write_text(text.replace(*change), encoding="utf-8")
     with pytest.raises(DataError, match=rf"model\.toml:\d+: error {code}"):
-        field_of(load_model(path))
+        stiffness_of(load_model(path))
 
 
 def test_a_grid_without_volume_is_refused():

@@ -8,7 +8,6 @@ import pytest
 from postproc.errors import DataError, PluginError
 from postproc.gap.effect import EFFECTS, Basis, Parameter, State, register
 from postproc.gap.robot_model import effect_of
-from postproc.model.modelfile import EFFECT_NAMES
 from postproc.testing import check_effect, made_samples
 from postproc.testing.effect import CHECKS
 
@@ -21,10 +20,6 @@ Frame, Lag = type(effect_of("base_frame")), type(effect_of("servo_lag"))
 @pytest.mark.parametrize("check", CHECKS, ids=lambda c: c.__name__)
 def test_contract(check, effect):
     check(effect, SAMPLES)
-
-
-def test_every_public_name_is_there():
-    assert set(EFFECT_NAMES) <= {effect.name for effect in ALL}
 
 
 def test_all_parts_of_the_registry_load():

@@ -88,11 +88,12 @@ def _with_model(path: str | None, cell: Any) -> tuple[Any, str]:  # noqa: ANN401
         return cell, "constant joint stiffness of the cell"
     from postproc.compensation import cell_with_model
     from postproc.errors import DataError, SourceRef
+    from postproc.gap import stiffness_of
     from postproc.model import load_model
-    from postproc.stiffness import describe, field_of
+    from postproc.stiffness import describe
 
     model = load_model(path)
-    field = field_of(model)
+    field = stiffness_of(model)
     if field is None:
         raise DataError("MOD008", "the model has no joint stiffness", SourceRef(path))
     words = f"joint stiffness of {Path(path).name}: {describe(field)}"

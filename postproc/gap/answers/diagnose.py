@@ -8,7 +8,6 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.choice import (
-    WAVES,
     Choice,
     Dependence,
     Settled,
@@ -22,9 +21,6 @@ from postproc.gap.choice import (
 from postproc.gap.fit import Bench, Fit, Problem, Wave, block_of, deviations, find_waves
 from postproc.gap.robot_model import evaluate
 from postproc.progress import Progress
-
-_REFINES = {"variable_stiffness": "joint_compliance"}
-"""An effect that refines another one comes after it: alone it would have to be that one too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +155,7 @@ def _ordered(
     while len(waiting) > 1:
         taken = tuple(key for key, _ in order)
         coming = {bench.name(key) for key in waiting}
-        free = [key for key in waiting if _REFINES.get(bench.name(key)) not in coming]
+        free = [k for k in waiting if coming.isdisjoint(bench.block(k).effect.refines)]
         fits = {key: fitted(problem, bench, (*taken, key), sigma, rows) for key in free}
         best = min(free, key=lambda k: (_rms(_left(problem.measured - fits[k].point, rows)), k))
         order.append((best, fits[best]))
@@ -215,7 +211,7 @@ def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[
 def _ripple(bench: Bench, choice: Choice) -> tuple[Wave, ...]:
     """Return the waves of joint angles in what is left."""
     base = without_waves(bench, choice) + [
-        b for b in bench.blocks if b.name == WAVES and b.key in choice.keys
+        b for b in bench.blocks if b.effect.periodic and b.key in choice.keys
     ]
     return find_waves(bench.samples, bench.y, bench.weight, base)
 

@@ -16,7 +16,7 @@ from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import baseline, where
 from postproc.gap.effect import State
-from postproc.gap.fit import FRAMES, moved_by
+from postproc.gap.fit import moved_by
 from postproc.gap.robot_model import effect_of
 from postproc.model import ModelFile
 from postproc.units import MM
@@ -103,11 +103,7 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     others = []
     for effect in diagnosis.problem.effects:
         name = effect.name
-        if (
-            name in diagnosis.adopted
-            or effect.kind == "suspect"
-            or name in diagnosis.problem.always
-        ):
+        if name in diagnosis.adopted or effect.is_alternative or name in diagnosis.problem.always:
             continue
         before, after = diagnosis.extra.get(name, (float("nan"), float("nan")))
         others.append(_candidate(diagnosis, name, before, after))
@@ -123,9 +119,10 @@ def model_file(diagnosis: Diagnosis, given: ModelFile | None) -> ModelFile:
         tables[name] = effect_of(name).write(_seen_state(diagnosis, name), arm)
     registration = given.registration if given else None
     if diagnosis.problem.registration is not None:
-        frames = {n: s for n, s in diagnosis.fit.states.items() if n in FRAMES}
         rest = _rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])
-        registration = replace(moved_by(diagnosis.problem.registration, frames), rms=rest)
+        registration = replace(
+            moved_by(diagnosis.problem.registration, diagnosis.fit.states), rms=rest
+        )
     return ModelFile(tables, registration, given.notes if given else ())
 
 

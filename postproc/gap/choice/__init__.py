@@ -3,10 +3,9 @@
 from postproc.gap.choice.choice import Choice
 from postproc.gap.choice.residual import Dependence
 from postproc.gap.choice.verdict import Settled, fitted, settle, verdict
-from postproc.gap.choice.workbench import WAVES, chosen, prepare, without_waves
+from postproc.gap.choice.workbench import chosen, prepare, without_waves
 
 __all__ = [
-    "WAVES",
     "Choice",
     "Dependence",
     "Settled",

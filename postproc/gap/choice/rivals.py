@@ -7,36 +7,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from postproc.gap.fit import CLEAR, SMALLEST_SUSPECT, Bench, Evidence, Search, Subset
+from postproc.gap.robot_model import effect_of
 
 TWIN = 15.0
 """Nats by which the formulas of two known causes are not exact enough to decide."""
-SUSPECT_SHARE = 0.35
-"""Unique part of a suspect against a neighbour's, from which it takes the name away."""
-CHANGING_SHARE = 0.2
-"""The same where the suspect is only the part that changes of what the neighbour is the mean of."""
-_CHANGING = ("friction_windup",)
-_OF_POSE = (
-    "link_geometry",
-    "joint_offset",
-    "gravity_sag",
-    "payload_error",
-    "counterbalance",
-    "transmission_error",
-    "gear_coupling",
-)
-NEIGHBOURS: Mapping[str, tuple[str, ...]] = {
-    "friction_windup": ("backlash",),
-    "nonlinear_stiffness": ("joint_compliance", "variable_stiffness"),
-    "link_bending": ("joint_compliance", "variable_stiffness"),
-    "tool_bending": ("joint_compliance", "variable_stiffness"),
-    "leaning_base": (*_OF_POSE, "joint_compliance"),
-    "link_sag": ("gravity_sag", "payload_error", "counterbalance", "joint_offset"),
-    "measuring_scale": (*_OF_POSE, "thermal_drift"),
-    "outside_pull": _OF_POSE,
-    "fixture_give": ("joint_compliance", "variable_stiffness"),
-    "tracker_creep": ("thermal_drift", "link_geometry"),
-}
-"""What a cause outside of the library is mistaken for."""
 
 
 def shadowed(
@@ -49,22 +23,19 @@ def shadowed(
     """Return the keys without those that a suspect takes the name from."""
     kept = []
     for key in keys:
-        name = bench.block(key).name
+        effect = bench.block(key).effect
+        name = effect.name
         rivals = [
             s
             for s in suspects
-            if name in NEIGHBOURS.get(s, ())
-            and evidence[s].unique > _share(s) * evidence[key].unique
+            if (other := bench.block(s).effect).is_mistaken_for(effect)
+            and evidence[s].unique > other.prevails_from * evidence[key].unique
         ]
         if rivals:
             refused[name] = f"the rows follow {rivals[0]} more closely than this effect"
         else:
             kept.append(key)
     return tuple(kept)
-
-
-def _share(suspect: str) -> float:
-    return CHANGING_SHARE if suspect in _CHANGING else SUSPECT_SHARE
 
 
 def doubtful(
@@ -85,8 +56,9 @@ def doubtful(
     kept, called, silent = [], list(suspects), []
     for key in keys:
         name, item = bench.name(key), evidence[key]
-        rivals = [s for s in item.twins if name in NEIGHBOURS.get(s, ())]
-        if not rivals or not all(twin in NEIGHBOURS for twin in item.twins):
+        same = [effect_of(twin) for twin in item.twins]
+        rivals = [e.name for e in same if e.is_mistaken_for(bench.block(key).effect)]
+        if not rivals or not all(e.is_alternative for e in same):
             kept.append(key)
             continue
         refused[name] = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"

@@ -12,8 +12,7 @@ from postproc.gap.choice.choice import Choice
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.workbench import Prepared
 from postproc.gap.fit import (
-    COMPANION_GAIN,
-    FRAMES,
+    ABSORBED_GAIN,
     MAD_OF_CHI3,
     Bench,
     Context,
@@ -22,7 +21,7 @@ from postproc.gap.fit import (
     Noise,
     Problem,
     fit,
-    is_companion,
+    is_absorbed,
 )
 from postproc.gap.robot_model import evaluate
 
@@ -30,7 +29,6 @@ STRUCTURE = 1.0
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
 INEXACT = 0.04
 """The same against the largest effect: its formula is not exact, and that is no other cause."""
-GEOMETRY = (*FRAMES, "joint_offset", "link_geometry", "gravity_sag")
 _SURE = 1e-4
 _F_RATIO = 1.35
 """Variance over that of the repeats from which the rest is more than noise, if significant."""
@@ -152,9 +150,9 @@ def _tested(
 
 def _stands_clear(bench: Bench, choice: Choice, key: str, structure: float) -> bool:
     """Return whether an effect is far larger than the structure that nothing explains."""
-    if is_companion(bench, choice.keys, key):
-        return choice.evidence[key].gain > COMPANION_GAIN
-    ratio = 0.5 if bench.name(key) in GEOMETRY else 2.0
+    if is_absorbed(bench, choice.keys, key):
+        return choice.evidence[key].gain > ABSORBED_GAIN
+    ratio = 0.5 if bench.block(key).effect.geometric else 2.0
     return choice.evidence[key].unique > ratio * structure
 
 

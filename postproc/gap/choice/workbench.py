@@ -9,9 +9,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.choice.choice import Choice, choose
 from postproc.gap.data import Samples
-from postproc.gap.effect import EFFECTS
+from postproc.gap.effect import Kind, periodic_effect
 from postproc.gap.fit import (
-    FRAMES,
     Bench,
     Block,
     Noise,
@@ -26,7 +25,6 @@ from postproc.gap.fit import (
 )
 from postproc.gap.robot_model import evaluate
 
-WAVES = "transmission_error"
 LOW_ORDERS = 6
 """Waves up to this order can be imitated by other effects: they are also sought beside them."""
 _IMPURE = 1.3
@@ -56,7 +54,7 @@ def prepare(problem: Problem) -> Prepared:
         rest = saturated((*blocks, *variants), y, rest.sigma)
     level = _noise(problem, rest)
     weight = _weights(rest, max(rest.sigma, level.sigma))
-    frames = [b for b in blocks if b.name in FRAMES]
+    frames = [b for b in blocks if b.effect.kind == Kind.REGISTRATION]
     plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
     if is_gear_error(plain) and plain != waves:
         variants.append(wave_block(samples, plain, "frames"))
@@ -69,9 +67,9 @@ def prepare(problem: Problem) -> Prepared:
 def chosen(bench: Bench) -> tuple[Bench, Choice]:
     """Choose; look for waves in what the choice leaves; choose again if there are new ones."""
     choice = choose(bench)
-    for turn in range(0 if WAVES in bench.barred else 2):
+    for turn in range(0 if periodic_effect().name in bench.barred else 2):
         waves = find_waves(bench.samples, bench.y, bench.weight, without_waves(bench, choice))
-        known = {b.setting["waves"] for b in bench.blocks if b.name == WAVES}
+        known = {b.setting["waves"] for b in bench.blocks if b.effect.periodic}
         if not is_gear_error(waves) or waves in known:
             break
         more = wave_block(bench.samples, waves, f"rest{turn}")
@@ -83,12 +81,13 @@ def chosen(bench: Bench) -> tuple[Bench, Choice]:
 def without_waves(bench: Bench, choice: Choice) -> list[Block]:
     """Return the chosen blocks but the waves."""
     inside = {*choice.keys, *choice.suspects, *choice.silent, *bench.always}
-    return [b for b in bench.blocks if b.key in inside and b.name != WAVES]
+    return [b for b in bench.blocks if b.key in inside and not b.effect.periodic]
 
 
 def wave_block(samples: Samples, waves: tuple[Wave, ...], key: str) -> Block:
     """Return the block of some waves."""
-    return block_of(dict(EFFECTS)[WAVES], samples, {"waves": waves}, f"{WAVES}:{key}")
+    effect = periodic_effect()
+    return block_of(effect, samples, {"waves": waves}, f"{effect.name}:{key}")
 
 
 def _weights(rest: Saturated, sigma: float) -> FloatArray:

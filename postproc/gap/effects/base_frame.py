@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.geometry import rotation_from_vector, transform
+from postproc.model import Registration
 
 
 @register
@@ -16,8 +21,9 @@ class BaseFrame(Effect):
     title = "the robot's base frame is off"
     source = "rigid registration; always confounded with a zero offset of axis 1"
     action = "measure the robot root again against the workpiece and correct BASE"
-    kind = "measurement"
+    kind = Kind.REGISTRATION
     conditions = ("position",)
+    geometric = True
     layout = (("xyz_mm", 3), ("rotation_deg", 3))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
@@ -33,3 +39,8 @@ class BaseFrame(Effect):
         link[:, 0, 3:, :3] = np.eye(3)
         link[:, 0, :3, 3:] = np.eye(3)
         return Basis(link=link)
+
+    def registered(self, registration: Registration, theta: FloatArray) -> Registration:
+        """Move the measured frame of the robot root."""
+        T = registration.T_measured_robroot @ transform(rotation_from_vector(theta[3:]), theta[:3])
+        return replace(registration, T_measured_robroot=T)

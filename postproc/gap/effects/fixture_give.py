@@ -1,4 +1,4 @@
-"""The fixture gives way under load, more in one place than in another (a suspect)."""
+"""The fixture gives way under load, by the place (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from postproc.gap.effect import (
     SYMMETRIC,
     Basis,
     Effect,
+    Kind,
     Parameter,
     Setting,
     centre_and_extent,
@@ -28,9 +29,10 @@ class FixtureGive(Effect):
     title = "behaves like a workpiece or fixture that gives way, depending on the place"
     source = "displacement C(p) F, C linear in the place"
     action = "put an indicator between workpiece and floor at several places"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load", "position")
+    mistaken_for = ("joint_compliance", "variable_stiffness")
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the places."""

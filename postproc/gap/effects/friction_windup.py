@@ -1,4 +1,4 @@
-"""Friction holds the joints back in proportion to what they carry (a suspect, never a verdict)."""
+"""Friction holds the joints back in proportion to what they carry (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples, carried_torque
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 _MOST_COLUMNS = 3
 
@@ -25,9 +25,11 @@ class FrictionWindup(Effect):
     title = "behaves like friction wind-up: approach side times torque"
     source = "J (friction torque times sign of motion) / K"
     action = "vary speed and dwell before the reading, and measure again"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("direction",)
     conditions = ("approach",)
+    mistaken_for = ("backlash",)
+    prevails_from = 0.2  # it is only the part that changes of what backlash is the mean of
 
     def prepare(self, samples: Samples) -> Setting:
         """Return what the give may change with: names, mean and spread of numeric columns."""

@@ -25,6 +25,9 @@ class GravitySag(Effect):
     source = "J K^-1 g(q); first moments of the links about axes 2 and 3"
     action = "compensate with model.toml; check the counterbalance"
     conditions = ("q2", "q3")
+    geometric = True
+    has_tool_weight = True
+    absorbed_by = ("link_geometry",)
     equilibrium = True
     layout = (("scale", 6), ("shape", 4), ("wrist_moment", 6))
 

@@ -14,14 +14,20 @@ from postproc.gap.effect import (
     Parameter,
     Setting,
     State,
+    Table,
     diagonal,
     per_joint,
     register,
-    unseen_joints,
 )
 from postproc.model import ModelFile, entry
-
-KEY = "stiffness_Nmm_per_rad"
+from postproc.stiffness import (
+    STIFFNESS,
+    ConstantField,
+    Locate,
+    StiffnessField,
+    constant_of,
+    constant_table,
+)
 
 
 @register
@@ -38,7 +44,7 @@ class JointCompliance(Effect):
     needs = ("wrench",)
     conditions = ("load",)
     equilibrium = True
-    layout = ((KEY, 6),)
+    layout = ((STIFFNESS, 6),)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return six relative compliances, never negative."""
@@ -58,16 +64,31 @@ class JointCompliance(Effect):
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:
         """Return the stiffness; infinite for a joint that gives nothing."""
-        with np.errstate(divide="ignore"):
-            stiffness: FloatArray = 1.0 / (state.theta * arm.reference.c_joint)
-        table: dict[str, Any] = {KEY: entry(KEY, stiffness)}
-        unseen = unseen_joints(state.theta)
-        if unseen:
-            table["unobservable_joints"] = unseen
-        return table
+        return constant_table(state.theta * arm.reference.c_joint)
 
     def read(self, model: ModelFile, arm: Arm) -> State:
         """Return the compliances of a stiffness table."""
         state = super().read(model, arm)
         with np.errstate(divide="ignore"):
             return State(1.0 / (state.theta * arm.reference.c_joint))
+
+    def stiffness(self, model: ModelFile, locate: Locate | None) -> StiffnessField:
+        """Return the one stiffness of each joint."""
+        del locate
+        return ConstantField(constant_of(model, self.name))
+
+    def stiffness_table(self, field: StiffnessField, c_mean: FloatArray) -> Table:
+        """Return the constant part; beside a field it is its mean."""
+        del field
+        return constant_table(c_mean)
+
+    def completed(self, table: Table, joint_stiffness: FloatArray | None) -> Table:
+        """Return the table with the cell's stiffness of joints that the data could not see.
+
+        The process may load a joint although the measurement did not, and rigid would be worse.
+        """
+        k = np.asarray(table.get(STIFFNESS), dtype=np.float64)
+        if joint_stiffness is None or k.shape != (6,) or not bool(np.any(np.isnan(k))):
+            return table
+        filled = np.where(np.isnan(k), entry(STIFFNESS, joint_stiffness), k)
+        return {**table, STIFFNESS: filled.tolist()}

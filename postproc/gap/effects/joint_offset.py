@@ -17,6 +17,7 @@ class JointOffset(Effect):
     source = "joint 1 is confounded with the base, joint 6 with the tool"
     action = "master the named axes again, or enter the offsets in the controller"
     conditions = ("pose",)
+    geometric = True
     layout = (("offset_deg", 6),)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:

@@ -1,4 +1,4 @@
-"""The base leans under what it carries (a suspect, never a verdict)."""
+"""The base leans under what it carries (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples, load_moment, weight_moment
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 _PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
 """Links whose weight leans the base, by the size class or the robot's data."""
@@ -25,8 +25,10 @@ class LeaningBase(Effect):
     title = "behaves like a base or column that leans under the arm"
     source = "rotation of the root in proportion to the moment on it"
     action = "put an indicator on the base plate and move the arm around"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     conditions = ("q1", "load")
+    mistaken_for = ("joint_compliance",)
+    mistaken_for_pose = True
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return tilts relative to joint 2's compliance: under each weight, then under load.

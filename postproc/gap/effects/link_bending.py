@@ -1,4 +1,4 @@
-"""The links bend under load between the joints (a suspect, never a verdict)."""
+"""The links bend under load between the joints (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples, load_moment, weight_moment
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 LINKS = (1, 2, 3)
 
@@ -23,9 +23,10 @@ class LinkBending(Effect):
     title = "behaves like links that bend under load"
     source = "Klimchik et al. 2014, virtual joint in each link"
     action = "measure two targets, on the tool and on the forearm, under load"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
+    mistaken_for = ("joint_compliance", "variable_stiffness")
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return compliances relative to that of joint 2, about the link frame's axes."""

@@ -23,6 +23,8 @@ class LinkGeometry(Effect):
     source = "product of exponentials, line geometry of the joint axes (4 numbers an axis)"
     action = "have the arm calibrated; use model.toml for compensation meanwhile"
     conditions = ("pose",)
+    geometric = True
+    absorbed_by = ("gravity_sag",)
     layout = (("axis_shift_mm", 10), ("axis_tilt_deg", 10))
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:

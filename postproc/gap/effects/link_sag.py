@@ -1,9 +1,9 @@
-"""The links bend under their own weight (a suspect, never a verdict)."""
+"""The links bend under their own weight (an alternative, never named)."""
 
 from __future__ import annotations
 
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 from postproc.gap.effects.link_bending import LINKS, bending
 
 
@@ -15,8 +15,9 @@ class LinkSag(Effect):
     title = "behaves like links that bend under the arm's weight"
     source = "Klimchik et al. 2014, virtual joint in each link"
     action = "measure two targets, on the tool and on the forearm, over the whole workspace"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     conditions = ("pose",)
+    mistaken_for = ("gravity_sag", "payload_error", "counterbalance", "joint_offset")
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return compliances relative to that of joint 2, about the link frame's axes."""

@@ -1,4 +1,4 @@
-"""The measuring device distorts its volume (a suspect, never a verdict)."""
+"""The measuring device distorts its volume (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
+    Kind,
     Parameter,
     Setting,
     centre_and_extent,
@@ -33,8 +34,10 @@ class MeasuringScale(Effect):
     title = "behaves like a scale error of the measuring device"
     source = "p' = p + grad(quadratic + cubic form of p)"
     action = "measure a calibrated length in the same volume, in three directions"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     conditions = ("position",)
+    mistaken_for = ("thermal_drift",)
+    mistaken_for_pose = True
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the measured places."""

@@ -1,11 +1,11 @@
-"""The give of a joint is not proportional to its load (a suspect, never a verdict)."""
+"""The give of a joint is not proportional to its load (an alternative, never named)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 
 @register
@@ -16,9 +16,10 @@ class NonlinearStiffness(Effect):
     title = "behaves like a stiffness that depends on the load (hardening)"
     source = "dq = tau / K (1 + a |tau| + b tau^2)"
     action = "measure at three load levels, up and down, at the same poses"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
+    mistaken_for = ("joint_compliance", "variable_stiffness")
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the usual torque of each joint [N*m]."""

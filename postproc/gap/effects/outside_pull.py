@@ -1,4 +1,4 @@
-"""Something pulls at the flange that nobody logged (a suspect, never a verdict)."""
+"""Something pulls at the flange that nobody logged (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from postproc.gap.effect import (
     SYMMETRIC,
     Basis,
     Effect,
+    Kind,
     Parameter,
     Setting,
     centre_and_extent,
@@ -31,8 +32,9 @@ class OutsidePull(Effect):
     title = "behaves like a hose or cable that pulls at the flange"
     source = "J K^-1 times the torque of f0 + S (p_flange - p0)"
     action = "hang the hose package free, or measure again without it"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     conditions = ("position", "pose")
+    mistaken_for_pose = True
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the centre [m] and the extent [m] of the flange's places."""

@@ -36,6 +36,7 @@ class PayloadError(Effect):
     source = "J K^-1 times the torque of a weight in the flange"
     action = "weigh the tool, or let the controller determine the load data"
     conditions = ("orientation", "pose")
+    has_tool_weight = True
     equilibrium = True
     layout = (("mass_kg", 1), ("moment_kgm", 3), ("joint_feels_kg", 6))
 

@@ -1,11 +1,11 @@
-"""Tool or fixture give way under load (a suspect, never a verdict)."""
+"""Tool or fixture give way under load (an alternative, never named)."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import SYMMETRIC, Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import SYMMETRIC, Basis, Effect, Kind, Parameter, Setting, register
 
 
 @register
@@ -16,9 +16,10 @@ class ToolBending(Effect):
     title = "behaves like a tool or fixture that gives way under load"
     source = "displacement C F with C constant in the flange or in the room"
     action = "put an indicator between tool and flange, and between workpiece and floor"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("wrench",)
     conditions = ("load",)
+    mistaken_for = ("joint_compliance", "variable_stiffness")
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return six compliances in the flange, six in the room, relative to joint 2's."""

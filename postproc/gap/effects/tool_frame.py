@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
+from postproc.model import Registration
 
 
 @register
@@ -19,8 +23,9 @@ class ToolFrame(Effect):
     title = "the tool frame is off"
     source = "rigid registration; in the tool plane confounded with a zero offset of axis 6"
     action = "measure the tool again (XYZ 4-point) and correct TOOL_DATA"
-    kind = "measurement"
+    kind = Kind.REGISTRATION
     conditions = ("orientation",)
+    geometric = True
     layout = (("xyz_mm", 3),)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
@@ -35,3 +40,7 @@ class ToolFrame(Effect):
         link = np.zeros((len(samples), 7, 6, 3))
         link[:, 6, 3:, :] = R_6_flange
         return Basis(link=link)
+
+    def registered(self, registration: Registration, theta: FloatArray) -> Registration:
+        """Move the measured point in the flange."""
+        return replace(registration, p_flange_point=registration.p_flange_point + theta)

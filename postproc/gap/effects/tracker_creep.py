@@ -1,4 +1,4 @@
-"""The measuring device moves while it measures (a suspect, never a verdict)."""
+"""The measuring device moves while it measures (an alternative, never named)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 
 @register
@@ -17,9 +17,10 @@ class TrackerCreep(Effect):
     title = "behaves like a tracker station or fixture that moves with time"
     source = "t0 + t1 time, six degrees of freedom"
     action = "measure three fixed nests every 20 to 50 poses, poses in random order"
-    kind = "suspect"
+    kind = Kind.ALTERNATIVE
     needs = ("time",)
     conditions = ("time",)
+    mistaken_for = ("thermal_drift", "link_geometry")
 
     def prepare(self, samples: Samples) -> Setting:
         """Return start and length of the campaign [s], and the mean of both forms.

@@ -24,6 +24,7 @@ class TransmissionError(Effect):
     source = "J (A cos n q + B sin n q), n >= 2 periods per turn"
     action = "compensate with model.toml; inspect the gear of the named joint"
     conditions = ("joint angle",)
+    periodic = True
 
     def prepare(self, samples: Samples) -> Setting:
         """Return two and three periods of each joint; a search may choose others."""

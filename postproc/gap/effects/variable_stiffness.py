@@ -8,9 +8,16 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, Table, register
 from postproc.model import ModelFile
-from postproc.stiffness import constant_of, field_of, is_field_table
+from postproc.stiffness import (
+    Locate,
+    StiffnessField,
+    constant_of,
+    field_table,
+    is_field_table,
+    whole_field,
+)
 from postproc.units import MM
 
 TERMS = ("cos1", "sin1", "cos2", "sin2", "x", "y", "z", "mean")
@@ -35,6 +42,7 @@ class VariableStiffness(Effect):
     action = "identify the stiffness per region (postproc identify --grid) and compensate"
     needs = ("wrench",)
     conditions = ("load", "pose")
+    refines = ("joint_compliance",)
     equilibrium = True
 
     def prepare(self, samples: Samples) -> Setting:
@@ -101,8 +109,8 @@ class VariableStiffness(Effect):
         A field (per cell or in joint space, as ``identify`` writes it) holds the whole stiffness;
         here it counts as the change against the constant of ``joint_compliance``.
         """
-        if is_field_table(model):
-            return State(np.ones(1), _field_setting(model))
+        if is_field_table(model.effects[self.name]):
+            return State(np.ones(1), self._field_setting(model))
         keys = (
             *("relative_compliance", "reference_deg_per_Nm", "centre_mm", "width_mm"),
             "term_mean",
@@ -122,6 +130,32 @@ class VariableStiffness(Effect):
         theta = np.asarray(change) * scale[:, None]
         return State(theta.ravel(), setting)
 
+    def is_fixed(self, setting: Setting) -> bool:
+        """Return whether the setting is a whole field, of which no number is left to fit."""
+        return "field" in setting
+
+    def stiffness(self, model: ModelFile, locate: Locate | None) -> StiffnessField | None:
+        """Return the field of a table that holds the whole stiffness."""
+        if not is_field_table(model.effects[self.name]):
+            return None
+        return whole_field(model, self.name, locate)
+
+    def stiffness_table(self, field: StiffnessField, c_mean: FloatArray) -> Table | None:
+        """Return the table of a field over the workspace."""
+        del c_mean
+        return field_table(field)
+
+    def _field_setting(self, model: ModelFile) -> Setting:
+        """Return field, constant part (6,) [rad/(N*m)] that another effect has, and the table."""
+        constant = np.zeros(6)
+        for name in self.refines:
+            if name in model.effects:
+                constant = np.nan_to_num(constant_of(model, name), nan=0.0)
+        # a joint that the field does not know keeps the constant, so nothing comes on top of it
+        known = np.where(constant > 0.0, 1.0 / np.where(constant > 0.0, constant, 1.0), np.inf)
+        field = whole_field(model, self.name).with_fallback(known)
+        return {"field": field, "constant": constant, "table": model.effects[self.name]}
+
 
 def _terms(samples: Samples, joint: int, centre: FloatArray, width: float) -> FloatArray:
     """Return (n, 8) the terms of one joint (0..5)."""
@@ -129,17 +163,3 @@ def _terms(samples: Samples, joint: int, centre: FloatArray, width: float) -> Fl
     place = (samples.point - centre) / width
     harmonic = (np.cos(q), np.sin(q), np.cos(2 * q), np.sin(2 * q))
     return np.column_stack([*harmonic, place, np.ones(len(q))])
-
-
-def _field_setting(model: ModelFile) -> Setting:
-    """Return field, constant part (6,) [rad/(N*m)] that another effect has, and the table."""
-    constant = np.zeros(6)
-    if "joint_compliance" in model.effects:
-        constant = np.nan_to_num(constant_of(model), nan=0.0)
-    # a joint that the field does not know keeps the constant, so nothing comes on top of it
-    known = np.where(constant > 0.0, 1.0 / np.where(constant > 0.0, constant, 1.0), np.inf)
-    return {
-        "field": field_of(model, known),
-        "constant": constant,
-        "table": model.effects["variable_stiffness"],
-    }

@@ -2,12 +2,12 @@
 
 from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.evidence import (
-    COMPANION_GAIN,
+    ABSORBED_GAIN,
     SMALLEST_SUSPECT,
     Evidence,
     evidence_of,
     imitated,
-    is_companion,
+    is_absorbed,
     small,
     smallest_part,
     unique_part,
@@ -20,14 +20,13 @@ from postproc.gap.fit.linear import Block, Gram, block_of
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.noise import MAD_OF_CHI3, Noise, Saturated, repeats, saturated
 from postproc.gap.fit.problem import Problem, pose_problem
-from postproc.gap.fit.registration import FRAMES, moved_by, rigid
+from postproc.gap.fit.registration import moved_by, rigid
 from postproc.gap.fit.select import CLEAR, Search, Subset, search
 from postproc.gap.fit.waves import Context, Wave, find_waves, is_gear_error
 
 __all__ = [
+    "ABSORBED_GAIN",
     "CLEAR",
-    "COMPANION_GAIN",
-    "FRAMES",
     "MAD_OF_CHI3",
     "SMALLEST_SUSPECT",
     "Bench",
@@ -49,7 +48,7 @@ __all__ = [
     "find_waves",
     "fit",
     "imitated",
-    "is_companion",
+    "is_absorbed",
     "is_gear_error",
     "moved_by",
     "pose_problem",

@@ -22,15 +22,10 @@ SMALLEST_SHARE = 0.05
 """The same against the largest effect: below it, a flaw of the largest one's formula."""
 SMALLEST_SUSPECT = 1.4
 """The same of a cause outside of the library: a smaller one changes no verdict."""
-COMPANIONS: Mapping[str, tuple[str, ...]] = {
-    "gravity_sag": ("link_geometry",),
-    "link_geometry": ("gravity_sag",),
-}
-"""Effects that another absorbs almost wholly on the rows it is fitted to, but not on others: how
-little only they explain says nothing of their size. A free geometry imitates the sag of the arm
-where it was measured and is wrong elsewhere."""
-COMPANION_GAIN = 30.0
-"""Nats that such an effect must bring."""
+ABSORBED_GAIN = 30.0
+"""Nats that an effect must bring which another one of the subset absorbs: how little only it
+explains says nothing of its size. A free geometry imitates the sag of the arm where it was measured
+and is wrong elsewhere."""
 _PLACEBOS = 60
 _PLACEBO_LIMIT = 0.02
 
@@ -84,7 +79,7 @@ def small(bench: Bench, best: Subset, evidence: Mapping[str, Evidence]) -> Subse
         key
         for key in best
         if evidence[key].unique < smallest_part(bench, best, evidence, key)
-        and not (evidence[key].gain > COMPANION_GAIN and is_companion(bench, best, key))
+        and not (evidence[key].gain > ABSORBED_GAIN and is_absorbed(bench, best, key))
     )
 
 
@@ -102,7 +97,7 @@ def weakest(bench: Bench, best: Subset, evidence: Mapping[str, Evidence]) -> tup
     failing = []
     for key in best:
         item = evidence[key]
-        if item.gain > COMPANION_GAIN and is_companion(bench, best, key):
+        if item.gain > ABSORBED_GAIN and is_absorbed(bench, best, key):
             continue
         if item.gain < CLEAR:
             failing.append((item.gain / CLEAR, key, "not clear enough"))
@@ -111,10 +106,10 @@ def weakest(bench: Bench, best: Subset, evidence: Mapping[str, Evidence]) -> tup
     return min(failing)[1:] if failing else None
 
 
-def is_companion(bench: Bench, best: Subset, key: str) -> bool:
+def is_absorbed(bench: Bench, best: Subset, key: str) -> bool:
     """Return whether an effect is nearly absorbed by another one that is in the subset."""
-    hosts = COMPANIONS.get(bench.block(key).name, ())
-    return any(bench.block(k).name in hosts for k in best)
+    absorbing = bench.block(key).effect.absorbed_by
+    return any(bench.name(k) in absorbing for k in best)
 
 
 def unphysical(bench: Bench, found: Search, best: Subset) -> tuple[str, str] | None:

@@ -41,7 +41,7 @@ class Block:
     @property
     def suspect(self) -> bool:
         """Whether it is only a resemblance, never a named cause."""
-        return self.effect.kind == "suspect"
+        return self.effect.is_alternative
 
     @property
     def typical(self) -> FloatArray:

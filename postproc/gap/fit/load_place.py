@@ -15,10 +15,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.effect import EFFECTS
+from postproc.gap.effect import EFFECTS, registration_effects
 from postproc.gap.fit.linear import Block, Gram, block_of, predicted
 from postproc.gap.fit.noise import MAD_OF_CHI3
-from postproc.gap.fit.registration import FRAMES, in_robroot, register
+from postproc.gap.fit.registration import in_robroot, register
 from postproc.gap.robot_model import States, evaluate
 from postproc.model import Registration
 
@@ -67,7 +67,7 @@ def _library(
     point, actual = evaluate(samples, given)
     blocks = []
     for name, effect in EFFECTS:
-        if effect.kind != "suspect" and all(samples.has(c) for c in effect.needs):
+        if not effect.is_alternative and all(samples.has(c) for c in effect.needs):
             setting = given[name].setting if name in given else effect.prepare(samples)
             blocks.append(block_of(effect, actual, setting))
     return tuple(blocks), y - point
@@ -87,8 +87,9 @@ def _evidence(gram: Gram) -> float:
     little beside it, a wrong one much.
     """
     everything = [block.key for block in gram.blocks]
-    ladders = (FRAMES, (*FRAMES, "joint_compliance"), everything)
-    return max(gram.evidence(keys) for keys in ladders) - 0.5 * gram.total
+    frames = registration_effects()
+    give = [block.key for block in gram.blocks if block.effect.conditions == ("load",)]
+    return max(gram.evidence(k) for k in (frames, (*frames, *give), everything)) - 0.5 * gram.total
 
 
 def _with_load_at(samples: Samples, place: FloatArray) -> Samples:

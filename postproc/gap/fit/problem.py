@@ -11,10 +11,10 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
 from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
-from postproc.gap.effect import EFFECTS, Effect, Setting
+from postproc.gap.effect import EFFECTS, Effect, Setting, registration_effects
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.registration import FRAMES, in_robroot
+from postproc.gap.fit.registration import in_robroot
 from postproc.gap.robot_model import RobotModel, States, evaluate
 from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
@@ -56,7 +56,7 @@ class Problem:
     @property
     def always(self) -> tuple[str, ...]:
         """Blocks that are in every subset."""
-        return FRAMES if self.registration is not None else ()
+        return registration_effects() if self.registration is not None else ()
 
     def widen(self, name: str) -> float:
         """Return how far the prior of an effect is widened."""
@@ -75,7 +75,7 @@ class Problem:
                 start=self.given[e.name].theta if e.name in self.given else None,
             )
             for e in self.effects
-            if e.name != "transmission_error"
+            if not e.periodic
         )
 
 
@@ -125,8 +125,9 @@ def pose_problem(
             hint="--register fits the measured frame and the reflector's place first",
         )
     effects, not_testable = _candidates(samples)
-    fixed = {name for name, state in given.items() if "field" in state.setting}
-    effects = tuple(e for e in effects if e.name not in fixed)
+    effects = tuple(
+        e for e in effects if e.name not in given or not e.is_fixed(given[e.name].setting)
+    )
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }
@@ -154,7 +155,7 @@ def _candidates(samples: Samples) -> tuple[tuple[Effect, ...], dict[str, tuple[s
         lacking = [column for column in effect.needs if not _informative(samples, column)]
         if not lacking:
             effects.append(effect)
-        elif effect.kind != "suspect":
+        elif not effect.is_alternative:
             missing[name] = tuple(c for column in lacking for c in COLUMN_NAMES[column])
     return tuple(effects), missing
 

@@ -9,12 +9,11 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
 from postproc.gap.data import Samples
+from postproc.gap.effect import registration_effects
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
 from postproc.geometry import apply, inverse, rotation_about, transform
 from postproc.model import Registration
 
-FRAMES = ("base_frame", "tool_frame")
-"""What a registration fits; with one they are never named."""
 _STEPS = 30
 _REACH = 0.5
 """Prior of the point's place around the tool centre point [m]: decides only what no row tells."""
@@ -61,16 +60,10 @@ def in_robroot(registration: Registration, measured: FloatArray) -> FloatArray:
 
 
 def moved_by(registration: Registration, states: States) -> Registration:
-    """Return a registration that takes fitted ``base_frame`` and ``tool_frame`` states in."""
-    T, point = registration.T_measured_robroot, registration.p_flange_point
-    if "base_frame" in states:
-        theta = states["base_frame"].theta
-        angle = float(np.linalg.norm(theta[3:]))
-        R = rotation_about(theta[3:] / (angle or 1.0), angle)
-        T = T @ transform(R, theta[:3])
-    if "tool_frame" in states:
-        point = point + states["tool_frame"].theta
-    return replace(registration, T_measured_robroot=T, p_flange_point=point)
+    """Return a registration that takes in what was fitted of its frames."""
+    for name, state in states.items():
+        registration = effect_of(name).registered(registration, state.theta)
+    return registration
 
 
 def _at_point(samples: Samples, point: FloatArray) -> Samples:
@@ -81,7 +74,7 @@ def _step(
     samples: Samples, r: FloatArray, weight: FloatArray, to_start: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the next shift, turn of the frame and move of the point."""
-    parts = [columns(samples, effect_of(n).basis(samples, {})) for n in FRAMES]
+    parts = [columns(samples, effect_of(n).basis(samples, {})) for n in registration_effects()]
     root = np.sqrt(weight)[:, None, None]
     A = (np.concatenate(parts, axis=2) * root).reshape(-1, 9)
     scale = float(np.median(np.abs(r))) + 1e-9

@@ -15,10 +15,10 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, fit_registration
-from postproc.model import ModelFile, Registration
+from postproc.model import Registration
 from postproc.progress import Progress
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
-from postproc.stiffness.fieldfile import describe, effects_of
+from postproc.stiffness.fieldfile import describe
 from postproc.stiffness.identify.cases import LoadCases, load_cases
 from postproc.stiffness.identify.constant import ConstantFit, fit_constant, outliers
 from postproc.stiffness.identify.continuous import ContinuousFit, Hyper, fit_continuous
@@ -111,13 +111,11 @@ class Identification:
         # mean length of a 3D Gaussian vector is 1.596 sigma
         return float(1.596 * self.noise * np.mean(self.cases.scale))
 
-    def model(self) -> ModelFile:
-        """Return the model file's content."""
-        notes = [f"joint stiffness identified from {len(self.cases)} load responses: {self.chosen}"]
-        notes.append(describe(self.field))
-        return ModelFile(
-            effects_of(self.field, self.constant.c_joint), self.registration, tuple(notes)
-        )
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a model file says of it in words."""
+        first = f"joint stiffness identified from {len(self.cases)} load responses: {self.chosen}"
+        return first, describe(self.field)
 
 
 def identify(

@@ -8,7 +8,7 @@ follows; ``postproc.testing.check_effect`` holds it to that.
 from __future__ import annotations
 
 from postproc.gap.data.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting
+from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting
 
 
 class TrackerScale(Effect):
@@ -18,7 +18,7 @@ class TrackerScale(Effect):
     title = "the tracker's scale is off"
     source = "a wrong refractive index scales all distances by the same share"
     action = "enter air temperature and pressure at the tracker, and measure a scale bar"
-    kind = "measurement"
+    kind = Kind.MEASUREMENT
     conditions = ("pose",)
     layout = (("scale_ppm", 1),)
 

@@ -1,0 +1,47 @@
+"""What effects declare of each other; no other file has the name of one."""
+
+import re
+from pathlib import Path
+
+import postproc
+from postproc.gap import EFFECTS
+from postproc.registry import part_names
+
+SOURCE = Path(postproc.__file__).parent
+ALL = [effect for _, effect in EFFECTS]
+
+
+def test_every_public_name_is_there():
+    public = """
+        base_frame tool_frame joint_offset link_geometry joint_compliance gravity_sag
+        variable_stiffness backlash transmission_error thermal_drift servo_lag gear_coupling
+        payload_error counterbalance
+    """
+    assert set(public.split()) == {e.name for e in ALL if not e.is_alternative}
+
+
+def test_names_are_known_without_importing_an_effect():
+    assert part_names("effects", "postproc.gap.effects") == tuple(e.name for e in ALL)
+
+
+def test_what_an_effect_declares_of_others_is_there():
+    names = {effect.name for effect in ALL}
+    for effect in ALL:
+        assert {*effect.refines, *effect.absorbed_by, *effect.mistaken_for} <= names - {effect.name}
+        mistaken = [other for other in ALL if effect.is_mistaken_for(other)]
+        assert bool(mistaken) == effect.is_alternative, effect.name
+        assert not any(other.is_alternative for other in mistaken)
+
+
+def test_no_other_file_has_the_name_of_an_effect():
+    """What others must know of an effect it declares itself."""
+    quoted = re.compile(rf"""["'`](?:{"|".join(e.name for e in ALL)})["'`]""")
+    found = [
+        f"{path.relative_to(SOURCE)}: {match[0][1:-1]}"
+        for path in SOURCE.rglob("*.py")
+        if not path.is_relative_to(SOURCE / "gap" / "effects")
+        for match in quoted.finditer(path.read_text(encoding="utf-8"))
+    ]
+    # variables of the program template and a function that have the words of an effect
+    others = {"emitters/kuka/setup.py: tool_frame", "emitters/kuka/setup.py: base_frame"}
+    assert set(found) <= others | {"stiffness/__init__.py: joint_compliance"}
