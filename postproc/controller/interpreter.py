@@ -77,6 +77,8 @@ class World:
         points: named points that are not in the files, such as the home position.
         joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
             a Cartesian target.
+        hooks: routines of the integrator, in upper case: calls are recorded and never followed,
+            even where a file with an example of them lies beside the program.
     """
 
     tools: Mapping[int, Pose] = field(default_factory=dict)
@@ -84,6 +86,7 @@ class World:
     points: Mapping[str, Pose | Axes] = field(default_factory=dict)
     T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
     joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
+    hooks: frozenset[str] = frozenset()
 
 
 def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
@@ -328,7 +331,7 @@ class Interpreter:
         if name == "BAS":
             self._bas(statement)
             return
-        found = self._resolve(name)
+        found = None if name in self._world.hooks else self._resolve(name)
         if found is not None:
             nodes = tuple(_node(value) for value in statement.arguments)
             self._run_routine(*found, nodes)

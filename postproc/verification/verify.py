@@ -29,7 +29,13 @@ from postproc.paths import Displacement, cycle_time, durations, joint_paths, joi
 from postproc.process import as_served
 from postproc.progress import Progress
 from postproc.units import DEG, MM
-from postproc.verification.cam import Comparison, Tolerances, check_events, compare_served
+from postproc.verification.cam import (
+    Comparison,
+    Tolerances,
+    check_events,
+    compare_served,
+    hook_names,
+)
 from postproc.verification.checks import (
     Result,
     check_blending,
@@ -190,6 +196,7 @@ def world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) -
         points,
         np.asarray(cell.robot.T_world_robroot),
         lambda trace: joints_at_end(trace, cell, kinematics),
+        frozenset(hook_names(cell).values()),
     )
 
 
