@@ -16,6 +16,8 @@ import numpy as np
 
 from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
+from postproc.cell.options import krl_of
+from postproc.cell.schema import KrlTable
 from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
@@ -73,9 +75,8 @@ def spiral(n: int) -> Plan:
 
 def styled(cell: Cell, points_per_file: int, **style: object) -> Cell:
     """The cell with another style of programs."""
-    options = {**cell.krl.options, **style}
-    krl = replace(cell.krl, max_points_per_file=points_per_file, options=options)
-    return replace(cell, krl=krl)
+    table = KrlTable(max_points_per_file=points_per_file, **style)
+    return replace(cell, krl=krl_of(table))
 
 
 def timed(what: str, work: Callable[[], T]) -> T:

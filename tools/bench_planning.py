@@ -37,18 +37,18 @@ import numpy as np
 
 from postproc.cell.cell import (
     Cell,
-    KrlOptions,
     Limits,
     MeshPlacement,
-    Motion,
-    Optimize,
     OpwGeometry,
     Process,
     Robot,
     Tool,
     Workpiece,
 )
+from postproc.cell.choices import Strategy
+from postproc.cell.options import krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.planning.planner import plan
@@ -103,8 +103,8 @@ def scene_cell(folder: Path, kind: str, *, strokes: bool, panel: Path | None = N
         1, "spindle", T_flange_tcp, np.array([0.0, 0, 1.0]),
         meshes=tuple(solids(data["files"]["tool"], T_flange_link6)),
     )  # fmt: skip
+    table = MotionTable(feed_mm_min=600.0)
     more = data["hard_extra_obstacles"] if kind == "hard" else []
-    wishes = {"turns": kind == "turns"}
     return Cell(
         name="workload",
         path="workload",
@@ -117,12 +117,10 @@ def scene_cell(folder: Path, kind: str, *, strokes: bool, panel: Path | None = N
         ),
         obstacles=tuple(solids([*data["files"]["obst"], *more], np.eye(4))),
         limits=Limits(0.0, 0.0, 0.0, np.inf),
-        optimize=Optimize(
-            {"travel": 1.0}, "compliance", 10.0 * DEG, (-np.pi, np.pi), "global", wishes
-        ),
+        optimize=optimize_of(OptimizeTable(objective={"travel": 1.0}, turns=kind == "turns")),
         process=Process(np.zeros(6)),
-        motion=Motion(0.5, 0.01, 1.0 * MM, options={"approach_mm": 50.0 if strokes else 0.0}),
-        krl=KrlOptions("default", 1000),
+        motion=motion_of(table if strokes else table.model_copy(update={"approach_mm": 0.0})),
+        krl=krl_of(KrlTable()),
     )
 
 
@@ -248,7 +246,7 @@ def table_scale(arguments: argparse.Namespace) -> None:
         )
 
 
-def seed_line(x: float, y: float, z: float) -> ToolPath:
+def paper_line(x: float, y: float, z: float) -> ToolPath:
     """Return a cut parallel to y at nine tags, the paper's kind of line; tool looks along +x."""
     n = 9
     points = np.stack([np.full(n, x), np.linspace(-y, y, n), np.full(n, z)], axis=1) * MM
@@ -268,18 +266,18 @@ def line_cell(head: tuple[float, float], objective: str, index: str) -> Cell:
     return Cell(
         "line", "line", robot, Tool(1, "spindle", T, np.array([1.0, 0, 0])),
         Workpiece(1, np.eye(4)), (), Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
-        Optimize(objective, index, 10.0 * DEG, (-90.0 * DEG, 90.0 * DEG), "global", {}),
-        Process(np.zeros(6)), Motion(0.5, 0.02, 1.0 * MM), KrlOptions("default", 1000),
+        optimize_of(OptimizeTable(objective=objective, index=index, range_deg=[-90.0, 90.0])),
+        Process(np.zeros(6)), motion_of(MotionTable(feed_mm_min=1200.0)), krl_of(KrlTable()),
     )  # fmt: skip
 
 
 def table_compare(arguments: argparse.Namespace) -> None:
     """Print the strategies side by side."""
     jobs = [
-        ("214,116 1680", seed_line(1680, 555, 508), line_cell((214, 116), "normal", "compliance")),
-        ("362,107 1889", seed_line(1889, 156, 133), line_cell((362, 107), "normal", "compliance")),
-        ("214,116 kv", seed_line(1680, 555, 508), line_cell((214, 116), "normal", "seed")),
-        ("362,107 kv", seed_line(1889, 156, 133), line_cell((362, 107), "normal", "seed")),
+        ("214,116 1680", paper_line(1680, 555, 508), line_cell((214, 116), "normal", "compliance")),
+        ("362,107 1889", paper_line(1889, 156, 133), line_cell((362, 107), "normal", "compliance")),
+        ("214,116 kv", paper_line(1680, 555, 508), line_cell((214, 116), "normal", "ellipsoid")),
+        ("362,107 kv", paper_line(1889, 156, 133), line_cell((362, 107), "normal", "ellipsoid")),
     ]
     if arguments.nx and not Path(arguments.nx).exists():
         print(f"{arguments.nx}: not there, left out")
@@ -304,28 +302,27 @@ def table_compare(arguments: argparse.Namespace) -> None:
 
 
 STRATEGIES = (
-    ("each", "each", {}),
+    ("each", {"strategy": Strategy.EACH}),
     (
-        "seed smooth",
-        "smooth",
-        {"refine": False, "loss_bound_percent": 100.0, "key_every_mm": 1e5},
+        "paper smooth",
+        {"strategy": Strategy.SMOOTH, "refine": False, "loss_bound": 1.0, "key_every": 100.0},
     ),
-    ("smooth", "smooth", {}),
-    ("global", "global", {}),
+    ("smooth", {"strategy": Strategy.SMOOTH}),
+    ("global", {"strategy": Strategy.GLOBAL}),
 )
-"""Name, strategy, options; seed smooth: as Jiao et al. 2022, fixed interpolation between key tags
+"""Name and options; paper smooth: as Jiao et al. 2022, fixed interpolation between key tags
 of which each takes its own optimum, none added."""
 
 
 def _compare(name: str, toolpath: ToolPath, cell: Cell) -> None:
     """Print one line per strategy, and the loss of every tag where they are few."""
     rows, best = [], np.zeros(0)
-    for label, strategy, options in STRATEGIES:
-        wishes = replace(cell.optimize, strategy=strategy, options=options)
+    for label, options in STRATEGIES:
+        wishes = replace(cell.optimize, **options)
         began = time.process_time()
         result = plan(toolpath, replace(cell, optimize=wishes))
         took = time.process_time() - began
-        if strategy == "smooth":
+        if options["strategy"] is Strategy.SMOOTH:
             # the record's own losses are against the optimum of every tag by itself
             lost = 1.0 - np.array(result.settings["loss"])
             best = result.stiffness / lost

@@ -9,7 +9,7 @@ import numpy as np
 from postproc.cell.file import load_cell
 from postproc.geometry.frames import inverse, rotation_x, transform
 from postproc.kinematics.model import build
-from postproc.stiffness.index import directional, seed_directional, seed_normal
+from postproc.stiffness.index import directional, ellipsoid, ellipsoid_normal
 
 K_JOINT = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 LAYOUTS = ((214, 116, 1680, 555, 508), (362, 107, 1889, 156, 133), (233, 251, 1483, 434, 484))
@@ -80,8 +80,8 @@ def _curves(cell, where: np.ndarray, literal: bool) -> _Curve:  # noqa: ANN001
         J = kinematics.jacobian(q[ok], cell.tool.T_flange_tcp[:3, 3])
         R, c = T[ok][:, :3, :3], 1.0 / K_JOINT
         if literal:
-            k_y, k_z = (seed_directional(J, c, R[:, :, i]) for i in (1, 2))
-            values[tag, ok] = seed_normal(k_y, k_z, np.radians(angles[ok]))
+            k_y, k_z = (ellipsoid(J, c, R[:, :, i]) for i in (1, 2))
+            values[tag, ok] = ellipsoid_normal(k_y, k_z, np.radians(angles[ok]))
         else:
             values[tag, ok] = directional(J, c, np.array([0.0, 0.0, 1.0]))
     return _Curve(values, angles)

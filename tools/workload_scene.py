@@ -10,16 +10,15 @@ import numpy as np
 
 from postproc.cell.cell import (
     Cell,
-    KrlOptions,
     Limits,
     MeshPlacement,
-    Motion,
-    Optimize,
     Process,
     Tool,
     Workpiece,
 )
+from postproc.cell.options import krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import inverse, transform
 from postproc.kinematics.model import Kinematics, build
 from postproc.units import DEG, MM
@@ -85,11 +84,11 @@ def workload_cell(hard: bool = False, panel: Path | None = None) -> Cell:
         ),
         workpiece=Workpiece(1, np.eye(4), workpiece),
         obstacles=obstacles,
-        limits=Limits(0.0, 0.0, 0.0),
-        optimize=Optimize("axial", "compliance", 10.0 * DEG, (-np.pi, np.pi), "global"),
+        limits=Limits(0.0, 0.0, 0.0, 0.0),
+        optimize=optimize_of(OptimizeTable()),
         process=Process(np.zeros(6)),
-        motion=Motion(0.5, 0.01, 0.0),
-        krl=KrlOptions("default", 1000),
+        motion=motion_of(MotionTable()),
+        krl=krl_of(KrlTable()),
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+from postproc.cell import Strategy
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
@@ -28,7 +29,7 @@ _OPTIONS |= {"model", "recover", "partial"}
 CHOICES = {
     "format": ("auto", "apt", "csv", "delmia"),
     "units": ("mm", "inch"),
-    "strategy": ("smooth", "each", "global"),
+    "strategy": tuple(Strategy),
 }
 """What the call and ``batch.toml`` accept for an option."""
 

@@ -4,12 +4,25 @@ from postproc.cell.cache import cell_files, shared_cell
 from postproc.cell.cell import (
     Cell,
     ExternalAxis,
+    KrlOptions,
     MeshPlacement,
+    Optimize,
     OpwGeometry,
     Origin,
     Provenance,
     Robot,
+    TiltRange,
     UrdfGeometry,
+)
+from postproc.cell.choices import (
+    ArcMotion,
+    Index,
+    Kss,
+    MotionStyle,
+    PointPlace,
+    PointService,
+    Split,
+    Strategy,
 )
 from postproc.cell.file import load_cell, parse_cell
 from postproc.cell.reference import cell_reference
@@ -18,13 +31,24 @@ from postproc.cell.text import cell_text
 from postproc.cell.urdf import fixed_parts, origin_of, read_chain, values_of
 
 __all__ = [
+    "ArcMotion",
     "Cell",
     "ExternalAxis",
+    "Index",
+    "KrlOptions",
+    "Kss",
     "MeshPlacement",
+    "MotionStyle",
+    "Optimize",
     "OpwGeometry",
     "Origin",
+    "PointPlace",
+    "PointService",
     "Provenance",
     "Robot",
+    "Split",
+    "Strategy",
+    "TiltRange",
     "UrdfGeometry",
     "cell_files",
     "cell_reference",

@@ -10,6 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray, frozen_floats
+from postproc.cell.choices import (
+    ArcMotion,
+    Index,
+    Kss,
+    MotionStyle,
+    PointPlace,
+    PointService,
+    Split,
+    Strategy,
+)
 
 
 class Provenance(StrEnum):
@@ -178,20 +188,47 @@ class Limits:
     joint_margin: float
     singularity: float
     clearance: float
-    contact_depth: float = 0.0
+    contact_depth: float
     """How deep [m] solids marked as cutting may go into the workpiece during a cut (inf = any)."""
 
 
 @dataclass(frozen=True, slots=True)
+class TiltRange:
+    """Smallest and largest lead and side tilt, and the step of the search, all [rad]."""
+
+    lead: tuple[float, float]
+    side: tuple[float, float]
+    step: float
+
+    def __bool__(self) -> bool:
+        """Return whether any tilt is allowed."""
+        return any((*self.lead, *self.side))
+
+
+@dataclass(frozen=True, slots=True)
 class Optimize:
-    """What the redundancy about the tool axis is used for; angles [rad]."""
+    """What the redundancy about the tool axis is used for.
+
+    ``step`` and ``range`` [rad] of the spin; ``turns``: also angles a whole turn away; ``refine``:
+    leave the grid of spins. ``smooth`` makes a key tag every ``key_every`` [m], at corners above
+    ``key_corner`` [rad], or at ``key_tags``, and more where more than the share ``loss_bound`` of
+    the stiffness is lost. ``free_order``: holes in any order. ``pins``: tag id to spin [rad].
+    """
 
     objective: str | Mapping[str, float]
-    index: str
+    index: Index
     step: float
     range: tuple[float, float]
-    strategy: str
-    options: Mapping[str, object] = field(default_factory=dict)
+    strategy: Strategy
+    turns: bool
+    refine: bool
+    key_every: float
+    key_corner: float
+    key_tags: tuple[str, ...]
+    loss_bound: float
+    free_order: bool
+    pins: Mapping[str, float]
+    tilt: TiltRange
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,13 +252,22 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Speeds and blending: rapid fraction 0..1, default feed [m/s] or NaN, blend [m]."""
+    """Speeds and blending of motions.
+
+    Rapids run at the share ``rapid`` of the axis speeds, straight ones at ``rapid_speed`` [m/s].
+    ``feed`` [m/s] or NaN where the CAM data gives none; ``approximation`` [m]; ``home`` (6,) [rad];
+    ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines.
+    """
 
     rapid: float
+    rapid_speed: float
     feed: float
     approximation: float
-    home: FloatArray | None = None
-    options: Mapping[str, object] = field(default_factory=dict)
+    home: FloatArray | None
+    approach: float
+    points: PointService
+    chord: float
+    arcs: ArcMotion
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -230,11 +276,36 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class KrlOptions:
-    """How programs are written."""
+    """How programs are written.
+
+    ``advance``: motions planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s];
+    ``inertia`` (3,) [kg m^2] of the tool, principal, None where it is not known; ``hooks``: event
+    to the routine that the integrator defines.
+    """
 
     template: str
     max_points_per_file: int
-    options: Mapping[str, object] = field(default_factory=dict)
+    split: Split
+    motion: MotionStyle
+    points: PointPlace
+    kss: Kss
+    advance: int
+    orientation_speed: float
+    path_speed_max: float
+    cam_lines: bool
+    setup: bool
+    hooks_example: bool
+    inertia: FloatArray | None
+    hooks: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        """Check shapes and freeze."""
+        frozen_floats(self, "inertia", (3,))
+
+    @property
+    def is_spline(self) -> bool:
+        """Whether all motions are the newer ones, which do not blend with the classic ones."""
+        return self.motion in (MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,11 +16,8 @@ from postproc.arrays import FloatArray
 from postproc.cell.cell import (
     Cell,
     ExternalAxis,
-    KrlOptions,
-    Limits,
     MeshPlacement,
     Motion,
-    Optimize,
     Origin,
     Process,
     Provenance,
@@ -28,6 +25,7 @@ from postproc.cell.cell import (
     Tool,
     Workpiece,
 )
+from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import (
     CellFile,
@@ -44,17 +42,12 @@ from postproc.files import read_bytes
 from postproc.geometry import transform_from_kuka
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
-from postproc.units import DEG, MM, MM_PER_MIN, NMM_PER_RAD, PERCENT
+from postproc.units import DEG, MM, NMM_PER_RAD
 
 _AXES = {
     f"{sign}{name}": direction * np.eye(3)[place]
     for place, name in enumerate("xyz")
     for sign, direction in (("+", 1.0), ("-", -1.0))
-}
-_OWN_FIELDS = {
-    "optimize": {"objective", "index", "step_deg", "range_deg", "strategy"},
-    "motion": {"rapid_percent", "feed_mm_min", "approximation_mm", "home_deg"},
-    "krl": {"template", "max_points_per_file"},
 }
 
 
@@ -110,13 +103,11 @@ class _Builder:
                 self._solids(file.workpiece.meshes, ("workpiece", "meshes"), "workpiece"),
             ),
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
-            limits=self._limits(),
-            optimize=self._optimize(),
+            limits=limits_of(file.limits),
+            optimize=optimize_of(file.optimize),
             process=_process(file),
             motion=self._motion(robot),
-            krl=KrlOptions(
-                self._template(), file.krl.max_points_per_file, _options(file.krl, "krl")
-            ),
+            krl=replace(krl_of(file.krl), template=self._template()),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
             origins=_origins(file, robot),
         )
@@ -165,48 +156,19 @@ class _Builder:
             meshes=self._solids(table.meshes, ("tool", "meshes"), "tool"),
         )
 
-    def _limits(self) -> Limits:
-        table = self.file.limits
-        depth = table.contact_depth_mm
-        return Limits(
-            joint_margin=table.joint_margin_deg * DEG,
-            singularity=table.singularity_deg * DEG,
-            clearance=table.clearance_mm * MM,
-            contact_depth=float("inf") if depth is None else depth * MM,
-        )
-
-    def _optimize(self) -> Optimize:
-        table = self.file.optimize
-        low, high = table.range_deg
-        return Optimize(
-            objective=table.objective,
-            index=table.index,
-            step=table.step_deg * DEG,
-            range=(low * DEG, high * DEG),
-            strategy=table.strategy,
-            options=_options(table, "optimize"),
-        )
-
     def _motion(self, robot: Robot) -> Motion:
-        table = self.file.motion
-        home = None if table.home_deg is None else np.array(table.home_deg) * DEG
-        if home is not None:
-            outside = np.flatnonzero((home < robot.q_min) | (home > robot.q_max))
+        motion = motion_of(self.file.motion)
+        if motion.home is not None:
+            outside = np.flatnonzero((motion.home < robot.q_min) | (motion.home > robot.q_max))
             for axis in outside[:1]:
                 low, high = robot.q_min[axis] / DEG, robot.q_max[axis] / DEG
                 raise CellError(
                     "CEL004",
-                    f"motion.home_deg: A{axis + 1} = {home[axis] / DEG:g} is outside the robot's "
-                    f"limits, expected {low:g} to {high:g}",
+                    f"motion.home_deg: A{axis + 1} = {motion.home[axis] / DEG:g} is outside the "
+                    f"robot's limits, expected {low:g} to {high:g}",
                     self.toml.source(("motion", "home_deg")),
                 )
-        return Motion(
-            rapid=table.rapid_percent * PERCENT,
-            feed=float("nan") if table.feed_mm_min is None else table.feed_mm_min * MM_PER_MIN,
-            approximation=table.approximation_mm * MM,
-            home=home,
-            options=_options(table, "motion"),
-        )
+        return motion
 
     def _template(self) -> str:
         """Return the name of a built-in template, or the whole path of a folder of one's own."""
@@ -293,11 +255,6 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
         q_max=high * unit,
         qd_max=(speed or 0.0) * unit,
     )
-
-
-def _options(table: Table, name: str) -> dict[str, object]:
-    """Return the keys of a table that have no own field in the cell, in file units."""
-    return {key: value for key, value in table.model_dump().items() if key not in _OWN_FIELDS[name]}
 
 
 def _process(file: CellFile) -> Process:

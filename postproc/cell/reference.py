@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import types
 from collections.abc import Iterator, Sequence
+from enum import StrEnum
 from typing import Annotated, Literal, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le, MaxLen, MinLen
@@ -83,6 +84,8 @@ def _type_words(annotation: object, metadata: Sequence[object]) -> str:
     if origin in (Union, types.UnionType):
         options = [_type_words(a, metadata) for a in arguments if a is not type(None)]
         return " or ".join(options)
+    if isinstance(annotation, type) and issubclass(annotation, StrEnum):
+        origin, arguments = Literal, tuple(annotation)
     if origin is Literal:
         return " or ".join(f'`"{value}"`' for value in arguments)
     if origin in (list, dict):

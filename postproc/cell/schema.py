@@ -1,15 +1,28 @@
 """The keys of ``cell.toml``: types, units, ranges, defaults and meaning, in file units.
 
-This is the only place where a key of the cell is described; the reference page is generated from
-it. A key added to ``OptimizeTable``, ``MotionTable`` or ``KrlTable`` beyond those that have an own
-field in ``model.cell`` reaches the code as ``cell.<table>.options["<key>"]``, in file units.
+This is the only place where a key of the cell is described and has its default; the reference page
+is generated from it. ``postproc.cell.options`` and ``postproc.cell.file`` turn it into SI units.
 """
 
 from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+
+from postproc.cell.choices import (
+    ArcMotion,
+    Index,
+    Kss,
+    MotionStyle,
+    PointPlace,
+    PointService,
+    Split,
+    Strategy,
+)
+
+_Choice = Field(strict=False)
+"""A word of a list: the file holds text, the strict table would ask for the member itself."""
 
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
@@ -195,6 +208,11 @@ class LimitsTable(Table):
     )
 
 
+def _index_name(value: object) -> object:
+    """Return the name of an index for the one that older cells have."""
+    return Index.ELLIPSOID if value == "seed" else value
+
+
 class OptimizeTable(Table):
     """What the freedom about the tool axis is used for."""
 
@@ -203,8 +221,9 @@ class OptimizeTable(Table):
         description="axial (along the tool axis), normal, radial, process (along the force), "
         "or a table of weights; see `postproc plugins`",
     )
-    index: Literal["compliance", "seed"] = Field(
-        default="compliance", description="1/(n^T C n), or the ellipsoid index of Jiao et al. 2022"
+    index: Annotated[Index, _Choice, BeforeValidator(_index_name)] = Field(
+        default=Index.COMPLIANCE,
+        description="1/(n^T C n), or the ellipsoid index of Jiao et al. 2022",
     )
     step_deg: Annotated[float, Field(gt=0.0, le=360.0)] = Field(
         default=10.0, description="step of the turn about the tool axis [deg]"
@@ -212,8 +231,8 @@ class OptimizeTable(Table):
     range_deg: AngleRange = Field(
         default=[-180.0, 180.0], description="range of the turn about the tool axis [deg]"
     )
-    strategy: Literal["global", "smooth", "each"] = Field(
-        default="global",
+    strategy: Annotated[Strategy, _Choice] = Field(
+        default=Strategy.GLOBAL,
         description="global: best joint-continuous sequence over all tags; smooth: key tags "
         "optimised, the rest interpolated; each: every tag for itself",
     )
@@ -322,16 +341,17 @@ class MotionTable(Table):
     approach_mm: NotNegative = Field(
         default=50.0, description="height above a point without a depth where it is approached [mm]"
     )
-    points: Literal["auto", "touch", "path"] = Field(
-        default="auto",
+    points: Annotated[PointService, _Choice] = Field(
+        default=PointService.AUTO,
         description="points of a list without a depth: touch: each is approached along the tool "
         "axis and left again; path: a line through all; auto: path where they have a feed",
     )
     chord_mm: Positive = Field(
         default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
     )
-    arcs: Literal["circ", "lin"] = Field(
-        default="circ", description="circ: arcs as circular motions where possible; lin: as lines"
+    arcs: Annotated[ArcMotion, _Choice] = Field(
+        default=ArcMotion.CIRC,
+        description="circ: arcs as circular motions where possible; lin: as lines",
     )
     rapid_speed_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
         default=2.0, description="path speed of straight rapid moves at rapid_percent = 100 [m/s]"
@@ -363,19 +383,20 @@ class KrlTable(Table):
     max_points_per_file: Annotated[int, Field(ge=2)] = Field(
         default=1000, description="a longer program is split into sub-programs"
     )
-    split: Literal["points", "operations"] = Field(
-        default="points", description="operations: each operation begins a sub-program"
+    split: Annotated[Split, _Choice] = Field(
+        default=Split.POINTS, description="operations: each operation begins a sub-program"
     )
-    motion: Literal["dense", "spline", "spline_block", "forms"] = Field(
-        default="dense",
+    motion: Annotated[MotionStyle, _Choice] = Field(
+        default=MotionStyle.DENSE,
         description="dense: PTP, LIN, CIRC; spline: SPTP, SLIN, SCIRC; spline_block: the same in "
         "SPLINE blocks; forms: as dense, entries and approaches as inline forms",
     )
-    points: Literal["inline", "dat"] = Field(
-        default="inline", description="dat: the points stand in the .dat file, to be touched up"
+    points: Annotated[PointPlace, _Choice] = Field(
+        default=PointPlace.INLINE,
+        description="dat: the points stand in the .dat file, to be touched up",
     )
-    kss: Literal["8.5", "8.6"] = Field(
-        default="8.6", description="inline forms of KSS 8.5 and older, or of 8.6 and newer"
+    kss: Annotated[Kss, _Choice] = Field(
+        default=Kss.V8_6, description="inline forms of KSS 8.5 and older, or of 8.6 and newer"
     )
     advance: Annotated[int, Field(ge=0, le=5)] = Field(
         default=3, description="$ADVANCE: motions planned ahead; 0 stops at every point"

@@ -15,7 +15,6 @@ from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
-from postproc.process import TiltRange
 from postproc.toml import Location, TomlText, load_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
 
@@ -188,7 +187,7 @@ def _options(context: _Context) -> Iterator[Finding]:
         if "process" in asked and not cell.process.wrench_tcp[:3].any():
             text = "objective process needs a force: force_N is zero"
             yield context.finding(Severity.ERROR, "CEL115", text, "optimize", "objective")
-    if tilt := TiltRange.of(cell):
+    if tilt := cell.optimize.tilt:
         lead, side = (
             f"{low / DEG:g} to {high / DEG:g} deg" for low, high in (tilt.lead, tilt.side)
         )

@@ -16,7 +16,7 @@ import numpy as np
 from postproc.cell import shared_cell
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
-from postproc.units import MM, N_PER_MM
+from postproc.units import DEG, MM, N_PER_MM
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
@@ -111,8 +111,7 @@ def convert(
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
     if not request.cam_lines:
-        quiet = {**cell.krl.options, "cam_lines": False}
-        cell = replace(cell, krl=replace(cell.krl, options=quiet))
+        cell = replace(cell, krl=replace(cell.krl, cam_lines=False))
     if request.pins:
         cell = with_pins(cell, toolpath, request.pins)
     model = None
@@ -168,10 +167,8 @@ def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
                 pin.source,
                 hint=f"the nearest is {near[0]}" if near else "inspect --json counts the tags",
             )
-    options = cell.optimize.options
-    own = options.get("pins", {})
-    merged = {**(own if isinstance(own, Mapping) else {}), **{p.tag: p.spin_deg for p in pins}}
-    return replace(cell, optimize=replace(cell.optimize, options={**options, "pins": merged}))
+    merged = {**cell.optimize.pins, **{pin.tag: pin.spin_deg * DEG for pin in pins}}
+    return replace(cell, optimize=replace(cell.optimize, pins=merged))
 
 
 def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:

@@ -13,7 +13,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.collision import Scene
-from postproc.emitters import KrlStyle, emit, render_files
+from postproc.emitters import emit, render_files
 from postproc.geometry import inverse
 from postproc.jobs.ways import AreFree
 from postproc.kinematics import Kinematics, build
@@ -89,7 +89,7 @@ def program_files(drive: Drive) -> dict[str, bytes]:
     machining cell defines.
     """
     modules = emit(motion_plan(drive), drive.cell)
-    stop = KrlStyle.of(drive.cell).hooks["stop"]
+    stop = drive.cell.krl.hooks["stop"]
     return render_files([_with_halts(module, stop) for module in modules])
 
 

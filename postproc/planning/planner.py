@@ -68,9 +68,9 @@ def plan(
     cell, settings = settle(cell, options)
     if not cell.external_axes:
         return _planned(toolpath, cell, settings, options, progress)
-    if settings.free_order:
+    if cell.optimize.free_order:
         toolpath = reordered(toolpath, ordered_by_place(toolpath))
-        settings = replace(settings, free_order=False)
+        cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
     return plan_stations(
         toolpath,
         cell,
@@ -89,7 +89,7 @@ def _planned(
 ) -> Plan:
     """Return the plan in a cell without external axes."""
     clock = Clock(progress)
-    if settings.free_order:
+    if cell.optimize.free_order:
         toolpath = reordered(toolpath, ordered(problem_of(toolpath, cell, settings)))
     checker = checker_of(toolpath, cell, settings)
     problem = checker.problem
@@ -118,17 +118,17 @@ def _planned(
 
 def _as_used(problem: Problem) -> dict[str, object]:
     """Return the options that shaped the plan, in file units, for the record."""
-    settings, wishes = problem.settings, problem.cell.optimize
+    weights, wishes = problem.settings.weights, problem.cell.optimize
     return {
-        "objective": {name: weight for name, weight, _ in settings.weights.states}
-        | {TRAVEL: settings.weights.travel},
+        "objective": {name: weight for name, weight, _ in weights.states}
+        | {TRAVEL: weights.travel},
         "index": wishes.index,
-        "step_deg": round(settings.step / DEG, 6),
+        "step_deg": round(wishes.step / DEG, 6),
         "range_deg": [round(value / DEG, 6) for value in wishes.range],
-        "turns": settings.turns,
-        "refine": settings.refine,
+        "turns": wishes.turns,
+        "refine": wishes.refine,
         "spin_reference": problem.placement.reference,
-    } | ({"tilts_deg": np.round(problem.tilts / DEG, 6).tolist()} if settings.tilt else {})
+    } | ({"tilts_deg": np.round(problem.tilts / DEG, 6).tolist()} if wishes.tilt else {})
 
 
 def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
@@ -136,12 +136,12 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     toolpath, placement = place_given(toolpath, cell)
     served = as_served(toolpath, cell)
     tilts = UPRIGHT
-    if settings.tilt:
+    if cell.optimize.tilt:
         axis = placement.axis_base(np.arange(len(placement)))
         feed = feed_directions(served, axis)
         feed[~placement.given] = np.nan
         placement = replace(placement, feed=feed)
-        tilts = tilt_grid(settings.tilt, len(settings.spins), int(placement.may_tilt.sum()))
+        tilts = tilt_grid(cell.optimize.tilt, len(settings.spins), int(placement.may_tilt.sum()))
     return Problem(
         served,
         cell,
@@ -157,7 +157,7 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
 def checker_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
     """Return the checks of a toolpath in a cell without external axes."""
     problem = problem_of(toolpath, cell, settings)
-    return Checker(problem, strokes_of(problem.toolpath, settings.approach), _scene(problem))
+    return Checker(problem, strokes_of(problem.toolpath, cell.motion.approach), _scene(problem))
 
 
 def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Finding]]:

@@ -2,12 +2,11 @@
 
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
-from postproc.process.tilt import PLUNGING, SHARPEST, TiltRange
+from postproc.process.tilt import PLUNGING, SHARPEST
 
 __all__ = [
     "PLUNGING",
     "SHARPEST",
-    "TiltRange",
     "as_served",
     "hole_runs",
     "reordered",

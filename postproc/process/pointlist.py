@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.cell import Cell
+from postproc.cell import Cell, PointService
 from postproc.model import MotionKind, ToolPath
 
 
@@ -18,11 +18,11 @@ def as_served(toolpath: ToolPath, cell: Cell) -> ToolPath:
     follow; ``auto`` follows where a feed is given, which only a cut has. Other formats say
     themselves what is a cut: they come back unchanged.
     """
-    choice = str(cell.motion.options.get("points", "auto"))
+    choice = cell.motion.points
     kind = np.asarray(toolpath.kind)
     touch = kind == MotionKind.LINEAR
-    if choice == "auto":
+    if choice is PointService.AUTO:
         touch = touch & ~np.isfinite(toolpath.feed)
-    if toolpath.format != "csv" or choice == "path" or not touch.any():
+    if toolpath.format != "csv" or choice is PointService.PATH or not touch.any():
         return toolpath
     return replace(toolpath, kind=np.where(touch, MotionKind.HOLE, kind).astype(np.int32))

@@ -18,43 +18,9 @@ a hole or a joint target, where no cut meets it, where the cuts run along the to
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from postproc.cell import Cell
 from postproc.units import DEG
 
 SHARPEST = 100.0 * DEG
 """Where the feed direction turns by more, a tag has none."""
 PLUNGING = 0.2
 """A cut whose share across the tool axis is smaller runs along it."""
-DEFAULT_STEP_DEG = 5.0
-
-
-@dataclass(frozen=True, slots=True)
-class TiltRange:
-    """Smallest and largest lead and side tilt, and the step of the search, all [rad]."""
-
-    lead: tuple[float, float]
-    side: tuple[float, float]
-    step: float
-
-    @classmethod
-    def of(cls, cell: Cell) -> TiltRange:
-        """Return what ``[optimize]`` of a cell allows."""
-        options = cell.optimize.options
-        step = options.get("tilt_step_deg", DEFAULT_STEP_DEG)
-        return cls(
-            _range(options.get("lead_deg")),
-            _range(options.get("side_tilt_deg")),
-            (float(step) if isinstance(step, int | float) else DEFAULT_STEP_DEG) * DEG,
-        )
-
-    def __bool__(self) -> bool:
-        """Return whether any tilt is allowed."""
-        return any((*self.lead, *self.side))
-
-
-def _range(value: object) -> tuple[float, float]:
-    if not isinstance(value, list | tuple) or len(value) != 2:
-        return 0.0, 0.0
-    return float(value[0]) * DEG, float(value[1]) * DEG

@@ -4,7 +4,7 @@ Two families, both [N/m], both vectorised over leading axes:
 
 - ``directional`` and what is built on it: the force along n per displacement along n of the free
   tool, 1/(nᵀ C_dd n). This is what a machining force really meets.
-- ``seed_directional`` and ``seed_normal``: the ellipsoid index of Jiao et al. 2022, Eqs. (15) to
+- ``ellipsoid`` and ``ellipsoid_normal``: the ellipsoid index of Jiao et al. 2022, Eqs. (15) to
   (25) and (43), to compare with the paper. It is a power mean with exponent -4 of the principal
   stiffnesses of a tool whose rotation is held, so it is pulled to the softest axis and can rank
   poses otherwise than the true stiffness does.
@@ -14,8 +14,6 @@ axes of ``robroot``; c_joint (n,) or (..., n) [rad/(N*m)]; directions (..., 3) u
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -80,7 +78,7 @@ def under_wrench(jacobian: ArrayLike, c_joint: ArrayLike, wrench: ArrayLike) -> 
         return np.asarray(np.linalg.norm(w[..., :3], axis=-1) / moved)
 
 
-def seed_directional(
+def ellipsoid(
     jacobian: ArrayLike, c_joint: ArrayLike, direction: ArrayLike, block: str = "held"
 ) -> FloatArray:
     """Return the paper's ellipsoid index k along a direction (...,) [N/m].
@@ -112,7 +110,7 @@ def seed_directional(
         return np.asarray(np.linalg.norm(twice[..., 0], axis=-1) ** -0.5)
 
 
-def seed_normal(k_y: ArrayLike, k_z: ArrayLike, theta: ArrayLike) -> FloatArray:
+def ellipsoid_normal(k_y: ArrayLike, k_z: ArrayLike, theta: ArrayLike) -> FloatArray:
     """Return the paper's kv = sqrt((kz cos θ)² + (ky sin θ)²) (...,) [N/m], Eq. (43).
 
     θ is the rotation about the tool's x axis [rad]. Stiffnesses are not components of a vector:
@@ -122,45 +120,6 @@ def seed_normal(k_y: ArrayLike, k_z: ArrayLike, theta: ArrayLike) -> FloatArray:
     y = np.asarray(k_y, dtype=np.float64) * np.sin(theta)
     z = np.asarray(k_z, dtype=np.float64) * np.cos(theta)
     return np.asarray(np.hypot(y, z))
-
-
-@dataclass(frozen=True, slots=True)
-class ToolStiffness:
-    """Stiffness along the tool's three axes and, where a path normal is known, along it [N/m]."""
-
-    x: FloatArray
-    y: FloatArray
-    z: FloatArray
-    normal: FloatArray | None = None
-
-
-def along_tool(
-    jacobian: ArrayLike,
-    c_joint: ArrayLike,
-    R_robroot_tcp: ArrayLike,
-    normal: ArrayLike | None = None,
-    index: str = "compliance",
-) -> ToolStiffness:
-    """Return kx, ky, kz along the axes of the tool frame and kv along the path's normal.
-
-    Args:
-        jacobian: (..., 6, n).
-        c_joint: (n,) or (..., n) [rad/(N*m)].
-        R_robroot_tcp: (..., 3, 3), columns are the tool's axes.
-        normal: (..., 3) unit normal of the path in its work plane, ``robroot``.
-        index: ``compliance`` (true) or ``seed`` (paper, literal block).
-
-    Raises:
-        StiffnessError: STF004 for another ``index``.
-    """
-    functions = {"compliance": directional, "seed": seed_directional}
-    if index not in functions:
-        raise StiffnessError("STF004", f"index is 'compliance' or 'seed', not {index!r}")
-    R = np.asarray(R_robroot_tcp, dtype=np.float64)
-    along = functions[index]
-    k_x, k_y, k_z = (along(jacobian, c_joint, R[..., :, i]) for i in range(3))
-    k_v = None if normal is None else along(jacobian, c_joint, normal)
-    return ToolStiffness(k_x, k_y, k_z, k_v)
 
 
 def plane_axes(axis: ArrayLike) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from postproc.cell.choices import ArcMotion, Index, Kss, PointService, Strategy
 from postproc.cell.file import load_cell
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import load_robot
@@ -164,6 +165,63 @@ def test_external_axes(tmp_path):
     np.testing.assert_allclose(table.T_world_axis[:3, 3], [2.0, 0.0, 0.5])
 
 
+OPTIONS = """
+[optimize]
+index = "ellipsoid"
+strategy = "smooth"
+step_deg = 180
+key_every_mm = 250
+key_corner_deg = 18
+key_tags = [3, "H4"]
+loss_bound_percent = 20
+pins = { H3 = -90 }
+lead_deg = [-18, 36]
+tilt_step_deg = 9
+[motion]
+rapid_percent = 25
+rapid_speed_m_s = 1.2
+approach_mm = 20
+chord_mm = 0.05
+arcs = "lin"
+points = "touch"
+home_deg = [0, -90, 90, 0, 45, 0]
+[krl]
+kss = "8.5"
+orientation_speed_deg_s = 90
+path_speed_max_m_s = 0.5
+inertia_kg_m2 = [1, 2, 3]
+hooks = { stop = "HALT_HERE" }
+"""
+
+
+def test_options_are_typed_and_in_si(tmp_path):
+    cell = loaded(tmp_path, SMALLEST + OPTIONS)
+    wishes, motion, krl = cell.optimize, cell.motion, cell.krl
+    assert (wishes.index, wishes.strategy) == (Index.ELLIPSOID, Strategy.SMOOTH)
+    assert (wishes.step, wishes.key_every) == pytest.approx((math.pi, 0.25))
+    assert (wishes.key_corner, wishes.loss_bound) == pytest.approx((math.pi / 10, 0.2))
+    assert wishes.key_tags == ("3", "H4")
+    assert wishes.pins == {"H3": pytest.approx(-math.pi / 2)}
+    assert wishes.tilt.lead == pytest.approx((-math.pi / 10, math.pi / 5))
+    assert (wishes.tilt.side, wishes.tilt.step) == ((0.0, 0.0), pytest.approx(math.pi / 20))
+    assert (motion.rapid, motion.rapid_speed) == pytest.approx((0.25, 0.3))
+    assert (motion.approach, motion.chord) == pytest.approx((0.02, 5e-5))
+    assert (motion.arcs, motion.points) == (ArcMotion.LIN, PointService.TOUCH)
+    assert motion.home[4] == pytest.approx(math.pi / 4)
+    assert (krl.kss, krl.path_speed_max) == (Kss.V8_5, 0.5)
+    assert krl.orientation_speed == pytest.approx(math.pi / 2)
+    np.testing.assert_array_equal(krl.inertia, [1.0, 2.0, 3.0])
+    assert (krl.hooks["stop"], krl.hooks["spindle_on"]) == ("HALT_HERE", "PP_SPINDLE_ON")
+
+
+def test_the_older_name_of_the_ellipsoid_index_is_read_and_not_shown(tmp_path):
+    older = "seed"
+    cell = loaded(tmp_path, SMALLEST + f'[optimize]\nindex = "{older}"\n')
+    assert cell.optimize.index is Index.ELLIPSOID
+    assert older not in cell_reference()
+    assert '| `index` | `"compliance"` or `"ellipsoid"` |' in cell_reference()
+
+
 def test_weights_as_objective(tmp_path):
     cell = loaded(tmp_path, SMALLEST + "[optimize]\nobjective = { axial = 0.7, normal = 0.3 }\n")
     assert dict(cell.optimize.objective) == {"axial": 0.7, "normal": 0.3}
@@ -215,6 +273,20 @@ CEL004 | 5 | motion.rapid_percent | 100 | [motion];rapid_percent = 120
 CEL004 | 5 | motion.home_deg | A2 = 90 is out | [motion];home_deg = [0, 90, 0, 0, 0, 0]
 CEL004 | 4 | optimize | 10 is above -10 | [optimize];range_deg = [10, -10]
 CEL004 | 5 | optimize.strategy | found 'best' | [optimize];strategy = "best"
+CEL004 | 5 | optimize.index | 'compliance' or 'ellipsoid', found 'k' | [optimize];index = "k"
+CEL004 | 5 | motion.points | found 'all' | [motion];points = "all"
+CEL004 | 5 | motion.arcs | 'circ' or 'lin', found True | [motion];arcs = true
+CEL004 | 5 | krl.motion | found 'sprung' | [krl];motion = "sprung"
+CEL004 | 5 | krl.points | 'inline' or 'dat', found 'both' | [krl];points = "both"
+CEL004 | 5 | krl.kss | '8.5' or '8.6', found 8.5 | [krl];kss = 8.5
+CEL004 | 5 | krl.split | found 'never' | [krl];split = "never"
+CEL004 | 5 | krl.advance | equal to 5, found 6 | [krl];advance = 6
+CEL004 | 5 | krl.path_speed_max_m_s | equal to 3, found 3.1 | [krl];path_speed_max_m_s = 3.1
+CEL004 | 5 | krl.orientation_speed_deg_s | equal to 400 | [krl];orientation_speed_deg_s = 400.1
+CEL004 | 5 | krl.orientation_speed_deg_s | than 0 | [krl];orientation_speed_deg_s = 0
+CEL002 | 5 | krl.hooks.spindle | 'spindle_on' | [krl.hooks];spindle = "X"
+CEL004 | 5 | krl.hooks.stop | found 'A B' | [krl.hooks];stop = "A B"
+CEL004 | 5 | krl.hooks.stop | found 'XXXXX | [krl.hooks];stop = "XXXXXXXXXXXXXXXXXXXXXXXXX"
 CEL004 | 4 | optimize | one above 0 | [optimize];objective = { axial = 0 }
 CEL004 | 2 | robot | found both | urdf = "a.urdf"
 CEL004 | 2 | robot | with urdf only | tip = "a"

@@ -4,7 +4,9 @@ import sys
 
 import pytest
 
+from postproc.cell import Strategy
 from postproc.cli import app
+from postproc.cli.commands import batch, convert
 
 
 def run(arguments, capsys):
@@ -20,6 +22,13 @@ def test_help_loads_no_numbers():
         "assert code == 0\nassert not heavy & set(sys.modules), heavy & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
+
+
+@pytest.mark.parametrize("command", [batch.command, convert.command])
+def test_choices_are_those_of_the_cell(command):
+    """The command line names them itself: it must start without the cell."""
+    (option,) = (param for param in command.params if param.name == "strategy")
+    assert set(option.type.choices) == set(Strategy)
 
 
 @pytest.mark.parametrize("name", sorted(app.COMMANDS))

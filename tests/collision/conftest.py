@@ -9,16 +9,15 @@ import pytest
 
 from postproc.cell.cell import (
     Cell,
-    KrlOptions,
     Limits,
     MeshPlacement,
-    Motion,
-    Optimize,
     Process,
     Tool,
     Workpiece,
 )
+from postproc.cell.options import krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
 from postproc.geometry.frames import transform
 from postproc.kinematics.model import build
@@ -80,10 +79,10 @@ def cell_of(
         workpiece=Workpiece(1, T_robroot_base, tuple(workpiece)),
         obstacles=tuple(obstacles),
         limits=Limits(0.0, 0.0, clearance, contact_depth),
-        optimize=Optimize("axial", "compliance", 0.1, (-3.0, 3.0), "global"),
+        optimize=optimize_of(OptimizeTable()),
         process=Process(np.zeros(6)),
-        motion=Motion(0.5, 0.01, 0.0),
-        krl=KrlOptions("default", 1000),
+        motion=motion_of(MotionTable()),
+        krl=krl_of(KrlTable()),
     )
 
 

@@ -9,16 +9,15 @@ import numpy as np
 from postproc.cell.cell import (
     Cell,
     ExternalAxis,
-    KrlOptions,
     Limits,
-    Motion,
-    Optimize,
     OpwGeometry,
     Process,
     Robot,
     Tool,
     Workpiece,
 )
+from postproc.cell.options import krl_of, motion_of, optimize_of
+from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import rotation_from_abc, transform
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import Event, EventKind, Operation, ToolPath
@@ -39,8 +38,6 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
         np.full(6, 5.0),
         np.eye(4),
     )
-    template = krl.pop("template", "default")
-    points = krl.pop("max_points_per_file", 1000)
     return Cell(
         name="test cell",
         path=path,
@@ -48,11 +45,11 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
         tool=Tool(1, tool_name, transform(np.eye(3), [0.107, 0.0, 0.362]), np.array([1.0, 0, 0])),
         workpiece=Workpiece(2, transform(np.eye(3), [1.5, 0.0, 0.6])),
         obstacles=(),
-        limits=Limits(0.03, 0.08, 0.0),
-        optimize=Optimize("axial", "compliance", 0.17, (-3.1, 3.1), "global"),
+        limits=Limits(0.03, 0.08, 0.0, 0.0),
+        optimize=optimize_of(OptimizeTable()),
         process=Process(np.zeros(6)),
-        motion=Motion(0.5, 0.01, 0.001),
-        krl=KrlOptions(template, points, krl),
+        motion=motion_of(MotionTable(feed_mm_min=600.0)),
+        krl=krl_of(KrlTable(**krl)),
     )
 
 

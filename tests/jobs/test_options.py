@@ -223,7 +223,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     ),
     "limits.contact_depth_mm": (DIP, {"limits.contact_depth_mm": 1.0}, MILL),
     "optimize.objective": ({}, {"optimize.objective": "normal"}, LINE),
-    "optimize.index": ({}, {"optimize.index": "seed"}),
+    "optimize.index": ({}, {"optimize.index": "ellipsoid"}),
     "optimize.step_deg": ({"optimize.refine": False}, {"optimize.step_deg": 7.0}),
     "optimize.range_deg": ({}, {"optimize.range_deg": [10.0, 20.0]}),
     "optimize.strategy": ({}, {"optimize.strategy": "each"}),

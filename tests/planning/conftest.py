@@ -9,15 +9,14 @@ import pytest
 
 from postproc.cell.cell import (
     Cell,
-    KrlOptions,
     Limits,
-    Motion,
-    Optimize,
     Process,
     Tool,
     Workpiece,
 )
+from postproc.cell.options import krl_of, motion_of, optimize_of
 from postproc.cell.robotfile import load_robot
+from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.geometry.frames import transform
 from postproc.model.toolpath import Arcs, MotionKind, ToolPath
 from postproc.units import DEG
@@ -33,18 +32,14 @@ def robot():
 
 @pytest.fixture
 def make_cell(robot):
-    """Return a function that makes a cell; ``h``, ``s``: TCP below and ahead of the flange [m]."""
+    """Return a function that makes a cell; ``h``, ``s``: TCP below and ahead of the flange [m].
+
+    ``options``, ``motion``: keys of ``[optimize]`` and ``[motion]``; ``optimize``: fields in SI.
+    """
 
     def make(h=0.362, s=0.107, optimize=None, motion=None, options=None, **changes):
         tool = Tool(1, "spindle", transform(np.eye(3), [s, 0.0, h]), np.array([1.0, 0.0, 0.0]))
-        wishes = {
-            "objective": "axial",
-            "index": "compliance",
-            "step": 10.0 * DEG,
-            "range": (-180.0 * DEG, 180.0 * DEG),
-            "strategy": "global",
-            "options": options or {},
-        } | (optimize or {})
+        wishes = optimize_of(OptimizeTable(**(options or {})))
         parts = {
             "name": "test",
             "path": "cell.toml",
@@ -53,10 +48,10 @@ def make_cell(robot):
             "workpiece": Workpiece(1, np.eye(4)),
             "obstacles": (),
             "limits": Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
-            "optimize": Optimize(**wishes),
+            "optimize": replace(wishes, **(optimize or {})),
             "process": Process(np.array([0.0, 0.0, -100.0, 0.0, 0.0, 0.0])),
-            "motion": Motion(0.5, 0.01, 0.001, options=motion or {}),
-            "krl": KrlOptions("default", 1000),
+            "motion": motion_of(MotionTable(**{"feed_mm_min": 600.0} | (motion or {}))),
+            "krl": krl_of(KrlTable()),
         }
         return Cell(**(parts | changes))
 

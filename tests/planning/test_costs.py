@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Process
+from postproc.cell.choices import Index
 from postproc.errors import CellError
 from postproc.kinematics.model import build
 from postproc.planning.states.costs import (
@@ -73,15 +74,16 @@ def test_radial_is_the_weakest_across(context):
     assert np.allclose(OBJECTIVES.get("radial")(context), weakest, rtol=1e-4)
 
 
-def test_index_seed_is_another_number(context):
-    seed = StateContext(
+def test_index_ellipsoid_is_another_number(context):
+    ellipsoid = StateContext(
         context.kinematics,
-        replace(context.cell, optimize=replace(context.cell.optimize, index="seed")),
+        replace(context.cell, optimize=replace(context.cell.optimize, index=Index.ELLIPSOID)),
         context.q, context.tag, context.spin,
         context.R_robroot_tcp, context.normal, context.c_joint,
     )  # fmt: skip
     for name in ("axial", "normal", "radial"):
-        assert not np.allclose(OBJECTIVES.get(name)(seed), OBJECTIVES.get(name)(context), rtol=0.01)
+        values = OBJECTIVES.get(name)
+        assert not np.allclose(values(ellipsoid), values(context), rtol=0.01)
 
 
 def test_costs_of_joints(context):

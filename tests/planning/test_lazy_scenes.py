@@ -42,7 +42,7 @@ def crowded(make_cell, make_path, seed):
     cell, settings = settle(cell, PlanOptions())
     problem = problem_of(toolpath, cell, settings)
     scene = Scene.build(cell, problem.kinematics)
-    return Checker(problem, strokes_of(toolpath, settings.approach), scene)
+    return Checker(problem, strokes_of(toolpath, cell.motion.approach), scene)
 
 
 @pytest.mark.parametrize("seed", range(50))

@@ -50,7 +50,7 @@ def odd_path(make_path, kinds, step=0.05):
 @pytest.mark.parametrize("name", sorted(ODD))
 def test_odd_sequences(make_cell, make_path, name, strategy):
     toolpath = odd_path(make_path, ODD[name])
-    result = plan(toolpath, make_cell(optimize={"strategy": strategy}))
+    result = plan(toolpath, make_cell(options={"strategy": strategy}))
     assert not result.errors
     assert set(result.tag.tolist()) == set(range(len(toolpath)))
     assert result.kind[0] == MoveKind.PTP

@@ -105,7 +105,7 @@ class TestHoles:
         """Cost of travel and stiffness of the joint optimum, against that of per-tag optima."""
         toolpath, cost = row_of_holes(make_path), {}
         for strategy in ("global", "each"):
-            cell = make_cell(options={"refine": False}, optimize={"strategy": strategy})
+            cell = make_cell(options={"refine": False, "strategy": strategy})
             result = plan(toolpath, cell)
             q = result.q[result.role == MoveRole.PLUNGE]
             travel = ((np.diff(q, axis=0) / (10.0 * DEG)) ** 2).sum()
@@ -115,7 +115,7 @@ class TestHoles:
 
     def test_each_is_the_best_of_the_grid(self, make_cell, make_path):
         """Every tag's index equals the largest over its reachable states, by brute force."""
-        cell = make_cell(optimize={"strategy": "each"})
+        cell = make_cell(options={"strategy": "each"})
         toolpath = row_of_holes(make_path, n=5)
         result = plan(toolpath, cell)
         kinematics = build(cell.robot)
@@ -381,9 +381,9 @@ def test_every_option_of_smooth_changes_the_plan(make_cell, make_path, key, valu
     """Checked where nothing else asks for key tags."""
     toolpath = TestCuts().milling(make_path)
     base = {"loss_bound_percent": 100.0, "key_every_mm": 1e4, "key_corner_deg": 180.0}
-    wish = {"strategy": "smooth"}
-    plain = plan(toolpath, make_cell(options=base, optimize=wish))
-    changed = plan(toolpath, make_cell(options=base | {key: value}, optimize=wish))
+    base["strategy"] = "smooth"
+    plain = plan(toolpath, make_cell(options=base))
+    changed = plan(toolpath, make_cell(options=base | {key: value}))
     assert differ(plain, changed)
 
 

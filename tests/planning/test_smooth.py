@@ -18,7 +18,7 @@ from postproc.model.toolpath import MotionKind
 from postproc.planning.checks.feasible import Reason
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import key_tags, stretches
-from postproc.planning.states.settings import PlanOptions, settle
+from postproc.planning.states.settings import PlanOptions
 from postproc.units import DEG, MM
 
 AS_THE_PAPER = {"refine": False, "loss_bound_percent": 100.0, "key_every_mm": 1e6}
@@ -35,11 +35,9 @@ def paper_cell(make_cell, below, ahead, index, options):
     cell = make_cell(
         optimize={
             "objective": "normal",
-            "index": index,
             "range": (-90.0 * DEG, 90.0 * DEG),
-            "strategy": "smooth",
         },
-        options=options,
+        options={"index": index, "strategy": "smooth"} | options,
         limits=Limits(0.0, 0.0, 0.0, np.inf),
     )
     return replace(cell, tool=Tool(1, "spindle", T, np.array([1.0, 0.0, 0.0])))
@@ -49,8 +47,8 @@ def paper_cell(make_cell, below, ahead, index, options):
 @pytest.mark.parametrize(
     ("head", "path", "index", "ends", "losses"),
     [
-        ((214, 116), (1680, 555, 508), "seed", 20, [-1.2, 0, 13.1, 30.9, 13.1, 0, -1.2]),
-        ((362, 107), (1889, 156, 133), "seed", 20, [-3.1, 0, 16.2, 31.6, 16.2, 0, -3.1]),
+        ((214, 116), (1680, 555, 508), "ellipsoid", 20, [-1.2, 0, 13.1, 30.9, 13.1, 0, -1.2]),
+        ((362, 107), (1889, 156, 133), "ellipsoid", 20, [-3.1, 0, 16.2, 31.6, 16.2, 0, -3.1]),
         ((214, 116), (1680, 555, 508), "compliance", 10, [3.3, 9.3, 15.4, 17.6]),
     ],
 )
@@ -82,7 +80,7 @@ def test_key_tags_keep_the_bound_too(make_cell, make_path):
     toolpath = line(make_path, 1680, 555, 508)
     losses = {}
     for bound in (5.0, 20.0, 100.0):
-        cell = paper_cell(make_cell, 214, 116, "seed", {"loss_bound_percent": bound})
+        cell = paper_cell(make_cell, 214, 116, "ellipsoid", {"loss_bound_percent": bound})
         result = plan(toolpath, cell)
         assert not result.errors
         losses[bound] = np.nanmax(result.settings["loss"])
@@ -120,7 +118,7 @@ def test_global_beats_smooth(make_cell, make_path):
 @pytest.mark.usefixtures("no_scene")
 def test_spin_is_even_between_two_key_tags(make_cell, make_path):
     result = plan(
-        line(make_path, 1680, 555, 508), paper_cell(make_cell, 214, 116, "seed", AS_THE_PAPER)
+        line(make_path, 1680, 555, 508), paper_cell(make_cell, 214, 116, "ellipsoid", AS_THE_PAPER)
     )
     steps = np.diff(result.spin) / DEG
     assert np.allclose(steps, steps[0], atol=1e-5)
@@ -137,12 +135,12 @@ def test_which_tags_are_key(make_cell, make_path):
     kind = np.full(15, MotionKind.LINEAR)
     kind[0] = MotionKind.RAPID
     toolpath = make_path(points, [0, 0, 1.0], kind)
-    settings = settle(make_cell(), PlanOptions())[1]
-    assert np.nonzero(key_tags(toolpath, settings))[0].tolist() == [0, 4, 8, 10, 14]
-    named = settle(make_cell(options={"key_tags": [3]}), PlanOptions())[1]
+    wishes = make_cell().optimize
+    assert np.nonzero(key_tags(toolpath, wishes))[0].tolist() == [0, 4, 8, 10, 14]
+    named = make_cell(options={"key_tags": [3]}).optimize
     assert np.nonzero(key_tags(toolpath, named))[0].tolist() == [0, 3, 14]
     split = replace(toolpath, operation=np.repeat([0, 1], [6, 9]))
-    assert {5, 6} <= set(np.nonzero(key_tags(split, settings))[0].tolist())
+    assert {5, 6} <= set(np.nonzero(key_tags(split, wishes))[0].tolist())
     kind[7] = MotionKind.RAPID
     assert stretches(replace(toolpath, kind=kind)).tolist() == [0] * 7 + [1] * 8
 
@@ -161,7 +159,7 @@ def test_no_tag_is_given_up_in_silence(make_cell, make_path, monkeypatch):
 
     monkeypatch.setattr(module, "check_chain", refusing)
     points = np.stack([np.full(6, 1.9), np.linspace(-0.1, 0.1, 6), np.ones(6)], axis=1)
-    cell = make_cell(optimize={"strategy": "smooth"})
+    cell = make_cell(options={"strategy": "smooth"})
     result = plan(make_path(points, [-1.0, 0.0, 0.0]), cell)
     missing = set(range(6)) - set(result.tag.tolist())
     assert missing == {3}

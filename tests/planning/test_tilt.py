@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from postproc.cell.cell import Workpiece
+from postproc.cell.cell import TiltRange, Workpiece
 from postproc.errors import CellError
 from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
@@ -16,7 +16,6 @@ from postproc.planning.planner import checker_of, plan, problem_of
 from postproc.planning.search.hunt import Hunt
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.planning.states.tilt import MOST_TILTS, feed_directions, tilt_grid
-from postproc.process.tilt import TiltRange
 from postproc.units import DEG
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -184,9 +183,9 @@ def axial_stiffness(problem, q, axis):
 @pytest.mark.usefixtures("no_scene")
 @pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
 def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
-    options = {"lead_deg": [-8.0, 12.0], "side_tilt_deg": [0.0, 6.0]}
+    tilts = {"lead_deg": [-8.0, 12.0], "side_tilt_deg": [0.0, 6.0]}
     wishes = {"strategy": strategy, "objective": {"radial": 1.0, "tilt": 0.0}}
-    cell = make_cell(optimize=wishes, options=options, workpiece=AHEAD)
+    cell = make_cell(options=wishes | tilts, workpiece=AHEAD)
     x = np.linspace(0.0, 0.2, 11)
     points = np.concatenate([np.stack([x, 0 * x, 0 * x], axis=1), [[0.2, 0.1, 0], [0.3, 0.1, 0]]])
     kinds = [RAPID] + [LINEAR] * 10 + [HOLE, HOLE]
@@ -205,6 +204,6 @@ def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
     assert np.allclose(result.T_base_tcp[at_tag, :3, 3], points[:11], atol=1e-12)
     alone = plan(
         make_path(points, UP, kinds, cycle=cycle, cycles=cycles),
-        make_cell(optimize=wishes, workpiece=AHEAD),
+        make_cell(options=wishes, workpiece=AHEAD),
     )
     assert np.nanmean(result.stiffness[:11]) > np.nanmean(alone.stiffness[:11])

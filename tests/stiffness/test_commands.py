@@ -141,7 +141,7 @@ def test_stiffness_over_the_rotation(holes, cell_path, tmp_path, capsys):
         axial = [v for v in tag["N_per_mm"]["axial"] if v is not None]
         assert tag["best"]["axial"]["N_per_mm"] == pytest.approx(max(axial))
         assert max(axial) > 1.05 * min(axial)
-    assert "seed_kv" in page.read_text(encoding="utf-8")
+    assert "ellipsoid_kv" in page.read_text(encoding="utf-8")
 
 
 def test_a_coaxial_tool_gains_nothing_by_turning(holes, cell_path, tmp_path, capsys):

@@ -32,18 +32,18 @@ def directions(count, seed=0):
 
 
 @pytest.mark.parametrize("block", ["held", "free"])
-def test_seed_index_is_the_papers_ellipsoid(jacobians, block):
+def test_ellipsoid_is_that_of_the_paper(jacobians, block):
     n = directions(len(jacobians))
     K = (
         cartesian.stiffness_rotation_held(jacobians, C)
         if block == "held"
         else cartesian.stiffness_rotation_free(jacobians, C)
     )
-    ours = index.seed_directional(jacobians, C, n, block)
+    ours = index.ellipsoid(jacobians, C, n, block)
     np.testing.assert_allclose(ours, [paper_index(k, d) for k, d in zip(K, n, strict=True)], 1e-6)
 
 
-def test_seed_index_of_a_principal_axis_is_its_stiffness():
+def test_ellipsoid_of_a_principal_axis_is_its_stiffness():
     # one prismatic-like joint per axis: stiffness along it is 1/(c l^2)
     J = np.zeros((6, 6))
     J[0, 0], J[1, 1], J[2, 2] = 2.0, 1.0, 0.5
@@ -52,7 +52,7 @@ def test_seed_index_of_a_principal_axis_is_its_stiffness():
     expected = [1.0 / (1e-6 * size**2) for size in (2.0, 1.0, 0.5)]
     for i, value in enumerate(expected):
         assert index.directional(J, c, np.eye(3)[i]) == pytest.approx(value)
-        assert index.seed_directional(J, c, np.eye(3)[i]) == pytest.approx(value)
+        assert index.ellipsoid(J, c, np.eye(3)[i]) == pytest.approx(value)
 
 
 def test_directional_is_force_per_displacement_along_it(jacobians):
@@ -84,20 +84,11 @@ def test_radial_is_the_weakest_direction_across_the_axis(jacobians):
 
 
 def test_kv_is_the_papers_mixture():
-    assert index.seed_normal(3.0, 4.0, 0.0) == pytest.approx(4.0)
-    assert index.seed_normal(3.0, 4.0, np.pi / 2) == pytest.approx(3.0)
-    assert index.seed_normal(3.0, 4.0, np.radians(30)) == pytest.approx(
+    assert index.ellipsoid_normal(3.0, 4.0, 0.0) == pytest.approx(4.0)
+    assert index.ellipsoid_normal(3.0, 4.0, np.pi / 2) == pytest.approx(3.0)
+    assert index.ellipsoid_normal(3.0, 4.0, np.radians(30)) == pytest.approx(
         np.sqrt((4.0 * np.cos(np.radians(30))) ** 2 + (3.0 * np.sin(np.radians(30))) ** 2)
     )
-
-
-def test_along_tool_reads_the_axes_of_the_tool(jacobians):
-    R = rotation_about(directions(len(jacobians), 4), np.full(len(jacobians), 0.7))
-    both = index.along_tool(jacobians, C, R, normal=R[:, :, 1])
-    np.testing.assert_allclose(both.y, both.normal)
-    np.testing.assert_allclose(both.x, index.directional(jacobians, C, R[:, :, 0]))
-    seed = index.along_tool(jacobians, C, R, index="seed")
-    np.testing.assert_allclose(seed.z, index.seed_directional(jacobians, C, R[:, :, 2]))
 
 
 def test_along_force_ignores_its_size_and_under_wrench_its_direction(jacobians):
@@ -110,8 +101,7 @@ def test_along_force_ignores_its_size_and_under_wrench_its_direction(jacobians):
 def test_wrong_calls_are_named(jacobians):
     for code, call in (
         ("STF002", lambda: index.along_force(jacobians, C, np.zeros(6))),
-        ("STF003", lambda: index.seed_directional(jacobians, C, np.eye(3)[0], "other")),
-        ("STF004", lambda: index.along_tool(jacobians, C, np.eye(3), index="other")),
+        ("STF003", lambda: index.ellipsoid(jacobians, C, np.eye(3)[0], "other")),
     ):
         with pytest.raises(StiffnessError, match=code):
             call()

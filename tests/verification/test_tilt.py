@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell.cell import TiltRange
 from postproc.cell.file import load_cell
 from postproc.geometry.frames import rotation_about
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath
-from postproc.process.tilt import TiltRange
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc
 from postproc.verification.cam.tilt import Tilts

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
 
-from postproc.cell import Cell
+from postproc.cell import Cell, KrlOptions, MotionStyle, Split
 from postproc.emitters.base import EMITTERS
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
@@ -27,7 +27,6 @@ from postproc.emitters.kuka.setup import (
     hooks_module,
     setup_statements,
 )
-from postproc.emitters.kuka.style import KrlStyle
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
 from postproc.krl import (
@@ -38,11 +37,13 @@ from postproc.krl import (
     Part,
     Routine,
     Statement,
+    is_legal,
     render,
     split,
     suffixes,
 )
 from postproc.model import Event, MoveKind, Plan
+from postproc.units import DEG
 
 
 def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple[KrlModule, ...]:
@@ -56,8 +57,8 @@ def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple
 
     Raises:
         EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT315 for
-            a move or an event that cannot be written; EMT320 for a wrong ``[krl]`` value; EMT330
-            to EMT334 for templates; EMT301 if no name is left.
+            a move or an event that cannot be written; EMT320 for a hook that KRL cannot call;
+            EMT330 to EMT334 for templates; EMT301 if no name is left.
         KrlError: KRL901 to KRL905 for a number that cannot be written.
     """
     if len(plan) == 0:
@@ -97,6 +98,7 @@ class _Program:
         parts = self.parts
         endings = suffixes(len(parts)) if len(parts) > 1 else ()
         extra = (SETUP_ENDING,) if self.style.setup else ()
+        self._require_callable()
         self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
         name = self.names.allocate(self.plan.name, (*endings, *extra))
         if endings:
@@ -116,30 +118,36 @@ class _Program:
         """Return the separate modules that the cell asks for."""
         modules = []
         if self.style.setup:
-            body = setup_statements(self.cell, self.style, self.templates)
+            body = setup_statements(self.cell, self.templates)
             modules.append(self._module(name + SETUP_ENDING, body))
         if self.style.hooks_example:
             modules.append(hooks_module(self.style, self.templates))
         return modules
 
-    @cached_property
-    def style(self) -> KrlStyle:
-        return KrlStyle.of(self.cell)
+    def _require_callable(self) -> None:
+        for key, name in self.style.hooks.items():
+            if not is_legal(name):
+                text = f"krl.hooks.{key}: {name!r} means something in KRL, expected another name"
+                raise EmitError("EMT320", text, SourceRef(self.cell.path))
+
+    @property
+    def style(self) -> KrlOptions:
+        return self.cell.krl
 
     @cached_property
     def templates(self) -> TemplateSet:
-        return TemplateSet(self.cell.krl.template, SourceRef(self.cell.path))
+        return TemplateSet(self.style.template, SourceRef(self.cell.path))
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        forced = operation_starts(self.plan) if self.style.split == "operations" else []
+        forced = operation_starts(self.plan) if self.style.split is Split.OPERATIONS else []
         quality = border_quality(self.plan).astype(int)
-        return split(quality, self.cell.krl.max_points_per_file, forced)
+        return split(quality, self.style.max_points_per_file, forced)
 
     @cached_property
     def table(self) -> Columns:
         borders = frozenset(part.first for part in self.parts[1:])
-        return columns(self.plan, self.cell, borders, self.style.path_speed_max_m_s)
+        return columns(self.plan, self.cell, borders, self.style.path_speed_max)
 
     @cached_property
     def events(self) -> EventWriter:
@@ -161,7 +169,7 @@ class _Program:
             cell.tool.number,
             cell.workpiece.number,
         )
-        forms = FormWriter(points, style.kss) if style.motion == "forms" else None
+        forms = FormWriter(points, style.kss) if style.motion is MotionStyle.FORMS else None
         return PartWriter(
             plan=self.plan,
             table=self.table,
@@ -199,7 +207,7 @@ class _Program:
             "base_number": self.cell.workpiece.number,
             "advance": style.advance,
             "positioner": any(axis.kind == "positioner" for axis in self.cell.external_axes),
-            "orientation_speed": float(style.orientation_speed_deg_s),
+            "orientation_speed": style.orientation_speed / DEG,
         }
 
     def _texts(self) -> dict[str, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from postproc.emitters.kuka.style import KrlStyle
+from postproc.cell import KrlOptions
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
@@ -29,7 +29,7 @@ class EventWriter:
     """Statements of events: direct, or on the way by a trigger. ``path``: the CAM file's."""
 
     templates: TemplateSet
-    style: KrlStyle
+    style: KrlOptions
     path: str
 
     def statements(self, event: Event, *, flying: bool) -> list[Statement]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from postproc.cell import Kss
 from postproc.emitters.kuka.points import PointStore
 from postproc.krl import (
     Assign,
@@ -36,7 +37,7 @@ class FormWriter:
     """Writes forms whose points and motion data go into a data list; ``kss``: 8.5 or 8.6."""
 
     points: PointStore
-    kss: str
+    kss: Kss
 
     def ptp(self, index: int, pose: Pose, percent: float) -> list[Statement]:
         """Return a PTP form; it ends exactly, ``percent`` is the axis speed."""
@@ -92,7 +93,7 @@ class FormWriter:
         self, head: str, old: str, new: str, code: list[Statement], motion: Move
     ) -> list[Statement]:
         begin: list[Statement]
-        if self.kss == "8.5":
+        if self.kss is Kss.V8_5:
             begin = [FoldBegin(f"{head};%{{PE}}{old}")]
         else:
             begin = [

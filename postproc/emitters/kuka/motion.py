@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from postproc.cell import KrlOptions, MotionStyle, PointPlace
 from postproc.emitters.kuka.columns import Columns, is_flying
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.points import PointStore
-from postproc.emitters.kuka.style import KrlStyle
 from postproc.krl import (
     Assign,
     Axes,
@@ -73,7 +73,7 @@ class PartWriter:
     plan: Plan
     table: Columns
     part: Part
-    style: KrlStyle
+    style: KrlOptions
     events: EventWriter
     by_index: Mapping[int, Sequence[Event]]
     values: Mapping[str, object]
@@ -211,14 +211,14 @@ class PartWriter:
         return f" CAM line {line}" if line and self.style.cam_lines else ""
 
     def _target(self, index: int, target: Pose | Axes) -> Value:
-        return self.points.add(index, target) if self.style.points == "dat" else target
+        return self.points.add(index, target) if self.style.points is PointPlace.DAT else target
 
     # ------------------------------------------------------------------------ spline blocks
 
     def _block_end(self, first: int, stop: int) -> int:
         """Return the move behind the spline block that begins with move ``first``."""
         table = self.table
-        if self.style.motion != "spline_block" or table.kind[first] == MoveKind.PTP:
+        if self.style.motion is not MotionStyle.SPLINE_BLOCK or table.kind[first] == MoveKind.PTP:
             return first + 1
         last = first
         while (

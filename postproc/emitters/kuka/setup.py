@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
-from postproc.emitters.kuka.style import KrlStyle
+from postproc.cell import Cell, KrlOptions
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.geometry import kuka_from_transform
 from postproc.krl import Aggregate, KrlModule, Pose, Statement, value_text
@@ -22,9 +21,9 @@ SETUP_ENDING = "_SETUP"
 """Behind the program's name: the module that enters tool, base and load data."""
 
 
-def setup_statements(cell: Cell, style: KrlStyle, templates: TemplateSet) -> list[Statement]:
+def setup_statements(cell: Cell, templates: TemplateSet) -> list[Statement]:
     """Return the body of the set-up module; errors as ``TemplateSet.statements``."""
-    load = _load(cell, style)
+    load = _load(cell)
     values: dict[str, object] = {
         "tool_number": cell.tool.number,
         "base_number": cell.workpiece.number,
@@ -39,7 +38,7 @@ def setup_statements(cell: Cell, style: KrlStyle, templates: TemplateSet) -> lis
     return templates.statements("setup", values, texts)
 
 
-def hooks_module(style: KrlStyle, templates: TemplateSet) -> KrlModule:
+def hooks_module(style: KrlOptions, templates: TemplateSet) -> KrlModule:
     """Return the example of the integrator's routines; errors as ``TemplateSet.module``."""
     return templates.module("hooks", {"hooks": dict(style.hooks)}, HOOKS_MODULE)
 
@@ -50,16 +49,16 @@ def _frame(T: FloatArray) -> Pose:
     return Pose(x, y, z, a, b, c)
 
 
-def _load(cell: Cell, style: KrlStyle) -> Aggregate | None:
+def _load(cell: Cell) -> Aggregate | None:
     """Return LOAD_DATA, None if mass, centre of gravity or inertia is not known.
 
     An inertia of 0 would be taken for a point mass, so none is made up.
     """
-    tool = cell.tool
-    if math.isnan(tool.mass) or tool.com is None or style.inertia_kg_m2 is None:
+    tool, inertia = cell.tool, cell.krl.inertia
+    if math.isnan(tool.mass) or tool.com is None or inertia is None:
         return None
     x, y, z = (float(v) / MM for v in tool.com)
-    jx, jy, jz = style.inertia_kg_m2
+    jx, jy, jz = inertia
     return Aggregate(
         (
             ("M", float(tool.mass)),

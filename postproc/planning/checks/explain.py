@@ -136,7 +136,7 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
 
 def pinned(problem: Problem, tag: int) -> str:
     """Return ``pinned to a turn of ... deg: `` for a pinned tag, else nothing."""
-    spin = problem.settings.pins.get(problem.toolpath.tag_name(tag))
+    spin = problem.cell.optimize.pins.get(problem.toolpath.tag_name(tag))
     return "" if spin is None else f"pinned to a turn of {spin / DEG:g} deg: "
 
 

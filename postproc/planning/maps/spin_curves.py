@@ -40,10 +40,10 @@ INDICES = {
     "normal": "across the path in the work plane",
     "first_cross": "along the first cross axis of the tool frame",
     "second_cross": "along the second cross axis of the tool frame",
-    "seed_kx": "paper, along the tool axis, Eq. (23)",
-    "seed_ky": "paper, along the first cross axis, Eq. (24)",
-    "seed_kz": "paper, along the second cross axis, Eq. (25)",
-    "seed_kv": "paper, normal stiffness, Eq. (43)",
+    "ellipsoid_kx": "Jiao et al. 2022, along the tool axis, Eq. (23)",
+    "ellipsoid_ky": "Jiao et al. 2022, along the first cross axis, Eq. (24)",
+    "ellipsoid_kz": "Jiao et al. 2022, along the second cross axis, Eq. (25)",
+    "ellipsoid_kv": "Jiao et al. 2022, normal stiffness, Eq. (43)",
 }
 """Name of an index to what it is."""
 _COAXIAL = 1e-3
@@ -109,9 +109,9 @@ def spin_curves(
             "no joint stiffness: the cell has no [stiffness] and no --model is given",
             SourceRef(cell.path),
         )
-    cell, settings = settle(cell, PlanOptions())
+    cell, _ = settle(cell, PlanOptions())
     if tags is None:
-        tags = _some(np.flatnonzero(key_tags(toolpath, settings)), most)
+        tags = _some(np.flatnonzero(key_tags(toolpath, cell.optimize)), most)
     spins = spin_values(step or cell.optimize.step, *cell.optimize.range)
     placement = place(toolpath, cell)
     pairs = np.repeat(tags, len(spins))
@@ -189,11 +189,11 @@ def _indices(
     values["normal"][can] = index.directional(J, c, normal[can])
     values["first_cross"][can] = index.directional(J, c, first)
     values["second_cross"][can] = index.directional(J, c, second)
-    values["seed_kx"][can] = index.seed_directional(J, c, axis)
-    k_y = index.seed_directional(J, c, first)
-    k_z = index.seed_directional(J, c, second)
-    values["seed_ky"][can], values["seed_kz"][can] = k_y, k_z
-    values["seed_kv"][can] = index.seed_normal(k_y, k_z, spin[can])
+    values["ellipsoid_kx"][can] = index.ellipsoid(J, c, axis)
+    k_y = index.ellipsoid(J, c, first)
+    k_z = index.ellipsoid(J, c, second)
+    values["ellipsoid_ky"][can], values["ellipsoid_kz"][can] = k_y, k_z
+    values["ellipsoid_kv"][can] = index.ellipsoid_normal(k_y, k_z, spin[can])
     return values
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.cell import ArcMotion
 from postproc.geometry import angle_between, arc_points, arc_poses
 from postproc.model import MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
@@ -62,8 +63,8 @@ def _arcs(
     rise = np.abs(np.einsum("ij,ij->i", end[:, :3, 3] - start[:, :3, 3], normal))
     axis = problem.placement.axis_base
     turned = angle_between(axis(tags - 1), axis(tags))
-    circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.settings.arcs == "circ")
-    chord = 2.0 * np.arccos(np.clip(1.0 - problem.settings.chord / radius, -1.0, 1.0))
+    circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.cell.motion.arcs is ArcMotion.CIRC)
+    chord = 2.0 * np.arccos(np.clip(1.0 - problem.cell.motion.chord / radius, -1.0, 1.0))
     widest = np.where(circular, LARGEST_CIRC, np.clip(chord, 1e-3, LARGEST_CIRC))
     tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)

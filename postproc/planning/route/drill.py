@@ -24,7 +24,7 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     tags = np.nonzero(strokes.is_stroke & chosen.good)[0]
     if not len(tags):
         return []
-    toolpath, rapid = problem.toolpath, problem.settings.rapid_speed
+    toolpath, rapid = problem.toolpath, problem.cell.motion.rapid_speed
     top = _at(problem, chosen, tags, strokes.top[tags])
     role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.APPROACH)
     parts = [moves(tags, ARRIVE, MoveKind.PTP, role, *top)]
@@ -53,7 +53,7 @@ def _pecks(
     cycle = problem.toolpath.cycles[number] if number >= 0 else None
     plan = pecks(cycle) if cycle is not None else [(0.0, float(strokes.clear[tags[0]]))]
     dwell = cycle.dwell if cycle is not None else 0.0
-    rapid = problem.settings.rapid_speed
+    rapid = problem.cell.motion.rapid_speed
     parts = []
     for k, (depth, lift) in enumerate(plan):
         order, last = _FIRST_PECK + 3 * k, k == len(plan) - 1

@@ -49,7 +49,7 @@ def route(checker: Checker, chosen: Chosen) -> Route:
     table = in_order(parts)
     ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings)
-    rapid = problem.settings.rapid_speed
+    rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
     table.speed[rows] = rapid
@@ -195,7 +195,7 @@ def _detour_moves(
     tag = int(ends.tag_to[row])
     if way.last_is_line:
         table.kind[arriving[row]] = MoveKind.LIN
-        table.speed[arriving[row]] = problem.settings.rapid_speed
+        table.speed[arriving[row]] = problem.cell.motion.rapid_speed
         table.role[arriving[row]] = MoveRole.APPROACH
     T_base_tcp = _poses(problem, way.q)
     k = len(way.q)
@@ -206,7 +206,7 @@ def _detour_moves(
         MoveRole.RAPID,
         T_base_tcp,
         way.q,
-        np.where(way.is_line, problem.settings.rapid_speed, np.nan),
+        np.where(way.is_line, problem.cell.motion.rapid_speed, np.nan),
     )
 
 

@@ -66,7 +66,7 @@ def timed(
     cap[rows] = _caps(checker, lines)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, table, length, stops_before)
-    fraction = np.where(is_path, np.nan, problem.settings.rapid_share)
+    fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, cap)
 
@@ -156,7 +156,7 @@ def _blends(
 ) -> FloatArray:
     """Return the approximation distance (m,) [m] at the end of each move."""
     m = len(table)
-    blend = np.full(m, problem.settings.blend)
+    blend = np.full(m, problem.cell.motion.approximation)
     reach = length.copy()
     joint = table.kind == MoveKind.PTP
     step = np.zeros(m)
@@ -196,7 +196,7 @@ def _durations(
     duration[later] = joint_move_time(
         table.q[later - 1],
         table.q[later],
-        np.asarray(robot.qd_max) * problem.settings.rapid_share,
+        np.asarray(robot.qd_max) * problem.cell.motion.rapid,
         robot.qdd_max,
     )
     path = (table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0)

@@ -49,13 +49,13 @@ def step_rules(problem: Problem) -> IndexArray:
 
 def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, BoolArray]:
     """Return the spins of tags, (S,) or (n, S) [rad], and which tags (n,) are pinned to one."""
-    settings = problem.settings
+    given, pins = problem.settings.spins, problem.cell.optimize.pins
     pinned = np.zeros(len(tags), dtype=np.bool_)
-    if not settings.pins:
-        return settings.spins, pinned
-    spins = np.tile(settings.spins, (len(tags), 1))
+    if not pins:
+        return given, pinned
+    spins = np.tile(given, (len(tags), 1))
     for row, tag in enumerate(tags.tolist()):
-        spin = settings.pins.get(problem.toolpath.tag_name(tag))
+        spin = pins.get(problem.toolpath.tag_name(tag))
         if spin is not None:
             spins[row], pinned[row] = spin, True
     return spins, pinned
@@ -299,7 +299,7 @@ class Hunt:
     def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
         """Return what the search did, for the record of the plan."""
         return {
-            "strategy": self.checker.problem.settings.strategy,
+            "strategy": self.checker.problem.cell.optimize.strategy,
             "states": len(self.states.q),
             "checked": found.checked,
             "rounds": found.rounds,
@@ -376,7 +376,7 @@ def _strays(
         (-place.axis_base(first), -place.axis_base(last)),
         (place.feed[first], place.feed[last]),
         around,
-        problem.settings.tilt,
+        problem.cell.optimize.tilt,
     )
     return stray
 

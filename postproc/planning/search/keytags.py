@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import MotionKind, ToolPath
-from postproc.planning.states import IndexArray, Settings
+from postproc.planning.states import IndexArray
 
 
 def stretches(toolpath: ToolPath) -> IndexArray:
@@ -41,7 +42,7 @@ def arc_length(toolpath: ToolPath) -> FloatArray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def key_tags(toolpath: ToolPath, settings: Settings) -> BoolArray:
+def key_tags(toolpath: ToolPath, wishes: Optimize) -> BoolArray:
     """Return (n,) the key tags of a toolpath.
 
     Both ends of every stretch and pinned tags; then the tags named in the cell, or, where none are
@@ -51,17 +52,17 @@ def key_tags(toolpath: ToolPath, settings: Settings) -> BoolArray:
     number = stretches(toolpath)
     keys = np.ones(n, dtype=np.bool_)
     keys[1:-1] = (number[1:-1] != number[:-2]) | (number[1:-1] != number[2:])
-    named = {*settings.key_tags, *settings.pins}
+    named = {*wishes.key_tags, *wishes.pins}
     if named:
         keys |= np.array([toolpath.tag_name(tag) in named for tag in range(n)])
-    if settings.key_tags:
+    if wishes.key_tags:
         return keys
-    keys[1:-1] |= _corners(np.asarray(toolpath.points), settings.key_corner)
+    keys[1:-1] |= _corners(np.asarray(toolpath.points), wishes.key_corner)
     way, axes = arc_length(toolpath), np.asarray(toolpath.axes)
     last = 0
     for tag in range(1, n):
-        turned = float(angle_between(axes[last], axes[tag])) > settings.key_corner
-        far = way[tag] - way[last] >= settings.key_every - 1e-9
+        turned = float(angle_between(axes[last], axes[tag])) > wishes.key_corner
+        far = way[tag] - way[last] >= wishes.key_every - 1e-9
         if keys[tag] or turned or far:
             keys[tag] = True
             last = tag

@@ -82,7 +82,8 @@ def refine(problem: Problem, course: Course, room: Room) -> Course:
         course: a course on the grid.
         room: which tags may move, and how far.
     """
-    bounds = (problem.settings.step, problem.settings.tilt.step, problem.settings.tilt.step)
+    wishes = problem.cell.optimize
+    bounds = (wishes.step, wishes.tilt.step, wishes.tilt.step)
     angles = [_Angle(column, 0.5 * bound) for column, bound in enumerate(bounds)]
     tilts = [angle for angle in angles[1:] if room.free[:, angle.column].any()]
     for angle in [*tilts, angles[0]]:

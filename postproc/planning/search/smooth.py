@@ -60,7 +60,7 @@ def smooth(
     """Return poses, findings and record of the strategy ``smooth``."""
     problem = checker.problem
     n = len(problem)
-    keys = key_tags(problem.toolpath, problem.settings)
+    keys = key_tags(problem.toolpath, problem.cell.optimize)
     first_keys = int(keys.sum())
     best, least, stale = _best_index(checker), np.inf, 0
     released = np.zeros(n, dtype=np.bool_)
@@ -77,7 +77,7 @@ def smooth(
         if stuck.any():
             released |= stuck
             continue
-        excess = float(np.nansum(np.maximum(loss - problem.settings.loss_bound, 0.0)))
+        excess = float(np.nansum(np.maximum(loss - problem.cell.optimize.loss_bound, 0.0)))
         stale = 0 if excess < _WORTH * least or round_ < _FREE else stale + 1
         least = min(excess, least)
         shown = loss if stale < _PATIENCE else np.zeros(n)
@@ -110,12 +110,12 @@ def _hunt(checker: Checker, tags: IndexArray, best: FloatArray) -> Hunt:
         best: (n,) best index of each tag [N/m]; NaN: nothing is ruled out.
     """
     problem = checker.problem
-    hunt = Hunt.of(checker, tags, each=not problem.settings.refine)
-    if not problem.settings.refine:
+    hunt = Hunt.of(checker, tags, each=not problem.cell.optimize.refine)
+    if not problem.cell.optimize.refine:
         hunt.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
     hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
     owner = hunt.states.tag_of(np.arange(len(hunt.states.q)))
-    least = (1.0 - problem.settings.loss_bound - _ROUNDING) * best[tags]
+    least = (1.0 - problem.cell.optimize.loss_bound - _ROUNDING) * best[tags]
     ruled_out = ~hunt.pinned[owner] & (hunt.states.index < least[owner])
     hunt.ladder.cost[ruled_out] = np.inf
     return hunt
@@ -281,7 +281,7 @@ def _more_keys(
     ``every``: not only the worst one but all beyond the bound.
     """
     added = np.zeros_like(keys)
-    lossy = np.nan_to_num(loss, nan=0.0) > problem.settings.loss_bound
+    lossy = np.nan_to_num(loss, nan=0.0) > problem.cell.optimize.loss_bound
     at = np.nonzero(keys)[0]
     for a, b in zip(at[:-1].tolist(), at[1:].tolist(), strict=True):
         bad = a + 1 + np.nonzero(failing[a + 1 : b])[0]
@@ -313,7 +313,7 @@ def _report(problem: Problem, loss: FloatArray, tags: IndexArray) -> Finding:
             f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
             f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
         )
-    bound = problem.settings.loss_bound
+    bound = problem.cell.optimize.loss_bound
     if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound:
         return Finding(Severity.NOTE, "PLN304", text)
     return Finding(

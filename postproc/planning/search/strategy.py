@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import Strategy
 from postproc.errors import Finding
 from postproc.planning.checks import Checker, explained
 from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
@@ -22,17 +23,18 @@ _HEAVIER = 8.0
 
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[str, object]]:
     """Return the pose of every tag, the findings, and a record of the work."""
-    if checker.problem.settings.strategy == "smooth":
+    if checker.problem.cell.optimize.strategy is Strategy.SMOOTH:
         from postproc.planning.search.smooth import smooth
 
         return smooth(checker, step)
     tags = np.arange(len(checker.problem))
     step(0, len(tags), "search")
-    hunt = Hunt.of(checker, tags, each=checker.problem.settings.strategy == "each")
+    wishes = checker.problem.cell.optimize
+    hunt = Hunt.of(checker, tags, each=wishes.strategy is Strategy.EACH)
     found = hunt.run()
     chosen = hunt.chosen(found)
     record = hunt.record(found, chosen)
-    if checker.problem.settings.refine and checker.problem.settings.strategy == "global":
+    if wishes.refine and wishes.strategy is Strategy.GLOBAL:
         step(0, len(tags), "refine")
         chosen = refined(checker, chosen, hunt.weight)
         record["travel_rad2"] = travel(chosen)
@@ -42,14 +44,14 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
 
 def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     """Return the chosen poses moved off the grid, where that stands the checks."""
-    problem, settings = checker.problem, checker.problem.settings
+    problem, pins = checker.problem, checker.problem.cell.optimize.pins
     tags = np.nonzero(chosen.good)[0]
     if len(tags) == 0:
         return chosen
     linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
     grid = Course(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
     names = problem.toolpath.tag_name
-    free = np.array([names(tag) not in settings.pins for tag in tags.tolist()])
+    free = np.array([names(tag) not in pins for tag in tags.tolist()])
     room = _room(problem, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
     for _ in range(_REVERTS):
@@ -73,7 +75,7 @@ def _room(problem: Problem, grid: Course, free: BoolArray) -> Room:
     low, high = problem.cell.optimize.range
     if high - low >= 2.0 * np.pi - 1e-9:
         low, high = -np.inf, np.inf
-    allowed = problem.settings.tilt
+    allowed = problem.cell.optimize.tilt
     limits = np.array([(low, high), allowed.lead, allowed.side])
     chain = (step_rules(problem)[grid.tags] == Rule.CHAIN) & (grid.weight > 0.0)
     cut = np.cumsum(~chain)

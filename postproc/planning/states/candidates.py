@@ -177,7 +177,7 @@ def _chunk(
     if near is not None:
         q, source = _nearest(problem, q, near[row[pose]])
     else:
-        q, source = _copies(q, low, high, all_turns=problem.settings.turns)
+        q, source = _copies(q, low, high, all_turns=problem.cell.optimize.turns)
     cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
     owner = row[pose[source]]
     _subtract_best(cost, owner)

@@ -18,7 +18,6 @@ from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import Kinematics
 from postproc.planning.states.ladder import IndexArray
-from postproc.process import TiltRange
 from postproc.registry import Registry
 from postproc.units import DEG
 
@@ -149,7 +148,7 @@ def weights_of(cell: Cell) -> Weights:
     """
     asked = cell.optimize.objective
     table: Mapping[str, float] = {asked: 1.0} if isinstance(asked, str) else asked
-    if TiltRange.of(cell):
+    if cell.optimize.tilt:
         table = {TILT: DEFAULT_TILT, **table}
     states, notes = [], []
     for name, weight in sorted(table.items()):

@@ -1,22 +1,17 @@
-"""What a plan is asked for: the options of the call and of the cell, in SI units."""
+"""What a plan is asked for: the options of the call, and what those of the cell come to."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Strategy
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
 from postproc.planning.states.tilt import MOST_COLUMNS, coarsest
-from postproc.process import TiltRange
-from postproc.units import DEG, MM, PERCENT
-
-STRATEGIES = ("global", "smooth", "each")
+from postproc.units import DEG
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,78 +35,40 @@ class PlanOptions:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """All options of a plan, resolved. Lengths [m], angles [rad], speeds [m/s]."""
+    """What the objective and the range of the spin of a cell come to: weights, spins (s,) [rad]."""
 
-    strategy: str
     weights: Weights
     spins: FloatArray
-    step: float
-    tilt: TiltRange
-    refine: bool
-    turns: bool
-    key_every: float
-    key_corner: float
-    key_tags: tuple[str, ...]
-    loss_bound: float
-    free_order: bool
-    approach: float
-    chord: float
-    arcs: str
-    rapid_speed: float
-    rapid_share: float
-    blend: float
-    pins: Mapping[str, float] = field(default_factory=dict)
 
 
 def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
-    """Return the cell with the call's choices in it, and all settings.
+    """Return the cell with the call's choices in it, and what its options come to.
 
     Raises:
         CellError: PLN202 for an unknown objective, PLN204 for an unknown strategy, PLN207 for more
-            turns times tilts than a tag can hold.
+            spins times tilts than a tag can hold.
     """
-    changes = {
-        key: value
-        for key, value in (("strategy", options.strategy), ("objective", options.objective))
-        if value is not None
-    }
-    if changes:
-        cell = replace(cell, optimize=replace(cell.optimize, **changes))  # type: ignore[arg-type]
-    chosen = cell.optimize
-    if chosen.strategy not in STRATEGIES:
-        raise CellError(
-            "PLN204",
-            f"strategy {chosen.strategy!r}: expected one of {', '.join(STRATEGIES)}",
-            SourceRef(cell.path),
-        )
-    extra, motion = _Extra(chosen.options), _Extra(cell.motion.options)
-    spins, tilt = spin_values(chosen.step, *chosen.range), TiltRange.of(cell)
-    _require_room(cell, len(spins), tilt)
-    return cell, Settings(
-        strategy=chosen.strategy,
-        weights=weights_of(cell),
-        spins=spins,
-        step=chosen.step,
-        tilt=tilt,
-        refine=extra.flag("refine", default=True),
-        turns=extra.flag("turns", default=True),
-        key_every=extra.number("key_every_mm", 100.0) * MM,
-        key_corner=extra.number("key_corner_deg", 20.0) * DEG,
-        key_tags=extra.words("key_tags"),
-        loss_bound=extra.number("loss_bound_percent", 5.0) * PERCENT,
-        free_order=extra.flag("free_order", default=False),
-        approach=motion.number("approach_mm", 50.0) * MM,
-        chord=motion.number("chord_mm", 0.01) * MM,
-        arcs=str(motion.table.get("arcs", "circ")),
-        rapid_speed=motion.number("rapid_speed_m_s", 2.0) * cell.motion.rapid,
-        rapid_share=cell.motion.rapid,
-        blend=cell.motion.approximation,
-        pins=extra.pins(),
-    )
+    wishes = cell.optimize
+    if options.strategy is not None:
+        wishes = replace(wishes, strategy=_strategy(options.strategy, cell))
+    if options.objective is not None:
+        wishes = replace(wishes, objective=options.objective)
+    if wishes is not cell.optimize:
+        cell = replace(cell, optimize=wishes)
+    spins = spin_values(wishes.step, *wishes.range)
+    _require_room(cell, len(spins))
+    return cell, Settings(weights_of(cell), spins)
 
 
-def _require_room(cell: Cell, spins: int, tilt: TiltRange) -> None:
-    tilts = coarsest(tilt)
+def _strategy(name: str, cell: Cell) -> Strategy:
+    if name not in tuple(Strategy):
+        text = f"strategy {name!r}: expected one of {', '.join(Strategy)}"
+        raise CellError("PLN204", text, SourceRef(cell.path))
+    return Strategy(name)
+
+
+def _require_room(cell: Cell, spins: int) -> None:
+    tilts = coarsest(cell.optimize.tilt)
     if tilts > 1 and spins * tilts > MOST_COLUMNS:
         raise CellError(
             "PLN207",
@@ -120,27 +77,3 @@ def _require_room(cell: Cell, spins: int, tilt: TiltRange) -> None:
             SourceRef(cell.path),
             hint="raise step_deg: turns between the steps are found by refine",
         )
-
-
-@dataclass(frozen=True, slots=True)
-class _Extra:
-    """Keys of a table of the cell file, in file units, with their defaults."""
-
-    table: Mapping[str, object]
-
-    def number(self, key: str, default: float) -> float:
-        value = self.table.get(key, default)
-        return float(value) if isinstance(value, int | float) else default
-
-    def flag(self, key: str, *, default: bool) -> bool:
-        return bool(self.table.get(key, default))
-
-    def words(self, key: str) -> tuple[str, ...]:
-        value = self.table.get(key, ())
-        return tuple(str(v) for v in value) if isinstance(value, list | tuple) else ()
-
-    def pins(self) -> dict[str, float]:
-        value = self.table.get("pins", {})
-        if not isinstance(value, Mapping):
-            return {}
-        return {str(tag): float(np.asarray(spin)) * DEG for tag, spin in value.items()}

@@ -10,9 +10,10 @@ import itertools
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import TiltRange
 from postproc.geometry import rotation_from_vector
 from postproc.model import MotionKind, ToolPath
-from postproc.process import PLUNGING, SHARPEST, TiltRange
+from postproc.process import PLUNGING, SHARPEST
 from postproc.units import DEG
 
 UPRIGHT: FloatArray = np.zeros((1, 2))

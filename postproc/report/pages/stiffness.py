@@ -8,7 +8,11 @@ from postproc.planning import INDICES, SpinCurves, spin_degrees
 from postproc.report.parts import Page, Series, line_chart, table
 from postproc.units import N_PER_MM, PERCENT
 
-_PAIRS = (("axial", "seed_kx"), ("normal", "seed_kv"), ("radial", "first_cross", "second_cross"))
+_PAIRS = (
+    ("axial", "ellipsoid_kx"),
+    ("normal", "ellipsoid_kv"),
+    ("radial", "first_cross", "second_cross"),
+)
 
 
 def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
@@ -57,7 +61,7 @@ def _best(curves: SpinCurves) -> str:
     rows = []
     for row, name in enumerate(curves.names):
         cells: list[str] = [name]
-        for index in ("axial", "normal", "seed_kx", "seed_kv"):
+        for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
             at = int(curves.best(index)[row])
             if at < 0:
                 cells += ["not reachable", "", ""]
@@ -70,6 +74,6 @@ def _best(curves: SpinCurves) -> str:
             ]
         rows.append(cells)
     head = ["tag"]
-    for index in ("axial", "normal", "seed_kx", "seed_kv"):
+    for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
         head += [f"{index} [deg]", "N/mm", "over 0 deg"]
     return table(head, rows)

@@ -9,7 +9,6 @@ import numpy as np
 
 from postproc.geometry import angle_between
 from postproc.model import MotionKind, MoveRole
-from postproc.process import TiltRange
 from postproc.report.parts.page import packed
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
@@ -92,7 +91,7 @@ def _of_moves(values: FloatArray, moves: IndexArray) -> FloatArray:
 def _tilt(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
     """Return the angle [rad] of the tool axis to the CAM data's, NaN in cells without tilt."""
     result = np.full(len(moves), np.nan)
-    if TiltRange.of(cell):
+    if cell.optimize.tilt:
         known = np.flatnonzero(moves >= 0)
         axis = plan.T_base_tcp[moves[known], :3, :3] @ np.asarray(cell.tool.axis)
         result[known] = angle_between(-axis, plan.toolpath.axes[known])

@@ -132,7 +132,7 @@ def compare(
     )
     tilts = Tilts.of(toolpath, cell)
     _points(result, comparison, toolpath, tolerances, tilts)
-    path_tolerance = tolerances.path if tolerances.path is not None else _chord(cell)
+    path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
     limit = AXIS_LIMIT if displacement is None else SHIFTED_AXIS_LIMIT
     feeds = Feeds(result, toolpath, cell, limit)
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
@@ -147,11 +147,6 @@ def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
     return np.where(np.isfinite(points), points, 1e9)
-
-
-def _chord(cell: Cell) -> float:
-    chord = cell.motion.options.get("chord_mm", 0.01)
-    return (float(chord) if isinstance(chord, int | float) else 0.01) * MM
 
 
 # --------------------------------------------------------------------------------------- points

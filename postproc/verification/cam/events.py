@@ -8,7 +8,6 @@ motion to the tag it stands before.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,16 +18,6 @@ from postproc.model import Event, EventKind, ToolPath
 from postproc.units import RPM
 from postproc.verification.checks import Result
 
-DEFAULT_HOOKS: Mapping[str, str] = {
-    "spindle_on": "PP_SPINDLE_ON",
-    "spindle_off": "PP_SPINDLE_OFF",
-    "coolant_on": "PP_COOLANT_ON",
-    "coolant_off": "PP_COOLANT_OFF",
-    "stop": "PP_STOP",
-    "optional_stop": "PP_OPTIONAL_STOP",
-    "tool_change": "PP_TOOL_CHANGE",
-}
-"""Event to routine, where the cell says nothing else."""
 _COUNTED = (
     EventKind.SPINDLE_ON,
     EventKind.SPINDLE_OFF,
@@ -49,13 +38,6 @@ class _Span:
     last: int
 
 
-def hook_names(cell: Cell) -> dict[str, str]:
-    """Return the routine, in upper case, of every kind of event."""
-    given = cell.krl.options.get("hooks")
-    names = {**DEFAULT_HOOKS, **(dict(given) if isinstance(given, Mapping) else {})}
-    return {kind: str(name).upper() for kind, name in names.items()}
-
-
 def check_events(
     result: Result, cell: Cell, toolpath: ToolPath, served: Rows, latest: Rows
 ) -> None:
@@ -69,7 +51,7 @@ def check_events(
         latest: (n,) the last one that may be meant.
     """
     spans = _Spans(served, latest, len(result.paths))
-    names = hook_names(cell)
+    names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
     for kind in _COUNTED:
         asked = [event for event in toolpath.events if event.kind is kind]
         have = _calls(result, kind, names[str(kind)])

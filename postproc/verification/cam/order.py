@@ -47,7 +47,7 @@ def compare_served(
         DataError: VER001 if a tag has no point, only the joint angles of some robot.
     """
     _require_points(toolpath)
-    runs = hole_runs(toolpath) if cell.optimize.options.get("free_order") else []
+    runs = hole_runs(toolpath) if cell.optimize.free_order else []
     if not runs or not len(result.paths):
         return compare(result, cell, toolpath, tolerances, displacement)
     real = RealPaths.nominal(result.paths, len(toolpath))

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, TiltRange
 from postproc.controller import Rows
 from postproc.geometry import angle_between, rotation_about
 from postproc.model import MotionKind, ToolPath
-from postproc.process import PLUNGING, SHARPEST, TiltRange
+from postproc.process import PLUNGING, SHARPEST
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
 from postproc.verification.cam.feeds import AT_MOST
@@ -43,7 +43,7 @@ class Tilts:
     @classmethod
     def of(cls, toolpath: ToolPath, cell: Cell) -> Tilts:
         """Return what a cell allows along a toolpath."""
-        allowed, holder = TiltRange.of(cell), np.asarray(toolpath.axes)
+        allowed, holder = cell.optimize.tilt, np.asarray(toolpath.axes)
         if not allowed:
             return cls(allowed, holder, np.zeros_like(holder))
         return cls(allowed, holder, _feeds(toolpath))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.cell import Index
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import StateContext, objective
 from postproc.planning.states.place import cross_axes
@@ -12,36 +13,36 @@ from postproc.stiffness import index
 
 
 def _along(context: StateContext, direction: FloatArray) -> FloatArray:
-    if context.cell.optimize.index == "seed":
-        return index.seed_directional(context.jacobian, context.compliance, direction)
+    if context.cell.optimize.index is Index.ELLIPSOID:
+        return index.ellipsoid(context.jacobian, context.compliance, direction)
     return index.directional(context.jacobian, context.compliance, direction)
 
 
 @objective("axial", is_stiffness=True)
 def axial(context: StateContext) -> FloatArray:
-    """Return the stiffness along the tool axis: flatness, countersink depth (seed: kx)."""
+    """Return the stiffness along the tool axis: flatness, countersink depth."""
     return _along(context, context.tool_axis)
 
 
 @objective("normal", is_stiffness=True)
 def normal(context: StateContext) -> FloatArray:
-    """Return the stiffness across the path in the work plane: contour accuracy (seed: kv).
+    """Return the stiffness across the path in the work plane: contour accuracy.
 
-    With ``index = "seed"`` this is the paper's Eq. (43) with the turn about the tool axis as its
-    angle; otherwise the true stiffness along the normal of the path.
+    The ellipsoid index is Eq. (43) of Jiao et al. 2022 with the spin as its angle, otherwise this
+    is the true stiffness along the normal of the path.
     """
-    if context.cell.optimize.index != "seed":
+    if context.cell.optimize.index is not Index.ELLIPSOID:
         return _along(context, context.normal)
     first, second = cross_axes(np.asarray(context.cell.tool.axis))
     k_y = _along(context, context.R_robroot_tcp @ first)
     k_z = _along(context, context.R_robroot_tcp @ second)
-    return index.seed_normal(k_y, k_z, context.spin)
+    return index.ellipsoid_normal(k_y, k_z, context.spin)
 
 
 @objective("radial", is_stiffness=True)
 def radial(context: StateContext) -> FloatArray:
     """Return the stiffness of the weakest direction across the tool axis."""
-    if context.cell.optimize.index != "seed":
+    if context.cell.optimize.index is not Index.ELLIPSOID:
         return index.radial(context.jacobian, context.compliance, context.tool_axis)
     first, second = cross_axes(np.asarray(context.cell.tool.axis))
     k_y = _along(context, context.R_robroot_tcp @ first)

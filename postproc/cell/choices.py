@@ -1,0 +1,65 @@
+"""What a key of the cell can be set to, where it is one of a few words."""
+
+from __future__ import annotations
+
+from enum import StrEnum, auto
+
+
+class Index(StrEnum):
+    """Stiffness index: 1/(n^T C n), or the ellipsoid index of Jiao et al. 2022."""
+
+    COMPLIANCE = auto()
+    ELLIPSOID = auto()
+
+
+class Strategy(StrEnum):
+    """How the spins of a path are chosen: over all tags, at key tags, or tag by tag."""
+
+    GLOBAL = auto()
+    SMOOTH = auto()
+    EACH = auto()
+
+
+class PointService(StrEnum):
+    """How points of a list without a depth are served."""
+
+    AUTO = auto()
+    TOUCH = auto()
+    PATH = auto()
+
+
+class ArcMotion(StrEnum):
+    """Arcs as circular motions where possible, or as lines."""
+
+    CIRC = auto()
+    LIN = auto()
+
+
+class MotionStyle(StrEnum):
+    """Motion commands of a program."""
+
+    DENSE = auto()
+    SPLINE = auto()
+    SPLINE_BLOCK = auto()
+    FORMS = auto()
+
+
+class PointPlace(StrEnum):
+    """Where the points of a program stand."""
+
+    INLINE = auto()
+    DAT = auto()
+
+
+class Kss(StrEnum):
+    """System software that inline forms are written for."""
+
+    V8_5 = "8.5"
+    V8_6 = "8.6"
+
+
+class Split(StrEnum):
+    """Where a sub-program begins."""
+
+    POINTS = auto()
+    OPERATIONS = auto()
