@@ -34,7 +34,6 @@ from postproc.verification.cam import (
     Tolerances,
     check_events,
     compare_served,
-    hook_names,
 )
 from postproc.verification.checks import (
     Result,
@@ -196,7 +195,7 @@ def world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) -
         points,
         np.asarray(cell.robot.T_world_robroot),
         lambda trace: joints_at_end(trace, cell, kinematics),
-        frozenset(hook_names(cell).values()),
+        frozenset(name.upper() for name in cell.krl.hooks.values()),
     )
 
 

@@ -1,7 +1,7 @@
 """The executed path held against the CAM file: points, arcs, holes, feeds, events, tilt."""
 
 from postproc.verification.cam.compare import Comparison, Tolerances
-from postproc.verification.cam.events import check_events, hook_names
+from postproc.verification.cam.events import check_events
 from postproc.verification.cam.order import compare_served
 
 __all__ = [
@@ -9,5 +9,4 @@ __all__ = [
     "Tolerances",
     "check_events",
     "compare_served",
-    "hook_names",
 ]
