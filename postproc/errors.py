@@ -28,6 +28,52 @@ class Severity(StrEnum):
     NOTE = "note"
 
 
+class Kind(StrEnum):
+    """Codes of what stands against a program when it is run: ``kind`` in ``verify --json``.
+
+    The first block is told by the controller, the second by joint paths, the third by what a cell
+    allows, the last by a CAM file.
+    """
+
+    STRUCTURE = "structure"
+    ENDLESS = "endless"
+    FRAME = "frame"
+    TARGET = "target"
+    COMMAND = "command"
+    CONDITION = "condition"
+
+    START = "start"
+    TURN = "turn"
+    UNREACHABLE = "unreachable"
+    CIRCLE = "circle"
+    HALF_TURN = "half_turn"
+    EXTERNAL = "external"
+
+    JOINT_LIMIT = "joint_limit"
+    SINGULARITY = "singularity"
+    STRETCHED = "stretched"
+    OVERHEAD = "overhead"
+    SPEED = "speed"
+    AXIS_SPEED = "axis_speed"
+    BLEND_END = "blend_end"
+    BLEND_LOST = "blend_lost"
+    BLEND_CUT = "blend_cut"
+    COLLISION = "collision"
+
+    POSITION = "position"
+    MISSED = "missed"
+    ORDER = "order"
+    DEPTH = "depth"
+    AXIS = "axis"
+    PATH = "path"
+    FEED = "feed"
+    PLUNGE = "plunge"
+    BLENDED_PLUNGE = "blended_plunge"
+    RETRACT = "retract"
+    DWELL = "dwell"
+    EVENT = "event"
+
+
 @dataclass(frozen=True, slots=True)
 class SourceRef:
     """A place in an input file: path as given by the user, 1-based line, and the text there."""
@@ -43,7 +89,7 @@ class SourceRef:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding: stable code, message, the tag and the source line it is about."""
+    """One finding: stable code (or ``Kind``), message, the tag and the source line it is about."""
 
     severity: Severity
     code: str
@@ -52,6 +98,16 @@ class Finding:
     source: SourceRef | None = None
     count: int = 1
     hint: str = ""
+
+    @property
+    def is_error(self) -> bool:
+        """Whether it forbids the program."""
+        return self.severity is Severity.ERROR
+
+    @property
+    def place(self) -> tuple[str, int]:
+        """File and line, no file and line 1 where no line is to blame."""
+        return (self.source.path, self.source.line) if self.source else ("", 1)
 
     def __str__(self) -> str:
         """Return ``FILE:LINE: severity CODE: message``."""

@@ -26,7 +26,7 @@ from postproc.controller import (
     World,
     text_of,
 )
-from postproc.errors import KrlError, SourceRef
+from postproc.errors import Kind, KrlError
 from postproc.krl import (
     Assign,
     Axes,
@@ -76,8 +76,8 @@ def listing(modules: Sequence[KrlModule], name: str, inline: bool = True) -> Lis
     lister = _Lister(modules, inline)
     trace = lister.run(name)
     for finding in trace.findings:
-        if finding.kind in ("structure", "endless"):
-            raise KrlError("KRL009", finding.detail, SourceRef(finding.file, finding.line))
+        if finding.code in (Kind.STRUCTURE, Kind.ENDLESS):
+            raise KrlError("KRL009", finding.message, finding.source)
     return Listing(trace, tuple(lister.motions.words), tuple(lister.motions.relative))
 
 

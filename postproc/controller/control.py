@@ -9,6 +9,7 @@ from typing import Any
 
 from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
+from postproc.errors import Kind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, parse_expression
 
 MAX_JUMPS = 1_000_000
@@ -39,18 +40,18 @@ class ControlFlow:
     Args:
         evaluator: computes conditions.
         assign: sets a variable by reference.
-        warn: reports (kind, text, line, is_error).
+        finding: reports (kind, message, severity) at the line that runs.
     """
 
     def __init__(
         self,
         evaluator: Evaluator,
         assign: Callable[[Node, Any], None],
-        warn: Callable[[str, str, int, bool], None],
+        finding: Callable[[Kind, str, Severity], None],
     ) -> None:
         self._evaluator = evaluator
         self._assign = assign
-        self._warn = warn
+        self._finding = finding
         self._unknown = 0
         self._jumps = 0
         self._steps: dict[str, Callable[[Activation, int, Control], int | None]] = {
@@ -78,21 +79,22 @@ class ControlFlow:
         if target is not None and target <= index:
             self._jumps += 1
             if self._jumps > MAX_JUMPS:
-                self._warn("endless", "the program does not come to an end", statement.line, True)
+                self._finding(Kind.ENDLESS, "the program does not come to an end", Severity.ERROR)
                 return len(run.routine.statements)
         return target
 
-    def _condition(self, text: str, line: int) -> Any:  # noqa: ANN401 - True, False or UNKNOWN
+    def _condition(self, text: str) -> Any:  # noqa: ANN401 - True, False or UNKNOWN
         value = self._evaluator.node(parse_expression(text.strip()))
         if value is UNKNOWN:
             self._unknown += 1
-            self._warn(
-                "condition", f"{text.strip()} is not known here, taken as FALSE", line, False
-            )
+            self._unsure(f"{text.strip()} is not known here, taken as FALSE")
         return value
 
+    def _unsure(self, message: str) -> None:
+        self._finding(Kind.CONDITION, message, Severity.WARNING)
+
     def _if(self, run: Activation, index: int, statement: Control) -> int | None:
-        if self._condition(_THEN.sub("", statement.text), statement.line):
+        if self._condition(_THEN.sub("", statement.text)):
             return None
         branches = run.flow.branches.get(index)
         return (branches[0] if branches else run.flow.end[index]) + 1
@@ -109,9 +111,7 @@ class ControlFlow:
             for text in match.group(2, 3, 4)
         )
         if UNKNOWN in (first, last, step) or not step:
-            self._warn(
-                "condition", "the range of FOR is not known: run once", statement.line, False
-            )
+            self._unsure("the range of FOR is not known: run once")
             run.limits[index] = (float("-inf"), 1.0)
             return None
         self._assign(parse_expression(match.group(1).strip()), first)
@@ -143,11 +143,11 @@ class ControlFlow:
         known = run.unknown_before.get(start, self._unknown) == self._unknown
         if start in run.flow.exits and known:
             return start
-        self._warn("condition", "a LOOP without a known way out: run once", statement.line, False)
+        self._unsure("a LOOP without a known way out: run once")
         return None
 
     def _while(self, run: Activation, index: int, statement: Control) -> int | None:
-        if self._condition(statement.text, statement.line):
+        if self._condition(statement.text):
             return None
         return run.flow.end[index] + 1
 
@@ -156,16 +156,16 @@ class ControlFlow:
         head = run.routine.statements[start]
         endless = isinstance(head, Control) and head.text.strip().upper() == "TRUE"
         if endless and start not in run.flow.exits:
-            self._warn("condition", "an endless WHILE: run once", statement.line, False)
+            self._unsure("an endless WHILE: run once")
             return None
         return start
 
     def _until(self, run: Activation, index: int, statement: Control) -> int | None:
-        value = self._condition(statement.text, statement.line)
+        value = self._condition(statement.text)
         return None if value is UNKNOWN or value else run.flow.start[index] + 1
 
     def _switch(self, run: Activation, index: int, statement: Control) -> int | None:
-        value = self._condition(statement.text, statement.line)
+        value = self._condition(statement.text)
         for place in run.flow.branches.get(index, ()):
             case = run.routine.statements[place]
             if isinstance(case, Control) and self._is_case(case, value):
@@ -184,7 +184,7 @@ class ControlFlow:
     def _goto(self, run: Activation, _index: int, statement: Control) -> int | None:
         target = run.flow.labels.get(statement.text.strip().upper())
         if target is None:
-            self._warn("structure", f"no label {statement.text}", statement.line, True)
+            self._finding(Kind.STRUCTURE, f"no label {statement.text}", Severity.ERROR)
         return target
 
     def _return(self, run: Activation, _index: int, statement: Control) -> int | None:

@@ -35,6 +35,7 @@ from postproc.controller.runtime import (
 from postproc.controller.state import MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
+from postproc.errors import Kind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
     Assign,
@@ -114,7 +115,7 @@ class Interpreter:
         self.recorder = Recorder()
         self.targets = Targets(self.state, kinematics, self._joints_now)
         self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
-        self._control = ControlFlow(self.evaluator, self._assign_node, self._warn)
+        self._control = ControlFlow(self.evaluator, self._assign_node, self.finding)
         self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
@@ -200,7 +201,7 @@ class Interpreter:
         self._line = routine.line
         if flow.broken:
             self._line = routine.statements[flow.broken[0]].line
-            self.finding("structure", "program control without its other half")
+            self.finding(Kind.STRUCTURE, "program control without its other half")
         else:
             self._loop(run)
         self._stack.pop()
@@ -227,17 +228,14 @@ class Interpreter:
         """Return file row and line that run now."""
         return self._stack[-1].file, self._line
 
-    def finding(self, kind: str, detail: str, is_error: bool = True) -> None:
+    def finding(self, kind: Kind, message: str, severity: Severity = Severity.ERROR) -> None:
         """Report something at the present line."""
-        self.recorder.finding(kind, detail, self.place(), is_error)
-
-    def _warn(self, kind: str, detail: str, line: int, is_error: bool) -> None:
-        self.recorder.finding(kind, detail, (self._stack[-1].file, line), is_error)
+        self.recorder.finding(kind, message, self.place(), severity)
 
     def _missing_frames(self) -> None:
         if self.state.missing:
             for text in dict.fromkeys(self.state.missing):
-                self.finding("frame", text)
+                self.finding(Kind.FRAME, text)
             self.state.missing.clear()
 
     # --------------------------------------------------------------------------------- variables
@@ -348,7 +346,7 @@ class Interpreter:
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
         if not self.state.bas(command, argument, self._active):
-            self.finding("command", f"BAS(#{command}) is not known", is_error=False)
+            self.finding(Kind.COMMAND, f"BAS(#{command}) is not known", Severity.WARNING)
         self._missing_frames()
 
     def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
@@ -366,7 +364,7 @@ class Interpreter:
     ) -> Any:  # noqa: ANN401
         self._calls += 1
         if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
-            self.finding("endless", f"{routine.name} is called over and over, or within itself")
+            self.finding(Kind.ENDLESS, f"{routine.name} is called over and over, or within itself")
             return UNKNOWN
         values = [UNKNOWN if a is None else self.evaluator.node(a) for a in arguments]
         names = [parameter.name.upper() for parameter in routine.parameters]

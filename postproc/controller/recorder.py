@@ -12,15 +12,14 @@ from postproc.controller.state import MotionState
 from postproc.controller.trace import (
     Blend,
     EventWord,
-    RunFinding,
     Trace,
     TraceEvent,
     Way,
 )
+from postproc.errors import Finding, Kind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]
-NOWHERE: Numbers = (math.nan,) * 6
 
 
 @dataclass(slots=True)
@@ -41,7 +40,7 @@ class Recorder:
     auxiliary: dict[int, Numbers] = field(default_factory=dict)
     angles: dict[int, float] = field(default_factory=dict)
     events: list[TraceEvent] = field(default_factory=list)
-    findings: list[RunFinding] = field(default_factory=list)
+    findings: list[Finding] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
 
     def __len__(self) -> int:
@@ -90,10 +89,14 @@ class Recorder:
         )
 
     def finding(
-        self, kind: str, detail: str, place: tuple[int, int], is_error: bool = True
+        self,
+        kind: Kind,
+        message: str,
+        place: tuple[int, int],
+        severity: Severity = Severity.ERROR,
     ) -> None:
         """Add a finding; the same one is added once."""
-        found = RunFinding(kind, detail, self.names[place[0]], place[1], is_error)
+        found = Finding(severity, kind, message, source=SourceRef(self.names[place[0]], place[1]))
         if found not in self.findings[-50:]:
             self.findings.append(found)
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.errors import Finding
 
 Rows: TypeAlias = NDArray[np.integer[Any]]
 """Indices of motions or samples."""
@@ -98,17 +99,6 @@ class TraceEvent(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class RunFinding:
-    """Something wrong in the text at a place; ``is_error`` False for a warning."""
-
-    kind: str
-    detail: str
-    file: str
-    line: int
-    is_error: bool = True
-
-
-@dataclass(frozen=True, slots=True)
 class Trace:
     """Executed motions in columns of length m.
 
@@ -145,7 +135,7 @@ class Trace:
     settings: tuple[Settings, ...]
     files: tuple[str, ...]
     events: tuple[TraceEvent, ...] = ()
-    findings: tuple[RunFinding, ...] = field(default=())
+    findings: tuple[Finding, ...] = field(default=())
 
     def __len__(self) -> int:
         """Return the number of motions."""
@@ -160,6 +150,11 @@ class Trace:
     def is_cp(self) -> BoolArray:
         """(m,) motions along a path of the TCP."""
         return np.asarray(self.way != Way.PTP)
+
+    @property
+    def is_exact(self) -> BoolArray:
+        """(m,) motions that pass their target exactly, with a stop or within a spline block."""
+        return np.isin(self.blend, (Blend.EXACT, Blend.THROUGH))
 
     def place(self, motion: int) -> tuple[str, int]:
         """Return file and line of a motion."""

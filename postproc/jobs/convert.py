@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.cell import shared_cell
-from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, Finding, Kind, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -273,25 +273,25 @@ def check_text(
     )
     excused = model is not None and _is_excused(cell, model, report)
     for violation in report.violations:
-        if excused and violation.kind in ("position", "path"):
+        if excused and violation.code in (Kind.POSITION, Kind.PATH):
             continue
         findings.append(
             Finding(
                 Severity.ERROR,
                 "CNV002",
-                f"the program text fails its check: {violation.kind}: {violation.detail}",
-                source=SourceRef(f"{name}.src", violation.line),
+                f"the program text fails its check: {violation.code}: {violation.message}",
+                source=violation.source,
                 hint="this is a fault of postproc, not of the input; please report it",
             )
         )
-    left = [v for v in report.violations if v.kind in ("position", "path")]
+    left = [v for v in report.violations if v.code in (Kind.POSITION, Kind.PATH)]
     if excused and left:
         findings.append(
             Finding(
                 Severity.WARNING,
                 "CMP006",
-                f"at {len(left)} places what follows the motion is left: {left[0].detail}",
-                source=SourceRef(left[0].file, left[0].line),
+                f"at {len(left)} places what follows the motion is left: {left[0].message}",
+                source=left[0].source,
                 hint="lower the feed, or see verify --model for all of them",
             )
         )

@@ -14,7 +14,8 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows, RunFinding, Trace
+from postproc.controller import Rows, Trace
+from postproc.errors import Finding, Kind, Severity, SourceRef
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
@@ -60,7 +61,7 @@ class Paths:
     axis: FloatArray
     end_point: FloatArray
     end_axis: FloatArray
-    findings: tuple[RunFinding, ...]
+    findings: tuple[Finding, ...]
     station: Station
     shift: Shift | None = None
 
@@ -169,7 +170,7 @@ class _Solver:
         self.q_sample = np.full((len(self.row), 6), np.nan)
         self.point = np.full((len(self.row), 3), np.nan)
         self.axis = np.full((len(self.row), 3), np.nan)
-        self.findings: list[RunFinding] = []
+        self.findings: list[Finding] = []
         # First sample of every motion: those of motion i are first[i]..first[i + 1] - 1.
         self.first = np.searchsorted(self.row, np.arange(len(trace) + 1))
 
@@ -213,8 +214,9 @@ class _Solver:
         number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
 
-    def _finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
-        self.findings.append(RunFinding(kind, detail, *self.trace.place(motion), is_error))
+    def _finding(self, kind: Kind, motion: int, message: str) -> None:
+        source = SourceRef(*self.trace.place(motion))
+        self.findings.append(Finding(Severity.ERROR, kind, message, source=source))
 
     # ---------------------------------------------------------------------------------------- PTP
 
@@ -247,12 +249,14 @@ class _Solver:
             elif (out[place] & wrong[place]).any():
                 axis = int(np.flatnonzero(out[place] & wrong[place])[0]) + 1
                 self._finding(
-                    "turn", row, f"T {trace.turn[row]}: A{axis} has no such value within its limits"
+                    Kind.TURN,
+                    row,
+                    f"T {trace.turn[row]}: A{axis} has no such value within its limits",
                 )
 
     def _unreachable(self, row: int, valid: BoolArray) -> None:
         others = "in no branch" if not valid.any() else f"with S {self.trace.status[row]}"
-        self._finding("unreachable", row, f"the target is out of reach {others}")
+        self._finding(Kind.UNREACHABLE, row, f"the target is out of reach {others}")
 
     def _nearest_target(self, row: int) -> None:
         """Fill q of a Cartesian PTP target without S and T from where the robot stands."""
@@ -260,7 +264,7 @@ class _Solver:
         known = bool(np.isfinite(before).all())
         if not known:
             before = self._rest()
-            self._finding("start", row, "the first motion does not say S and T or joint angles")
+            self._finding(Kind.START, row, "the first motion does not say S and T or joint angles")
         status = int(self.trace.status[row])
         slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[row])
         slot = status & 0b111 if status >= 0 else int(self.kinematics.slot(before))
@@ -307,7 +311,9 @@ class _Solver:
             row = int(rows[place])
             if row == 0:
                 self._finding(
-                    "start", row, "the first motion is a path motion: nobody knows the arm's pose"
+                    Kind.START,
+                    row,
+                    "the first motion is a path motion: nobody knows the arm's pose",
                 )
             q[place] = self._rest()
         return q
@@ -339,21 +345,11 @@ class _Solver:
         self.point[low:high], self.axis[low:high] = self.station.in_part(T, external)
         return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan)
 
-    def _in_part(
-        self, T_robroot_flange: FloatArray, external: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part."""
-        T_part_robroot = inverse(self.cell.T_robroot_base)
-        if self.externals:
-            T_part_robroot = inverse(self.externals.shift(external) @ self.cell.T_robroot_base)
-        T = T_part_robroot @ T_robroot_flange @ self.cell.tool.T_flange_tcp
-        return T[:, :3, 3], T[:, :3, :3] @ self.cell.tool.axis
-
     def _note_unreachable(self, row: Rows, principal: FloatArray) -> None:
         lost = np.unique(row[~np.isfinite(principal[:, 0])])
         for motion in lost[:20].tolist():
             more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
-            self._finding("unreachable", motion, f"the path leaves the reach of the arm{more}")
+            self._finding(Kind.UNREACHABLE, motion, f"the path leaves the reach of the arm{more}")
 
 
 def _continued(

@@ -1,7 +1,7 @@
 """The independent eye: runs program text on the robot model and compares programs."""
 
 from postproc.verification.cam import Tolerances
-from postproc.verification.report import Expectation, Run, VerifyReport, Violation
+from postproc.verification.report import Expectation, Run, VerifyReport
 from postproc.verification.verify import verify, verify_modules, world_of
 
 __all__ = [
@@ -9,7 +9,6 @@ __all__ = [
     "Run",
     "Tolerances",
     "VerifyReport",
-    "Violation",
     "verify",
     "verify_modules",
     "world_of",

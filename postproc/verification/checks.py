@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Blend, EventWord, Rows, RunFinding
+from postproc.controller import Blend, EventWord, Rows
+from postproc.errors import Kind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, motion_times
 from postproc.units import DEG, MM, PERCENT
-from postproc.verification.report import Worst
+from postproc.verification.report import Result
 
 SLACK = 0.01 * DEG
 """Digits of the text may cost this much of a margin [rad]."""
@@ -24,24 +23,6 @@ SPEED_SLACK = 1e-3
 MACHINING_SPEED = 0.25
 """Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
 _TINY = 1e-12
-
-
-@dataclass(slots=True)
-class Result:
-    """Findings and worst values, collected."""
-
-    paths: Paths
-    findings: list[RunFinding] = field(default_factory=list)
-    worst: dict[str, Worst] = field(default_factory=dict)
-
-    def finding(self, kind: str, motion: int, detail: str, is_error: bool = True) -> None:
-        """Add a finding at a motion."""
-        file, line = self.paths.trace.place(motion)
-        self.findings.append(RunFinding(kind, detail, file, line, is_error))
-
-    def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
-        """Set the worst value of a measure."""
-        self.worst[name] = Worst(value, unit, *self.paths.trace.place(motion), detail)
 
 
 def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
@@ -67,12 +48,14 @@ def check_externals(result: Result, cell: Cell) -> None:
         unit, name = (MM, "mm") if axis.kind == "rail" else (DEG, "deg")
         written = trace.external[:, int(axis.name[1]) - 1]
         if len(trace) and np.isnan(written).all():
-            result.finding("external", 0, f"no motion says where {axis.name} is", is_error=False)
+            result.finding(
+                Kind.EXTERNAL, 0, f"no motion says where {axis.name} is", Severity.WARNING
+            )
         values = paths.external[:, column]
         bad = np.flatnonzero((values < axis.q_min - 1e-9) | (values > axis.q_max + 1e-9))
         if len(bad):
             result.finding(
-                "joint_limit",
+                Kind.JOINT_LIMIT,
                 int(bad[0]),
                 f"{axis.name} at {values[bad[0]] / unit:.3f} {name} is beyond its limit "
                 f"[{axis.q_min / unit:g}, {axis.q_max / unit:g}], {len(bad)} motions",
@@ -109,7 +92,7 @@ def _limits(
             "beyond its limit" if room[row, axis] < 0.0 else "nearer to its limit than the margin"
         )
         result.finding(
-            "joint_limit",
+            Kind.JOINT_LIMIT,
             int(motion[row]),
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
             f"[{kinematics.q_min[axis] / DEG:g}, {kinematics.q_max[axis] / DEG:g}] with "
@@ -126,7 +109,7 @@ def _singularities(
     bad = wrist < cell.limits.singularity - SLACK
     if bad.any():
         result.finding(
-            "singularity",
+            Kind.SINGULARITY,
             int(motion[row]),
             f"A5 comes within {wrist[row] / DEG:.3f} deg of the straight wrist, expected at least "
             f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions",
@@ -136,7 +119,7 @@ def _singularities(
     result.measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
     if elbow[row] < STRETCHED:
         detail = f"the arm is within {elbow[row] / DEG:.2f} deg of being stretched"
-        result.finding("stretched", int(motion[row]), detail, is_error=False)
+        result.finding(Kind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
     if kinematics.arm is not None:
         _overhead(result, shoulder_distance(kinematics, q), motion)
 
@@ -146,7 +129,7 @@ def _overhead(result: Result, distance: FloatArray, motion: Rows) -> None:
     result.measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
     if distance[row] < OVERHEAD:
         detail = f"the wrist centre passes within {distance[row] / MM:.0f} mm of axis 1"
-        result.finding("overhead", int(motion[row]), detail, is_error=False)
+        result.finding(Kind.OVERHEAD, int(motion[row]), detail, Severity.WARNING)
 
 
 # -------------------------------------------------------------------------------------- speeds
@@ -167,7 +150,7 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     if len(still):
         speed = float(trace.column("speed")[still[0]])
         detail = f"a path speed of {speed:g} m/s: the robot would not move, {len(still)} motions"
-        result.finding("speed", int(still[0]), detail)
+        result.finding(Kind.SPEED, int(still[0]), detail)
     ratio = speed_shares(paths, cell)
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
@@ -176,8 +159,9 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
         "axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), f"A{axis + 1}"
     )
     counts = is_cut if is_cut is not None else trace.column("speed") <= MACHINING_SPEED
-    for wanted in (True, False):
-        _too_fast(result, worst, ratio, counts[paths.row] == wanted, is_error=wanted)
+    counts = counts[paths.row]
+    _too_fast(result, worst, ratio, counts, Severity.ERROR)
+    _too_fast(result, worst, ratio, ~counts, Severity.WARNING)
 
 
 def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
@@ -195,7 +179,7 @@ def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
 
 
 def _too_fast(
-    result: Result, worst: FloatArray, ratio: FloatArray, rows: BoolArray, *, is_error: bool
+    result: Result, worst: FloatArray, ratio: FloatArray, rows: BoolArray, severity: Severity
 ) -> None:
     bad = rows & (worst > 1.0 + SPEED_SLACK)
     if not bad.any():
@@ -205,11 +189,11 @@ def _too_fast(
     motions = len(np.unique(result.paths.row[bad]))
     speed = result.paths.trace.column("speed")[result.paths.row[row]]
     result.finding(
-        "axis_speed",
+        Kind.AXIS_SPEED,
         int(result.paths.row[row]),
         f"A{axis + 1} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
         f"{motions} motions",
-        is_error,
+        severity,
     )
 
 
@@ -226,23 +210,14 @@ def check_blending(result: Result) -> None:
     if len(blended) and trace.is_cp[blended].any():
         rows = blended[(blended < m - 1) & trace.is_cp[blended]]
         _corner_rounding(result, rows)
-    if trace.blend[-1] not in (Blend.EXACT, Blend.THROUGH):
-        result.finding("blend_end", m - 1, "the last motion of the program is blended")
+    if not trace.is_exact[-1]:
+        result.finding(Kind.BLEND_END, m - 1, "the last motion of the program is blended")
     stopping = (EventWord.DWELL, EventWord.HALT, EventWord.WAIT_FOR)
     for event in trace.events:
         before = event.motion - 1
-        if (
-            event.word in stopping
-            and before >= 0
-            and trace.blend[before]
-            not in (
-                Blend.EXACT,
-                Blend.THROUGH,
-            )
-        ):
-            result.finding(
-                "blend_lost", before, f"blending is lost: {event.name} stands behind it", False
-            )
+        if event.word in stopping and before >= 0 and not trace.is_exact[before]:
+            detail = f"blending is lost: {event.name} stands behind it"
+            result.finding(Kind.BLEND_LOST, before, detail, Severity.WARNING)
 
 
 def _corner_rounding(result: Result, rows: Rows) -> None:
@@ -265,11 +240,8 @@ def _corner_rounding(result: Result, rows: Rows) -> None:
     cut = asked > short * (1.0 + 1e-6) + 1e-9
     if cut.any():
         result.finding(
-            "blend_cut",
+            Kind.BLEND_CUT,
             int(rows[int(np.flatnonzero(cut)[0])]),
             f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points",
-            is_error=False,
+            Severity.WARNING,
         )
-
-
-# ----------------------------------------------------------------------------------------- time

@@ -7,31 +7,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from postproc.controller import RunFinding
+from postproc.errors import Finding, Kind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
     from postproc.arrays import FloatArray
     from postproc.controller import Rows
     from postproc.paths import Paths
-
-
-@dataclass(frozen=True, slots=True)
-class Violation:
-    """Something that the program must not do, and where it does it."""
-
-    line: int
-    kind: str
-    detail: str
-    file: str = ""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the entry of the JSON document."""
-        return {"line": self.line, "kind": self.kind, "detail": self.detail, "file": self.file}
-
-    def __str__(self) -> str:
-        """Return ``FILE:LINE: kind: detail``."""
-        return f"{self.file}:{self.line}: {self.kind}: {self.detail}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +35,37 @@ class Worst:
             "line": self.line,
             "detail": self.detail,
         }
+
+
+@dataclass(slots=True)
+class Result:
+    """Findings and worst values of a run, collected."""
+
+    paths: Paths
+    findings: list[Finding] = field(default_factory=list)
+    worst: dict[str, Worst] = field(default_factory=dict)
+
+    def finding(
+        self, kind: Kind, motion: int, message: str, severity: Severity = Severity.ERROR
+    ) -> None:
+        """Add a finding at a motion."""
+        self.finding_at(kind, self.paths.trace.place(motion), message, severity)
+
+    def finding_at(
+        self,
+        kind: Kind,
+        place: tuple[str, int] | None,
+        message: str,
+        severity: Severity = Severity.ERROR,
+    ) -> None:
+        """Add a finding at file and line; None: about the program as a whole."""
+        files = self.paths.trace.files
+        source = SourceRef(*(place or (files[0] if files else "", 1)))
+        self.findings.append(Finding(severity, kind, message, source=source))
+
+    def measure(self, name: str, value: float, unit: str, motion: int, detail: str = "") -> None:
+        """Set the worst value of a measure."""
+        self.worst[name] = Worst(value, unit, *self.paths.trace.place(motion), detail)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,8 +121,8 @@ class VerifyReport:
 
     program: str
     points: int
-    violations: tuple[Violation, ...]
-    warnings: tuple[Violation, ...] = ()
+    violations: tuple[Finding, ...]
+    warnings: tuple[Finding, ...] = ()
     cycle_time: float = 0.0
     worst: Mapping[str, Worst] = field(default_factory=dict)
     position_error: float | None = None
@@ -140,8 +153,8 @@ class VerifyReport:
             "max_axis_error_deg": _in_unit(axis, DEG),
             "max_tilt_deg": _in_unit(self.tilt, DEG),
             **({} if self.expectation is None else self.expectation.to_dict()),
-            "violations": [item.to_dict() for item in self.violations],
-            "warnings": [item.to_dict() for item in self.warnings],
+            "violations": [_entry(item) for item in self.violations],
+            "warnings": [_entry(item) for item in self.warnings],
             "worst": {name: item.to_dict() for name, item in sorted(self.worst.items())},
             "collisions_checked": self.collisions_checked,
             "cycle_time_s": round(self.cycle_time, 3),
@@ -153,13 +166,12 @@ def _in_unit(value: float | None, unit: float) -> float | None:
     return None if value is None or not math.isfinite(value) else round(value / unit, 6)
 
 
-def split_findings(
-    findings: list[RunFinding],
-) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
-    """Return violations and warnings, each once, by file and line."""
-    parts: tuple[list[Violation], list[Violation]] = ([], [])
-    for item in dict.fromkeys(findings):
-        violation = Violation(item.line, item.kind, item.detail, item.file)
-        parts[0 if item.is_error else 1].append(violation)
-    first, second = (tuple(sorted(p, key=lambda v: (v.file, v.line, v.kind))) for p in parts)
-    return first, second
+def _entry(finding: Finding) -> dict[str, Any]:
+    file, line = finding.place
+    return {"line": line, "kind": finding.code, "detail": finding.message, "file": file}
+
+
+def in_order(findings: list[Finding], severity: Severity) -> tuple[Finding, ...]:
+    """Return the findings of a severity, each once, by file and line."""
+    own = dict.fromkeys(item for item in findings if item.severity is severity)
+    return tuple(sorted(own, key=lambda item: (item.place, item.code)))

@@ -21,6 +21,7 @@ import numpy as np
 
 from postproc.cell import Cell
 from postproc.controller import Trace, Way, World, load_program, pose_of, run
+from postproc.errors import Kind, Severity
 from postproc.geometry import rotation_angle
 from postproc.kinematics import Kinematics, build
 from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_expression, require_sound
@@ -36,14 +37,13 @@ from postproc.verification.cam import (
     compare_served,
 )
 from postproc.verification.checks import (
-    Result,
     check_blending,
     check_externals,
     check_joints,
     check_speeds,
 )
 from postproc.verification.collisions import check_collisions
-from postproc.verification.report import Run, VerifyReport, split_findings
+from postproc.verification.report import Result, Run, VerifyReport, in_order
 
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
@@ -137,7 +137,6 @@ def verify_modules(
 def _report(
     name: str, result: Result, cell: Cell, comparison: Comparison | None, checked: bool
 ) -> VerifyReport:
-    violations, warnings = split_findings(result.findings)
     paths = result.paths
     position = axis = tilt = tags = matched = real = None
     if comparison is not None:
@@ -149,8 +148,8 @@ def _report(
     return VerifyReport(
         program=name,
         points=len(paths),
-        violations=violations,
-        warnings=warnings,
+        violations=in_order(result.findings, Severity.ERROR),
+        warnings=in_order(result.findings, Severity.WARNING),
         cycle_time=cycle_time(paths, cell),
         worst=result.worst,
         position_error=position,
@@ -225,7 +224,7 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
             if off > _SAME_FRAME or turned > _SAME_TURN:
                 used = int(trace.column(f"{what}_number")[first])
                 result.finding(
-                    "frame",
+                    Kind.FRAME,
                     first,
                     f"{what} {used if used >= 0 else 'frame'} is {off / MM:.3f} mm and "
                     f"{turned / DEG:.3f} deg off {what} {number} of the cell",
@@ -238,13 +237,13 @@ def _check_circles(result: Result) -> None:
     half = np.flatnonzero(result.paths.trace.is_cp & (curves.turn > HALF_TURN))
     for row in half[:20].tolist():
         result.finding(
-            "half_turn", row, "the tool turns by 180 deg: the controller may turn it either way"
+            Kind.HALF_TURN, row, "the tool turns by 180 deg: the controller may turn it either way"
         )
     for row in curves.bad_circles[:20].tolist():
-        result.finding("circle", int(row), "start, auxiliary point and end are on no circle")
+        result.finding(Kind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
     missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
     for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
-        result.finding("circle", int(row), "a circular motion without an auxiliary point")
+        result.finding(Kind.CIRCLE, int(row), "a circular motion without an auxiliary point")
 
 
 __all__ = ["Tolerances", "load_program", "verify", "verify_modules"]

@@ -5,7 +5,7 @@ import pytest
 
 from postproc.kinematics.model import build
 from postproc.verification.verify import verify_modules
-from tests.verification.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
+from tests.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
 
 DEG = np.pi / 180.0
 POSE = "PTP {{A1 {0},A2 {1},A3 {2},A4 {3},A5 {4},A6 {5}}}"
@@ -21,11 +21,11 @@ def check(cell, *lines, toolpath=None, collisions=False):
 
 
 def kinds(report):
-    return {violation.kind for violation in report.violations}
+    return {violation.code for violation in report.violations}
 
 
 def warned(report):
-    return {warning.kind for warning in report.warnings}
+    return {warning.code for warning in report.warnings}
 
 
 def test_joint_limits_with_margin(cell):
@@ -39,8 +39,8 @@ def test_joint_limits_with_margin(cell):
         assert kinds(report) == expected
         assert report.worst["joint_margin"].value == pytest.approx(min(high - a1, a1 - low))
         assert report.worst["joint_margin"].detail == "A1"
-    assert report.violations[0].line == 7
-    assert "beyond its limit" in report.violations[0].detail
+    assert report.violations[0].source.line == 7
+    assert "beyond its limit" in report.violations[0].message
 
 
 def test_a_path_between_good_ends_may_pass_a_singularity(cell):
@@ -184,7 +184,7 @@ def test_collisions_between_good_points(tmp_path):
     assert (kinds(beside), beside.collisions_checked) == (set(), True)
     through = check(cell, START, at(*ends[0]), at(*ends[1]), collisions=True)
     assert kinds(through) == {"collision"}
-    assert "post" in through.violations[0].detail
+    assert "post" in through.violations[0].message
     assert kinds(check(cell, START, at(*ends[0]), at(*ends[1]))) == set()  # not searched
     toolpath = path_of([(-60, 0, 0), (5, 0, 0)], "RL")
     drill = [START, at(-60, 0, 0), at(5, 0, 0)]
@@ -246,4 +246,4 @@ def test_collisions_of_a_carried_robot(tmp_path):
         cell, *[with_rail(line, 0.0) for line in (START, lines[1])], *travel[1:], collisions=True
     )
     assert kinds(hit) == {"collision"}
-    assert "post" in hit.violations[0].detail
+    assert "post" in hit.violations[0].message

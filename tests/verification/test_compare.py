@@ -9,7 +9,7 @@ from postproc.model.toolpath import Arcs, Cycle, Event, EventKind
 from postproc.verification.cam.compare import Tolerances
 from postproc.verification.cam.matching import match
 from postproc.verification.verify import verify_modules
-from tests.verification.samples import AT_PART, DRILL, HEAD, START, at, cell_in, modules, path_of
+from tests.samples import AT_PART, DRILL, HEAD, START, at, cell_in, modules, path_of
 
 SQUARE = [(-50, 0, 0), (0, 0, 0), (0, 40, 0), (0, 40, 40), (0, 0, 40)]
 
@@ -27,7 +27,7 @@ def check(cell, toolpath, *lines, tolerances=None, **others):
 
 
 def kinds(report):
-    return {violation.kind for violation in report.violations}
+    return {violation.code for violation in report.violations}
 
 
 def cuts(*points):
@@ -83,7 +83,7 @@ def test_reentry_too_far_ahead_leaves_a_gap(cell):
     ]
     report = check(cell, path_of(SQUARE), *lines)
     assert kinds(report) == {"path"}
-    assert "10.000 mm of it are left out" in report.violations[0].detail
+    assert "10.000 mm of it are left out" in report.violations[0].message
 
 
 def test_moved_by_more_than_the_tolerance(cell):
@@ -112,7 +112,7 @@ def test_a_closed_contour_with_a_lost_point_is_not_skipped_whole(cell):
     lost = loop[:1] + loop[2:]
     report = check(cell, path_of(loop), *cuts(*lost))
     assert report.matched == len(loop) - 1
-    assert len([v for v in report.violations if v.kind in ("position", "order")]) == 1
+    assert len([v for v in report.violations if v.code in ("position", "order")]) == 1
 
 
 def test_no_motion_at_all(cell):
@@ -138,10 +138,10 @@ def test_feeds(cell):
     fast = ["$VEL.CP=0.0101", *cuts(*SQUARE)]
     report = check(cell, path_of(SQUARE), *fast)
     assert kinds(report) == {"feed"}
-    assert "606.00 mm/min" in report.violations[0].detail
+    assert "606.00 mm/min" in report.violations[0].message
     one = [*cuts(*SQUARE[:3]), "$VEL.CP=0.02", at(*SQUARE[3]), "$VEL.CP=0.01", at(*SQUARE[4])]
     report = check(cell, path_of(SQUARE), *one)
-    assert [v.line for v in report.violations] == [12]
+    assert [v.source.line for v in report.violations] == [12]
     no_feed = path_of(SQUARE, feed=np.nan)
     assert kinds(check(cell, no_feed, *cuts(*SQUARE))) == set()  # 600 mm/min from the cell
     rapid = ["$VEL.CP=1.0", at(*SQUARE[0]), "$VEL.CP=0.01", *cuts(*SQUARE[1:])]
@@ -335,7 +335,7 @@ def test_events_in_their_place(cell):
 def test_more_events_than_asked_for_are_a_warning(cell):
     report = check(cell, path_of(SQUARE), FIRST, "PP_SPINDLE_ON(3000)", *REST)
     assert kinds(report) == set()
-    assert [w.kind for w in report.warnings] == ["event"]
+    assert [w.code for w in report.warnings] == ["event"]
 
 
 def test_stops_may_be_halts(cell):

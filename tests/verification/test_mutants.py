@@ -24,7 +24,7 @@ def noticed(files, cell, toolpath):
         report = verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
     except KrlError as error:
         return found | {error.code}
-    return found | {violation.kind for violation in report.violations}
+    return found | {violation.code for violation in report.violations}
 
 
 class Text:

@@ -13,7 +13,7 @@ from postproc.units import DEG
 from postproc.verification.cam.elements import Arc
 from postproc.verification.cam.tilt import Tilts
 from postproc.verification.verify import verify
-from tests.verification.samples import CELL_TEXT
+from tests.samples import CELL_TEXT
 
 UP = np.array([0.0, 0.0, 1.0])
 ALLOWED = TiltRange((-5 * DEG, 15 * DEG), (0.0, 10 * DEG), 5 * DEG)
@@ -116,7 +116,7 @@ def judged(tmp_path, body, lead, toolpath=LINE):
 
 
 def axis_findings(report):
-    return [item for item in report.violations if item.kind == "axis"]
+    return [item for item in report.violations if item.code == "axis"]
 
 
 @pytest.mark.parametrize(

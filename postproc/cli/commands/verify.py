@@ -99,12 +99,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _show(session: Session, report: VerifyReport) -> None:
     from postproc.units import MM
 
-    for violation in report.violations:
-        session.show(
-            f"{violation.file}:{violation.line}: error {violation.kind}: {violation.detail}"
-        )
-    for warning in report.warnings:
-        session.show(f"{warning.file}:{warning.line}: warning {warning.kind}: {warning.detail}")
+    for finding in (*report.violations, *report.warnings):
+        session.show(str(finding))
     for name, worst in sorted(report.worst.items()):
         detail = f" ({worst.detail})" if worst.detail else ""
         value = f"{worst.value:12.4f} {worst.unit:4s}"

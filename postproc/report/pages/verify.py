@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from postproc.model import ToolPath
     from postproc.paths import Paths
     from postproc.planning import IndexArray
-    from postproc.verification import Run, VerifyReport, Violation
+    from postproc.verification import Run, VerifyReport
 
 _MOST_ROWS = 300
 
@@ -108,14 +108,10 @@ def _motions(report: VerifyReport) -> dict[int, list[str]]:
         first.setdefault(trace.place(row), row)  # type: ignore[union-attr]
     found: dict[int, list[str]] = defaultdict(list)
     for violation in report.violations:
-        at = _row_of(violation, first)
+        at = first.get(violation.place)
         if at is not None:
-            found[at].append(f"{violation.kind}: {violation.detail}")
+            found[at].append(f"{violation.code}: {violation.message}")
     return dict(found)
-
-
-def _row_of(violation: Violation, first: dict[tuple[str, int], int]) -> int | None:
-    return first.get((violation.file, violation.line))
 
 
 def _held(values: FloatArray) -> FloatArray:
@@ -276,8 +272,9 @@ def _findings(report: VerifyReport) -> str:
     rows = []
     for mark, items in (("failing", report.violations), ("", report.warnings)):
         for item in items[:_MOST_ROWS]:
-            row = _row_of(item, first)
+            row = first.get(item.place)
+            file, line = item.place
             goto = "" if row is None else f' data-goto="{row}"'
-            text = f"{Path(item.file).name}:{item.line}: {item.kind}: {item.detail}"
+            text = f"{Path(file).name}:{line}: {item.code}: {item.message}"
             rows.append(f'<tr class="{mark}"{goto}><td class="text wrap">{escape(text)}</td></tr>')
     return f'<div class="scroll"><table id="findings">{"".join(rows)}</table></div>'

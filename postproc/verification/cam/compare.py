@@ -27,7 +27,8 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows, RunFinding, Way
+from postproc.controller import Rows, Way
+from postproc.errors import Kind
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
 from postproc.units import DEG, MM
@@ -37,8 +38,7 @@ from postproc.verification.cam.holes import check_holes
 from postproc.verification.cam.matching import Wanted, match, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.cam.tilt import Tilts, check_between
-from postproc.verification.checks import Result
-from postproc.verification.report import Expectation
+from postproc.verification.report import Expectation, Result
 
 AXIS_LIMIT = 0.95
 """A feed that would need more than this share of an axis's speed may be programmed lower."""
@@ -195,7 +195,7 @@ def _wrong_axes(
     bad = found[comparison.axis_error[found] > limit]
     for row in bad[np.argsort(-comparison.axis_error[bad], kind="stable")][:AT_MOST].tolist():
         result.finding(
-            "axis",
+            Kind.AXIS,
             int(comparison.served[row]),
             f"the tool axis is {comparison.axis_error[row] / DEG:.4f} deg off at tag "
             f"{_tag(toolpath, row)}" + _more(len(bad)),
@@ -219,7 +219,9 @@ def _missed(
         gap = np.linalg.norm(visited[low:high] - wanted.point[row], axis=1)
         if not len(gap):
             comparison.position_error[row] = np.inf
-            result.findings += _nowhere(result, toolpath, row)
+            if not row:
+                text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
+                result.finding_at(Kind.MISSED, None, text)
             continue
         nearest = low + int(gap.argmin())
         if comparison.nominal_error is not None:
@@ -237,28 +239,22 @@ def _missed(
         result.measure("position", value, "mm", min(int(max(before[worst], 0)), len(paths) - 1))
 
 
-def _nowhere(result: Result, toolpath: ToolPath, row: int) -> list[RunFinding]:
-    names = result.paths.trace.files
-    text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
-    return [] if row else [RunFinding("missed", text, names[0] if names else "", 1)]
-
-
 def _how(
     wanted: Wanted, row: int, visited: FloatArray, nearest: int, tolerance: float
-) -> tuple[str, str]:
+) -> tuple[Kind, str]:
     """Return kind and words for a tag that was not served."""
     off = visited[nearest] - wanted.point[row]
     distance = float(np.linalg.norm(off))
     anywhere = float(np.linalg.norm(visited - wanted.point[row], axis=1).min())
     if anywhere <= tolerance:
-        return "order", "the program goes there, but not in the order of the CAM file"
+        return Kind.ORDER, "the program goes there, but not in the order of the CAM file"
     if wanted.depth[row] > 0.0:
         along = float(off @ wanted.axis[row])
         side = float(np.linalg.norm(off - along * wanted.axis[row]))
         if side <= 10.0 * tolerance:
             where = "deeper" if along > 0.0 else "higher"
-            return "depth", f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
-    return "position", f"the program goes no nearer than {distance / MM:.4f} mm"
+            return Kind.DEPTH, f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
+    return Kind.POSITION, f"the program goes no nearer than {distance / MM:.4f} mm"
 
 
 def _tag(toolpath: ToolPath, row: int) -> str:
@@ -312,7 +308,7 @@ def _elements(
             faults += 1
             if faults <= AT_MOST:
                 text = done.fault or f"{done.deviation / MM:.4f} mm beside the path"
-                result.finding("path", done.motion, f"to tag {_tag(toolpath, row)}: {text}")
+                result.finding(Kind.PATH, done.motion, f"to tag {_tag(toolpath, row)}: {text}")
     if worst is not None:
         result.measure("path", worst.deviation / MM, "mm", worst.motion)
     return motions
@@ -350,5 +346,5 @@ def _bent(
     beside = int(np.unique(own[off > tolerance]).size)
     if beside:
         text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
-        result.finding("path", motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
+        result.finding(Kind.PATH, motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
     return Followed(float(off[place]), motion)

@@ -14,9 +14,10 @@ import numpy as np
 
 from postproc.cell import Cell
 from postproc.controller import EventWord, Rows, TraceEvent
+from postproc.errors import Kind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.units import RPM
-from postproc.verification.checks import Result
+from postproc.verification.report import Result
 
 _COUNTED = (
     EventKind.SPINDLE_ON,
@@ -95,18 +96,19 @@ def _compare_kind(
     spans: _Spans,
 ) -> None:
     words = str(kind).replace("_", " ")
+    text = _count(words, name, have, asked)
     if len(have) < len(asked):
-        _tell(result, "event", have[-1] if have else None, _count(words, name, have, asked), True)
+        _tell(result, have[-1] if have else None, text, Severity.ERROR)
         return
     if len(have) > len(asked):
-        _tell(result, "event", have[-1], _count(words, name, have, asked), False)
+        _tell(result, have[-1], text, Severity.WARNING)
         return
     faults = 0
     for event, call in zip(asked, have, strict=True):
         text = _difference(kind, words, event, call, spans.of(event))
         faults += bool(text)
         if text and faults <= _LISTED:
-            _tell(result, "event", call, text, True)
+            _tell(result, call, text, Severity.ERROR)
 
 
 def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) -> str:
@@ -143,19 +145,13 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
     for span, value in asked.items():
         inside = (motions >= span.first) & (motions <= span.last)
         have = float(np.nansum(seconds[inside]))
-        if have < value - max(1e-3, 0.01 * value):
+        last = len(result.paths) - 1
+        if last >= 0 and abs(have - value) > max(1e-3, 0.01 * value):
             text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
-            last = len(result.paths) - 1
-            if last >= 0:
-                result.finding("dwell", min(span.first, last), text)
-        elif have > value + max(1e-3, 0.01 * value) and len(result.paths):
-            text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
-            result.finding("dwell", min(span.first, len(result.paths) - 1), text, is_error=False)
+            severity = Severity.ERROR if have < value else Severity.WARNING
+            result.finding(Kind.DWELL, min(span.first, last), text, severity)
 
 
-def _tell(result: Result, kind: str, call: TraceEvent | None, text: str, is_error: bool) -> None:
-    from postproc.controller import RunFinding
-
-    files = result.paths.trace.files
-    file, line = (files[call.file], call.line) if call else (files[0] if files else "", 1)
-    result.findings.append(RunFinding(kind, text, file, line, is_error))
+def _tell(result: Result, call: TraceEvent | None, text: str, severity: Severity) -> None:
+    place = (result.paths.trace.files[call.file], call.line) if call else None
+    result.finding_at(Kind.EVENT, place, text, severity)

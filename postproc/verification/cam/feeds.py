@@ -7,10 +7,12 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Rows
+from postproc.errors import Kind, Severity
 from postproc.model import ToolPath
 from postproc.units import MM_PER_MIN
 from postproc.verification.cam.real import feeds_of
-from postproc.verification.checks import Result, speed_shares
+from postproc.verification.checks import speed_shares
+from postproc.verification.report import Result
 
 FEED_TOLERANCE = 1e-3
 """Share by which a feed may differ from the file's."""
@@ -55,8 +57,8 @@ class Feeds:
         self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
         bad = np.flatnonzero(error > FEED_TOLERANCE)
         forced = self._forced(motions[bad], have[bad] / wanted[bad])
-        self._list(motions, have, wanted, bad[forced], is_error=False)
-        self._list(motions, have, wanted, bad[~forced], is_error=True)
+        self._list(motions, have, wanted, bad[forced], Severity.WARNING)
+        self._list(motions, have, wanted, bad[~forced], Severity.ERROR)
 
     def _forced(self, motions: Rows, share: FloatArray) -> BoolArray:
         """Return which motions (b,) are slow because an axis could not follow the asked feed.
@@ -72,16 +74,16 @@ class Feeds:
         return (share < 1.0) & (needed[motions] > self._limit * share)
 
     def _list(
-        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, *, is_error: bool
+        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, severity: Severity
     ) -> None:
-        why = "" if is_error else ": an axis could not follow"
+        why = "" if severity is Severity.ERROR else ": an axis could not follow"
         error = np.abs(have / wanted - 1.0)
         for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
             more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
             self._result.finding(
-                "feed",
+                Kind.FEED,
                 int(motions[place]),
                 f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
                 f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}{why}",
-                is_error,
+                severity,
             )

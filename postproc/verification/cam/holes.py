@@ -8,11 +8,12 @@ from typing import Protocol
 import numpy as np
 
 from postproc.arrays import BoolArray, IntArray
-from postproc.controller import Blend, EventWord
+from postproc.controller import EventWord
+from postproc.errors import Kind
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths
-from postproc.verification.checks import Result
+from postproc.verification.report import Result
 
 NEAR = 10.0
 """A vertex within this many tolerances of the hole's axis lies on it."""
@@ -20,7 +21,6 @@ DWELL_SHARE = 0.01
 DWELL_SLACK = 1e-3
 """A dwell may differ by this share, and by so many seconds."""
 _LISTED = 20
-_STOPPED = (Blend.EXACT, Blend.THROUGH)
 
 
 class Feeds(Protocol):
@@ -76,8 +76,8 @@ class _Holes:
         self._all_points = [paths.end_point.tolist() for paths in real.paths]
         self._points = self._all_points[0]
         self._is_cp = result.paths.trace.is_cp.tolist()
-        self._blend = result.paths.trace.blend.tolist()
-        self._told: dict[str, int] = {}
+        self._is_exact = result.paths.trace.is_exact.tolist()
+        self._told: dict[Kind, int] = {}
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -88,15 +88,17 @@ class _Holes:
         wanted, bottom = self._wanted, int(self._served[row])
         self._points = self._all_points[self._case[row]]
         base, axis = wanted.point[row].tolist(), wanted.axis[row].tolist()
-        if self._blend[bottom] not in _STOPPED:
-            self._tell("blended_plunge", bottom, "the bottom of the hole is blended: not reached")
+        if not self._is_exact[bottom]:
+            self._tell(
+                Kind.BLENDED_PLUNGE, bottom, "the bottom of the hole is blended: not reached"
+            )
         earlier = int(self._served[row - 1]) if row else -1
         down = list(self._walk(bottom, -1, base, axis, earlier))
         top = max((height for _, height in down), default=0.0)
         needed = float(wanted.clear[row] + wanted.depth[row])
         if top < needed - self._near:
             self._tell(
-                "plunge",
+                Kind.PLUNGE,
                 bottom,
                 f"the tool comes onto the hole's axis {(needed - top) / MM:.3f} mm too low",
             )
@@ -118,7 +120,7 @@ class _Holes:
                     continue
                 if places[other] is None or not self._is_cp[motion + offset]:
                     text = f"the tool moves sideways {(clear - height) / MM:.3f} mm deep"
-                    self._tell("plunge", motion + offset, text)
+                    self._tell(Kind.PLUNGE, motion + offset, text)
                     return
 
     def _on_axis(self, vertex: int, base: list[float], axis: list[float]) -> float | None:
@@ -135,7 +137,7 @@ class _Holes:
         needed = float(wanted.depth[row]) + lift
         if max(out, default=0.0) < needed - self._near:
             self._tell(
-                "retract",
+                Kind.RETRACT,
                 min(bottom + 1, len(self._points) - 1),
                 f"the tool leaves the hole's axis {(needed - max(out, default=0.0)) / MM:.3f} mm "
                 "too low",
@@ -169,8 +171,10 @@ class _Holes:
             if height < deepest - self._near and height < before:
                 drilled.append(vertex)
                 deepest = height
-                if self._blend[vertex - 1] not in _STOPPED:
-                    self._tell("blended_plunge", vertex - 1, "the point before a plunge is blended")
+                if not self._is_exact[vertex - 1]:
+                    self._tell(
+                        Kind.BLENDED_PLUNGE, vertex - 1, "the point before a plunge is blended"
+                    )
             before = height
         return tuple(drilled)
 
@@ -179,9 +183,9 @@ class _Holes:
         asked = float(self._wanted.dwell[row])
         if abs(seconds - asked) > max(DWELL_SHARE * asked, DWELL_SLACK) and asked > 0.0:
             text = f"{seconds:g} s at the bottom, the CAM file asks for {asked:g} s"
-            self._tell("dwell", int(self._served[row]), text)
+            self._tell(Kind.DWELL, int(self._served[row]), text)
 
-    def _tell(self, kind: str, motion: int, text: str) -> None:
+    def _tell(self, kind: Kind, motion: int, text: str) -> None:
         self._told[kind] = self._told.get(kind, 0) + 1
         if self._told[kind] <= _LISTED:
             self._result.finding(kind, motion, text)

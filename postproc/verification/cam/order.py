@@ -16,14 +16,14 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.errors import DataError
+from postproc.errors import DataError, Kind
 from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
 from postproc.verification.cam.matching import Wanted, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
-from postproc.verification.checks import Result
+from postproc.verification.report import Result
 
 _LISTED = 20
 _BESIDE = 10.0
@@ -60,7 +60,7 @@ def compare_served(
     for row, motion, times in drilled.repeated(runs)[:_LISTED]:
         name, line = toolpath.tag_name(row), int(toolpath.line[row])
         text = f"tag {name} (line {line}): drilled {times} times, the CAM file asks for fewer"
-        result.finding("order", motion, text)
+        result.finding(Kind.ORDER, motion, text)
     return _as_in_file(found, order)
 
 

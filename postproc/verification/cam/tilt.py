@@ -15,13 +15,14 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, TiltRange
 from postproc.controller import Rows
+from postproc.errors import Kind
 from postproc.geometry import angle_between, rotation_about
 from postproc.model import MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
 from postproc.verification.cam.feeds import AT_MOST
-from postproc.verification.checks import Result
+from postproc.verification.report import Result
 
 BETWEEN = 0.5 * DEG
 """By so much [rad] lead and side tilt may leave their range between two tags."""
@@ -207,7 +208,7 @@ def check_between(
         more = f", {len(found)} such cuts" if len(found) > AT_MOST else ""
         place = f"{toolpath.tag_name(row)} (line {int(toolpath.line[row])})"
         text = f"on the way to tag {place} the tool axis is {value / DEG:.4f} deg off{more}"
-        result.finding("axis", motion, text)
+        result.finding(Kind.AXIS, motion, text)
 
 
 def _shares(element: Line | Arc, points: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A cell, a CAM file and programs for the tests of verification."""
+"""A cell, a CAM file and programs that several tests run."""
 
 from pathlib import Path
 

@@ -10,7 +10,7 @@ from postproc.geometry.curves import around, circles, turn_between
 from postproc.geometry.frames import inverse, kuka_from_transform
 from postproc.kinematics.model import build
 from postproc.paths.motion import joint_paths
-from tests.verification.samples import cell_in, modules
+from tests.samples import cell_in, modules
 
 DEG = np.pi / 180.0
 
@@ -93,18 +93,18 @@ def test_impossible_turns_and_reaches_are_findings(cell, kinematics):
     q = np.array([10.0, -80.0, 100.0, 15.0, 40.0, 20.0]) * DEG
     text = frame_text(cell, kinematics, q)
     wrong_turn = paths(cell, kinematics, f"PTP {{{text},S 2,T 0}}")  # A2 is never positive here
-    assert [f.kind for f in wrong_turn.findings] == ["turn"]
+    assert [f.code for f in wrong_turn.findings] == ["turn"]
     far = paths(cell, kinematics, "PTP {X 9000.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,S 2,T 2}")
-    assert [f.kind for f in far.findings] == ["unreachable"]
+    assert [f.code for f in far.findings] == ["unreachable"]
     lost = paths(cell, kinematics, ptp(q), "LIN {X 9000.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}")
-    assert [f.kind for f in lost.findings] == ["unreachable"]
+    assert [f.code for f in lost.findings] == ["unreachable"]
 
 
 def test_a_first_motion_that_does_not_fix_the_pose_is_a_finding(cell, kinematics):
     q = np.array([10.0, -80.0, 100.0, 15.0, 40.0, 20.0]) * DEG
     text = frame_text(cell, kinematics, q)
     for line in (f"PTP {{{text}}}", f"LIN {{{text}}}"):
-        assert [f.kind for f in paths(cell, kinematics, line).findings] == ["start"]
+        assert [f.code for f in paths(cell, kinematics, line).findings] == ["start"]
 
 
 def test_a_line_is_straight_and_turns_about_one_axis(cell, kinematics):

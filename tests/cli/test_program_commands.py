@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from postproc.cli.app import run
-from tests.verification.samples import APT_TEXT
+from tests.samples import APT_TEXT
 
 FIXTURES = Path(__file__).parents[1] / "krl" / "data"
 

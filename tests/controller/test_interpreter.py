@@ -12,7 +12,7 @@ from postproc.controller.trace import Blend, EventWord, Way
 from postproc.kinematics.model import build
 from postproc.krl.text.parse import load_modules, parse_files
 from postproc.krl.text.program import Axes, Pose
-from tests.verification.samples import modules
+from tests.samples import modules
 
 FIXTURES = Path(__file__).parents[1] / "krl" / "data"
 KINEMATICS = build(load_robot("kuka_kr210_r2700_2"))
@@ -34,7 +34,7 @@ def xs(result):
 
 
 def kinds(result):
-    return [finding.kind for finding in result.findings]
+    return [finding.code for finding in result.findings]
 
 
 def test_columns_of_motions():
@@ -235,7 +235,7 @@ def test_what_only_the_controller_knows_is_a_warning(lines, expected):
     result = trace("DECL INT i", first, *lines)
     assert xs(result)[1:] == expected
     assert result.findings
-    assert all(f.kind == "condition" and not f.is_error for f in result.findings)
+    assert all(f.code == "condition" and not f.is_error for f in result.findings)
 
 
 def test_known_values_decide_with_unknown_ones():
@@ -352,7 +352,7 @@ def test_forms_up_to_8_5():
     tools = {1: ZERO, 3: Pose(0.0, 0.0, 200.0, 0.0, 0.0, 0.0)}
     world = World(tools=tools, bases={5: ZERO}, points=WORLD.points)
     result = run(load_modules([FIXTURES / "forms85"]), "STACKER", KINEMATICS, world)
-    assert [f.kind for f in result.findings if f.is_error] == ["frame"]  # FHOME is in $config.dat
+    assert [f.code for f in result.findings if f.is_error] == ["frame"]  # FHOME is in $config.dat
     assert len(result) == 5
     last = result.settings[result.setting[4]]
     assert (last.tool_number, last.base_number) == (3, 5)
