@@ -1,9 +1,10 @@
 """The catalogue of finding codes: what each means, why it matters, what the user does about it.
 
-One TOML file per prefix (``apt.toml`` holds APT001, APT003, ...). ``about`` names the field of the
-prefix; each table is one code. ``severity`` is left out where a code has several. ``modules`` says
-in how many modules a code is raised when it is more than one: a second module is where a second
-meaning would creep in, so it has to be put down here.
+One TOML file per prefix (``apt.toml`` holds APT001, APT003, ...); ``ver.toml`` also has the kinds
+that name what a verification finds. ``about`` names the field of the prefix; each table is one
+code. ``severity`` is left out where a code has several. ``modules`` says in how many modules a code
+is raised when it is more than one: a second module is where a second meaning would creep in, so it
+has to be put down here.
 """
 
 from __future__ import annotations
@@ -15,17 +16,18 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from postproc.errors import Severity
+from postproc.errors import Kind, Severity
 
 __all__ = ["Entry", "Group", "find", "groups", "nearest"]
 
 _FOLDER = Path(__file__).parent
 _SHOWN = 3
+_KINDS, _OF_KINDS = frozenset(Kind), "VER"
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What one code means; ``severity`` None: it depends on the case."""
+    """What one code or kind means; ``severity`` None: it depends on the case."""
 
     code: str
     title: str
@@ -45,8 +47,8 @@ class Group:
 
 
 def find(code: str) -> Entry | None:
-    """Return the entry of a code such as ``APT012``, None if there is no such code."""
-    prefix = code.rstrip("0123456789")
+    """Return the entry of ``APT012`` or ``joint_limit``, None if there is no such code."""
+    prefix = _OF_KINDS if code in _KINDS else code.rstrip("0123456789")
     if prefix not in _prefixes():
         return None
     return next((entry for entry in _group(prefix).entries if entry.code == code), None)
@@ -64,8 +66,8 @@ def nearest(code: str) -> tuple[str, ...]:
         known = [entry.code for entry in _group(prefix).entries]
         number = int(code[len(prefix) :][:9] or 0)
         return tuple(sorted(known, key=lambda k: abs(int(k[len(prefix) :]) - number))[:_SHOWN])
-    known = [entry.code for group in groups() for entry in group.entries]
-    return tuple(difflib.get_close_matches(code, known, _SHOWN))
+    codes = {entry.code.lower(): entry.code for group in groups() for entry in group.entries}
+    return tuple(codes[k] for k in difflib.get_close_matches(code.lower(), codes, _SHOWN))
 
 
 @cache

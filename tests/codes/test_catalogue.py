@@ -10,6 +10,7 @@ import pytest
 
 import postproc
 from postproc.codes import find, groups, nearest
+from postproc.errors import Kind
 
 PACKAGE = Path(postproc.__file__).parent
 CODE = re.compile(r"[A-Z]{2,3}\d{3}\Z")
@@ -28,6 +29,7 @@ class Source:
         self.modules = defaultdict(set)
         self.severities = defaultdict(set)
         self.built = set()
+        self.kinds = set()
         for path in sorted(folder.rglob("*.py")):
             self._read(path.relative_to(folder).as_posix(), ast.parse(path.read_text("utf-8")))
 
@@ -36,6 +38,8 @@ class Source:
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 self._literal(name, node, parents)
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "Kind":
+                self._kind(str(Kind[node.attr]), node, parents)
             elif isinstance(node, ast.JoinedStr) and len(node.values) == 2:
                 first = node.values[0]
                 if isinstance(first, ast.Constant) and BUILT.match(first.value):
@@ -63,6 +67,14 @@ class Source:
                 parent = parents[parent]
             if isinstance(parent, ast.Call | ast.arguments):
                 self._note(node.value, module, severity_of(parent))
+
+    def _kind(self, kind, node, parents):
+        """Take ``finding(Kind.FRAME, ...)``: an error unless a severity is among the arguments."""
+        call = parents[node]
+        if isinstance(call, ast.Call):
+            given = re.findall(r"Severity\.([A-Z]+)|\bseverity\b", ast.unparse(call))
+            self.severities[kind] |= {severity.lower() or None for severity in given or ["ERROR"]}
+        self.kinds.add(kind)
 
     def _lint(self, call, tree):
         """Take ``subject.add(row, severity, ...)``; a row that is a name has the numbers set."""
@@ -116,7 +128,8 @@ def test_every_code_that_is_raised_is_explained(source):
 
 
 def test_every_code_that_is_explained_is_raised(source):
-    assert not {entry.code for entry in ENTRIES} - set(source.modules)
+    assert {entry.code for entry in ENTRIES} == set(source.modules) | set(Kind)
+    assert source.kinds == set(Kind)
 
 
 def test_no_other_codes_are_put_together(source):
@@ -133,7 +146,9 @@ def test_no_code_is_raised_in_a_second_module_unless_the_catalogue_says_so(sourc
 def test_severity_is_the_one_that_is_raised(source):
     for entry in ENTRIES:
         raised = source.severities[entry.code]
-        if entry.severity is None:
+        if entry.severity is None and entry.code in set(Kind):
+            assert raised > {"error"} or None in raised, entry.code
+        elif entry.severity is None:
             assert len(raised) > 1, entry.code
         else:
             assert raised - {None} <= {entry.severity}, entry.code
@@ -151,7 +166,8 @@ def test_a_file_holds_the_codes_of_its_prefix_and_known_keys_only(path):
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     assert tables.pop("about").strip()
     for code, table in tables.items():
-        assert re.fullmatch(rf"{path.stem.upper()}\d{{3}}", code)
+        is_kind = path.stem == "ver" and code in set(Kind)
+        assert is_kind or re.fullmatch(rf"{path.stem.upper()}\d{{3}}", code)
         assert set(table) <= PLANNED
     assert list(tables) == sorted(tables)
 
@@ -189,4 +205,5 @@ def test_nearest_codes():
     assert "APT012" in nearest("APT011")
     assert nearest("APT999")[0].startswith("APT1")
     assert "APT012" in nearest("ATP012")
+    assert "joint_limit" in nearest("joint limits")
     assert nearest("12?") == ()

@@ -15,6 +15,7 @@ EPILOG = """\b
 Examples:
   postproc explain APT010
   postproc explain pln102 --json
+  postproc explain joint_limit
   postproc explain
 """
 _WIDTH = 88
@@ -31,16 +32,16 @@ def command(session: Session, /, code: str | None) -> int:
         session.document({"schema": "postproc.explain/1", "codes": codes})
         session.show("\n\n".join(_listing()))
     else:
-        entry = _known(code.strip().upper())
+        entry = _known(code.strip())
         session.document({"schema": "postproc.explain/1", **_document(entry)})
         session.show(_page(entry))
     return answer(good=True)
 
 
 def _known(code: str) -> Entry:
-    entry = find(code)
+    entry = find(code.upper()) or find(code.lower())
     if entry is None:
-        near = ", ".join(nearest(code))
+        near = ", ".join(nearest(code.upper()))
         raise UsageError(
             "CLI014",
             f"no finding has the code {code!r}" + (f", the nearest are {near}" if near else ""),
