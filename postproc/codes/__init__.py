@@ -63,7 +63,7 @@ def nearest(code: str) -> tuple[str, ...]:
     """Return the known codes that look most like ``code``: by number under a known prefix."""
     prefix = code.rstrip("0123456789")
     if prefix in _prefixes():
-        known = [entry.code for entry in _group(prefix).entries]
+        known = [e.code for e in _group(prefix).entries if e.code.startswith(prefix)]
         number = int(code[len(prefix) :][:9] or 0)
         return tuple(sorted(known, key=lambda k: abs(int(k[len(prefix) :]) - number))[:_SHOWN])
     codes = {entry.code.lower(): entry.code for group in groups() for entry in group.entries}
