@@ -206,5 +206,5 @@ def test_nearest_codes():
     assert nearest("APT999")[0].startswith("APT1")
     assert "APT012" in nearest("ATP012")
     assert "joint_limit" in nearest("joint limits")
-    assert nearest("VER999") == ("VER001",)
+    assert nearest("VER999")[0].startswith("VER")
     assert nearest("12?") == ()
