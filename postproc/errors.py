@@ -28,8 +28,8 @@ class Severity(StrEnum):
     NOTE = "note"
 
 
-class Kind(StrEnum):
-    """Codes of what stands against a program when it is run: ``kind`` in ``verify --json``.
+class RunKind(StrEnum):
+    """Codes of what is found when a program is run: ``kind`` in ``verify --json``.
 
     The first block is told by the controller, the second by joint paths, the third by what a cell
     allows, the last by a CAM file.
@@ -89,7 +89,7 @@ class SourceRef:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One finding: stable code (or ``Kind``), message, the tag and the source line it is about."""
+    """One finding: stable code or ``RunKind``, message, the tag and the source line it is about."""
 
     severity: Severity
     code: str

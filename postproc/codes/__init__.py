@@ -16,13 +16,13 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 
 __all__ = ["Entry", "Group", "find", "groups", "nearest"]
 
 _FOLDER = Path(__file__).parent
 _SHOWN = 3
-_KINDS, _OF_KINDS = frozenset(Kind), "VER"
+_KINDS, _OF_KINDS = frozenset(RunKind), "VER"
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from postproc.controller import (
     World,
     text_of,
 )
-from postproc.errors import Kind, KrlError
+from postproc.errors import KrlError, RunKind
 from postproc.krl import (
     Assign,
     Axes,
@@ -76,7 +76,7 @@ def listing(modules: Sequence[KrlModule], name: str, inline: bool = True) -> Lis
     lister = _Lister(modules, inline)
     trace = lister.run(name)
     for finding in trace.findings:
-        if finding.code in (Kind.STRUCTURE, Kind.ENDLESS):
+        if finding.code in (RunKind.STRUCTURE, RunKind.ENDLESS):
             raise KrlError("KRL009", finding.message, finding.source)
     return Listing(trace, tuple(lister.motions.words), tuple(lister.motions.relative))
 

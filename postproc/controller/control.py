@@ -9,7 +9,7 @@ from typing import Any
 
 from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, parse_expression
 
 MAX_JUMPS = 1_000_000
@@ -47,7 +47,7 @@ class ControlFlow:
         self,
         evaluator: Evaluator,
         assign: Callable[[Node, Any], None],
-        finding: Callable[[Kind, str, Severity], None],
+        finding: Callable[[RunKind, str, Severity], None],
     ) -> None:
         self._evaluator = evaluator
         self._assign = assign
@@ -79,7 +79,9 @@ class ControlFlow:
         if target is not None and target <= index:
             self._jumps += 1
             if self._jumps > MAX_JUMPS:
-                self._finding(Kind.ENDLESS, "the program does not come to an end", Severity.ERROR)
+                self._finding(
+                    RunKind.ENDLESS, "the program does not come to an end", Severity.ERROR
+                )
                 return len(run.routine.statements)
         return target
 
@@ -91,7 +93,7 @@ class ControlFlow:
         return value
 
     def _unsure(self, message: str) -> None:
-        self._finding(Kind.CONDITION, message, Severity.WARNING)
+        self._finding(RunKind.CONDITION, message, Severity.WARNING)
 
     def _if(self, run: Activation, index: int, statement: Control) -> int | None:
         if self._condition(_THEN.sub("", statement.text)):
@@ -184,7 +186,7 @@ class ControlFlow:
     def _goto(self, run: Activation, _index: int, statement: Control) -> int | None:
         target = run.flow.labels.get(statement.text.strip().upper())
         if target is None:
-            self._finding(Kind.STRUCTURE, f"no label {statement.text}", Severity.ERROR)
+            self._finding(RunKind.STRUCTURE, f"no label {statement.text}", Severity.ERROR)
         return target
 
     def _return(self, run: Activation, _index: int, statement: Control) -> int | None:

@@ -35,7 +35,7 @@ from postproc.controller.runtime import (
 from postproc.controller.state import MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
     Assign,
@@ -201,7 +201,7 @@ class Interpreter:
         self._line = routine.line
         if flow.broken:
             self._line = routine.statements[flow.broken[0]].line
-            self.finding(Kind.STRUCTURE, "program control without its other half")
+            self.finding(RunKind.STRUCTURE, "program control without its other half")
         else:
             self._loop(run)
         self._stack.pop()
@@ -228,14 +228,14 @@ class Interpreter:
         """Return file row and line that run now."""
         return self._stack[-1].file, self._line
 
-    def finding(self, kind: Kind, message: str, severity: Severity = Severity.ERROR) -> None:
+    def finding(self, kind: RunKind, message: str, severity: Severity = Severity.ERROR) -> None:
         """Report something at the present line."""
         self.recorder.finding(kind, message, self.place(), severity)
 
     def _missing_frames(self) -> None:
         if self.state.missing:
             for text in dict.fromkeys(self.state.missing):
-                self.finding(Kind.FRAME, text)
+                self.finding(RunKind.FRAME, text)
             self.state.missing.clear()
 
     # --------------------------------------------------------------------------------- variables
@@ -346,7 +346,7 @@ class Interpreter:
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
         if not self.state.bas(command, argument, self._active):
-            self.finding(Kind.COMMAND, f"BAS(#{command}) is not known", Severity.WARNING)
+            self.finding(RunKind.COMMAND, f"BAS(#{command}) is not known", Severity.WARNING)
         self._missing_frames()
 
     def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
@@ -364,7 +364,9 @@ class Interpreter:
     ) -> Any:  # noqa: ANN401
         self._calls += 1
         if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
-            self.finding(Kind.ENDLESS, f"{routine.name} is called over and over, or within itself")
+            self.finding(
+                RunKind.ENDLESS, f"{routine.name} is called over and over, or within itself"
+            )
             return UNKNOWN
         values = [UNKNOWN if a is None else self.evaluator.node(a) for a in arguments]
         names = [parameter.name.upper() for parameter in routine.parameters]

@@ -9,7 +9,7 @@ from postproc.controller.runtime import Evaluator
 from postproc.controller.state import MotionState, Values
 from postproc.controller.targets import Targets, numbers_of
 from postproc.controller.trace import Blend, Way
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
 MAX_MOTIONS = 5_000_000
@@ -42,7 +42,7 @@ class Host(Protocol):
         """Execute an assignment."""
         ...
 
-    def finding(self, kind: Kind, message: str, severity: Severity = Severity.ERROR) -> None:
+    def finding(self, kind: RunKind, message: str, severity: Severity = Severity.ERROR) -> None:
         """Report something at the present line."""
         ...
 
@@ -94,14 +94,14 @@ class Motions:
         """Execute a motion."""
         if len(self._host.recorder) >= MAX_MOTIONS:
             if len(self._host.recorder) == MAX_MOTIONS:
-                self._host.finding(Kind.ENDLESS, f"more than {MAX_MOTIONS} motions")
+                self._host.finding(RunKind.ENDLESS, f"more than {MAX_MOTIONS} motions")
             return
         before = self._host.state.values
         if statement.settings:
             self._with(statement.settings)
         target = self._target(statement)
         if target is None:
-            self._host.finding(Kind.TARGET, f"where {_name(statement)} goes is not known")
+            self._host.finding(RunKind.TARGET, f"where {_name(statement)} goes is not known")
         else:
             self._record(statement, target)
         if statement.settings:
@@ -121,7 +121,7 @@ class Motions:
         is_axes = type(target) is Axes
         way = WAYS[statement.word]
         if is_axes and way is not Way.PTP:
-            self._host.finding(Kind.TARGET, f"{statement.word.value} to joint angles")
+            self._host.finding(RunKind.TARGET, f"{statement.word.value} to joint angles")
             return
         row = recorder.motion(
             way,
@@ -151,7 +151,7 @@ class Motions:
         if isinstance(value, Pose) and None not in (value.x_mm, value.y_mm, value.z_mm):
             self._host.recorder.auxiliary[row] = numbers_of(value)
         else:
-            self._host.finding(Kind.TARGET, "the auxiliary point of a circle is not known")
+            self._host.finding(RunKind.TARGET, "the auxiliary point of a circle is not known")
         if statement.angle_deg is not None:
             angle = self._evaluator.value(statement.angle_deg)
             if isinstance(angle, int | float):

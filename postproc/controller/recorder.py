@@ -16,7 +16,7 @@ from postproc.controller.trace import (
     TraceEvent,
     Way,
 )
-from postproc.errors import Finding, Kind, Severity, SourceRef
+from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]
@@ -90,7 +90,7 @@ class Recorder:
 
     def finding(
         self,
-        kind: Kind,
+        kind: RunKind,
         message: str,
         place: tuple[int, int],
         severity: Severity = Severity.ERROR,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.cell import shared_cell
-from postproc.errors import CellError, DataError, Finding, Kind, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, Finding, RunKind, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM, N_PER_MM
 
@@ -273,7 +273,7 @@ def check_text(
     )
     excused = model is not None and _is_excused(cell, model, report)
     for violation in report.violations:
-        if excused and violation.code in (Kind.POSITION, Kind.PATH):
+        if excused and violation.code in (RunKind.POSITION, RunKind.PATH):
             continue
         findings.append(
             Finding(
@@ -284,7 +284,7 @@ def check_text(
                 hint="this is a fault of postproc, not of the input; please report it",
             )
         )
-    left = [v for v in report.violations if v.code in (Kind.POSITION, Kind.PATH)]
+    left = [v for v in report.violations if v.code in (RunKind.POSITION, RunKind.PATH)]
     if excused and left:
         findings.append(
             Finding(

@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Rows, Trace
-from postproc.errors import Finding, Kind, Severity, SourceRef
+from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
@@ -214,7 +214,7 @@ class _Solver:
         number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
 
-    def _finding(self, kind: Kind, motion: int, message: str) -> None:
+    def _finding(self, kind: RunKind, motion: int, message: str) -> None:
         source = SourceRef(*self.trace.place(motion))
         self.findings.append(Finding(Severity.ERROR, kind, message, source=source))
 
@@ -249,14 +249,14 @@ class _Solver:
             elif (out[place] & wrong[place]).any():
                 axis = int(np.flatnonzero(out[place] & wrong[place])[0]) + 1
                 self._finding(
-                    Kind.TURN,
+                    RunKind.TURN,
                     row,
                     f"T {trace.turn[row]}: A{axis} has no such value within its limits",
                 )
 
     def _unreachable(self, row: int, valid: BoolArray) -> None:
         others = "in no branch" if not valid.any() else f"with S {self.trace.status[row]}"
-        self._finding(Kind.UNREACHABLE, row, f"the target is out of reach {others}")
+        self._finding(RunKind.UNREACHABLE, row, f"the target is out of reach {others}")
 
     def _nearest_target(self, row: int) -> None:
         """Fill q of a Cartesian PTP target without S and T from where the robot stands."""
@@ -264,7 +264,9 @@ class _Solver:
         known = bool(np.isfinite(before).all())
         if not known:
             before = self._rest()
-            self._finding(Kind.START, row, "the first motion does not say S and T or joint angles")
+            self._finding(
+                RunKind.START, row, "the first motion does not say S and T or joint angles"
+            )
         status = int(self.trace.status[row])
         slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[row])
         slot = status & 0b111 if status >= 0 else int(self.kinematics.slot(before))
@@ -311,7 +313,7 @@ class _Solver:
             row = int(rows[place])
             if row == 0:
                 self._finding(
-                    Kind.START,
+                    RunKind.START,
                     row,
                     "the first motion is a path motion: nobody knows the arm's pose",
                 )
@@ -349,7 +351,9 @@ class _Solver:
         lost = np.unique(row[~np.isfinite(principal[:, 0])])
         for motion in lost[:20].tolist():
             more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
-            self._finding(Kind.UNREACHABLE, motion, f"the path leaves the reach of the arm{more}")
+            self._finding(
+                RunKind.UNREACHABLE, motion, f"the path leaves the reach of the arm{more}"
+            )
 
 
 def _continued(

@@ -7,7 +7,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, EventWord, Rows
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, motion_times
 from postproc.units import DEG, MM, PERCENT
@@ -49,13 +49,13 @@ def check_externals(result: Result, cell: Cell) -> None:
         written = trace.external[:, int(axis.name[1]) - 1]
         if len(trace) and np.isnan(written).all():
             result.finding(
-                Kind.EXTERNAL, 0, f"no motion says where {axis.name} is", Severity.WARNING
+                RunKind.EXTERNAL, 0, f"no motion says where {axis.name} is", Severity.WARNING
             )
         values = paths.external[:, column]
         bad = np.flatnonzero((values < axis.q_min - 1e-9) | (values > axis.q_max + 1e-9))
         if len(bad):
             result.finding(
-                Kind.JOINT_LIMIT,
+                RunKind.JOINT_LIMIT,
                 int(bad[0]),
                 f"{axis.name} at {values[bad[0]] / unit:.3f} {name} is beyond its limit "
                 f"[{axis.q_min / unit:g}, {axis.q_max / unit:g}], {len(bad)} motions",
@@ -92,7 +92,7 @@ def _limits(
             "beyond its limit" if room[row, axis] < 0.0 else "nearer to its limit than the margin"
         )
         result.finding(
-            Kind.JOINT_LIMIT,
+            RunKind.JOINT_LIMIT,
             int(motion[row]),
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
             f"[{kinematics.q_min[axis] / DEG:g}, {kinematics.q_max[axis] / DEG:g}] with "
@@ -109,7 +109,7 @@ def _singularities(
     bad = wrist < cell.limits.singularity - SLACK
     if bad.any():
         result.finding(
-            Kind.SINGULARITY,
+            RunKind.SINGULARITY,
             int(motion[row]),
             f"A5 comes within {wrist[row] / DEG:.3f} deg of the straight wrist, expected at least "
             f"{cell.limits.singularity / DEG:g} deg, {len(np.unique(motion[bad]))} motions",
@@ -119,7 +119,7 @@ def _singularities(
     result.measure("stretched_arm", float(elbow[row] / DEG), "deg", int(motion[row]), "A3")
     if elbow[row] < STRETCHED:
         detail = f"the arm is within {elbow[row] / DEG:.2f} deg of being stretched"
-        result.finding(Kind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
+        result.finding(RunKind.STRETCHED, int(motion[row]), detail, Severity.WARNING)
     if kinematics.arm is not None:
         _overhead(result, shoulder_distance(kinematics, q), motion)
 
@@ -129,7 +129,7 @@ def _overhead(result: Result, distance: FloatArray, motion: Rows) -> None:
     result.measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
     if distance[row] < OVERHEAD:
         detail = f"the wrist centre passes within {distance[row] / MM:.0f} mm of axis 1"
-        result.finding(Kind.OVERHEAD, int(motion[row]), detail, Severity.WARNING)
+        result.finding(RunKind.OVERHEAD, int(motion[row]), detail, Severity.WARNING)
 
 
 # -------------------------------------------------------------------------------------- speeds
@@ -150,7 +150,7 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     if len(still):
         speed = float(trace.column("speed")[still[0]])
         detail = f"a path speed of {speed:g} m/s: the robot would not move, {len(still)} motions"
-        result.finding(Kind.SPEED, int(still[0]), detail)
+        result.finding(RunKind.SPEED, int(still[0]), detail)
     ratio = speed_shares(paths, cell)
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
@@ -189,7 +189,7 @@ def _too_fast(
     motions = len(np.unique(result.paths.row[bad]))
     speed = result.paths.trace.column("speed")[result.paths.row[row]]
     result.finding(
-        Kind.AXIS_SPEED,
+        RunKind.AXIS_SPEED,
         int(result.paths.row[row]),
         f"A{axis + 1} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
         f"{motions} motions",
@@ -211,13 +211,13 @@ def check_blending(result: Result) -> None:
         rows = blended[(blended < m - 1) & trace.is_cp[blended]]
         _corner_rounding(result, rows)
     if not trace.is_exact[-1]:
-        result.finding(Kind.BLEND_END, m - 1, "the last motion of the program is blended")
+        result.finding(RunKind.BLEND_END, m - 1, "the last motion of the program is blended")
     stopping = (EventWord.DWELL, EventWord.HALT, EventWord.WAIT_FOR)
     for event in trace.events:
         before = event.motion - 1
         if event.word in stopping and before >= 0 and not trace.is_exact[before]:
             detail = f"blending is lost: {event.name} stands behind it"
-            result.finding(Kind.BLEND_LOST, before, detail, Severity.WARNING)
+            result.finding(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
 
 
 def _corner_rounding(result: Result, rows: Rows) -> None:
@@ -240,7 +240,7 @@ def _corner_rounding(result: Result, rows: Rows) -> None:
     cut = asked > short * (1.0 + 1e-6) + 1e-9
     if cut.any():
         result.finding(
-            Kind.BLEND_CUT,
+            RunKind.BLEND_CUT,
             int(rows[int(np.flatnonzero(cut)[0])]),
             f"$APO.CDIS is longer than half of a neighbouring segment at {int(cut.sum())} points",
             Severity.WARNING,

@@ -13,7 +13,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Rows
-from postproc.errors import Kind
+from postproc.errors import RunKind
 from postproc.kinematics import Kinematics
 from postproc.verification.report import Result
 
@@ -70,7 +70,7 @@ class _Told:
         if (motion, pair) not in self._known and len(self._known) < _LISTED:
             self._known.add((motion, pair))
             text = f"{pair[0]} hits {pair[1]} on the way there"
-            self._result.finding(Kind.COLLISION, motion, text)
+            self._result.finding(RunKind.COLLISION, motion, text)
 
 
 def _standing(result: Result, cell: Cell, motion: Rows) -> Iterator[tuple[Cell, Rows]]:

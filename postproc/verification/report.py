@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from postproc.errors import Finding, Kind, Severity, SourceRef
+from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
@@ -46,14 +46,14 @@ class Result:
     worst: dict[str, Worst] = field(default_factory=dict)
 
     def finding(
-        self, kind: Kind, motion: int, message: str, severity: Severity = Severity.ERROR
+        self, kind: RunKind, motion: int, message: str, severity: Severity = Severity.ERROR
     ) -> None:
         """Add a finding at a motion."""
         self.finding_at(kind, self.paths.trace.place(motion), message, severity)
 
     def finding_at(
         self,
-        kind: Kind,
+        kind: RunKind,
         place: tuple[str, int] | None,
         message: str,
         severity: Severity = Severity.ERROR,

@@ -21,7 +21,7 @@ import numpy as np
 
 from postproc.cell import Cell
 from postproc.controller import Trace, Way, World, load_program, pose_of, run
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.geometry import rotation_angle
 from postproc.kinematics import Kinematics, build
 from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_expression, require_sound
@@ -224,7 +224,7 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
             if off > _SAME_FRAME or turned > _SAME_TURN:
                 used = int(trace.column(f"{what}_number")[first])
                 result.finding(
-                    Kind.FRAME,
+                    RunKind.FRAME,
                     first,
                     f"{what} {used if used >= 0 else 'frame'} is {off / MM:.3f} mm and "
                     f"{turned / DEG:.3f} deg off {what} {number} of the cell",
@@ -237,13 +237,15 @@ def _check_circles(result: Result) -> None:
     half = np.flatnonzero(result.paths.trace.is_cp & (curves.turn > HALF_TURN))
     for row in half[:20].tolist():
         result.finding(
-            Kind.HALF_TURN, row, "the tool turns by 180 deg: the controller may turn it either way"
+            RunKind.HALF_TURN,
+            row,
+            "the tool turns by 180 deg: the controller may turn it either way",
         )
     for row in curves.bad_circles[:20].tolist():
-        result.finding(Kind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
+        result.finding(RunKind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
     missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
     for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
-        result.finding(Kind.CIRCLE, int(row), "a circular motion without an auxiliary point")
+        result.finding(RunKind.CIRCLE, int(row), "a circular motion without an auxiliary point")
 
 
 __all__ = ["Tolerances", "load_program", "verify", "verify_modules"]

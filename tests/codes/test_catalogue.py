@@ -10,7 +10,7 @@ import pytest
 
 import postproc
 from postproc.codes import find, groups, nearest
-from postproc.errors import Kind
+from postproc.errors import RunKind
 
 PACKAGE = Path(postproc.__file__).parent
 CODE = re.compile(r"[A-Z]{2,3}\d{3}\Z")
@@ -38,8 +38,8 @@ class Source:
         for node in ast.walk(tree):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 self._literal(name, node, parents)
-            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "Kind":
-                self._kind(str(Kind[node.attr]), node, parents)
+            elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "RunKind":
+                self._kind(str(RunKind[node.attr]), node, parents)
             elif isinstance(node, ast.JoinedStr) and len(node.values) == 2:
                 first = node.values[0]
                 if isinstance(first, ast.Constant) and BUILT.match(first.value):
@@ -69,7 +69,7 @@ class Source:
                 self._note(node.value, module, severity_of(parent))
 
     def _kind(self, kind, node, parents):
-        """Take ``finding(Kind.FRAME, ...)``: an error unless a severity is among the arguments."""
+        """Take ``finding(RunKind.FRAME, ...)``: an error unless it is given another severity."""
         call = parents[node]
         if isinstance(call, ast.Call):
             given = re.findall(r"Severity\.([A-Z]+)|\bseverity\b", ast.unparse(call))
@@ -128,8 +128,8 @@ def test_every_code_that_is_raised_is_explained(source):
 
 
 def test_every_code_that_is_explained_is_raised(source):
-    assert {entry.code for entry in ENTRIES} == set(source.modules) | set(Kind)
-    assert source.kinds == set(Kind)
+    assert {entry.code for entry in ENTRIES} == set(source.modules) | set(RunKind)
+    assert source.kinds == set(RunKind)
 
 
 def test_no_other_codes_are_put_together(source):
@@ -146,7 +146,7 @@ def test_no_code_is_raised_in_a_second_module_unless_the_catalogue_says_so(sourc
 def test_severity_is_the_one_that_is_raised(source):
     for entry in ENTRIES:
         raised = source.severities[entry.code]
-        if entry.severity is None and entry.code in set(Kind):
+        if entry.severity is None and entry.code in set(RunKind):
             assert raised > {"error"} or None in raised, entry.code
         elif entry.severity is None:
             assert len(raised) > 1, entry.code
@@ -166,7 +166,7 @@ def test_a_file_holds_the_codes_of_its_prefix_and_known_keys_only(path):
     tables = tomllib.loads(path.read_text(encoding="utf-8"))
     assert tables.pop("about").strip()
     for code, table in tables.items():
-        is_kind = path.stem == "ver" and code in set(Kind)
+        is_kind = path.stem == "ver" and code in set(RunKind)
         assert is_kind or re.fullmatch(rf"{path.stem.upper()}\d{{3}}", code)
         assert set(table) <= PLANNED
     assert list(tables) == sorted(tables)

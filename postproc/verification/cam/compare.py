@@ -28,7 +28,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Rows, Way
-from postproc.errors import Kind
+from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
 from postproc.units import DEG, MM
@@ -195,7 +195,7 @@ def _wrong_axes(
     bad = found[comparison.axis_error[found] > limit]
     for row in bad[np.argsort(-comparison.axis_error[bad], kind="stable")][:AT_MOST].tolist():
         result.finding(
-            Kind.AXIS,
+            RunKind.AXIS,
             int(comparison.served[row]),
             f"the tool axis is {comparison.axis_error[row] / DEG:.4f} deg off at tag "
             f"{_tag(toolpath, row)}" + _more(len(bad)),
@@ -221,7 +221,7 @@ def _missed(
             comparison.position_error[row] = np.inf
             if not row:
                 text = f"tag {_tag(toolpath, row)}: the program makes no motion at all"
-                result.finding_at(Kind.MISSED, None, text)
+                result.finding_at(RunKind.MISSED, None, text)
             continue
         nearest = low + int(gap.argmin())
         if comparison.nominal_error is not None:
@@ -241,20 +241,20 @@ def _missed(
 
 def _how(
     wanted: Wanted, row: int, visited: FloatArray, nearest: int, tolerance: float
-) -> tuple[Kind, str]:
+) -> tuple[RunKind, str]:
     """Return kind and words for a tag that was not served."""
     off = visited[nearest] - wanted.point[row]
     distance = float(np.linalg.norm(off))
     anywhere = float(np.linalg.norm(visited - wanted.point[row], axis=1).min())
     if anywhere <= tolerance:
-        return Kind.ORDER, "the program goes there, but not in the order of the CAM file"
+        return RunKind.ORDER, "the program goes there, but not in the order of the CAM file"
     if wanted.depth[row] > 0.0:
         along = float(off @ wanted.axis[row])
         side = float(np.linalg.norm(off - along * wanted.axis[row]))
         if side <= 10.0 * tolerance:
             where = "deeper" if along > 0.0 else "higher"
-            return Kind.DEPTH, f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
-    return Kind.POSITION, f"the program goes no nearer than {distance / MM:.4f} mm"
+            return RunKind.DEPTH, f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
+    return RunKind.POSITION, f"the program goes no nearer than {distance / MM:.4f} mm"
 
 
 def _tag(toolpath: ToolPath, row: int) -> str:
@@ -308,7 +308,7 @@ def _elements(
             faults += 1
             if faults <= AT_MOST:
                 text = done.fault or f"{done.deviation / MM:.4f} mm beside the path"
-                result.finding(Kind.PATH, done.motion, f"to tag {_tag(toolpath, row)}: {text}")
+                result.finding(RunKind.PATH, done.motion, f"to tag {_tag(toolpath, row)}: {text}")
     if worst is not None:
         result.measure("path", worst.deviation / MM, "mm", worst.motion)
     return motions
@@ -346,5 +346,5 @@ def _bent(
     beside = int(np.unique(own[off > tolerance]).size)
     if beside:
         text = f"the real tool is expected {off[place] / MM:.4f} mm beside the line, {beside} lines"
-        result.finding(Kind.PATH, motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
+        result.finding(RunKind.PATH, motion, f"to tag {_tag(toolpath, int(own[place]))}: {text}")
     return Followed(float(off[place]), motion)

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.cell import Cell
 from postproc.controller import EventWord, Rows, TraceEvent
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.units import RPM
 from postproc.verification.report import Result
@@ -149,9 +149,9 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
         if last >= 0 and abs(have - value) > max(1e-3, 0.01 * value):
             text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
             severity = Severity.ERROR if have < value else Severity.WARNING
-            result.finding(Kind.DWELL, min(span.first, last), text, severity)
+            result.finding(RunKind.DWELL, min(span.first, last), text, severity)
 
 
 def _tell(result: Result, call: TraceEvent | None, text: str, severity: Severity) -> None:
     place = (result.paths.trace.files[call.file], call.line) if call else None
-    result.finding_at(Kind.EVENT, place, text, severity)
+    result.finding_at(RunKind.EVENT, place, text, severity)

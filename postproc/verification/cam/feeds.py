@@ -7,7 +7,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Rows
-from postproc.errors import Kind, Severity
+from postproc.errors import RunKind, Severity
 from postproc.model import ToolPath
 from postproc.units import MM_PER_MIN
 from postproc.verification.cam.real import feeds_of
@@ -81,7 +81,7 @@ class Feeds:
         for place in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
             more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
             self._result.finding(
-                Kind.FEED,
+                RunKind.FEED,
                 int(motions[place]),
                 f"{have[place] / MM_PER_MIN:.2f} mm/min, the CAM file asks for "
                 f"{wanted[place] / MM_PER_MIN:.2f} mm/min{more}{why}",

@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, IntArray
 from postproc.controller import EventWord
-from postproc.errors import Kind
+from postproc.errors import RunKind
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths
@@ -77,7 +77,7 @@ class _Holes:
         self._points = self._all_points[0]
         self._is_cp = result.paths.trace.is_cp.tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
-        self._told: dict[Kind, int] = {}
+        self._told: dict[RunKind, int] = {}
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -90,7 +90,7 @@ class _Holes:
         base, axis = wanted.point[row].tolist(), wanted.axis[row].tolist()
         if not self._is_exact[bottom]:
             self._tell(
-                Kind.BLENDED_PLUNGE, bottom, "the bottom of the hole is blended: not reached"
+                RunKind.BLENDED_PLUNGE, bottom, "the bottom of the hole is blended: not reached"
             )
         earlier = int(self._served[row - 1]) if row else -1
         down = list(self._walk(bottom, -1, base, axis, earlier))
@@ -98,7 +98,7 @@ class _Holes:
         needed = float(wanted.clear[row] + wanted.depth[row])
         if top < needed - self._near:
             self._tell(
-                Kind.PLUNGE,
+                RunKind.PLUNGE,
                 bottom,
                 f"the tool comes onto the hole's axis {(needed - top) / MM:.3f} mm too low",
             )
@@ -120,7 +120,7 @@ class _Holes:
                     continue
                 if places[other] is None or not self._is_cp[motion + offset]:
                     text = f"the tool moves sideways {(clear - height) / MM:.3f} mm deep"
-                    self._tell(Kind.PLUNGE, motion + offset, text)
+                    self._tell(RunKind.PLUNGE, motion + offset, text)
                     return
 
     def _on_axis(self, vertex: int, base: list[float], axis: list[float]) -> float | None:
@@ -137,7 +137,7 @@ class _Holes:
         needed = float(wanted.depth[row]) + lift
         if max(out, default=0.0) < needed - self._near:
             self._tell(
-                Kind.RETRACT,
+                RunKind.RETRACT,
                 min(bottom + 1, len(self._points) - 1),
                 f"the tool leaves the hole's axis {(needed - max(out, default=0.0)) / MM:.3f} mm "
                 "too low",
@@ -173,7 +173,7 @@ class _Holes:
                 deepest = height
                 if not self._is_exact[vertex - 1]:
                     self._tell(
-                        Kind.BLENDED_PLUNGE, vertex - 1, "the point before a plunge is blended"
+                        RunKind.BLENDED_PLUNGE, vertex - 1, "the point before a plunge is blended"
                     )
             before = height
         return tuple(drilled)
@@ -183,9 +183,9 @@ class _Holes:
         asked = float(self._wanted.dwell[row])
         if abs(seconds - asked) > max(DWELL_SHARE * asked, DWELL_SLACK) and asked > 0.0:
             text = f"{seconds:g} s at the bottom, the CAM file asks for {asked:g} s"
-            self._tell(Kind.DWELL, int(self._served[row]), text)
+            self._tell(RunKind.DWELL, int(self._served[row]), text)
 
-    def _tell(self, kind: Kind, motion: int, text: str) -> None:
+    def _tell(self, kind: RunKind, motion: int, text: str) -> None:
         self._told[kind] = self._told.get(kind, 0) + 1
         if self._told[kind] <= _LISTED:
             self._result.finding(kind, motion, text)

@@ -16,7 +16,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.errors import DataError, Kind
+from postproc.errors import DataError, RunKind
 from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_runs, reordered
@@ -60,7 +60,7 @@ def compare_served(
     for row, motion, times in drilled.repeated(runs)[:_LISTED]:
         name, line = toolpath.tag_name(row), int(toolpath.line[row])
         text = f"tag {name} (line {line}): drilled {times} times, the CAM file asks for fewer"
-        result.finding(Kind.ORDER, motion, text)
+        result.finding(RunKind.ORDER, motion, text)
     return _as_in_file(found, order)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, TiltRange
 from postproc.controller import Rows
-from postproc.errors import Kind
+from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about
 from postproc.model import MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST
@@ -208,7 +208,7 @@ def check_between(
         more = f", {len(found)} such cuts" if len(found) > AT_MOST else ""
         place = f"{toolpath.tag_name(row)} (line {int(toolpath.line[row])})"
         text = f"on the way to tag {place} the tool axis is {value / DEG:.4f} deg off{more}"
-        result.finding(Kind.AXIS, motion, text)
+        result.finding(RunKind.AXIS, motion, text)
 
 
 def _shares(element: Line | Arc, points: FloatArray) -> FloatArray:
