@@ -8,6 +8,7 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -15,23 +16,15 @@ from postproc.cell import Strategy
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
+from postproc.readers import LENGTH_UNITS, READERS
 from postproc.toml import Location, TomlText, load_toml
 
 if TYPE_CHECKING:
     from postproc.model import ToolPath
 
-SUFFIXES = (".apt", ".aptsource", ".cl", ".cls", ".clsf", ".clt", ".csv", ".ncl", ".xml")
-"""File name endings taken from a folder; Creo's version numbers (``.ncl.8``) count too."""
-
 SCHEMA = "postproc.batch/1"
-_OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "strategy", "objective"}
-_OPTIONS |= {"model", "recover", "partial"}
-CHOICES = {
-    "format": ("auto", "apt", "csv", "delmia"),
-    "units": ("mm", "inch"),
-    "strategy": tuple(Strategy),
-}
-"""What the call and ``batch.toml`` accept for an option."""
+_OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
+_OPTIONS |= {"recover", "strategy", "objective", "model", "partial"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +89,20 @@ def _matches(pattern: str) -> Iterable[str]:
 
 
 def is_input(path: Path) -> bool:
-    """Return whether a file of a folder looks like a CAM file by its name."""
+    """Return whether a file of a folder looks like a CAM file by its name.
+
+    Creo's version numbers (``.ncl.8``) count too.
+    """
     names = [suffix.lower() for suffix in path.suffixes[-2:]]
     if names and names[-1][1:].isdigit():
         names = names[:-1]
-    return bool(names) and names[-1] in SUFFIXES
+    return bool(names) and names[-1] in _suffixes()
+
+
+@cache
+def _suffixes() -> frozenset[str]:
+    """Return the file name endings that some reader names."""
+    return frozenset(ending for _, reader in READERS for ending in getattr(reader, "suffixes", ()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,12 +180,22 @@ def _checked(table: Any, toml: TomlText, place: Location, more: set[str]) -> dic
         if isinstance(value, bool) != wants_flag or not isinstance(value, (str, bool)):
             want = "true or false" if wants_flag else "text"
             raise DataError("BAT003", f"{key} = {value!r}, expected {want}", where)
-        if value not in CHOICES.get(key, (value,)):
-            want = ", ".join(CHOICES[key])
+        choices = _known(key)
+        if choices and value not in choices:
+            want = ", ".join(choices)
             raise DataError("BAT003", f"{key} = {value!r}, expected one of {want}", where)
         if key in {"cell", "model"}:
             options[key] = str(Path(toml.path).parent / str(value))
     return options
+
+
+def _known(key: str) -> tuple[str, ...]:
+    """Return what an option of ``batch.toml`` takes, nothing where any text will do."""
+    if key == "format":
+        return ("auto", *(name for name, _ in READERS))
+    if key == "units":
+        return tuple(LENGTH_UNITS)
+    return tuple(Strategy) if key == "strategy" else ()
 
 
 def unique_name(name: str, key: str, taken: set[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib
 import json
 import os
 import sys
@@ -19,6 +20,7 @@ from postproc.progress import Progress
 if TYPE_CHECKING:
     from postproc.cell import Cell
     from postproc.model import ToolPath
+    from postproc.registry import Registry
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -132,27 +134,44 @@ def _coloured(line: str, severity: str) -> str:
     return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
+READING = ("format", "dialect", "units", "columns", "task", "cycle_words", "recover")
+"""Options that say how a CAM file is to be read, alike in all commands that read one."""
+
+
 def reading_options(function: Callable[P, R]) -> Callable[P, R]:
-    """Add the options that say how a CAM file is to be read."""
+    """Add the options of ``READING``."""
     options = (
         click.option(
             "--format",
-            "form",
-            type=click.Choice(["auto", "apt", "csv", "delmia"]),
             default="auto",
             show_default=True,
-            help="Format of the CAM file.",
+            metavar="NAME",
+            callback=registered("postproc.readers", "READERS", "auto"),
+            help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins.",
         ),
         click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt."),
         click.option(
-            "--units", type=click.Choice(["mm", "inch"]), help="Where the CAM file names none."
+            "--units",
+            type=click.Choice(["mm", "inch", "m"]),
+            help="Unit of length where the CAM file names none.",
         ),
-        click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth."),
+        click.option("--columns", help="Columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none."),
+        click.option("--task", help="DELMIA task to read instead of all that no other one calls."),
+        click.option(
+            "--cycle-words",
+            metavar="WORDS",
+            help="Meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed.",
+        ),
         click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning."),
     )
     for option in reversed(options):
         function = option(function)
     return function
+
+
+def reading(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of a command's options that ``reading_options`` added."""
+    return {name: options[name] for name in READING}
 
 
 def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
@@ -163,16 +182,31 @@ def read_cam(source: str, options: Mapping[str, Any], cell: Cell) -> ToolPath:
     """
     from postproc.jobs.convert import ConvertRequest, read_toolpath
 
-    request = ConvertRequest(
-        source=source,
-        cell=options["cell"],
-        format=options["form"],
-        dialect=options["dialect"],
-        units=options["units"],
-        columns=options["columns"],
-        recover=options["recover"],
-    )
-    return read_toolpath(request, cell)
+    return read_toolpath(ConvertRequest(source, options["cell"], **reading(options)), cell)
+
+
+def registered(
+    room: str, registry: str, *more: str
+) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Return the check of an option that names a part of a registry.
+
+    The registry is loaded only for a call that names a part: help stays fast.
+
+    Args:
+        room: package that holds the registry.
+        registry: its name there.
+        more: further names that the option takes.
+    """
+
+    def check(context: click.Context, parameter: click.Parameter, name: str | None) -> str | None:
+        if name is None or name in more:
+            return name
+        parts: Registry[Any] = getattr(importlib.import_module(room), registry)
+        if name not in parts:
+            raise click.BadParameter(parts.unknown(name, *more), context, parameter)
+        return name
+
+    return check
 
 
 def standard_options(

@@ -49,6 +49,8 @@ class ConvertRequest:
     dialect: str | None = None
     units: str | None = None
     columns: str | None = None
+    task: str | None = None
+    cycle_words: str | None = None
     recover: bool = False
     strategy: str | None = None
     objective: str | None = None
@@ -138,7 +140,9 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         units=request.units,
         dialect=request.dialect,
         columns=request.columns,
+        task=request.task,
         recover=request.recover,
+        cycle_words=request.cycle_words,
         tool_axis=tuple(float(v) for v in cell.tool.axis),
         surface_normals=_surface_normals(cell),
     )

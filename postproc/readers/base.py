@@ -23,6 +23,7 @@ LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
 """Metres per unit of length, by the names that ``--units`` takes."""
 CYCLE_WORDS = ("depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "-")
 """What a number of a positional drill cycle can mean."""
+CATIA_WORDS = ("depth", "clearance", "feed", "dwell")
 HEAD_BYTES = 1 << 16
 
 
@@ -43,7 +44,8 @@ class ReadOptions:
             (to look at it; no robot can run it).
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
         cycle_words: meaning of the positional numbers of a CATIA drill cycle, in order, out of
-            ``CYCLE_WORDS``; ``-`` leaves a number out.
+            ``CYCLE_WORDS``; ``-`` leaves a number out. A text has commas or blanks between; None:
+            ``CATIA_WORDS``.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
     """
 
@@ -55,7 +57,7 @@ class ReadOptions:
     surface_normals: Callable[[FloatArray], FloatArray] | None = None
     points_only: bool = False
     chord_tolerance: float = 1e-5
-    cycle_words: tuple[str, ...] = ("depth", "clearance", "feed", "dwell")
+    cycle_words: tuple[str, ...] | str | None = None
     task: str | None = None
 
     def __post_init__(self) -> None:
@@ -67,15 +69,25 @@ class ReadOptions:
         if self.units is not None and self.units not in LENGTH_UNITS:
             known = ", ".join(LENGTH_UNITS)
             raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
-        wrong = [word for word in self.cycle_words if word not in CYCLE_WORDS]
+        wrong = [word for word in self.cycle_numbers if word not in CYCLE_WORDS]
         if wrong:
             known = ", ".join(CYCLE_WORDS)
             raise UsageError("IO021", f"no cycle word {wrong[0]!r}, known are {known}")
 
+    @property
+    def cycle_numbers(self) -> tuple[str, ...]:
+        """Meaning of the positional numbers of a drill cycle, in order."""
+        words = CATIA_WORDS if self.cycle_words is None else self.cycle_words
+        return tuple(words.replace(",", " ").split()) if isinstance(words, str) else words
+
 
 @runtime_checkable
 class Reader(Protocol):
-    """What a reader offers."""
+    """What a reader offers.
+
+    It may also have ``suffixes``: file name endings, with the point and in lower case, of files
+    that ``batch`` takes from a folder.
+    """
 
     def sniff(self, head: bytes) -> float:
         """Return how sure (0 to 1) the reader is that the file is its own, from its head."""

@@ -189,7 +189,7 @@ def test_one_clear_line(name, content, code, words, tmp_path, capsys):
     [
         (["missing.apt"], "IO001"),
         (["."], "IO002"),
-        (["x.csv", "--format", "step"], "PLG001"),
+        (["x.csv", "--format", "step"], "CLI001"),
         (["x.csv", "--columns", "x,y"], "CSV012"),
         (["x.csv", "--columns", "x,y,z,i,j,wobble"], "CSV011"),
         (["x.csv", "--cycle-words", "depth,colour"], "IO021"),

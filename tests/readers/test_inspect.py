@@ -2,13 +2,19 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from postproc.cell import load_cell
 from postproc.cli.app import run
+from postproc.cli.common import READING
+from postproc.jobs.convert import ConvertRequest, read_toolpath
 from postproc.readers import read
 from postproc.report.inspection import distinct_axes, inspection
+
+ROOT = Path(__file__).resolve().parents[2]
 
 KEYS = {
     "schema": str, "format": str, "dialect": str, "units": str, "points": int, "rapid_points": int,
@@ -95,3 +101,41 @@ def test_joint_targets_have_no_place_in_the_box(fixtures):
 def test_help_has_an_example(capsys):
     assert run(["inspect", "--help"]) == 0
     assert "Example: postproc inspect" in capsys.readouterr().out
+
+
+READS = [
+    ("inspect", ["x.aptsource"]),
+    ("convert", ["x.aptsource", "--cell", "c.toml", "-o", "out"]),
+    ("verify", ["p.src", "--against", "x.aptsource", "--cell", "c.toml"]),
+    ("batch", ["x.aptsource", "--cell", "c.toml", "-o", "out"]),
+    ("stiffness", ["x.aptsource", "--cell", "c.toml"]),
+    ("diagnose", ["m.csv", "--program", "x.aptsource", "--cell", "c.toml"]),
+]
+
+
+@pytest.mark.parametrize("name", [name for name, _ in READS])
+def test_all_commands_that_read_a_cam_file_share_its_options(name, capsys):
+    assert run([name, "--help"]) == 0
+    out = capsys.readouterr().out
+    for option in READING:
+        assert f"--{option.replace('_', '-')}" in out
+
+
+@pytest.mark.parametrize(("name", "arguments"), READS)
+def test_an_unknown_format_is_one_line_with_those_known(name, arguments, capsys):
+    assert run([name, *arguments, "--format", "step"]) == 2
+    first = capsys.readouterr().err.splitlines()[0]
+    assert "error CLI001" in first
+    assert "no reader is named 'step', known are apt, auto, csv, delmia" in first
+
+
+@pytest.mark.parametrize(
+    "words", ["depth,clearance,-,-,dwell,feed", "depth clearance - - dwell feed"]
+)
+def test_a_job_reads_with_all_of_them(words, fixtures):
+    """Commas or blanks: the numbers 8, 3, 12, 2, 0.5, 120 of the file's drill cycle."""
+    cell = ROOT / "fixtures" / "drilling_panel" / "cell.toml"
+    request = ConvertRequest(str(fixtures / "part.aptsource"), str(cell), cycle_words=words)
+    cycle = read_toolpath(request, load_cell(cell)).cycles[0]
+    found = (cycle.depth, cycle.clearance, cycle.dwell, cycle.feed)
+    assert found == pytest.approx((0.008, 0.003, 0.5, 0.002))

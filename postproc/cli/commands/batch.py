@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, reading, reading_options, standard_options
 from postproc.cli.ticker import ticker
 
 if TYPE_CHECKING:
@@ -32,10 +32,7 @@ Examples:
 )
 @click.option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
 @click.option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
-@click.option(
-    "--format", "form", type=click.Choice(["auto", "apt", "csv", "delmia"]), default="auto"
-)
-@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where an input names none.")
+@reading_options
 @click.option("--strategy", type=click.Choice(["smooth", "each", "global"]))
 @click.option("--objective", help="axial, normal, radial, process.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
@@ -68,8 +65,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     base = ConvertRequest(
         source="",
         cell=options["cell"] or "",
-        format=options["form"],
-        units=options["units"],
+        **reading(options),
         strategy=options["strategy"],
         objective=options["objective"],
         model=options["model"],

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading_options, standard_options
+from postproc.cli.common import Session, answer, reading, reading_options, standard_options
 from postproc.progress import Progress
 
 EPILOG = """\b
@@ -72,11 +72,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         source=options["source"],
         cell=options["cell"],
         name=options["name"],
-        format=options["form"],
-        dialect=options["dialect"],
-        units=options["units"],
-        columns=options["columns"],
-        recover=options["recover"],
+        **reading(options),
         strategy=options["strategy"],
         objective=options["objective"],
         model=options["model"],

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, reading, reading_options, standard_options
 
 
 @click.command(
@@ -14,31 +14,9 @@ from postproc.cli.common import Session, answer, standard_options
     short_help="What was read from a CAM file, before any robot.",
 )
 @click.argument("source", metavar="INPUT", type=click.Path())
-@click.option("--format", "format_", default="auto", show_default=True,
-              help="auto, apt, csv or delmia.")  # fmt: skip
-@click.option("--units", type=click.Choice(["mm", "inch", "m"]),
-              help="Unit of length where the file does not say.")  # fmt: skip
-@click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt.")
-@click.option("--columns", help="Columns of a CSV file in order, such as id,x,y,z,a,b,c; - = none.")
-@click.option("--task", help="DELMIA task to read instead of all that no other one calls.")
-@click.option(
-    "--cycle-words",
-    metavar="WORDS",
-    help="Meaning of the numbers of a positional drill cycle, such as depth,clearance,feed.",
-)
-@click.option("--recover", is_flag=True, help="Fix what has one possible meaning and list it.")
+@reading_options
 @standard_options
-def command(
-    session: Session,
-    source: str,
-    format_: str,
-    units: str | None,
-    dialect: str | None,
-    columns: str | None,
-    task: str | None,
-    cycle_words: str | None,
-    recover: bool,
-) -> int:
+def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Show what was read from INPUT: points, arcs, holes, tools, feeds, axes, box, lengths.
 
     Words that the reader does not know are listed with their count; nothing is written.
@@ -46,17 +24,9 @@ def command(
     from postproc.readers import ReadOptions, read
     from postproc.report.inspection import inspection, text_lines
 
-    options = ReadOptions(
-        units=units,
-        dialect=dialect,
-        columns=columns,
-        task=task,
-        recover=recover,
-        points_only=True,
-    )
-    if cycle_words is not None:
-        options = replace(options, cycle_words=tuple(cycle_words.split(",")))
-    toolpath = read(source, format_, options)
+    given = reading(options)
+    form = given.pop("format")
+    toolpath = read(options["source"], form, ReadOptions(points_only=True, **given))
     if session.json:
         session.document(inspection(toolpath))
     else:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
 
 EPILOG = """\b
 Examples:
@@ -26,15 +26,7 @@ Examples:
     "--most", type=click.IntRange(1, 500), default=24, show_default=True, help="Key tags shown."
 )
 @click.option("--step", type=click.FloatRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["auto", "apt", "csv", "delmia"]),
-    default="auto",
-    show_default=True,
-    help="Format of the input.",
-)
-@click.option("--units", type=click.Choice(["mm", "inch"]), help="Where the input names none.")
+@reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Show the stiffness index over the rotation about the tool axis, per key tag.
@@ -44,18 +36,11 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
-    from postproc.jobs.convert import ConvertRequest, read_toolpath
     from postproc.planning import spin_curves
     from postproc.units import DEG
 
     cell = load_cell(options["cell"])
-    request = ConvertRequest(
-        source=options["source"],
-        cell=options["cell"],
-        format=options["form"],
-        units=options["units"],
-    )
-    toolpath = read_toolpath(request, cell)
+    toolpath = read_cam(options["source"], options, cell)
     cell, words = _with_model(options["model"], cell)
     curves = spin_curves(
         toolpath,

@@ -179,7 +179,7 @@ def _positional(
 ) -> dict[str, float]:
     """Return the parameters of CATIA's numbers, named by ``ReadOptions.cycle_words``."""
     found: dict[str, float] = {}
-    names = list(state.options.cycle_words)
+    names = list(state.options.cycle_numbers)
     unit = next((word for word in words[1:] if word in FEED_UNITS), "")
     for i, word in enumerate(word for word in words[1:] if word not in FEED_UNITS):
         value = bounded(word)
@@ -189,7 +189,7 @@ def _positional(
                 f"drill cycle: the meaning of {word[:20]!r} is not known",
                 line,
                 statement.text,
-                "name the positions with ReadOptions.cycle_words",
+                "name the positions with --cycle-words",
             )
         if names[i] == "feed":
             found["feed"] = feed_value(state, value, unit or "PERMIN", line)

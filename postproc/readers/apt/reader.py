@@ -37,6 +37,8 @@ _MM_FEEDS = re.compile(rb"\b(MMPM|MMPR)\b", re.IGNORECASE)
 class AptReader:
     """Reader of APT and CL data."""
 
+    suffixes = (".apt", ".aptsource", ".cl", ".cls", ".clsf", ".clt", ".ncl")
+
     def sniff(self, head: bytes) -> float:
         """Return how many of the first lines begin with an APT word."""
         found = len(_SNIFFED.findall(head))

@@ -68,6 +68,8 @@ class _Columns:
 class CsvReader:
     """Reader of point and hole lists."""
 
+    suffixes = (".csv",)
+
     def sniff(self, head: bytes) -> float:
         """Return how much of the first rows is numbers; a header of a point list counts too."""
         lines = decoded(head).splitlines()

@@ -53,6 +53,8 @@ class _Path:
 class DelmiaReader:
     """Reader of OLP XML."""
 
+    suffixes = (".xml",)
+
     def sniff(self, head: bytes) -> float:
         """Return 1 for OLPData, little for any other XML."""
         if b"<OLPData" in head:
