@@ -1,4 +1,4 @@
-"""Measuring campaigns: rows, files, registration."""
+"""Measuring campaigns: rows, files, and the one registration."""
 
 from postproc.measurement.campaign import read_campaign
 from postproc.measurement.file import (
@@ -10,7 +10,12 @@ from postproc.measurement.file import (
     WRENCH,
     read_measurements,
 )
-from postproc.measurement.register import fit_registration
+from postproc.measurement.registration import (
+    fit_registration,
+    in_robroot,
+    rigid_motion,
+    unloaded_rows,
+)
 from postproc.measurement.rows import MeasurementSet
 
 __all__ = [
@@ -22,6 +27,9 @@ __all__ = [
     "WRENCH",
     "MeasurementSet",
     "fit_registration",
+    "in_robroot",
     "read_campaign",
     "read_measurements",
+    "rigid_motion",
+    "unloaded_rows",
 ]

@@ -13,6 +13,7 @@ from postproc.gap.fit.problem import pose_problem
 from postproc.geometry.frames import apply, rotation_from_abc, transform
 from postproc.measurement.file import read_measurements
 from postproc.model.modelfile import ModelFile, load_model, save_model
+from postproc.stiffness.identify.identify import IdentifyOptions, identify
 
 REFLECTOR = np.array([0.05, -0.08, 0.1])
 NOISE = 1.2e-5
@@ -85,6 +86,30 @@ def test_rows_tell_that_the_loads_act_at_the_reflector(loaded, kinematics, cell,
     kept = load_model(path)
     assert kept.registration.loads_at_point
     assert predict(rows, kinematics, cell, kept).rms < 1.1 * 3.0**0.5 * NOISE
+
+
+def test_identify_and_diagnose_register_alike(world, kinematics, cell, tmp_path):
+    rng = np.random.default_rng(20)
+    truth = world.Truth(reflector=REFLECTOR)
+    c = 1.0 / (world.K0 * np.array([1.3, 0.8, 1.2, 0.7, 1.1, 0.9]))
+    truth.joint.append(lambda data, now: c * world.load_torque(data, now))
+    data = world.campaign(rng, 160, 0)
+    data["q"][80:] = data["q"][:80]
+    data["wrench"][:80] = 0.0
+    path = tmp_path / "pairs.csv"
+    points = apply(TRACKER, world.solve(truth, data)) + rng.normal(0.0, NOISE, (160, 3))
+    path.write_text(world.csv(data, points))
+    rows, tcp = read_measurements(path), cell.tool.T_flange_tcp[:3, 3]
+    identified = identify(rows, kinematics, tcp, IdentifyOptions("constant", register=True))
+    problem = pose_problem(rows, kinematics, cell, None, True)
+    one, other = identified.registration, problem.registration
+    np.testing.assert_allclose(one.T_measured_robroot, other.T_measured_robroot, atol=1e-12)
+    np.testing.assert_allclose(one.p_flange_point, other.p_flange_point, atol=1e-12)
+    # and it is the truth: loads do not pull; nor does what the diagnosis adds beside an effect
+    final = model_file(diagnose(problem), None).registration
+    for found in (one, final):
+        np.testing.assert_allclose(found.p_flange_point - tcp, REFLECTOR, atol=1.5e-5)
+        np.testing.assert_allclose(found.T_measured_robroot, TRACKER, atol=3e-5)
 
 
 @pytest.mark.parametrize("seed", range(6, 12))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.errors import StiffnessError
+from postproc.errors import DataError, StiffnessError
 from postproc.gap import stiffness_tables
 from postproc.geometry.frames import transform_from_kuka
 from postproc.model import ModelFile, save_model
@@ -330,5 +330,5 @@ def test_too_few_readings_are_refused(arm, postures):
     measured = campaign(twin, postures(2), dead_weight(twin), TRACKER)
     with pytest.raises(StiffnessError, match="STF014"):
         identify(measured, arm, TCP)
-    with pytest.raises(StiffnessError, match="STF013"):
+    with pytest.raises(DataError, match="MEA012"):
         identify(measured, arm, TCP, IdentifyOptions(register=True))

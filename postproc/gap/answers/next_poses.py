@@ -21,9 +21,10 @@ from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
 from postproc.gap.effect import EFFECTS
-from postproc.gap.fit import Block, Gram, block_of, rigid
+from postproc.gap.fit import Block, Gram, block_of
 from postproc.gap.robot_model import evaluate
 from postproc.geometry import apply
+from postproc.measurement import rigid_motion
 from postproc.units import DEG
 
 ENOUGH = 8.0
@@ -337,7 +338,7 @@ def _poses(
     diagnosis: Diagnosis, rows: Samples, why: str, separations: Mapping[str, float] | None = None
 ) -> list[NextPose]:
     problem = diagnosis.problem
-    T_measured_robroot = rigid(problem.measured, np.asarray(problem.measurements.position))
+    T_measured_robroot = rigid_motion(problem.measured, np.asarray(problem.measurements.position))
     expected = apply(T_measured_robroot, evaluate(rows, diagnosis.fit.states)[0])
 
     def of(name: str, row: int) -> Any:  # noqa: ANN401 - a row, a number or None

@@ -15,9 +15,9 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.data import Samples
-from postproc.gap.fit import rigid
 from postproc.gap.robot_model import States, evaluate
 from postproc.geometry import abc_from_rotation, orthonormalised, rotation_angle, rotation_from_abc
+from postproc.measurement import rigid_motion
 from postproc.units import DEG
 
 _ROUNDS = 20
@@ -35,7 +35,7 @@ def orientation(diagnosis: Diagnosis) -> dict[str, Any] | None:
     rows = np.flatnonzero(diagnosis.kept)
     samples = problem.samples.rows(rows)
     R_measured_tool = rotation_from_abc(np.asarray(problem.measurements.abc)[rows])
-    T = rigid(problem.measured, np.asarray(problem.measurements.position))
+    T = rigid_motion(problem.measured, np.asarray(problem.measurements.position))
     R_robroot_tool = T[:3, :3].T @ R_measured_tool
     turned = problem.registration is not None
     before, _ = _misfit(flange_rotation(samples, problem.given), R_robroot_tool, turned)

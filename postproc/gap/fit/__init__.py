@@ -20,7 +20,7 @@ from postproc.gap.fit.linear import Block, Gram, block_of
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.noise import MAD_OF_CHI3, Noise, Saturated, repeats, saturated
 from postproc.gap.fit.problem import Problem, pose_problem
-from postproc.gap.fit.registration import moved_by, rigid
+from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.select import CLEAR, Search, Subset, search
 from postproc.gap.fit.waves import Context, Wave, find_waves, is_gear_error
 
@@ -54,7 +54,6 @@ __all__ = [
     "pose_problem",
     "register_loaded",
     "repeats",
-    "rigid",
     "saturated",
     "search",
     "small",

@@ -18,8 +18,9 @@ from postproc.gap.data import Samples
 from postproc.gap.effect import EFFECTS, registration_effects
 from postproc.gap.fit.linear import Block, Gram, block_of, predicted
 from postproc.gap.fit.noise import MAD_OF_CHI3
-from postproc.gap.fit.registration import in_robroot, register
+from postproc.gap.fit.registration import register
 from postproc.gap.robot_model import States, evaluate
+from postproc.measurement import in_robroot
 from postproc.model import Registration
 
 NEAR = 5e-3

@@ -14,11 +14,9 @@ from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
 from postproc.gap.effect import EFFECTS, Effect, Setting, registration_effects
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.registration import in_robroot
 from postproc.gap.robot_model import RobotModel, States, evaluate
-from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet
+from postproc.measurement import MeasurementSet, in_robroot
 from postproc.model import ModelFile, Registration
 
 WIDE = 20.0
@@ -113,7 +111,7 @@ def pose_problem(
         registration = None
         robot = RobotModel.of(kinematics, cell, model, measured_point=True)
         samples = samples_of(robot.arm, measurements)
-        measured = apply(inverse(model.registration.T_measured_robroot), measured)
+        measured = in_robroot(model.registration, measured)
     gap = measured - evaluate(samples, given)[0]
     if float(np.median(np.linalg.norm(gap, axis=1))) > 0.05 and not registered:
         raise DataError(

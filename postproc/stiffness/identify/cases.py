@@ -16,9 +16,9 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
-from postproc.geometry import apply, inverse
+from postproc.geometry import apply
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet
+from postproc.measurement import MeasurementSet, in_robroot
 from postproc.model import Registration
 from postproc.stiffness.cartesian import joint_torque
 from postproc.units import DEG, MM
@@ -167,7 +167,7 @@ class _Rows:
         else:
             p_seen = registration.p_flange_point
             J_seen = kinematics.jacobian(measured.q, p_seen)
-            position = apply(inverse(registration.T_measured_robroot), measured.position)
+            position = in_robroot(registration, measured.position)
         A = J_seen[:, :3, :] * joint_torque(J_load, wrench)[:, None, :]
         return cls(A, position, apply(kinematics.fk(measured.q), p_seen))
 

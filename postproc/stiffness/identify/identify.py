@@ -14,7 +14,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, fit_registration
+from postproc.measurement import MeasurementSet, fit_registration, unloaded_rows
 from postproc.model import Registration
 from postproc.progress import Progress
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
@@ -137,14 +137,15 @@ def identify(
         progress: called with (done, total, what).
 
     Raises:
-        StiffnessError: STF010 no loads, STF012 nothing to see, STF013 registration,
-            STF014 too few cases for the method asked for, STF015 unknown method.
+        StiffnessError: STF010 no loads, STF012 nothing to see, STF014 too few cases for the
+            method asked for, STF015 unknown method.
+        DataError: MEA012 too few postures for the registration.
     """
     wanted = options or IdentifyOptions()
     if wanted.method not in METHODS:
         raise StiffnessError("STF015", f"method {wanted.method!r}, known are {', '.join(METHODS)}")
     report = progress or (lambda done, total, what: None)
-    registration = fit_registration(measured, kinematics, p_flange_tcp) if wanted.register else None
+    registration = _registration(measured, kinematics, p_flange_tcp) if wanted.register else None
     everything = load_cases(measured, kinematics, p_flange_tcp, registration)
     if len(everything) < FEWEST_RESPONSES:
         raise StiffnessError(
@@ -174,6 +175,16 @@ def identify(
         deflection_mean=float(moved.mean()),
         deflection_max=float(moved.max()),
         held_out_error=held_out[chosen],
+    )
+
+
+def _registration(
+    measured: MeasurementSet, kinematics: Kinematics, p_flange_tcp: FloatArray
+) -> Registration:
+    rows = unloaded_rows(measured.q, measured.wrench)
+    T_robroot_flange = kinematics.fk(measured.q[rows])
+    return fit_registration(
+        T_robroot_flange, measured.position[rows], p_flange_tcp, SourceRef(measured.path)
     )
 
 
