@@ -41,6 +41,6 @@ frame = {{ xyz_mm = {list(origin)}, abc_deg = [0, 0, 0] }}
 
 
 def twin_text(*tables: str, origin: tuple[float, float, float]) -> str:
-    """Return the text of the cell whose arm ``tools.hidden_twin`` simulates."""
+    """Return the text of the cell whose arm ``tools.dev.hidden_twin`` simulates."""
     tool = "mass_kg = 50.0\ncog_mm = [53.5, 0, 362]\n"
     return cell_text(*tables, tcp_abc=(0, 0, 180), tool=tool, origin=origin)

@@ -1,9 +1,6 @@
 """The shared workload scene: rates of collision, coal's answers, speed, dense tags."""
 
-import importlib.util
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,65 +8,51 @@ import pytest
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
 from postproc.kinematics.model import build
-from tests.places import SHARED
+from tools.bench import workload
+from tools.bench.collision import CoalModel
 
-ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [
     pytest.mark.corpus,
     pytest.mark.skipif(
-        not (SHARED / "workloads" / "scene").is_dir(),
+        not (workload.WORKLOADS / "scene").is_dir(),
         reason="the shared workloads are not beside the checkout",
     ),
 ]
 
 
-def tool(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / "tools" / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-@pytest.fixture(scope="module")
-def workload():
-    return tool("workload_scene")
-
-
-def scene_and_candidates(workload, hard, holes=200):
+def scene_and_candidates(hard, holes=200):
     cell = workload.workload_cell(hard)
     arm = build(cell.robot)
     return Scene.build(cell, arm), arm, workload.candidates(arm, cell, *workload.holes(holes))
 
 
 @pytest.mark.parametrize(("hard", "low", "high"), [(False, 0.001, 0.005), (True, 0.32, 0.36)])
-def test_as_many_candidates_collide_as_published(hard, low, high, workload):
+def test_as_many_candidates_collide_as_published(hard, low, high):
     # published with the workloads: 0.2 % in the base scene, 34 % in the hard one
-    scene, _, q = scene_and_candidates(workload, hard)
+    scene, _, q = scene_and_candidates(hard)
     assert low < scene.check(q).hit.mean() < high
 
 
-def test_coal_agrees_and_most_pairs_are_culled(workload):
-    scene, arm, q = scene_and_candidates(workload, hard=True)
-    bench = tool("bench_collision")
+def test_coal_agrees_and_most_pairs_are_culled():
+    scene, arm, q = scene_and_candidates(hard=True)
     rng = np.random.default_rng(0)
     q = np.vstack([q[rng.permutation(len(q))[:1500]], rng.uniform(-2.0, 2.0, (1500, 6))])
     tally = Tally()
     hits = scene.check(q, tally=tally).hit
-    assert np.array_equal(hits, bench.CoalModel(scene, arm).check(q))
+    assert np.array_equal(hits, CoalModel(scene, arm).check(q))
     assert 0.1 < hits.mean() < 0.6
     assert tally.exact < 0.02 * tally.pairs
 
 
-def test_fast_enough_for_all_candidates(workload):
-    scene, _, q = scene_and_candidates(workload, hard=False)
+def test_fast_enough_for_all_candidates():
+    scene, _, q = scene_and_candidates(hard=False)
     scene.check(q[:1000])
     start = time.process_time()
     scene.check(q)
     assert len(q) / (time.process_time() - start) > 48_000
 
 
-def test_dense_tags_in_front_of_the_panel_need_few_exact_tests(workload):
+def test_dense_tags_in_front_of_the_panel_need_few_exact_tests():
     """Half a millimetre between tags, 20 mm in front of the panel."""
     cell = workload.workload_cell()
     arm = build(cell.robot)

@@ -19,7 +19,7 @@ from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.units import NMM_PER_RAD
 from postproc.verification.verify import verify
 from tests.cells import JOINT_STIFFNESS, STIFFNESS, twin_text
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 K = list(JOINT_STIFFNESS)
 STIFF = f'schema = "postproc.model/1"\n[effects.joint_compliance]\nstiffness_Nmm_per_rad = {K}\n'

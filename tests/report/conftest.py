@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.places import PANEL, PANEL_CELL
-from tools.browser import Browser, installed
-from tools.make_pictures import campaign
+from tools.dev.browser import Browser, installed
+from tools.dev.make_pictures import campaign
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ from postproc.kinematics.model import build
 from postproc.report.parts.headline import headline
 from tests.places import PANEL_CELL
 from tests.report.conftest import data_of
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 READY = "window.ppPage && ppPage.state().ready"
 PAGES = ("report.html", "identify.html", "plan/sample.html")

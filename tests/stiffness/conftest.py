@@ -1,6 +1,6 @@
 """A cell with the arm of the paper, and readings of a robot that the product does not know.
 
-The readings come from ``tools/hidden_twin``: other kinematics, full load equilibrium.
+The readings come from ``tools/dev/hidden_twin``: other kinematics, full load equilibrium.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics.model import build
 from postproc.measurement.rows import MeasurementSet
 from tests.cells import STIFFNESS, twin_text
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 K_PAPER = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 LOW, HIGH = np.array([1.5, -0.6, 0.5]), np.array([2.1, 0.6, 1.1])

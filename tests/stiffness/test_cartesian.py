@@ -6,7 +6,7 @@ import pytest
 
 from postproc.errors import StiffnessError
 from postproc.stiffness import cartesian
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 from .conftest import K_PAPER, TCP, WEIGHT, wrench_of
 
@@ -28,7 +28,7 @@ def screw_jacobian(q):
 def test_compliance_of_the_arm_from_pinocchio(arm, postures):
     # a chain of revolute joints built from the twin's screw axes, in pinocchio
     model = pinocchio.Model()
-    from tools.hidden_twin import AXES, POINTS
+    from tools.dev.hidden_twin import AXES, POINTS
 
     parent, before = 0, np.zeros(3)
     for axis, point in zip(AXES, POINTS, strict=True):

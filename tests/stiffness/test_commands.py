@@ -9,7 +9,7 @@ import pytest
 
 from postproc.cli.app import run
 from postproc.model.modelfile import load_model
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 from .conftest import WEIGHT
 

@@ -20,7 +20,7 @@ from postproc.stiffness.field import ConstantField
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 from .conftest import K_PAPER, TCP, WEIGHT, campaign, dead_weight, wrench_of
 

@@ -17,7 +17,7 @@ from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
 from postproc.stiffness.identify.identified import document, warnings
 from postproc.stiffness.identify.identify import IdentifyOptions, identify
 from postproc.stiffness.identify.observability import Visibility
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 from .conftest import K_PAPER, TCP, WEIGHT, campaign, dead_weight, moved, three_directions
 

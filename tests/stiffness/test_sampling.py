@@ -18,7 +18,7 @@ from postproc.stiffness.sample.sampling import (
     plan_sampling,
     travel_order,
 )
-from tools.hidden_twin import Twin
+from tools.dev.hidden_twin import Twin
 
 from .conftest import HIGH, LOW, WEIGHT, wrench_of
 

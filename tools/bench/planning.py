@@ -1,10 +1,10 @@
 """Measure planning: time, memory and cost against known optima; strategies side by side.
 
-    python tools/bench_planning.py search  --workloads DIR [--sizes 1000 10000]
+    python -m tools.bench planning search  [--workloads DIR] [--sizes 1000 10000]
                                            [--kinds base turns hard] [--panel-triangles 20000]
                                            [--peer PYTHON]
-    python tools/bench_planning.py scale   --workloads DIR [--strokes]
-    python tools/bench_planning.py compare [--nx FILE]
+    python -m tools.bench planning scale   [--workloads DIR] [--strokes]
+    python -m tools.bench planning compare [--nx FILE]
 
 ``search`` runs the workloads with their scene (spin 36 x 10 deg, all branches, collision) twice:
 with the poses at the holes checked, of which the optima are published, and with whole strokes of
@@ -14,7 +14,7 @@ memory, how many states were checked, the cost of the best sequence on the grid,
 the optimum of poses alone [%], and the cost after refinement. With swept strokes the hard scene's
 optimum is out of reach: more states collide. ``--panel-triangles`` subdivides the panel, same
 shape, until it has at least so many. ``--peer`` names an interpreter that has
-``tesseract-robotics``: its ladder planner runs on the same files beside (``bench_tesseract.py``).
+``tesseract-robotics``: its ladder planner runs on the same files beside (``tesseract.py``).
 ``scale`` repeats the largest workload, up to 100,000 tags.
 ``compare`` plans milling lines with each strategy.
 
@@ -25,34 +25,21 @@ from __future__ import annotations
 
 import argparse
 import json
-import resource
-import subprocess
-import sys
 import tempfile
-import time
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from postproc.cell.cell import (
-    Cell,
-    Limits,
-    MeshPlacement,
-    OpwGeometry,
-    Process,
-    Robot,
-    Tool,
-    Workpiece,
-)
-from postproc.cell.choices import Strategy
-from postproc.cell.options import krl_of, motion_of, optimize_of
-from postproc.cell.robotfile import load_robot
-from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
-from postproc.geometry.frames import rotation_x, transform
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.planning.planner import plan
+from postproc.cell import Cell, parse_cell
+from postproc.model import MotionKind, ToolPath
+from postproc.planning import plan
+from postproc.readers import ReadOptions, read
 from postproc.units import DEG, MM, N_PER_MM
+from tests.cells import STIFFNESS, cell_text
+from tools.bench.harness import alone, peak_mb, spent
+from tools.bench.paths import bare_path
+from tools.bench.workload import WORKLOADS, holes, workload_cell
 
 OPTIMA = {
     ("base", 200): 7.5865,
@@ -68,73 +55,16 @@ OPTIMA = {
 """Sum of squared joint steps [rad^2] of the exact optimum, from the workloads' own page."""
 PEER_MOST = 1000
 """Holes that the peer is asked for at most: it takes about 7 MB for each."""
-STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
-"""[N*m/rad], Jiao et al. 2022, no grid."""
 
 
-def scene_cell(folder: Path, kind: str, *, strokes: bool, panel: Path | None = None) -> Cell:
-    """Return the workload's cell; ``kind``: base, turns or hard; ``panel``: another mesh of it."""
-    scene = folder / "scene"
-    data = json.loads((scene / "scene.json").read_text())
-    size = data["robot"]
-    limits = np.array(size["limits_deg"]) * DEG
-    geometry = OpwGeometry(
-        size["a1"], -size["a3"], 0.0, size["d1"], size["a2"], size["d4"], size["d6"],
-        np.array(size["axis_signs"]), np.array([0.0, -90.0, 0, 0, 0, 0]) * DEG,
-    )  # fmt: skip
-    forearm = transform(np.eye(3), [size["d4"], 0.0, 0.0])
-
-    def solids(names: list[str], T: np.ndarray) -> list[MeshPlacement]:
-        return [MeshPlacement(n[:-4], T, file=scene / n, scale=1.0) for n in names]
-
-    links = tuple(
-        (i, solid)
-        for i in range(7)
-        for solid in solids(data["files"][f"link{i}"], forearm if i == 4 else np.eye(4))
-    )
-    robot = Robot(
-        "workload", geometry, limits[:, 0], limits[:, 1],
-        np.array([69.0, 69, 69, 77, 76, 120]) * DEG, np.array([1.4, 1.2, 1.2, 3.0, 3.0, 4.0]),
-        np.eye(4), link_meshes=links,
-    )  # fmt: skip
-    T_flange_tcp = np.array(data["flange_to_tcp"])
-    T_flange_link6 = T_flange_tcp @ np.linalg.inv(np.array(data["link6_to_tcp"]))
-    tool = Tool(
-        1, "spindle", T_flange_tcp, np.array([0.0, 0, 1.0]),
-        meshes=tuple(solids(data["files"]["tool"], T_flange_link6)),
-    )  # fmt: skip
-    table = MotionTable(feed_mm_min=600.0)
-    more = data["hard_extra_obstacles"] if kind == "hard" else []
-    return Cell(
-        name="workload",
-        path="workload",
-        robot=robot,
-        tool=tool,
-        workpiece=Workpiece(
-            1,
-            np.eye(4),
-            (MeshPlacement("panel", np.eye(4), file=panel or scene / "panel.stl", scale=1.0),),
-        ),
-        obstacles=tuple(solids([*data["files"]["obst"], *more], np.eye(4))),
-        limits=Limits(0.0, 0.0, 0.0, np.inf),
-        optimize=optimize_of(OptimizeTable(objective={"travel": 1.0}, turns=kind == "turns")),
-        process=Process(np.zeros(6)),
-        motion=motion_of(table if strokes else table.model_copy(update={"approach_mm": 0.0})),
-        krl=krl_of(KrlTable()),
-    )
-
-
-def holes(path: Path, repeat: int = 1) -> ToolPath:
-    """Return a workload's holes; repeated forth and back to make a longer one."""
-    rows = np.loadtxt(path, delimiter=",", skiprows=1)
-    rows = np.concatenate([rows if k % 2 == 0 else rows[::-1] for k in range(repeat)])
-    n = len(rows)
-    axes = rows[:, 3:] / np.linalg.norm(rows[:, 3:], axis=1, keepdims=True)
-    none = np.full(n, -1)
-    return ToolPath(
-        path.name, path.stem, "csv", "csv", "mm", rows[:, :3] * MM, axes,
-        np.full(n, MotionKind.HOLE), np.full(n, 0.01), np.arange(n) + 2, none, none, none, none,
-    )  # fmt: skip
+def repeated(size: int, repeat: int, folder: Path) -> ToolPath:
+    """Return a workload's holes, forth and back so many times."""
+    points, normals = holes(size, folder)
+    order = np.arange(len(points))
+    rows = np.concatenate([order if k % 2 == 0 else order[::-1] for k in range(repeat)])
+    axes = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    name = f"workload_{size}"
+    return bare_path(name, points[rows], axes[rows], feed=0.01, kind=MotionKind.HOLE)
 
 
 def subdivided(source: Path, triangles: int, folder: Path) -> Path:
@@ -159,18 +89,22 @@ def run_search(arguments: argparse.Namespace) -> None:
 
 
 def _search_in(arguments: argparse.Namespace, panel: Path) -> None:
-    cell = scene_cell(arguments.workloads, arguments.kind, strokes=arguments.strokes, panel=panel)
-    toolpath = holes(arguments.workloads / f"workload_{arguments.size}.csv", arguments.repeat)
-    cpu, wall = time.process_time(), time.perf_counter()
-    result = plan(toolpath, cell)
+    folder, kind = arguments.workloads, arguments.kind
+    approach_mm = 50.0 if arguments.strokes else 0.0
+    cell = workload_cell(
+        kind == "hard", panel, turns=kind == "turns", approach_mm=approach_mm, folder=folder
+    )
+    toolpath = repeated(arguments.size, arguments.repeat, folder)
+    with spent() as used:
+        result = plan(toolpath, cell)
     record = dict(result.settings)
     print(
         json.dumps(
             {
-                "wall_s": time.perf_counter() - wall,
-                "cpu_s": time.process_time() - cpu,
+                "wall_s": used.wall,
+                "cpu_s": used.cpu,
                 "stages": record["timing"],
-                "mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
+                "mb": peak_mb(),
                 "tags": len(toolpath),
                 "errors": len(result.errors),
                 "rounds": record["rounds"],
@@ -180,14 +114,6 @@ def _search_in(arguments: argparse.Namespace, panel: Path) -> None:
             }
         )
     )
-
-
-def case(*arguments: str) -> dict[str, float]:
-    """Run one case in a process of its own and return what it printed."""
-    command = [sys.executable, __file__, "one", *arguments]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
-    result: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
-    return result
 
 
 def table_search(arguments: argparse.Namespace) -> None:
@@ -200,7 +126,7 @@ def table_search(arguments: argparse.Namespace) -> None:
             for size in arguments.sizes:
                 flags = ["--kind", kind, "--size", str(size)] + ["--strokes"] * strokes
                 flags += ["--panel-triangles", str(arguments.panel_triangles)]
-                r = case("--workloads", str(arguments.workloads), *flags)
+                r = alone("planning", "one", "--workloads", str(arguments.workloads), *flags)
                 off = 100.0 * (r["grid_rad2"] / OPTIMA.get((kind, size), float("nan")) - 1.0)
                 print(
                     f"{'strokes' if strokes else 'poses':>9}{kind:>7}{size:>7}"
@@ -215,16 +141,14 @@ def table_search(arguments: argparse.Namespace) -> None:
 
 
 def _peer_rows(arguments: argparse.Namespace) -> None:
-    script = Path(__file__).with_name("bench_tesseract.py")
+    script = str(Path(__file__).with_name("tesseract.py"))
     for size in arguments.sizes:
         if size > PEER_MOST:
             print(
                 f"tesseract-robotics base {size}: left out, it would need {7 * size / 1000:.0f} GB"
             )
             continue
-        command = [arguments.peer, str(script), str(arguments.workloads), str(size)]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        r = json.loads(done.stdout.splitlines()[-1])
+        r = alone(script, str(arguments.workloads), str(size), python=arguments.peer)
         print(
             f"tesseract-robotics base {size}: {r['wall_s']:.2f} s wall, {r['cpu_s']:.2f} s cpu, "
             f"{r['mb']:.0f} MB, {r['rad2']:.4f} rad^2",
@@ -237,7 +161,7 @@ def table_scale(arguments: argparse.Namespace) -> None:
     for size, repeat in ((1000, 1), (10000, 1), (10000, 3), (10000, 10)):
         flags = ["--kind", "base", "--size", str(size), "--repeat", str(repeat)]
         flags += ["--strokes"] * arguments.strokes
-        r = case("--workloads", str(arguments.workloads), *flags)
+        r = alone("planning", "one", "--workloads", str(arguments.workloads), *flags)
         per = 1e3 * r["cpu_s"] / r["tags"]
         print(
             f"{r['tags']:>7} tags {r['wall_s']:>8.2f} s wall {r['cpu_s']:>8.2f} s cpu "
@@ -250,25 +174,33 @@ def paper_line(x: float, y: float, z: float) -> ToolPath:
     """Return a cut parallel to y at nine tags, the paper's kind of line; tool looks along +x."""
     n = 9
     points = np.stack([np.full(n, x), np.linspace(-y, y, n), np.full(n, z)], axis=1) * MM
-    none = np.full(n, -1)
-    kind = np.full(n, MotionKind.LINEAR)
-    return ToolPath(
-        "line", "line", "apt", "apt", "mm", points, np.tile([-1.0, 0, 0], (n, 1)), kind,
-        np.full(n, 0.02), np.arange(n) + 1, none, none, none, none,
-    )  # fmt: skip
+    return bare_path("line", points, (-1.0, 0.0, 0.0), feed=0.02)
 
 
-def line_cell(head: tuple[float, float], objective: str, index: str) -> Cell:
-    """Return the arm of the paper with its TCP below and ahead of the flange (mm)."""
+def line_cell(
+    head: tuple[float, float],
+    objective: str,
+    index: str,
+    origin: tuple[float, float, float] = (0, 0, 0),
+) -> Callable[[str], Cell]:
+    """Return what makes the cell of the paper's arm from further keys of ``[optimize]``.
+
+    Args:
+        head: its TCP below and ahead of the flange [mm], the flange down at spin 0.
+        objective: of the turn about the tool axis.
+        index: of the stiffness.
+        origin: CAM coordinates in the robot root [mm].
+    """
     below, ahead = head
-    robot = replace(load_robot("kuka_kr500_r2830"), joint_stiffness=STIFFNESS)
-    T = transform(rotation_x(np.pi), np.array([ahead, 0.0, below]) * MM)  # flange down at spin 0
-    return Cell(
-        "line", "line", robot, Tool(1, "spindle", T, np.array([1.0, 0, 0])),
-        Workpiece(1, np.eye(4)), (), Limits(2.0 * DEG, 5.0 * DEG, 0.0, np.inf),
-        optimize_of(OptimizeTable(objective=objective, index=index, range_deg=[-90.0, 90.0])),
-        Process(np.zeros(6)), motion_of(MotionTable(feed_mm_min=1200.0)), krl_of(KrlTable()),
-    )  # fmt: skip
+    wishes = f'[optimize]\nobjective = "{objective}"\nindex = "{index}"\nrange_deg = [-90, 90]\n'
+
+    def cell(keys: str) -> Cell:
+        text = cell_text(
+            STIFFNESS, wishes + keys, tcp=(ahead, 0, below), tcp_abc=(0, 0, 180), origin=origin
+        )
+        return parse_cell(text.encode(), "line.toml")
+
+    return cell
 
 
 def table_compare(arguments: argparse.Namespace) -> None:
@@ -282,14 +214,12 @@ def table_compare(arguments: argparse.Namespace) -> None:
     if arguments.nx and not Path(arguments.nx).exists():
         print(f"{arguments.nx}: not there, left out")
     elif arguments.nx:
-        from postproc.readers.base import ReadOptions, read
-
         toolpath = read(arguments.nx, options=ReadOptions(tool_axis=(1.0, 0.0, 0.0)))
-        cell = line_cell((362, 107), "axial", "compliance")
         middle = 0.5 * (toolpath.points.min(axis=0) + toolpath.points.max(axis=0))
-        base = Workpiece(1, transform(np.eye(3), np.array([1.9, 0.0, 0.9]) - middle))
-        jobs.append((Path(arguments.nx).stem, toolpath, replace(cell, workpiece=base)))
-    plan(jobs[0][1], jobs[0][2])  # imports and tables made once are no planning time
+        x, y, z = ((np.array([1.9, 0.0, 0.9]) - middle) / MM).tolist()
+        cell = line_cell((362, 107), "axial", "compliance", (x, y, z))
+        jobs.append((Path(arguments.nx).stem, toolpath, cell))
+    plan(jobs[0][1], jobs[0][2](""))  # imports and tables made once are no planning time
     print(
         "k: stiffness of the objective [N/mm]; loss [%] against each tag's own optimum on the grid"
     )
@@ -302,31 +232,29 @@ def table_compare(arguments: argparse.Namespace) -> None:
 
 
 STRATEGIES = (
-    ("each", {"strategy": Strategy.EACH}),
+    ("each", 'strategy = "each"\n'),
     (
         "paper smooth",
-        {"strategy": Strategy.SMOOTH, "refine": False, "loss_bound": 1.0, "key_every": 100.0},
+        'strategy = "smooth"\nrefine = false\nloss_bound_percent = 100\nkey_every_mm = 1e5\n',
     ),
-    ("smooth", {"strategy": Strategy.SMOOTH}),
-    ("global", {"strategy": Strategy.GLOBAL}),
+    ("smooth", 'strategy = "smooth"\n'),
+    ("global", 'strategy = "global"\n'),
 )
-"""Name and options; paper smooth: as Jiao et al. 2022, fixed interpolation between key tags
-of which each takes its own optimum, none added."""
+"""Name and keys; paper smooth: as Jiao et al. 2022, fixed interpolation between key tags of which
+each takes its own optimum, none added."""
 
 
-def _compare(name: str, toolpath: ToolPath, cell: Cell) -> None:
+def _compare(name: str, toolpath: ToolPath, cell: Callable[[str], Cell]) -> None:
     """Print one line per strategy, and the loss of every tag where they are few."""
     rows, best = [], np.zeros(0)
-    for label, options in STRATEGIES:
-        wishes = replace(cell.optimize, **options)
-        began = time.process_time()
-        result = plan(toolpath, replace(cell, optimize=wishes))
-        took = time.process_time() - began
-        if options["strategy"] is Strategy.SMOOTH:
+    for label, keys in STRATEGIES:
+        with spent() as used:
+            result = plan(toolpath, cell(keys))
+        if "smooth" in keys:
             # the record's own losses are against the optimum of every tag by itself
             lost = 1.0 - np.array(result.settings["loss"])
             best = result.stiffness / lost
-        rows.append((label, result, took))
+        rows.append((label, result, used.cpu))
     for label, result, took in rows:
         loss, k = 100.0 * (1.0 - result.stiffness / best), result.stiffness / N_PER_MM
         turned = np.abs(np.diff(result.q, axis=0)) / DEG
@@ -350,7 +278,7 @@ def main() -> None:
     parts = parser.add_subparsers(dest="part", required=True)
     for name in ("search", "scale", "one"):
         part = parts.add_parser(name)
-        part.add_argument("--workloads", type=Path, required=True)
+        part.add_argument("--workloads", type=Path, default=WORKLOADS)
     kinds = ["base", "turns", "hard"]
     parts.choices["search"].add_argument("--sizes", type=int, nargs="+", default=[200, 1000, 10000])
     parts.choices["search"].add_argument("--kinds", nargs="+", choices=kinds, default=kinds)
@@ -371,7 +299,3 @@ def main() -> None:
         "one": run_search,
         "compare": table_compare,
     }[arguments.part](arguments)
-
-
-if __name__ == "__main__":
-    main()

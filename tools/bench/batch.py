@@ -1,8 +1,8 @@
 """Measure the batch: rate on one core and two, a re-run, kills and resumes, a million holes.
 
-    python tools/bench_batch.py rate   [--inputs 1000]
-    python tools/bench_batch.py kills  [--kills 20] [--inputs 60]
-    python tools/bench_batch.py cloud  [--holes 1000000] [--jobs 2]
+    python -m tools.bench batch rate   [--inputs 1000]
+    python -m tools.bench batch kills  [--kills 20] [--inputs 60]
+    python -m tools.bench batch cloud  [--holes 1000000] [--jobs 2]
 
 All inputs are made here: holes of a flat panel in front of a KR 500 with an angle head, which
 collides with nothing but itself: no solids of tool, part or fixture. Memory is the largest sum of
@@ -17,7 +17,6 @@ import hashlib
 import json
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -25,22 +24,10 @@ import tempfile
 import time
 from pathlib import Path
 
-CELL = """\
-schema = "postproc.cell/1"
-name = "bench"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "angle_head"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 0] }
-axis = "+x"
-[workpiece]
-number = 1
-frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
-[motion]
-feed_mm_min = 600
-"""
+from tests.cells import FEED, cell_text
+from tools.bench.harness import spent
+
+CELL = cell_text(FEED)
 HEADER = "x,y,z,i,j,k,depth\n"
 REGION_MM = 60
 PITCH_MM = 1.2
@@ -90,14 +77,12 @@ def command(source: str, output: str, *more: str) -> list[str]:
 
 def timed(folder: Path, *call: str) -> dict[str, float]:
     """Run a batch; return seconds of wall and CPU (with its workers), and what it did."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    start = time.perf_counter()
-    done = subprocess.run(command(*call), cwd=folder, capture_output=True, text=True, check=True)
-    wall = time.perf_counter() - start
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    with spent() as used:
+        done = subprocess.run(
+            command(*call), cwd=folder, stdout=subprocess.PIPE, text=True, check=True
+        )
     document = json.loads(done.stdout)
-    return {"wall": wall, "cpu": cpu, "done": document["done"], "kept": document["kept"]}
+    return {"wall": used.wall, "cpu": used.cpu, "done": document["done"], "kept": document["kept"]}
 
 
 def measure_rate(folder: Path, arguments: argparse.Namespace) -> None:
@@ -194,24 +179,20 @@ def measure_cloud(folder: Path, arguments: argparse.Namespace) -> None:
 
 def watched(folder: Path, call: list[str]) -> str:
     """Run a batch and watch its memory; return time, CPU, memory and what it did."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    start, largest, main_largest = time.perf_counter(), 0, 0
-    with (folder / "stdout").open("wb") as stream:
+    largest = main_largest = 0
+    with (folder / "stdout").open("wb") as stream, spent() as used:
         running = subprocess.Popen(call, cwd=folder, stdout=stream)
         while running.poll() is None:
             own = unique_memory(running.pid)
             largest = max(largest, own + sum(map(unique_memory, children(running.pid))))
             main_largest = max(main_largest, own)
             time.sleep(0.5)
-    wall = time.perf_counter() - start
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu = after.ru_utime + after.ru_stime - usage.ru_utime - usage.ru_stime
     document = json.loads((folder / "stdout").read_bytes())
     failed = document["failed"][:3]
     return (
-        f"exit {running.returncode}, {wall:.0f} s wall, {cpu:.0f} s CPU, {largest / 2**30:.2f} GiB "
-        f"in all, {main_largest / 2**30:.2f} GiB without workers, {document['done']} done, "
-        f"{document['kept']} kept, failed {failed}"
+        f"exit {running.returncode}, {used.wall:.0f} s wall, {used.cpu:.0f} s CPU, "
+        f"{largest / 2**30:.2f} GiB in all, {main_largest / 2**30:.2f} GiB without workers, "
+        f"{document['done']} done, {document['kept']} kept, failed {failed}"
     )
 
 
@@ -232,7 +213,3 @@ def unique_memory(pid: int) -> int:
     except OSError:
         return 0
     return 1024 * sum(int(line.split()[1]) for line in text.splitlines() if line.startswith("Pss:"))
-
-
-if __name__ == "__main__":
-    main()

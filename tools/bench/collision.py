@@ -1,17 +1,15 @@
 """Collision checks per second on the shared workload scene, beside fcl and coal in one run.
 
-Run: python tools/bench_collision.py [--holes 1000] [--count 20000] [--hard] [--panel 200000]
+    python -m tools.bench collision [--holes 1000] [--count 20000] [--hard] [--panel 200000]
 
 Configurations are IK candidates within limits (36 spins, all branches) of the holes, and uniformly
-random ones. All three judge the same pairs of the same meshes; their answers are compared. Times
-are CPU times of one process.
+random ones. All three judge the same pairs of the same meshes; their answers are compared.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,14 +17,15 @@ import coal
 import fcl
 import numpy as np
 import pinocchio as pin
-from workload_scene import candidates, fixed_spin_path, holes, workload_cell
 
-from postproc.cell.cell import Cell
+from postproc.cell import Cell
 from postproc.collision.bodies import WORLD
 from postproc.collision.check import Tally
 from postproc.collision.mesh import Mesh, load_mesh
 from postproc.collision.scene import Scene
-from postproc.kinematics.model import Kinematics, build
+from postproc.kinematics import Kinematics, build
+from tools.bench.harness import rate
+from tools.bench.workload import candidates, fixed_spin_path, holes, workload_cell
 
 
 def main() -> None:
@@ -53,10 +52,8 @@ def main() -> None:
             compare(name, scene, arm, q)
         motions(scene, chosen)
         path = fixed_spin_path(arm, cell, *holes(10000))
-        start = time.process_time()
-        hit = scene.check_motion(path).hit.mean()
-        speed = (len(path) - 1) / (time.process_time() - start)
-        print(f"  {'10,000 successive holes':<34}{speed:>10,.0f} /s   {hit:.1%} hit")
+        hit, speed = timed(lambda rows: scene.check_motion(rows).hit, path)
+        print(f"  {'10,000 successive holes':<34}{speed:>10,.0f} /s   {hit.mean():.1%} hit")
 
 
 def compare(name: str, scene: Scene, arm: Kinematics, q: np.ndarray) -> None:
@@ -82,23 +79,20 @@ def motions(scene: Scene, q: np.ndarray) -> None:
     rng = np.random.default_rng(1)
     for text, step in (("0.1 deg", 0.002), ("1 deg", 0.02), ("6 deg", 0.1)):
         end = free + step * rng.uniform(-1.0, 1.0, free.shape)
-        start = time.process_time()
-        hit = scene.check_paths(free, end).hit.mean()
-        speed = len(free) / (time.process_time() - start)
-        print(f"  motions of about {text:<18}{speed:>10,.0f} /s   {hit:.1%} hit")
+        paths = np.stack([free, end], axis=1)
+        hit, speed = timed(lambda two: scene.check_paths(two[:, 0], two[:, 1]).hit, paths)
+        print(f"  motions of about {text:<18}{speed:>10,.0f} /s   {hit.mean():.1%} hit")
     for text, most in (("smallest distance", np.inf), ("smallest distance up to 50 mm", 0.05)):
-        start = time.process_time()
-        scene.clearance(free, most=most)
-        speed = len(free) / (time.process_time() - start)
+        speed = rate(lambda most=most: scene.clearance(free, most=most), len(free))
         print(f"  {text:<34}{speed:>10,.0f} /s")
 
 
 def timed(check: Callable[[np.ndarray], np.ndarray], q: np.ndarray) -> tuple[np.ndarray, float]:
     """Return the answer and configurations per second of CPU time, after a short warm-up."""
     check(q[:50])
-    start = time.process_time()
-    answer = check(q)
-    return answer, len(q) / (time.process_time() - start)
+    answers = []
+    speed = rate(lambda: answers.append(check(q)), len(q))
+    return answers[0], speed
 
 
 class FclLoop:
@@ -200,7 +194,3 @@ def _panel_file(cell: Cell) -> Path:
     if file is None:
         raise SystemExit("the workload scene has no panel file")
     return file
-
-
-if __name__ == "__main__":
-    main()

@@ -1,7 +1,6 @@
-#!/usr/bin/env python3
 """Speed and memory of the readers on large inputs made here, one process an input.
 
-    tools/bench_readers.py [--mb 50] [--only NAME]
+    python -m tools.bench readers [--mb 50] [--only NAME]
 
 Prints MB/s of processor time on one core, points/s, and the peak memory as a multiple of the file
 (bare interpreter with numpy subtracted), each beside its goal. Reference, numbers of single
@@ -14,14 +13,13 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
+from itertools import count
 from pathlib import Path
+
+from postproc.readers import READERS, read
+from tools.bench.harness import alone, peak_mb, spent
 
 GOALS = {"apt": (15.0, 12.0), "csv": (40.0, 12.0), "delmia": (20.0, None)}
 XML_PEAK_MB = 400.0
@@ -35,9 +33,7 @@ def nx() -> Iterator[str]:
     yield "LOAD/TOOL,2\nPAINT/COLOR,186\nRAPID\n"
     yield "GOTO/0.0000,0.0000,80.0000,0.0000000,0.0000000,1.0000000\n"
     yield "FEDRAT/MMPM,800.0000\n"
-    i = 0
-    while True:
-        i += 1
+    for i in count(1):
         x, y, z = 300.0 * math.sin(0.001 * i), 0.01 * i % 400.0, 20.0 * math.cos(0.013 * i)
         axis = ""
         if i % 3 == 0:
@@ -53,9 +49,7 @@ def solidworks() -> Iterator[str]:
     yield "PARTNO/1\nUNIT/MM\nINSERT/8MM CRB 3FL\nCUTTER/8.,0,4.,0,0,0,63.\nLOAD/TOOL,1\n"
     yield "CSI_SET_FLUTE_LENGTH/20.\nSPINDL/9000,RPM,CLW\nTRNTYP/WORLD,0,0,0\n"
     yield "CSYS/1.,0,0,0,0,1.,0,0,0,0,1.,0\n"
-    i = 0
-    while True:
-        i += 1
+    for i in count(1):
         x, y, z = 7.0 * (i % 61), 9.0 * (i % 47), -0.25 * (i % 11)
         yield f"RAPID/\nGOTO/{x:.6f},{y:.6f},25.\nRAPID/\nGOTO/{x:.6f},{y:.6f},2.\n"
         yield f"FEDRAT/{300 + i % 9}.5,MMPM\nGOTO/{x:.6f},{y:.6f},{z:.4f}\nCUTCOM/LEFT\n"
@@ -71,9 +65,7 @@ def catia() -> Iterator[str]:
     yield "$$ 0.00000 1.00000 0.00000 50.0\n$$ 0.00000 0.00000 1.00000 20.0\n"
     yield "PARTNO PANEL\nLOADTL/1,1\nSPINDL/ 3000.0000,RPM,CLW\nFEDRAT/ 300.0000,MMPM\nRAPID\n"
     yield "GOTO  /    0.00000,    0.00000,  100.00000\n"
-    i = 0
-    while True:
-        i += 1
+    for i in count(1):
         yield (
             f"CYCLE/DRILL, {6 + i % 3}.000000, 5.000000\n"
             f"GOTO  / {15.0 * (i % 99):10.5f}, {15.0 * (i // 99 % 99):10.5f},   20.00000\n"
@@ -84,13 +76,13 @@ def catia() -> Iterator[str]:
 def csv_numbers() -> Iterator[str]:
     """Points and normals."""
     yield "x,y,z,i,j,k\n"
-    yield from (",".join(_row(i)) + "\n" for i in _forever())
+    yield from (",".join(_row(i)) + "\n" for i in count(1))
 
 
 def csv_holes() -> Iterator[str]:
     """Hole list with names and operations."""
     yield "id,x,y,z,i,j,k,depth,diameter,feed,operation\n"
-    for i in _forever():
+    for i in count(1):
         row = ",".join(_row(i))
         yield f"R{i // 100:04d}H{i % 100:02d},{row},6.0,{4.8 + i % 2:.1f},120,skin{i // 500}\n"
 
@@ -98,7 +90,7 @@ def csv_holes() -> Iterator[str]:
 def csv_comma() -> Iterator[str]:
     """Semicolons and decimal commas."""
     yield "Punkt;X [mm];Y [mm];Z [mm];I;J;K\r\n"
-    for i in _forever():
+    for i in count(1):
         yield f"P{i};" + ";".join(_row(i)).replace(".", ",") + "\r\n"
 
 
@@ -106,7 +98,7 @@ def xml() -> Iterator[str]:
     """Cartesian targets with six joints each."""
     yield "<?xml version='1.0' encoding='UTF-8'?>\n<OLPData>\n <Resource id='r'>\n"
     yield "  <GeneralInfo><ResourceName>r</ResourceName></GeneralInfo>\n  <ActivityList Task='T'>\n"
-    for i in _forever():
+    for i in count(1):
         x, y, z = (float(v) / 1000.0 for v in _row(i)[:3])
         joints = "".join(
             f"      <Joint DOFNumber='{j}' JointName='Joint {j}' JointType='Rotational' "
@@ -134,13 +126,6 @@ def xml() -> Iterator[str]:
             f"     </CartesianTarget>\n     <JointTarget>\n{joints}     </JointTarget>\n"
             "    </Target>\n    <AttributeList/>\n   </Activity>\n"
         )
-
-
-def _forever() -> Iterator[int]:
-    i = 0
-    while True:
-        i += 1
-        yield i
 
 
 def _row(i: int) -> tuple[str, ...]:
@@ -179,16 +164,11 @@ def write_input(path: Path, parts: Iterator[str], end: str, size: float) -> None
 
 def measure(path: str) -> None:
     """Read one file in this process and print what it took as JSON."""
-    from postproc.readers import read
-    from postproc.readers.base import READERS
-
     list(READERS)
-    bare = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    start = time.process_time()
-    toolpath = read(path)
-    spent = time.process_time() - start
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    print(json.dumps({"s": spent, "n": len(toolpath), "peak_kb": peak, "bare_kb": bare}))
+    bare = peak_mb()
+    with spent() as used:
+        toolpath = read(path)
+    print(json.dumps({"s": used.cpu, "n": len(toolpath), "peak_mib": peak_mb() - bare}))
 
 
 def main() -> None:
@@ -201,7 +181,6 @@ def main() -> None:
     if arguments.measure:
         measure(arguments.measure)
         return
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     print("case             MB    MB/s  goal  kpoints/s  peak MB  x file")
     for name, (kind, suffix, make, end) in CASES.items():
         if arguments.only not in (None, name):
@@ -210,19 +189,11 @@ def main() -> None:
             path = Path(folder) / f"input{suffix}"
             write_input(path, make(), end, arguments.mb * MEGA)
             size = path.stat().st_size / MEGA
-            command = [sys.executable, __file__, "--measure", str(path)]
-            done = subprocess.run(
-                command, capture_output=True, text=True, env=environment, check=True
-            )
-            result = json.loads(done.stdout)
-        used = (result["peak_kb"] - result["bare_kb"]) * 1024 / MEGA
+            result = alone("readers", "--measure", str(path))
+        used = result["peak_mib"] * 2**20 / MEGA
         goal, times = GOALS[kind]
         limit = f"{used / size:6.1f}x" if times else f"<{XML_PEAK_MB:.0f} MB"
         print(
             f"{name:<12} {size:6.1f} {size / result['s']:7.1f} {goal:5.0f} "
             f"{result['n'] / result['s'] / 1000:10.0f} {used:8.0f} {limit:>7}"
         )
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,8 @@
 """Makes the pictures of the README: the page of a program and the page of a diagnosis.
 
-Usage: python tools/make_pictures.py [FOLDER]. Needs an installed Chromium.
+    python -m tools.dev.make_pictures [FOLDER]
+
+Needs an installed Chromium.
 """
 
 from __future__ import annotations
@@ -11,13 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+from postproc.cli import app
+from tools.dev.browser import Browser, installed
+from tools.dev.hidden_twin import Twin
 
-from postproc.cli import app  # noqa: E402
-from tools.browser import Browser, installed  # noqa: E402
-from tools.hidden_twin import Twin  # noqa: E402
-
+ROOT = Path(__file__).resolve().parents[2]
 PANEL = ROOT / "fixtures" / "drilling_panel"
 READY = "window.ppPage && ppPage.state().ready"
 MOST_BYTES = 400_000
@@ -83,4 +83,4 @@ def main(target: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "tools" / "pictures")
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "docs" / "pictures")

@@ -1,6 +1,6 @@
 """Write the files of fixtures/drilling_panel: a curved panel, 240 holes, a fixture around it.
 
-Run: python tools/make_fixtures.py    (the output is the same bytes every time)
+Run: python -m tools.dev.make_panel    (the output is the same bytes every time)
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-CASE = Path(__file__).resolve().parent.parent / "fixtures" / "drilling_panel"
+CASE = Path(__file__).resolve().parents[2] / "fixtures" / "drilling_panel"
 RADIUS = 1800.0  # mm, curvature of the skin about the CAM x axis
 WIDTH, HEIGHT, THICKNESS = 1400.0, 900.0, 4.0
 ROWS, COLUMNS = 12, 20

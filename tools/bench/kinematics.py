@@ -1,15 +1,11 @@
 """How fast kinematics is against py-opw-kinematics and pinocchio, in one run on one core.
 
-Usage: python tools/bench_kinematics.py [NAME [POSES]]
-
-Times are processor time, all threads together, of the best of several runs, so other work on the
-machine matters little; ratios carry over to other machines, absolute numbers do not.
+python -m tools.bench kinematics [--robot NAME] [--poses 100000]
 """
 
 from __future__ import annotations
 
-import sys
-import time
+import argparse
 from collections.abc import Callable
 
 import numpy as np
@@ -17,22 +13,12 @@ import pinocchio
 import py_opw_kinematics as opw
 from scipy.spatial.transform import RigidTransform
 
-from postproc.cell.cell import OpwGeometry
-from postproc.cell.robotfile import load_robot
+from postproc.cell import OpwGeometry, load_robot
+from postproc.kinematics import Kinematics, build
 from postproc.kinematics.chain import SerialChain
-from postproc.kinematics.model import Kinematics, build
+from tools.bench.harness import rate
 
 LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
-
-
-def rate(task: Callable[[], object], count: int, repeats: int = 5) -> float:
-    """Return items per second of the fastest of several runs."""
-    best = float("inf")
-    for _ in range(repeats):
-        start = time.process_time()
-        task()
-        best = min(best, time.process_time() - start)
-    return count / best
 
 
 def opw_robot(geometry: OpwGeometry) -> opw.Robot:
@@ -94,7 +80,7 @@ def compare(kinematics: Kinematics, count: int) -> None:
     few = np.ascontiguousarray(q[:20_000])
     report(
         "IK, all 8 branches",
-        rate(lambda: kinematics.ik(T), count),
+        rate(lambda: kinematics.ik(T), count, 5),
         {
             "py-opw reach": rate(lambda: robot.reach(poses), 20_000, 3),
             "py-opw inverse loop": rate(
@@ -104,7 +90,7 @@ def compare(kinematics: Kinematics, count: int) -> None:
     )
     report(
         "FK",
-        rate(lambda: kinematics.fk(q), count),
+        rate(lambda: kinematics.fk(q), count, 5),
         {
             "pinocchio": rate(pinocchio_loop(model, frame, few, jacobian=False), 20_000, 3),
             "py-opw": rate(lambda: robot.batch_forward(few), 20_000, 3),
@@ -112,16 +98,16 @@ def compare(kinematics: Kinematics, count: int) -> None:
     )
     report(
         "Jacobian",
-        rate(lambda: kinematics.jacobian(q), count),
+        rate(lambda: kinematics.jacobian(q), count, 5),
         {"pinocchio": rate(pinocchio_loop(model, frame, few, jacobian=True), 20_000, 3)},
     )
 
 
-def main(name: str = "kuka_kr500_r2830", poses: str = "100000") -> None:
+def main() -> None:
     """Run the comparison for one robot."""
-    print(f"{name}, {poses} poses, one core")
-    compare(build(load_robot(name)), int(poses))
-
-
-if __name__ == "__main__":
-    main(*sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robot", default="kuka_kr500_r2830")
+    parser.add_argument("--poses", type=int, default=100_000)
+    arguments = parser.parse_args()
+    print(f"{arguments.robot}, {arguments.poses} poses, one core")
+    compare(build(load_robot(arguments.robot)), arguments.poses)

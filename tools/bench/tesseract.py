@@ -1,11 +1,12 @@
 """Run the ladder planner of ``tesseract-robotics`` on a planning workload, for comparison.
 
-    python tools/bench_tesseract.py WORKLOADS SIZE
+    python tools/bench/tesseract.py WORKLOADS SIZE
 
-Same arm, holes, 36 turns and solids as ``tools/bench_planning.py search``, poses at the holes only,
-one graph. The package is optional (``pip install tesseract-robotics scipy``; written for 0.5.1) and
-may live in an environment of its own. It takes about 7 MB of memory for each hole. Prints one line
-of JSON: time of the planner's call, memory of the process, sum of squared joint steps [rad^2].
+Same arm, holes, 36 turns and solids as ``python -m tools.bench planning search``, poses at the
+holes only, one graph. The package is optional (``pip install tesseract-robotics scipy``; written
+for 0.5.1) and may live in an environment of its own, so nothing of postproc is used. It takes about
+7 MB of memory for each hole. Prints one line of JSON: time of the planner's call, memory of the
+process, sum of squared joint steps [rad^2].
 """
 
 from __future__ import annotations

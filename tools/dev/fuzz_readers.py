@@ -1,10 +1,9 @@
-#!/usr/bin/env python3
-"""Fuzz the readers: mutated fixtures must give a toolpath or one PostprocError, and soon.
+"""Fuzz the readers: mutated files must give a toolpath or one PostprocError, and soon.
 
-    tools/fuzz_readers.py [--count 100000] [--seed 1] [--keep DIR]
+    python -m tools.dev.fuzz_readers [--count 100000] [--seed 1] [--keep DIR]
 
-Every input that ends in another exception, in a toolpath that breaks its own rules, or takes more
-than five seconds is kept in DIR, and the exit code is 1.
+The files are those of the readers' tests. Every input that ends in another exception, in a toolpath
+that breaks its own rules, or takes more than five seconds is kept in DIR, and the exit code is 1.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from postproc.model.toolpath import MotionKind, ToolPath
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.dialect import DIALECTS
 
-FIXTURES = Path(__file__).resolve().parents[1] / "tests" / "readers" / "data"
+FIXTURES = Path(__file__).resolve().parents[2] / "tests" / "readers" / "data"
 SECONDS = 5
 TOKENS = tuple(
     token.encode("latin-1")

@@ -1,11 +1,11 @@
 """Run the experiments of Jiao et al. 2022 on a synthetic KR 500 and print them beside the paper's.
 
-python tools/reproduce_seed.py [--truths 10] [--periods long|slow|medium] [--repeatability]
+    python -m tools.reproduce [--truths 10] [--periods long|slow|medium] [--repeatability]
 
-The twin is ``hidden_twin.Twin``: the product sees readings only. The box is the paper's 1200 x 600
-x 600 mm; tool, place of the box and centre of gravity are not in the paper and are chosen so that
-the uncompensated error fits (tool point 362 mm below and 107 mm ahead of the flange, box centre
-(1800, 0, 800) mm).
+The twin is ``tools.dev.hidden_twin.Twin``: the product sees readings only. The box is the paper's
+1200 x 600 x 600 mm; tool, place of the box and centre of gravity are not in the paper and are
+chosen so that the uncompensated error fits (tool point 362 mm below and 107 mm ahead of the flange,
+box centre (1800, 0, 800) mm).
 """
 
 from __future__ import annotations
@@ -18,9 +18,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-from hidden_twin import Twin
 
 from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
@@ -38,6 +35,8 @@ from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.stiffness.identify.gridded import fit_grid
 from postproc.stiffness.sample.sampling import SamplingRules, box_grid, plan_sampling
 from postproc.units import UM
+from tests.cells import STIFFNESS, twin_text
+from tools.dev.hidden_twin import Twin
 
 LOW, HIGH = np.array([1.5, -0.6, 0.5]), np.array([2.1, 0.6, 1.1])
 EDGES = {1: 1.2, 2: 0.6, 16: 0.3, 128: 0.15}
@@ -49,25 +48,7 @@ PAPER = {
 TRACKER = 12 * UM
 REPEATABILITY = 22 * UM
 LONG_WAY = {"long": (110.0, 220.0), "slow": (80.0, 180.0), "medium": (40.0, 90.0)}
-CELL = """schema = "postproc.cell/1"
-name = "twin_p"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-number = 1
-name = "spindle across"
-frame = { xyz_mm = [107, 0, 362], abc_deg = [0, 0, 180] }
-axis = "+x"
-mass_kg = 50.0
-cog_mm = [53.5, 0, 362]
-[workpiece]
-number = 1
-frame = { xyz_mm = [0, 0, 0], abc_deg = [0, 0, 0] }
-[stiffness]
-joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
-[optimize]
-range_deg = [-90, 90]
-"""
+CELL = twin_text(STIFFNESS, "[optimize]\nrange_deg = [-90, 90]\n", origin=(0, 0, 0))
 
 
 class Experiment:
@@ -408,7 +389,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print all tables."""
     import tempfile
 
-    from reproduce_smoothing import smoothing_table
+    from tools.reproduce.smoothing import smoothing_table
 
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--truths", type=int, default=10)

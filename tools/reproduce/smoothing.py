@@ -10,18 +10,12 @@ from postproc.cell.file import load_cell
 from postproc.geometry.frames import inverse, rotation_x, transform
 from postproc.kinematics.model import build
 from postproc.stiffness.index import directional, ellipsoid, ellipsoid_normal
+from tests.cells import cell_text
+from tools.dev.hidden_twin import K_PAPER
 
-K_JOINT = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 LAYOUTS = ((214, 116, 1680, 555, 508), (362, 107, 1889, 156, 133), (233, 251, 1483, 434, 484))
 """Tool point below and ahead of the flange, x, end y and z of a path along y [mm]."""
 STEP = 10.0
-_CELL = """schema = "postproc.cell/1"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-frame = {{ xyz_mm = [{ahead}, 0, {below}], abc_deg = [0, 0, 180] }}
-axis = "+x"
-"""
 
 
 def smoothing_table(folder: Path) -> None:
@@ -33,7 +27,8 @@ def smoothing_table(folder: Path) -> None:
     print("  paper: kv, Tags 5 and 11 slightly negative, largest 0.409 (Tag 8)")
     for below, ahead, x, y, z in LAYOUTS:
         path = folder / "smoothing.toml"
-        path.write_text(_CELL.format(ahead=ahead, below=below), encoding="utf-8")
+        text = cell_text(tcp=(ahead, 0, below), tcp_abc=(0, 0, 180))
+        path.write_text(text, encoding="utf-8")
         where = np.column_stack([np.full(9, x), np.linspace(y, -y, 9), np.full(9, z)]) * 1e-3
         for name in ("literal kv", "kn true", "kn, ladder"):
             value = _curves(load_cell(path), where, "literal" in name)
@@ -78,7 +73,7 @@ def _curves(cell, where: np.ndarray, literal: bool) -> _Curve:  # noqa: ANN001
         q = kinematics.nearest(q[:, slot], start)
         ok = valid[:, slot] & kinematics.within_limits(q)
         J = kinematics.jacobian(q[ok], cell.tool.T_flange_tcp[:3, 3])
-        R, c = T[ok][:, :3, :3], 1.0 / K_JOINT
+        R, c = T[ok][:, :3, :3], 1.0 / K_PAPER
         if literal:
             k_y, k_z = (ellipsoid(J, c, R[:, :, i]) for i in (1, 2))
             values[tag, ok] = ellipsoid_normal(k_y, k_z, np.radians(angles[ok]))

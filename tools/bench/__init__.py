@@ -1,0 +1,1 @@
+"""Speed and memory of the parts, beside other libraries and known optima."""
