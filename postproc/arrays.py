@@ -1,15 +1,27 @@
-"""Shape checks and read-only arrays for the frozen types."""
+"""Array types, read-only arrays for the frozen types, and dataclasses of columns.
+
+``IndexArray`` is what numpy gives for numbers of rows; ``IntArray`` is half as wide, for columns of
+tables that may be a million rows long.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int32]
 BoolArray = NDArray[np.bool_]
+ByteArray = NDArray[np.uint8]
+IntArray = NDArray[np.int32]
+IndexArray = NDArray[np.int64]
+AnyIntArray = NDArray[np.signedinteger[Any]]
+"""Whole numbers of either width."""
+Rows = AnyIntArray | BoolArray
+"""Which rows: their numbers, or a mask."""
 
 
 def frozen_floats(owner: object, name: str, shape: tuple[int | None, ...]) -> None:
@@ -31,11 +43,6 @@ def frozen_ints(owner: object, name: str, shape: tuple[int | None, ...]) -> None
     _freeze(owner, name, np.int32, shape)
 
 
-def frozen_bools(owner: object, name: str, shape: tuple[int | None, ...]) -> None:
-    """As ``frozen_floats`` for booleans."""
-    _freeze(owner, name, np.bool_, shape)
-
-
 def _freeze(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) -> None:  # noqa: ANN401
     value: ArrayLike | None = getattr(owner, name)
     if value is None:
@@ -49,3 +56,112 @@ def _freeze(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...])
         raise ValueError(f"{type(owner).__name__}.{name}: shape {array.shape}, expected {shape}")
     array.flags.writeable = False
     object.__setattr__(owner, name, array)
+
+
+@dataclass(frozen=True, slots=True)
+class _Column:
+    """What a field holds: one value per ``of``, of this type and shape; no dtype: no array."""
+
+    of: str
+    dtype: Any
+    shape: tuple[int | None, ...]
+
+
+def column(of: str, *shape: int | None, dtype: Any = np.float64) -> dict[str, Any]:  # noqa: ANN401
+    """Return the metadata of a dataclass field that is a column.
+
+    Args:
+        of: what a row is; a dataclass may hold columns of several things.
+        shape: of one row; ``None`` stands for any length.
+        dtype: None: a tuple of values, or a mapping of columns by name.
+    """
+    return {"column": _Column(of, dtype, shape)}
+
+
+def _columns(owner: Any, of: str | None = None) -> list[tuple[Field[Any], _Column]]:  # noqa: ANN401
+    declared = [(f, f.metadata["column"]) for f in fields(owner) if "column" in f.metadata]
+    return [(f, spec) for f, spec in declared if of is None or spec.of == of]
+
+
+def freeze_columns(owner: Any, **counts: int) -> None:  # noqa: ANN401 - any dataclass
+    """Check the columns of a frozen dataclass under construction and make them read-only.
+
+    Args:
+        owner: the dataclass instance.
+        counts: number of rows by what a row is.
+
+    Raises:
+        ValueError: if a column has another length or shape.
+    """
+    for f, spec in _columns(owner):
+        value, n = getattr(owner, f.name), counts[spec.of]
+        if spec.dtype is not None:
+            _freeze(owner, f.name, spec.dtype, (n, *spec.shape))
+            continue
+        parts = value.items() if isinstance(value, Mapping) else [(f.name, value)]
+        for name, part in parts:
+            if part is not None and len(part) != n:
+                raise ValueError(f"{type(owner).__name__}.{name}: {len(part)} values for {n} rows")
+
+
+def columns_at(owner: Any, of: str, index: AnyIntArray) -> dict[str, Any]:  # noqa: ANN401
+    """Return the columns of a dataclass by name, with the rows ``index`` (k,) only."""
+    return {f.name: _at(getattr(owner, f.name), index) for f, _ in _columns(owner, of)}
+
+
+def columns_joined(parts: Sequence[Any], of: str) -> dict[str, Any]:
+    """Return the columns of dataclasses by name, behind each other.
+
+    Raises:
+        ValueError: for a column that some of the parts have and others have not.
+    """
+    return {
+        f.name: _joined(f.name, [getattr(part, f.name) for part in parts])
+        for f, _ in _columns(parts[0], of)
+    }
+
+
+def _at(values: Any, index: AnyIntArray) -> Any:  # noqa: ANN401 - array, tuple, mapping or None
+    if values is None:
+        return None
+    if isinstance(values, np.ndarray):
+        return values[index]
+    if isinstance(values, Mapping):
+        return {name: _at(part, index) for name, part in values.items()}
+    return tuple(values[i] for i in index.tolist())
+
+
+def _joined(name: str, parts: list[Any]) -> Any:  # noqa: ANN401 - as ``_at``
+    if all(part is None for part in parts):
+        return None
+    if any(part is None for part in parts):
+        raise ValueError(f"{name}: filled in some parts only")
+    if isinstance(parts[0], np.ndarray):
+        return np.concatenate(parts)
+    if isinstance(parts[0], Mapping):
+        shared = [key for key in parts[0] if all(key in part for part in parts)]
+        return {key: _joined(key, [part[key] for part in parts]) for key in shared}
+    return tuple(value for part in parts for value in part)
+
+
+class Table:
+    """Base of dataclasses of which every field is a column of the same length."""
+
+    __slots__ = ()
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(getattr(self, self._names()[0]))
+
+    @classmethod
+    def _names(cls) -> list[str]:
+        return [f.name for f in fields(cls)]  # type: ignore[arg-type]
+
+    def rows(self, index: Rows) -> Self:
+        """Return the rows ``index`` (k,)."""
+        return type(self)(*(getattr(self, name)[index] for name in self._names()))
+
+    @classmethod
+    def concat(cls, parts: Sequence[Self]) -> Self:
+        """Return all rows, behind each other; at least one part."""
+        return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls._names()))

@@ -10,20 +10,16 @@ import hashlib
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from postproc.arrays import IndexArray, IntArray
 from postproc.batch.jobs import Job, unique_name
 from postproc.errors import DataError, SourceRef
 from postproc.krl import legal_name
-from postproc.model import Arcs, Event, EventKind, MotionKind, ToolPath
+from postproc.model import Event, EventKind, MotionKind, ToolPath
 from postproc.units import MM
 
-_Rows = NDArray[np.signedinteger[Any]]
-
-_COLUMNS = ("points", "axes", "kind", "feed", "line", "tool", "rotations", "joints")
 _FREE = (MotionKind.RAPID, MotionKind.HOLE, MotionKind.JOINT)
 """Motions that do not need to begin where the one before ended."""
 _STATES = (
@@ -53,31 +49,26 @@ def parse_rule(text: str) -> tuple[str, float]:
     return match[1] or match[3] or "operation", size
 
 
-def subset(path: ToolPath, rows: _Rows) -> ToolPath:
+def subset(path: ToolPath, rows: IndexArray) -> ToolPath:
     """Return the tags ``rows`` (k,), ascending, of a toolpath, with the tables that they use.
 
     Each section begins with the tool, spindle and coolant as they were on its first row in the
     input, and ends with their switching off where that follows its last row. What was found when
     the input was read is left out: it belongs to no section.
     """
-    changes: dict[str, Any] = {
-        name: getattr(path, name)[rows] for name in _COLUMNS if getattr(path, name) is not None
-    }
-    operation, used = _compact(path.operation[rows])
-    cycle, cycles = _compact(path.cycle[rows])
-    arc, arcs = _compact(path.arc[rows])
+    part = path.rows(rows)
+    operation, used = _compact(part.operation)
+    cycle, cycles = _compact(part.cycle)
+    arc, arcs = _compact(part.arc)
     return replace(
-        path,
-        **changes,
+        part,
         operation=operation,
         operations=tuple(path.operations[i] for i in used),
         cycle=cycle,
         cycles=tuple(path.cycles[i] for i in cycles),
         arc=arc,
-        arcs=Arcs(*(getattr(path.arcs, name)[arcs] for name in Arcs.__slots__)),
+        arcs=path.arcs.rows(arcs),
         events=tuple(_events(path, rows)),
-        names=tuple(path.names[i] for i in rows) if path.names is not None else None,
-        extra={name: _taken(column, rows) for name, column in path.extra.items()},
         unknown_words={},
         words={},
         warnings=(),
@@ -85,19 +76,15 @@ def subset(path: ToolPath, rows: _Rows) -> ToolPath:
     )
 
 
-def _compact(index: _Rows) -> tuple[_Rows, list[int]]:
+def _compact(index: IntArray) -> tuple[IntArray, IntArray]:
     """Return an index column (k,) into only those table rows that it uses, and these rows."""
     used, place = np.unique(index[index >= 0], return_inverse=True)
     result = np.full(len(index), -1, dtype=np.int32)
     result[index >= 0] = place
-    return result, used.tolist()
+    return result, used
 
 
-def _taken(column: Any, rows: _Rows) -> Any:  # noqa: ANN401 - arrays or tuples of texts
-    return column[rows] if isinstance(column, np.ndarray) else tuple(column[i] for i in rows)
-
-
-def _events(path: ToolPath, rows: _Rows) -> Iterator[Event]:
+def _events(path: ToolPath, rows: IndexArray) -> Iterator[Event]:
     first, last, end = int(rows[0]), int(rows[-1]), len(path)
     for kinds in _STATES:
         past = [event for event in path.events if event.kind in kinds and event.index <= first]
@@ -111,7 +98,7 @@ def _events(path: ToolPath, rows: _Rows) -> Iterator[Event]:
             yield replace(event, index=len(rows))
 
 
-def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, _Rows]]:
+def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, IndexArray]]:
     """Return (label, rows) per section, in an order that one more hole does not change.
 
     Operations and counts stand as in the input, regions line by line, back and forth.
@@ -133,7 +120,7 @@ def section_labels(path: ToolPath, rule: tuple[str, float]) -> list[tuple[str, _
     return [(label, pieces[g]) for label, g in zip(labels, order, strict=True)]
 
 
-def _regions(path: ToolPath, size: float) -> _Rows:
+def _regions(path: ToolPath, size: float) -> IndexArray:
     """Return the cube (n, 3) of every tag."""
     inner = [event for event in path.events if 0 < event.index < len(path)]
     if inner or not bool((path.kind == MotionKind.HOLE).all()):
@@ -147,28 +134,28 @@ def _regions(path: ToolPath, size: float) -> _Rows:
     return np.floor(np.round(path.points / (size * MM), 9)).astype(np.int64)
 
 
-def _in_snakes(cubes: _Rows) -> _Rows:
+def _in_snakes(cubes: IndexArray) -> IndexArray:
     """Return the order (k,) of cubes (k, 3): by layers, in them by lines, back and forth."""
     x, y, z = cubes.T
     return np.lexsort((np.where(y % 2 == 0, x, -x), y, z))
 
 
-def _counts(path: ToolPath, size: float) -> _Rows:
+def _counts(path: ToolPath, size: float) -> IndexArray:
     """Return the number (n, 1) of the section of every tag; cuts are never cut in two."""
     starts = np.flatnonzero(np.isin(path.kind, _FREE))
     wanted = np.arange(int(size), len(path), int(size))
     place = np.searchsorted(starts, wanted)
     breaks = starts[place[place < len(starts)]]
-    number: _Rows = np.zeros(len(path), dtype=np.int64)
+    number: IndexArray = np.zeros(len(path), dtype=np.int64)
     number[np.unique(breaks)] = 1
     return np.cumsum(number)[:, None]
 
 
-def _operations(path: ToolPath, _size: float) -> _Rows:
+def _operations(path: ToolPath, _size: float) -> IndexArray:
     return path.operation[:, None].astype(np.int64)
 
 
-def _label(kind: str, key: _Rows, path: ToolPath) -> str:
+def _label(kind: str, key: IndexArray, path: ToolPath) -> str:
     if kind == "count":
         return f"{int(key[0]) + 1:03d}"
     if kind == "operation":
@@ -226,7 +213,7 @@ def split_job(job: Job, path: ToolPath, rule: tuple[str, float], taken: set[str]
     return jobs
 
 
-def _with_start(path: ToolPath, rows: _Rows) -> _Rows:
+def _with_start(path: ToolPath, rows: IndexArray) -> IndexArray:
     """Return the rows with the one before where the first is a cut that begins there."""
     first = int(rows[0])
     if first and path.kind[first] not in _FREE and path.kind[first - 1] != MotionKind.HOLE:
@@ -234,7 +221,7 @@ def _with_start(path: ToolPath, rows: _Rows) -> _Rows:
     return rows
 
 
-def _led_in(path: ToolPath, rows: _Rows, part: ToolPath) -> ToolPath:
+def _led_in(path: ToolPath, rows: IndexArray, part: ToolPath) -> ToolPath:
     """Return a section whose added first row is a rapid to where its first cut begins."""
     if len(part) == len(rows):
         return part

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.collision.engine import CHUNK, Candidates, Engine
 
 NO_PAIR = -1
@@ -26,7 +25,7 @@ class Hits:
     """
 
     hit: BoolArray
-    pair: NDArray[np.int64]
+    pair: IndexArray
     pairs: tuple[tuple[str, str], ...]
 
     def name(self, row: int) -> str:

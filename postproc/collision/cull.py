@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Table
 from postproc.collision.boxes import box_gap
 from postproc.collision.shape import Shape
 
@@ -51,7 +51,7 @@ class Placed(Frames):
 
 
 @dataclass(frozen=True, slots=True)
-class Near:
+class Near(Table):
     """Pairs that may be near, in order of pair, then configuration.
 
     ``pair`` (k,), ``row`` (k,), ``bound`` (k,) [m] lower bound of the distance of the surfaces
@@ -61,14 +61,6 @@ class Near:
     pair: np.ndarray
     row: np.ndarray
     bound: FloatArray
-
-    def __len__(self) -> int:
-        """Return the number of entries."""
-        return len(self.pair)
-
-    def take(self, index: np.ndarray) -> Near:
-        """Return some of the entries."""
-        return Near(self.pair[index], self.row[index], self.bound[index])
 
 
 class Culler:

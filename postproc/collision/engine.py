@@ -79,7 +79,7 @@ class Engine:
             (bodies[self.table.first[i]].name, bodies[self.table.second[i]].name)
             for i in by_construction
         )
-        self._use(self.table.take(np.delete(np.arange(len(self.table)), by_construction)))
+        self._use(self.table.rows(np.delete(np.arange(len(self.table)), by_construction)))
         self.names = tuple(
             (bodies[a].name, bodies[b].name)
             for a, b in zip(self.table.first, self.table.second, strict=True)
@@ -160,7 +160,7 @@ class Engine:
             fine: cull by pieces of surfaces too, which pays where the exact test is a distance.
         """
         near = self._culler.bodies_near(placed, threshold, wanted)
-        near = near.take(np.lexsort((near.pair, near.row)))
+        near = near.rows(np.lexsort((near.pair, near.row)))
         limit = np.broadcast_to(threshold, (len(threshold), len(placed)))[near.pair, near.row]
         return self._kept(near, *self._culler.relative(placed, near), limit, fine=fine)
 
@@ -175,7 +175,7 @@ class Engine:
         R, p = self._culler.relative(frames, near)
         near = self._culler.entries_near(near, R, p, threshold)
         kept = np.flatnonzero(np.isfinite(near.bound))
-        return self._kept(near.take(kept), R[kept], p[kept], threshold[kept], fine=True)
+        return self._kept(near.rows(kept), R[kept], p[kept], threshold[kept], fine=True)
 
     def _kept(
         self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray, *, fine: bool
@@ -188,7 +188,7 @@ class Engine:
         kept, bound = self._pieces.refine(near, R, p, limit)
         near.bound[kept] = bound
         kept = np.union1d(kept, np.flatnonzero(nested))
-        return Candidates(near.take(kept), R[kept], p[kept], nested[kept])
+        return Candidates(near.rows(kept), R[kept], p[kept], nested[kept])
 
     def distances(self, found: Candidates, which: np.ndarray) -> FloatArray:
         """Return exact distances [m] of the given entries; 0 where they meet or are nested."""

@@ -20,9 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
@@ -49,7 +48,7 @@ class MotionHits:
     """
 
     hit: BoolArray
-    pair: NDArray[np.int64]
+    pair: IndexArray
     share: FloatArray
     pairs: tuple[tuple[str, str], ...]
 
@@ -67,7 +66,7 @@ class MotionHits:
 class _Spans:
     """Stretches of motions still open: motion (s,), from and to (s,) 0..1, open pairs (p, s)."""
 
-    motion: NDArray[np.int64]
+    motion: IndexArray
     start: FloatArray
     end: FloatArray
     open: BoolArray
@@ -92,8 +91,8 @@ class _Spans:
 class _Found:
     """Collisions: motion (h,), pair (h,), share (h,)."""
 
-    motion: NDArray[np.int64]
-    pair: NDArray[np.int64]
+    motion: IndexArray
+    pair: IndexArray
     share: FloatArray
 
 
@@ -119,7 +118,7 @@ class MotionCheck:
         q_from: FloatArray,
         q_to: FloatArray,
         contact: BoolArray,
-        track: NDArray[np.int64] | None = None,
+        track: IndexArray | None = None,
     ) -> MotionHits:
         """Check motions (m, 6) to (m, 6) [rad]; ``contact`` (m,): cutting solids may touch.
 
@@ -152,7 +151,7 @@ class MotionCheck:
         q_from: FloatArray,
         q_to: FloatArray,
         contact: BoolArray,
-        starts: NDArray[np.int64],
+        starts: IndexArray,
     ) -> BoolArray:
         """Return pairs (p, m) of motions that are not free over the whole track.
 
@@ -183,7 +182,7 @@ class MotionCheck:
 
     def _run(
         self, q_from: FloatArray, q_to: FloatArray, wanted: BoolArray, *, is_first: bool
-    ) -> tuple[NDArray[np.int64], FloatArray]:
+    ) -> tuple[IndexArray, FloatArray]:
         """Return pair and share (m,) of motions; ``wanted`` (p, m), ``is_first``: most pairs."""
         m = len(q_from)
         spans = _Spans(np.arange(m), np.zeros(m), np.ones(m), wanted)
@@ -298,7 +297,7 @@ class MotionCheck:
         return _Spans.joined(parts)
 
 
-def _note(pair: NDArray[np.int64], share: FloatArray, found: _Found) -> None:
+def _note(pair: IndexArray, share: FloatArray, found: _Found) -> None:
     """Note collisions of a round: of each motion the first pair, at its earliest share."""
     order = np.lexsort((found.share, found.pair, found.motion))
     motion, first = np.unique(found.motion[order], return_index=True)

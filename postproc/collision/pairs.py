@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Table
 from postproc.collision.bodies import WORLD, Body
 from postproc.units import DEG
 
@@ -29,7 +29,7 @@ _APART_BY_STOPS = {(3, 5), (4, 6)}
 
 
 @dataclass(frozen=True, slots=True)
-class PairTable:
+class PairTable(Table):
     """Pairs of bodies in fixed order, by the first body, then the second.
 
     Args:
@@ -45,21 +45,6 @@ class PairTable:
     is_self: BoolArray
     in_contact: BoolArray
     out_of_contact: BoolArray
-
-    def __len__(self) -> int:
-        """Return the number of pairs."""
-        return len(self.first)
-
-    def take(self, kept: np.ndarray) -> PairTable:
-        """Return some of the pairs."""
-        return PairTable(
-            self.first[kept],
-            self.second[kept],
-            self.margin[kept],
-            self.is_self[kept],
-            self.in_contact[kept],
-            self.out_of_contact[kept],
-        )
 
 
 def candidate_pairs(bodies: tuple[Body, ...], pulled_back: int, clearance: float) -> PairTable:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 
 GAP = 1.0
 """Cost of a line that the other program has not."""
@@ -30,7 +30,6 @@ OTHER_WORD = 0.3
 MAX_BAND = 1500
 _MARGIN = 40
 _SUB, _UP, _LEFT = 0, 1, 2
-Indices = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +41,9 @@ class Lines:
     ``numbers`` (n, 6): target of a motion, 0 for others.
     """
 
-    key: Indices
-    group: Indices
-    word: Indices
+    key: IndexArray
+    group: IndexArray
+    word: IndexArray
     numbers: FloatArray
 
     def __len__(self) -> int:
@@ -52,7 +51,7 @@ class Lines:
         return len(self.key)
 
 
-def align(old: Lines, new: Lines) -> tuple[Indices, Indices]:
+def align(old: Lines, new: Lines) -> tuple[IndexArray, IndexArray]:
     """Return pairs (p,), (p,) of lines that are taken for one, in order on both sides."""
     i, j = _anchors(old.key, new.key)
     left, right = [i], [j]
@@ -66,7 +65,7 @@ def align(old: Lines, new: Lines) -> tuple[Indices, Indices]:
 
 
 def _gaps(
-    i: Indices, j: Indices, n: int, m: int
+    i: IndexArray, j: IndexArray, n: int, m: int
 ) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
     """Yield the stretches (a, b), (c, d) between anchors that hold lines on both sides."""
     starts_old, starts_new = np.r_[0, i + 1], np.r_[0, j + 1]
@@ -79,7 +78,7 @@ def _gaps(
         )
 
 
-def _anchors(old: Indices, new: Indices) -> tuple[Indices, Indices]:
+def _anchors(old: IndexArray, new: IndexArray) -> tuple[IndexArray, IndexArray]:
     """Return pairs of lines that are the same: heads, tails, and unique ones that are in order."""
     common = min(len(old), len(new))
     head = _equal(old[:common], new[:common])
@@ -94,14 +93,14 @@ def _anchors(old: Indices, new: Indices) -> tuple[Indices, Indices]:
     )
 
 
-def _equal(old: Indices, new: Indices) -> int:
+def _equal(old: IndexArray, new: IndexArray) -> int:
     """Return how many lines are the same from the beginning."""
     count = min(len(old), len(new))
     differ = np.flatnonzero(old[:count] != new[:count])
     return int(differ[0]) if len(differ) else count
 
 
-def _unique_chain(old: Indices, new: Indices) -> list[tuple[int, int]]:
+def _unique_chain(old: IndexArray, new: IndexArray) -> list[tuple[int, int]]:
     keys_old, first_old, count_old = np.unique(old, return_index=True, return_counts=True)
     keys_new, first_new, count_new = np.unique(new, return_index=True, return_counts=True)
     once_old, once_new = count_old == 1, count_new == 1
@@ -135,7 +134,7 @@ def _rising(i: list[int], j: list[int]) -> list[tuple[int, int]]:
 
 def _gap_pairs(
     old: Lines, new: Lines, left: tuple[int, int], right: tuple[int, int]
-) -> tuple[Indices, Indices]:
+) -> tuple[IndexArray, IndexArray]:
     n, m = left[1] - left[0], right[1] - right[0]
     i, j = np.arange(*left), np.arange(*right)
     if n == m:
@@ -148,7 +147,7 @@ def _gap_pairs(
     return _banded(old, new, left, right)
 
 
-def _cost(old: Lines, new: Lines, i: Indices, j: Indices) -> FloatArray:
+def _cost(old: Lines, new: Lines, i: IndexArray, j: IndexArray) -> FloatArray:
     """Return the cost (k,) of taking line i (k,) of the old for line j (k,) of the new program."""
     off = np.abs(old.numbers[i] - new.numbers[j]).max(axis=-1, initial=0.0)
     cost = OTHER + NEARNESS * np.minimum(off / CLOSE, 1.0)
@@ -158,7 +157,7 @@ def _cost(old: Lines, new: Lines, i: Indices, j: Indices) -> FloatArray:
     return np.where(old.group[i] == new.group[j], cost, FAR)
 
 
-def _coarse(old: Lines, new: Lines, i: Indices, j: Indices) -> tuple[Indices, Indices]:
+def _coarse(old: Lines, new: Lines, i: IndexArray, j: IndexArray) -> tuple[IndexArray, IndexArray]:
     """Pair two stretches of very different length from their beginnings."""
     k = min(len(i), len(j))
     fits = _cost(old, new, i[:k], j[:k]) < FAR
@@ -167,7 +166,7 @@ def _coarse(old: Lines, new: Lines, i: Indices, j: Indices) -> tuple[Indices, In
 
 def _banded(
     old: Lines, new: Lines, left: tuple[int, int], right: tuple[int, int]
-) -> tuple[Indices, Indices]:
+) -> tuple[IndexArray, IndexArray]:
     """Return the cheapest alignment of two stretches within a band around their diagonal."""
     (a, b), (c, d) = left, right
     n, m = b - a, d - c
@@ -199,8 +198,8 @@ def _banded(
 
 
 def _trace_back(
-    moves: list[NDArray[np.int8]], low: Indices, n: int, m: int, a: int, c: int
-) -> tuple[Indices, Indices]:
+    moves: list[NDArray[np.int8]], low: IndexArray, n: int, m: int, a: int, c: int
+) -> tuple[IndexArray, IndexArray]:
     rows: list[int] = []
     columns: list[int] = []
     row, column = n, m

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
-from postproc.comparison.align import Indices, Lines, align
+from postproc.arrays import FloatArray, IndexArray
+from postproc.comparison.align import Lines, align
 from postproc.comparison.listing import listing, spaced
 from postproc.comparison.settings import setting_differences
 from postproc.controller import Blend, EventWord, Trace, TraceEvent, Way
@@ -44,8 +44,8 @@ class Program:
     relative: tuple[str, ...]
     texts: tuple[str, ...]
     """Text of every event, without the digits that do not matter."""
-    motion: Indices
-    event: Indices
+    motion: IndexArray
+    event: IndexArray
 
     def place(self, line: int) -> tuple[str, int]:
         """Return file and line in the file."""
@@ -155,7 +155,7 @@ def _file_units(trace: Trace) -> FloatArray:
 
 
 def _alone(
-    old: Program, new: Program, pairs: tuple[Indices, Indices]
+    old: Program, new: Program, pairs: tuple[IndexArray, IndexArray]
 ) -> Iterator[tuple[tuple[int, int], Entry]]:
     """Yield lines that only one program has, ordered by where they belong in the old one."""
     for program, taken, is_old in ((old, pairs[0], True), (new, pairs[1], False)):
@@ -167,7 +167,7 @@ def _alone(
             yield (place, 0 if is_old else 1), _one_sided(program, line, file, number, is_old)
 
 
-def _place_in_old(pairs: tuple[Indices, Indices], line: int) -> int:
+def _place_in_old(pairs: tuple[IndexArray, IndexArray], line: int) -> int:
     before = int(np.searchsorted(pairs[1], line))
     return int(pairs[0][before - 1]) if before else -1
 
@@ -212,7 +212,7 @@ class _Comparer:
         self._new_targets = _file_units(new.trace).tolist()
         self._is_axes = old.trace.is_axes.tolist()
 
-    def run(self, left: Indices, right: Indices) -> Iterator[tuple[tuple[int, int], Entry]]:
+    def run(self, left: IndexArray, right: IndexArray) -> Iterator[tuple[tuple[int, int], Entry]]:
         """Yield the differences of paired lines."""
         old_rows, new_rows = self.old.motion[left], self.new.motion[right]
         motions = np.flatnonzero(old_rows >= 0)
@@ -251,7 +251,7 @@ class _Comparer:
             "new_file": new_file,
         }
 
-    def _shifts(self, i: Indices, j: Indices) -> tuple[FloatArray, FloatArray]:
+    def _shifts(self, i: IndexArray, j: IndexArray) -> tuple[FloatArray, FloatArray]:
         """Return how far targets are apart (p,) [m] and turned (p,) [rad], NaN parts as equal."""
         a, b = self.old.trace.target[i], self.new.trace.target[j]
         axes = self.old.trace.is_axes[i]
@@ -269,7 +269,7 @@ class _Comparer:
         turned[partial[:, 3:].any(axis=1)] = np.inf
         return off, turned
 
-    def _otherwise(self, i: Indices, j: Indices) -> Any:  # noqa: ANN401 - a boolean array
+    def _otherwise(self, i: IndexArray, j: IndexArray) -> Any:  # noqa: ANN401 - a boolean array
         """Return which pairs may differ in anything but their target."""
         old, new = self.old.trace, self.new.trace
         differ = (old.status[i] != new.status[j]) | (old.turn[i] != new.turn[j])
@@ -286,7 +286,7 @@ class _Comparer:
             differ |= np.array(ours, dtype=str)[i] != np.array(theirs, dtype=str)[j]
         return differ
 
-    def _setting_differs(self, i: Indices, j: Indices) -> Any:  # noqa: ANN401
+    def _setting_differs(self, i: IndexArray, j: IndexArray) -> Any:  # noqa: ANN401
         """Return which pairs are run under settings that differ in anything that counts."""
         old, new = self.old.trace, self.new.trace
         columns = (old.setting[i], new.setting[j], old.way[i] == Way.PTP, old.blend[i])

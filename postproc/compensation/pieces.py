@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.controller import Rows
 from postproc.geometry import inverse, transform, turn_between, turned
 from postproc.kinematics import Kinematics
 from postproc.model import MoveKind, MoveRole, Plan
@@ -88,7 +86,7 @@ def _needed(moved: FloatArray, tolerance: float) -> int:
 
 
 def _between(
-    plan: Plan, cell: Cell, kinematics: Kinematics, moves: Rows, pieces: Rows
+    plan: Plan, cell: Cell, kinematics: Kinematics, moves: AnyIntArray, pieces: AnyIntArray
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
     """Return T_base_tcp (n, 4, 4) and q (n, 6) at the ends of pieces of moves, and if reached."""
     row = np.repeat(moves, pieces)
@@ -114,33 +112,25 @@ def _between(
     return T, np.where(reached[:, None], q, q_end), reached
 
 
-def _divided(plan: Plan, cell: Cell, kinematics: Kinematics, pieces: Rows) -> Plan:
+def _divided(plan: Plan, cell: Cell, kinematics: Kinematics, pieces: AnyIntArray) -> Plan:
     """Return the plan with each move in so many pieces (m,)."""
     row = np.repeat(np.arange(len(plan)), pieces)
-    first = np.cumsum(pieces) - pieces
     is_last = np.r_[row[1:] != row[:-1], True]
     split = np.flatnonzero(pieces > 1)
     new = np.flatnonzero(pieces[row] > 1)
     T, q = np.array(plan.T_base_tcp)[row], np.array(plan.q)[row]
     T[new], q[new], _ = _between(plan, cell, kinematics, split, pieces[split])
-    names = ("kind", "role", "tag", "spin", "branch", "speed", "ptp_fraction", "external", "aux")
     length = np.full(len(row), np.inf)
     length[1:] = np.where(
         pieces[row[1:]] > 1, np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1), np.inf
     )
     room = BLEND_SHARE * np.minimum(length, np.r_[length[1:], np.inf])
     blend = np.where(is_last, np.asarray(plan.blend)[row], cell.motion.approximation)
-    columns: dict[str, Any] = {name: np.asarray(getattr(plan, name))[row] for name in names}
     return replace(
-        plan,
-        **columns,
+        plan.rows(row),
         T_base_tcp=T,
         q=q,
         blend=np.minimum(blend, room),
         dwell=np.where(is_last, np.asarray(plan.dwell)[row], 0.0),
         duration=(np.asarray(plan.duration) / pieces)[row],
-        events=tuple(
-            (int(first[index]) if index < len(first) else len(row), event)
-            for index, event in plan.events
-        ),
     )

@@ -5,15 +5,7 @@ from postproc.controller.interpreter import Interpreter, World, run
 from postproc.controller.modules import load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
-from postproc.controller.trace import (
-    Blend,
-    EventWord,
-    Rows,
-    Settings,
-    Trace,
-    TraceEvent,
-    Way,
-)
+from postproc.controller.trace import Blend, EventWord, Settings, Trace, TraceEvent, Way
 
 __all__ = [
     "UNKNOWN",
@@ -22,7 +14,6 @@ __all__ = [
     "EventWord",
     "Interpreter",
     "Motions",
-    "Rows",
     "Settings",
     "Trace",
     "TraceEvent",

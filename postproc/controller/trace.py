@@ -8,15 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import Finding
 
-Rows: TypeAlias = NDArray[np.integer[Any]]
 """Indices of motions or samples."""
 
 

@@ -10,7 +10,6 @@ from postproc.geometry.curves import (
     turned,
 )
 from postproc.geometry.frames import (
-    FloatArray,
     abc_from_rotation,
     angle_between,
     apply,
@@ -31,7 +30,6 @@ from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_leng
 
 __all__ = [
     "Circles",
-    "FloatArray",
     "abc_from_rotation",
     "angle_between",
     "apply",

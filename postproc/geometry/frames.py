@@ -8,11 +8,10 @@ vectorised over leading axes and take and give float64 arrays in metres and radi
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from postproc.arrays import FloatArray
 from postproc.units import DEG, MM
-
-FloatArray = NDArray[np.float64]
 
 
 def transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> FloatArray:

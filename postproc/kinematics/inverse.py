@@ -17,12 +17,11 @@ Degenerate poses keep all their branches:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm, wrapped
 
@@ -102,7 +101,7 @@ class OpwSolver:
         return q, valid
 
     def solve_in(
-        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+        self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return one branch of each pose: q (n, 6) and valid (n,), as ``solve`` has in the slots.
 

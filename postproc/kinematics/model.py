@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.cell import OpwGeometry, Robot
 from postproc.errors import KinematicsError
 from postproc.kinematics.chain import SerialChain
@@ -30,7 +30,7 @@ class Solver(Protocol):
         ...
 
     def solve_in(
-        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+        self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return q (n, 6) and valid (n,) in one branch slot (n,) of each pose."""
         ...
@@ -118,7 +118,7 @@ class Kinematics:
         return q, valid
 
     def ik_in(
-        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+        self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return one branch of each pose: q (n, 6) and valid (n,), as ``ik`` gives it.
 

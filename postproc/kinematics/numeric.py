@@ -10,12 +10,11 @@ than eight) the one found first, a fixed order, is kept.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.model import Solver
 from postproc.kinematics.opw import wrapped
@@ -120,7 +119,7 @@ class NumericSolver:
         return q, np.isfinite(q[:, :, 0])
 
     def solve_in(
-        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+        self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return q (n, 6) and found (n,) in the branches (n,), as ``solve`` has in the slots."""
         q, valid = self.solve(T_robroot_flange)
@@ -181,7 +180,7 @@ class PolishedSolver:
         return q, valid
 
     def solve_in(
-        self, T_robroot_flange: FloatArray, slot: NDArray[np.integer[Any]]
+        self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return q (n, 6) and valid (n,) in the branches (n,), as ``solve`` has in the slots."""
         q, valid = self.nominal.solve_in(T_robroot_flange, slot)

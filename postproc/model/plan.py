@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
+from typing import Any
 
-from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+import numpy as np
+
+from postproc.arrays import (
+    FloatArray,
+    IntArray,
+    Rows,
+    column,
+    columns_at,
+    columns_joined,
+    freeze_columns,
+)
 from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, ToolPath
 
@@ -64,48 +75,92 @@ class Plan:
 
     name: str
     toolpath: ToolPath
-    kind: IntArray
-    role: IntArray
-    tag: IntArray
-    T_base_tcp: FloatArray
-    aux: FloatArray
-    q: FloatArray
-    spin: FloatArray
-    branch: IntArray
-    speed: FloatArray
-    ptp_fraction: FloatArray
-    blend: FloatArray
-    dwell: FloatArray
-    duration: FloatArray
-    external: FloatArray
-    stiffness: FloatArray
-    stiffness_initial: FloatArray
-    clearance: FloatArray
+    kind: IntArray = field(metadata=column("move", dtype=np.int32))
+    role: IntArray = field(metadata=column("move", dtype=np.int32))
+    tag: IntArray = field(metadata=column("move", dtype=np.int32))
+    T_base_tcp: FloatArray = field(metadata=column("move", 4, 4))
+    aux: FloatArray = field(metadata=column("move", 3))
+    q: FloatArray = field(metadata=column("move", 6))
+    spin: FloatArray = field(metadata=column("move"))
+    branch: IntArray = field(metadata=column("move", dtype=np.int32))
+    speed: FloatArray = field(metadata=column("move"))
+    ptp_fraction: FloatArray = field(metadata=column("move"))
+    blend: FloatArray = field(metadata=column("move"))
+    dwell: FloatArray = field(metadata=column("move"))
+    duration: FloatArray = field(metadata=column("move"))
+    external: FloatArray = field(metadata=column("move", None))
+    stiffness: FloatArray = field(metadata=column("tag"))
+    stiffness_initial: FloatArray = field(metadata=column("tag"))
+    clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
-    compensation: FloatArray | None = None
+    compensation: FloatArray | None = field(default=None, metadata=column("move", 3))
     compensation_note: str = ""
     findings: tuple[Finding, ...] = ()
     settings: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        frozen_ints(self, "kind", (None,))
-        m, n = len(self.kind), len(self.toolpath)
-        for name in ("role", "tag", "branch"):
-            frozen_ints(self, name, (m,))
-        frozen_floats(self, "T_base_tcp", (m, 4, 4))
-        frozen_floats(self, "aux", (m, 3))
-        frozen_floats(self, "q", (m, 6))
-        frozen_floats(self, "external", (m, None))
-        for name in ("spin", "speed", "ptp_fraction", "blend", "dwell", "duration"):
-            frozen_floats(self, name, (m,))
-        for name in ("stiffness", "stiffness_initial", "clearance"):
-            frozen_floats(self, name, (n,))
-        frozen_floats(self, "compensation", (m, 3))
+        freeze_columns(self, move=len(self.kind), tag=len(self.toolpath))
 
     def __len__(self) -> int:
         """Return the number of moves."""
         return len(self.kind)
+
+    def rows(self, index: Rows) -> Plan:
+        """Return the moves ``index`` (k,), growing; one may stand several times.
+
+        An event stays before the first move that is left of those behind it. Columns of tags stay.
+        """
+        index = np.arange(len(self))[index]
+        events = tuple((int(np.searchsorted(index, move)), event) for move, event in self.events)
+        return replace(self, events=events, **columns_at(self, "move", index))
+
+    @classmethod
+    def concat(cls, parts: Sequence[Plan]) -> Plan:
+        """Return the moves of plans of the same toolpath behind each other.
+
+        A tag has the numbers of the last part that knows them; equal findings count once. Name,
+        notes and settings are those of the first.
+
+        Raises:
+            ValueError: for a compensation of some of them only.
+        """
+        changes = columns_joined(parts, "move")
+        for name in columns_at(parts[0], "tag", np.arange(0)):
+            changes[name] = getattr(parts[0], name)
+            for part in parts[1:]:
+                own = getattr(part, name)
+                changes[name] = np.where(np.isfinite(own), own, changes[name])
+        first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
+        changes["events"] = tuple(
+            (move + low, event)
+            for low, part in zip(first, parts, strict=False)
+            for move, event in part.events
+        )
+        findings = [finding for part in parts for finding in part.findings]
+        return replace(parts[0], findings=tuple(dict.fromkeys(findings)), **changes)
+
+    def within(self, toolpath: ToolPath, low: int) -> Plan:
+        """Return a plan of a stretch of tags as one of the whole toolpath.
+
+        Args:
+            toolpath: the whole.
+            low: tag of the whole at which the stretch begins.
+        """
+        changes: dict[str, Any] = {}
+        for name, values in columns_at(self, "tag", np.arange(len(self.toolpath))).items():
+            changes[name] = np.full((len(toolpath), *values.shape[1:]), np.nan)
+            changes[name][low : low + len(values)] = values
+        findings = tuple(
+            replace(i, tag_index=None if i.tag_index is None else i.tag_index + low)
+            for i in self.findings
+        )
+        events = tuple(
+            (move, replace(event, index=event.index + low)) for move, event in self.events
+        )
+        return replace(
+            self, toolpath=toolpath, tag=self.tag + low, findings=findings, events=events, **changes
+        )
 
     @property
     def errors(self) -> tuple[Finding, ...]:

@@ -6,14 +6,25 @@ Units: SI. Arcs stay arcs, drill cycles stay cycles; nothing here knows a robot.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+from postproc.arrays import (
+    FloatArray,
+    IntArray,
+    Rows,
+    Table,
+    column,
+    columns_at,
+    columns_joined,
+    freeze_columns,
+    frozen_floats,
+)
 from postproc.errors import Finding, SourceRef
 
 
@@ -103,7 +114,7 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
-class Arcs:
+class Arcs(Table):
     """Circular and helical arcs; the end point is the tag's, the start the tag before.
 
     ``centre`` (m, 3) [m]; ``normal`` (m, 3) unit: the motion is COUNTERCLOCKWISE about it, whatever
@@ -124,10 +135,6 @@ class Arcs:
         frozen_floats(self, "normal", (n, 3))
         frozen_floats(self, "radius", (n,))
         frozen_floats(self, "sweep", (n,))
-
-    def __len__(self) -> int:
-        """Return the number of arcs."""
-        return len(self.centre)
 
     @classmethod
     def none(cls) -> Arcs:
@@ -163,24 +170,24 @@ class ToolPath:
     format: str
     dialect: str
     units: str
-    points: FloatArray
-    axes: FloatArray
-    kind: IntArray
-    feed: FloatArray
-    line: IntArray
-    operation: IntArray
-    tool: IntArray
-    arc: IntArray
-    cycle: IntArray
+    points: FloatArray = field(metadata=column("tag", 3))
+    axes: FloatArray = field(metadata=column("tag", 3))
+    kind: IntArray = field(metadata=column("tag", dtype=np.int32))
+    feed: FloatArray = field(metadata=column("tag"))
+    line: IntArray = field(metadata=column("tag", dtype=np.int32))
+    operation: IntArray = field(metadata=column("tag", dtype=np.int32))
+    tool: IntArray = field(metadata=column("tag", dtype=np.int32))
+    arc: IntArray = field(metadata=column("tag", dtype=np.int32))
+    cycle: IntArray = field(metadata=column("tag", dtype=np.int32))
     operations: tuple[Operation, ...] = ()
     tools: tuple[CamTool, ...] = ()
     arcs: Arcs = field(default_factory=Arcs.none)
     cycles: tuple[Cycle, ...] = ()
     events: tuple[Event, ...] = ()
-    rotations: FloatArray | None = None
-    joints: FloatArray | None = None
-    names: tuple[str, ...] | None = None
-    extra: Mapping[str, Any] = field(default_factory=dict)
+    rotations: FloatArray | None = field(default=None, metadata=column("tag", 3, 3))
+    joints: FloatArray | None = field(default=None, metadata=column("tag", 6))
+    names: tuple[str, ...] | None = field(default=None, metadata=column("tag", dtype=None))
+    extra: Mapping[str, Any] = field(default_factory=dict, metadata=column("tag", dtype=None))
     unknown_words: Mapping[str, int] = field(default_factory=dict)
     words: Mapping[str, int] = field(default_factory=dict)
     warnings: tuple[Finding, ...] = ()
@@ -188,20 +195,64 @@ class ToolPath:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        frozen_floats(self, "points", (None, 3))
-        n = len(self.points)
-        frozen_floats(self, "axes", (n, 3))
-        frozen_floats(self, "feed", (n,))
-        for name in ("kind", "line", "operation", "tool", "arc", "cycle"):
-            frozen_ints(self, name, (n,))
-        frozen_floats(self, "rotations", (n, 3, 3))
-        frozen_floats(self, "joints", (n, 6))
-        if self.names is not None and len(self.names) != n:
-            raise ValueError(f"ToolPath.names: {len(self.names)} names for {n} tags")
+        freeze_columns(self, tag=len(self.points))
 
     def __len__(self) -> int:
         """Return the number of tags."""
         return len(self.points)
+
+    def rows(self, index: Rows) -> ToolPath:
+        """Return the tags ``index`` (k,) in this order; tables stay whole.
+
+        An event stays before its tag, or before the first that was behind it in another order. Of
+        tags that are left out the events are left out too.
+        """
+        n = len(self)
+        index = np.arange(n)[index]
+        kept = np.append(np.isin(np.arange(n), index), n == 0 or n - 1 in index)
+        reached = np.maximum.accumulate(index)
+        events = tuple(
+            replace(event, index=int(np.searchsorted(reached, event.index)))
+            for event in self.events
+            if kept[event.index]
+        )
+        return replace(self, events=events, **columns_at(self, "tag", index))
+
+    @classmethod
+    def concat(cls, parts: Sequence[ToolPath]) -> ToolPath:
+        """Return the tags of toolpaths behind each other, with the tables of all.
+
+        Path, name, format and units are those of the first.
+
+        Raises:
+            ValueError: for rotations or joints in some of them only.
+        """
+        if any(part.names is not None for part in parts):
+            parts = [part.named() for part in parts]
+        changes = columns_joined(parts, "tag")
+        first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
+        for name in ("operation", "tool", "arc", "cycle"):
+            tables = [getattr(part, f"{name}s") for part in parts]
+            start = np.cumsum([0, *(len(table) for table in tables)])
+            own = np.repeat(start[:-1], np.diff(first))
+            changes[name] = np.where(changes[name] < 0, -1, changes[name] + own)
+            if name != "arc":
+                changes[f"{name}s"] = tuple(row for table in tables for row in table)
+        changes["arcs"] = Arcs.concat([part.arcs for part in parts])
+        for name in ("warnings", "recovered"):
+            changes[name] = tuple(row for part in parts for row in getattr(part, name))
+        for name in ("words", "unknown_words"):
+            changes[name] = dict(sum((Counter(getattr(part, name)) for part in parts), Counter()))
+        changes["events"] = tuple(
+            replace(event, index=event.index + low)
+            for low, part in zip(first, parts, strict=False)
+            for event in part.events
+        )
+        return replace(parts[0], **changes)
+
+    def named(self) -> ToolPath:
+        """Return the toolpath in which every tag has a name of its own."""
+        return replace(self, names=tuple(self.tag_name(tag) for tag in range(len(self))))
 
     def source(self, tag_index: int, text: str = "") -> SourceRef:
         """Return where tag ``tag_index`` stands in the input."""

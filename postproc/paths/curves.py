@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
-from postproc.controller import Rows, Trace, Way
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.controller import Trace, Way
 from postproc.geometry import (
     Circles,
     around,
@@ -47,12 +47,12 @@ class Curves:
     axis: FloatArray
     turn: FloatArray
     length: FloatArray
-    circle: Rows
+    circle: AnyIntArray
     circles: Circles
     tangents: tuple[FloatArray, FloatArray]
-    bad_circles: Rows
+    bad_circles: AnyIntArray
 
-    def poses(self, row: Rows, share: FloatArray) -> FloatArray:
+    def poses(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return T_base_tcp (n, 4, 4) at ``share`` (n,) of path motions ``row`` (n,)."""
         T = self.T_end[row]
         inner = np.flatnonzero(share < 1.0)
@@ -76,7 +76,7 @@ class Curves:
         return T
 
     def flange(
-        self, row: Rows, share: FloatArray, externals: Externals, external: FloatArray
+        self, row: AnyIntArray, share: FloatArray, externals: Externals, external: FloatArray
     ) -> FloatArray:
         """Return T_robroot_flange (n, 4, 4) at ``share`` of path motions ``row``."""
         trace = self.trace
@@ -90,7 +90,7 @@ class Curves:
         T: FloatArray = T_robroot_base @ self.poses(row, share) @ T_tcp_flange
         return T
 
-    def external_at(self, row: Rows, share: FloatArray, external: FloatArray) -> FloatArray:
+    def external_at(self, row: AnyIntArray, share: FloatArray, external: FloatArray) -> FloatArray:
         """Return external axes (n, k) at ``share`` of motions, in step with the way."""
         if not external.shape[1]:
             return np.zeros((len(row), 0))
@@ -140,7 +140,7 @@ def curves_of(
     )
 
 
-def _rows(trace: Trace) -> tuple[Rows, Rows]:
+def _rows(trace: Trace) -> tuple[AnyIntArray, AnyIntArray]:
     """Return the rows (m,) of tool and base of every motion."""
     tool = np.array([s.tool for s in trace.settings] or [0], dtype=np.int64)
     base = np.array([s.base for s in trace.settings] or [0], dtype=np.int64)
@@ -160,8 +160,8 @@ def _starts(
     trace: Trace,
     T_end: FloatArray,
     flange: FloatArray,
-    tools: Rows,
-    bases: Rows,
+    tools: AnyIntArray,
+    bases: AnyIntArray,
     external: FloatArray,
     externals: Externals,
 ) -> FloatArray:
@@ -186,7 +186,7 @@ def _arcs(
     T_end: FloatArray,
     flange: FloatArray,
     T_robroot_tcp: FloatArray,
-) -> tuple[Circles, Rows, Rows]:
+) -> tuple[Circles, AnyIntArray, AnyIntArray]:
     """Return circles, their rows per motion, and motions without a circle.
 
     With ``CA`` the motion ends on the circle at that angle, not at the target; ``T_end``,
@@ -216,7 +216,7 @@ def _arcs(
 
 def _turn_by_angle(
     trace: Trace,
-    rows: Rows,
+    rows: AnyIntArray,
     auxiliary: FloatArray,
     T_start: FloatArray,
     T_end: FloatArray,

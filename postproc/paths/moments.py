@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows
 from postproc.paths.motion import Paths
 from postproc.paths.times import chains, durations, motion_times
 from postproc.units import DEG
@@ -43,7 +42,7 @@ class Moments:
         """Return the number of moments."""
         return len(self.q)
 
-    def rows(self, rows: Rows) -> Moments:
+    def rows(self, rows: AnyIntArray) -> Moments:
         """Return some of the moments."""
         return Moments(self.q[rows], self.qd[rows], self.direction[rows], self.process[rows])
 
@@ -110,7 +109,7 @@ class Clock:
         order = np.argsort(time, kind="stable")
         return cls(start, needed, pause, time[order], np.concatenate([q, q[ends]])[order])
 
-    def speed(self, row: Rows, share: FloatArray) -> FloatArray:
+    def speed(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return the joint speeds (n, 6) [rad/s] at ``share`` (n,) of motions ``row`` (n,)."""
         at = self.start[row] + share * self.needed[row] + 0.5 * self.pause[row] * (share >= 1.0)
         ways = [
@@ -120,7 +119,7 @@ class Clock:
         return np.stack(ways, axis=1) / (2.0 * WINDOW)
 
 
-def _in_order(paths: Paths) -> tuple[Rows, FloatArray, np.ndarray]:
+def _in_order(paths: Paths) -> tuple[AnyIntArray, FloatArray, np.ndarray]:
     """Return motion (k,), joints (k, 6) and whether it is the motion's end, in order of time."""
     ptp = np.flatnonzero(~paths.trace.is_cp)
     row = np.concatenate([paths.row, ptp])

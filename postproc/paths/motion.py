@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows, Trace
+from postproc.controller import Trace
 from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
@@ -54,7 +54,7 @@ class Paths:
     curves: Curves
     external: FloatArray
     q: FloatArray
-    row: Rows
+    row: AnyIntArray
     share: FloatArray
     q_sample: FloatArray
     point: FloatArray
@@ -69,7 +69,7 @@ class Paths:
         """Return the number of motions."""
         return len(self.q)
 
-    def points_at(self, row: Rows, share: FloatArray) -> FloatArray:
+    def points_at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return the TCP (n, 3) [m] in the part at ``share`` (n,) of path motions ``row`` (n,)."""
         station = self.station
         T = self.curves.flange(row, share, station.externals, self.external)
@@ -90,7 +90,7 @@ class Shift:
     place: FloatArray
     value: FloatArray
 
-    def at(self, row: Rows, share: FloatArray) -> FloatArray:
+    def at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return the shift (n, 3) [m] at ``share`` (n,) of path motions ``row`` (n,)."""
         where = 2.0 * row + share
         return np.stack([np.interp(where, self.place, v) for v in self.value.T], axis=1)
@@ -200,7 +200,7 @@ class _Solver:
             self.station,
         )
 
-    def _samples(self, step_length: float, step_angle: float) -> tuple[Rows, FloatArray]:
+    def _samples(self, step_length: float, step_angle: float) -> tuple[AnyIntArray, FloatArray]:
         moving = np.flatnonzero(self.trace.is_cp)
         way = np.maximum(
             self.curves.length[moving] / step_length, self.curves.turn[moving] / step_angle
@@ -220,7 +220,7 @@ class _Solver:
 
     # ---------------------------------------------------------------------------------------- PTP
 
-    def _joint_targets(self) -> Rows:
+    def _joint_targets(self) -> AnyIntArray:
         """Fill q of all PTP targets that say their joints; return those that do not."""
         trace = self.trace
         self.q[trace.is_axes] = trace.target[trace.is_axes]
@@ -233,7 +233,7 @@ class _Solver:
             self._by_turn(rows, slots[np.arange(len(rows)), branch], valid)
         return np.asarray(cartesian[~told])
 
-    def _by_turn(self, rows: Rows, q: FloatArray, valid: BoolArray) -> None:
+    def _by_turn(self, rows: AnyIntArray, q: FloatArray, valid: BoolArray) -> None:
         """Choose for each axis the value whose sign is that of its bit in T."""
         trace, kinematics = self.trace, self.kinematics
         negative = (trace.turn[rows][:, None] >> np.arange(6)) & 1 == 1
@@ -306,7 +306,7 @@ class _Solver:
         self.q[row[ends]] = self.q_sample[low:high][ends]
         self._note_unreachable(row, principal)
 
-    def _run_starts(self, rows: Rows) -> FloatArray:
+    def _run_starts(self, rows: AnyIntArray) -> FloatArray:
         """Return the joints (r, 6) in which runs of path motions begin."""
         q = np.where((rows > 0)[:, None], self.q[np.maximum(rows - 1, 0)], np.nan)
         for place in np.flatnonzero(~np.isfinite(q).all(axis=1)).tolist():
@@ -320,7 +320,7 @@ class _Solver:
             q[place] = self._rest()
         return q
 
-    def _branches(self, heads: Rows, q_start: FloatArray) -> Rows:
+    def _branches(self, heads: AnyIntArray, q_start: FloatArray) -> AnyIntArray:
         """Return the branch (r,) of each run: that of its start, or the one it runs on in."""
         slot = np.asarray(self.kinematics.slot(q_start)).astype(np.int64)
         T = self._flanges(heads)
@@ -332,12 +332,12 @@ class _Solver:
         # At the border between two branches rounding must not decide.
         return np.where(gap[rows, slot] > gap[rows, best] + _LEAP, best, slot)
 
-    def _flanges(self, samples: Rows) -> FloatArray:
+    def _flanges(self, samples: AnyIntArray) -> FloatArray:
         """Return T_robroot_flange (n, 4, 4) of samples."""
         row, share = self.row[samples], self.share[samples]
         return self.curves.flange(row, share, self.externals, self.external)
 
-    def _solve(self, low: int, high: int, slot: Rows) -> FloatArray:
+    def _solve(self, low: int, high: int, slot: AnyIntArray) -> FloatArray:
         """Return principal joints (n, 6) of samples low..high-1; note points in the part."""
         samples = np.arange(low, high)
         T = self._flanges(samples)
@@ -347,7 +347,7 @@ class _Solver:
         self.point[low:high], self.axis[low:high] = self.station.in_part(T, external)
         return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan)
 
-    def _note_unreachable(self, row: Rows, principal: FloatArray) -> None:
+    def _note_unreachable(self, row: AnyIntArray, principal: FloatArray) -> None:
         lost = np.unique(row[~np.isfinite(principal[:, 0])])
         for motion in lost[:20].tolist():
             more = f" ({len(lost)} such motions)" if len(lost) > 20 else ""
@@ -358,8 +358,8 @@ class _Solver:
 
 def _continued(
     principal: FloatArray,
-    run: Rows,
-    heads: Rows,
+    run: AnyIntArray,
+    heads: AnyIntArray,
     q_start: FloatArray,
     kinematics: Kinematics,
 ) -> FloatArray:

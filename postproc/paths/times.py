@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Blend, EventWord, Rows
+from postproc.controller import Blend, EventWord
 from postproc.paths.motion import Paths
 
 SLOWEST = 1e-7
@@ -39,7 +39,7 @@ def _reachable(paths: Paths) -> FloatArray:
     return np.asarray(np.sqrt(trace.column("acceleration") * np.maximum(length[chain], _TINY)))
 
 
-def chains(paths: Paths) -> Rows:
+def chains(paths: Paths) -> AnyIntArray:
     """Return the number (m,) of the chain, from stop to stop, that each motion belongs to."""
     trace = paths.trace
     if len(trace) == 0:

@@ -18,7 +18,6 @@ from postproc.planning.route import cell_at
 from postproc.planning.search import arc_length
 from postproc.planning.states import (
     OBJECTIVES,
-    IndexArray,
     Objective,
     PlanOptions,
     StateContext,
@@ -33,7 +32,6 @@ __all__ = [
     "NEAR",
     "OBJECTIVES",
     "Grade",
-    "IndexArray",
     "Objective",
     "PlanOptions",
     "SpinClass",

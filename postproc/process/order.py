@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from postproc.arrays import AnyIntArray
 from postproc.model import MotionKind, ToolPath
 
 
@@ -31,17 +30,6 @@ def hole_runs(toolpath: ToolPath) -> list[tuple[int, int]]:
     return [(low, high) for low, high in pairs if hole[low] and high - low > 1]
 
 
-def reordered(toolpath: ToolPath, order: NDArray[np.int32] | NDArray[np.int64]) -> ToolPath:
-    """Return the toolpath with its tags (n,) in another order; events stay at their place."""
-    columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")
-    changes: dict[str, object] = {name: getattr(toolpath, name)[order] for name in columns}
-    for name in ("rotations", "joints"):
-        value = getattr(toolpath, name)
-        if value is not None:
-            changes[name] = value[order]
-    changes["extra"] = {
-        name: [values[tag] for tag in order.tolist()] if len(values) == len(order) else values
-        for name, values in toolpath.extra.items()
-    }
-    names = [toolpath.tag_name(tag) for tag in order.tolist()]
-    return replace(toolpath, names=tuple(names), **changes)  # type: ignore[arg-type]
+def reordered(toolpath: ToolPath, order: AnyIntArray) -> ToolPath:
+    """Return the toolpath with its tags (n,) in another order, each with the name it had."""
+    return toolpath.named().rows(order)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Blend, EventWord, Rows
+from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, motion_times
@@ -69,7 +69,7 @@ def _touches_path(paths: Paths) -> BoolArray:
 
 
 def _limits(
-    result: Result, q: FloatArray, motion: Rows, cell: Cell, kinematics: Kinematics
+    result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
 ) -> None:
     room = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
     wanted = cell.limits.joint_margin
@@ -101,7 +101,7 @@ def _limits(
 
 
 def _singularities(
-    result: Result, q: FloatArray, motion: Rows, cell: Cell, kinematics: Kinematics
+    result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
 ) -> None:
     wrist = wrist_distance(kinematics, q)
     row = int(wrist.argmin())
@@ -124,7 +124,7 @@ def _singularities(
         _overhead(result, shoulder_distance(kinematics, q), motion)
 
 
-def _overhead(result: Result, distance: FloatArray, motion: Rows) -> None:
+def _overhead(result: Result, distance: FloatArray, motion: AnyIntArray) -> None:
     row = int(distance.argmin())
     result.measure("wrist_over_A1", float(distance[row] / MM), "mm", int(motion[row]))
     if distance[row] < OVERHEAD:
@@ -220,7 +220,7 @@ def check_blending(result: Result) -> None:
             result.finding(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
 
 
-def _corner_rounding(result: Result, rows: Rows) -> None:
+def _corner_rounding(result: Result, rows: AnyIntArray) -> None:
     paths, trace = result.paths, result.paths.trace
     rows = rows[trace.is_cp[rows + 1] & np.isfinite(paths.curves.T_start[rows, 0, 3])]
     if not len(rows):

@@ -10,9 +10,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows
 from postproc.errors import RunKind
 from postproc.kinematics import Kinematics
 from postproc.verification.report import Result
@@ -73,7 +72,9 @@ class _Told:
             self._result.finding(RunKind.COLLISION, motion, text)
 
 
-def _standing(result: Result, cell: Cell, motion: Rows) -> Iterator[tuple[Cell, Rows]]:
+def _standing(
+    result: Result, cell: Cell, motion: AnyIntArray
+) -> Iterator[tuple[Cell, AnyIntArray]]:
     """Yield the cell and the steps row -> row + 1 that are made while it stands so."""
     paths = result.paths
     steps = np.arange(len(motion) - 1)
@@ -90,7 +91,7 @@ def _standing(result: Result, cell: Cell, motion: Rows) -> Iterator[tuple[Cell, 
 
 
 def _travelling(
-    result: Result, cell: Cell, q: FloatArray, motion: Rows, share: FloatArray
+    result: Result, cell: Cell, q: FloatArray, motion: AnyIntArray, share: FloatArray
 ) -> Iterator[tuple[Cell, int, FloatArray]]:
     """Yield the cell, the step and the joints (6,) on the way of external axes."""
     paths = result.paths
@@ -111,7 +112,7 @@ def _travelling(
             yield here, row, q[row] + part * (q[row + 1] - q[row])
 
 
-def _sequence(result: Result) -> tuple[FloatArray, Rows, FloatArray]:
+def _sequence(result: Result) -> tuple[FloatArray, AnyIntArray, FloatArray]:
     """Return all configurations (k, 6) in order, the motion (k,) of each and the place on it."""
     paths = result.paths
     ptp = np.flatnonzero(~paths.trace.is_cp)

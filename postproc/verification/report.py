@@ -11,8 +11,7 @@ from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
-    from postproc.controller import Rows
+    from postproc.arrays import AnyIntArray, FloatArray
     from postproc.paths import Paths
 
 
@@ -97,7 +96,7 @@ class Run:
 
     paths: Paths
     durations: FloatArray
-    served: Rows | None = None
+    served: AnyIntArray | None = None
     position_error: FloatArray | None = None
 
 

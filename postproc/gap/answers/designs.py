@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
-from postproc.gap.data import Rows, Samples
+from postproc.arrays import FloatArray, IntArray, Rows
+from postproc.gap.data import Samples
 from postproc.gap.fit import Bench, Gram
 from postproc.units import DEG
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.data import Rows, Samples
+from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.gap.data import Samples
 from postproc.gap.fit import Context
 
 _DEALS = 199

@@ -1,6 +1,6 @@
 """The rows of a campaign as the fit sees them, and the arm's model."""
 
-from postproc.gap.data.dataset import COLUMN_NAMES, Arm, Rows, Samples, make_samples, samples_of
+from postproc.gap.data.dataset import COLUMN_NAMES, Arm, Samples, make_samples, samples_of
 from postproc.gap.data.loads import carried_torque, load_moment, weight_moment, weight_torque
 from postproc.gap.data.reference import reference_of
 from postproc.gap.data.split import Split, split
@@ -8,7 +8,6 @@ from postproc.gap.data.split import Split, split
 __all__ = [
     "COLUMN_NAMES",
     "Arm",
-    "Rows",
     "Samples",
     "Split",
     "carried_torque",

@@ -7,16 +7,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, Rows
 from postproc.errors import DataError
 from postproc.gap.data.reference import ArmReference
 from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet
 
-Rows = NDArray[np.bool_] | NDArray[np.signedinteger[Any]]
 """Rows of a campaign: a mask (n,) or numbers of rows."""
 
 COLUMN_NAMES = {

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
-from postproc.gap.data import Rows, Samples
+from postproc.arrays import FloatArray, IntArray, Rows
+from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, Gram
 from postproc.gap.fit.select import Subset
 

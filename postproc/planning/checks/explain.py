@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import IndexArray
 from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import remedy
-from postproc.planning.states import NO_POSE, Chosen, IndexArray, Problem, Rule, States
+from postproc.planning.states import NO_POSE, Chosen, Problem, Rule, States
 from postproc.units import DEG
 
 WORDS = {

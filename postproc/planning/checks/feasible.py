@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import arc_poses, line_poses, path_length, rotation_angle
-from postproc.planning.states import IndexArray, Problem, Strokes
+from postproc.planning.states import Problem, Strokes
 from postproc.units import DEG
 
 if TYPE_CHECKING:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import rotation_about
 from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.states import IndexArray, cross_axes, feed_directions, spin_values
+from postproc.planning.states import cross_axes, feed_directions, spin_values
 from postproc.units import DEG, MM
 
 TILTS = (2.0 * DEG, 5.0 * DEG, 10.0 * DEG, 15.0 * DEG, 30.0 * DEG)

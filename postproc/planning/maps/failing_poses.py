@@ -15,13 +15,13 @@ from postproc.planning.states import place_given, spin_values, strokes_of
 from postproc.units import DEG
 
 if TYPE_CHECKING:
-    from postproc.arrays import BoolArray, FloatArray
+    from postproc.arrays import BoolArray, FloatArray, IndexArray
     from postproc.cell import Cell
     from postproc.collision import Hits, Scene
     from postproc.errors import Finding
     from postproc.kinematics import Kinematics
     from postproc.model import ToolPath
-    from postproc.planning.states import IndexArray, Placement
+    from postproc.planning.states import Placement
 
 MOST_TAGS = 60
 """For so many failing tags a pose is worked out."""

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import Kinematics, build, wrist_distance
@@ -22,7 +22,6 @@ from postproc.model import ToolPath
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
     Compliance,
-    IndexArray,
     PlanOptions,
     cross_axes,
     path_normals,

@@ -11,11 +11,10 @@ from postproc.model import MotionKind
 from postproc.units import DEG
 
 if TYPE_CHECKING:
-    from postproc.arrays import BoolArray, FloatArray
+    from postproc.arrays import BoolArray, FloatArray, IndexArray
     from postproc.cell import Cell
     from postproc.collision import Scene
     from postproc.model import Plan
-    from postproc.planning.states import IndexArray
 
 MOST_TAGS = 10_000
 """With more tags the map is left out."""

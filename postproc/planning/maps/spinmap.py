@@ -15,14 +15,13 @@ from enum import IntEnum
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.model import MoveRole, Plan
 from postproc.planning.checks import Checker, Grade, Reason, grades
 from postproc.planning.planner import checker_of
 from postproc.planning.route import cell_at
 from postproc.planning.states import (
-    IndexArray,
     Placement,
     PlanOptions,
     States,

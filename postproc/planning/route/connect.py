@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines
 from postproc.planning.route.tree import ROUNDS, rrt_connect
-from postproc.planning.states import IndexArray
 
 BACK_OFF = (0.05, 0.1, 0.2, 0.4)
 """Heights [m] by which both ends back off along their tool axes, tried in turn."""
@@ -29,7 +28,7 @@ GIVE_UP = 40
 
 
 @dataclass(slots=True)
-class Ends:
+class Ends(Table):
     """Where m connections start and end.
 
     Args:
@@ -44,14 +43,6 @@ class Ends:
     height_to: FloatArray
     q_from: FloatArray
     q_to: FloatArray
-
-    def __len__(self) -> int:
-        """Return the number of connections."""
-        return len(self.tag_to)
-
-    def take(self, rows: IndexArray) -> Ends:
-        """Return some of the connections."""
-        return Ends(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +69,7 @@ def detours(
         rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
         if not len(rows):
             return ways
-        found = _by_backing_off(checker, ends.take(rows), attitude, branch, height)
+        found = _by_backing_off(checker, ends.rows(rows), attitude, branch, height)
         ways.update({int(rows[row]): way for row, way in found.items()})
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
     for row, points in _by_trees(checker, ends, rows).items():

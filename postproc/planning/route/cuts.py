@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import ArcMotion
 from postproc.geometry import angle_between, arc_points, arc_poses
 from postproc.model import MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
-from postproc.planning.states import Chosen, IndexArray, Moves, Problem, moves
+from postproc.planning.states import Chosen, Moves, Problem, moves
 from postproc.units import DEG
 
 LARGEST_CIRC = 120.0 * DEG

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.model import MoveKind, MoveRole
-from postproc.planning.states import Chosen, IndexArray, Moves, Problem, Strokes, moves, pecks
+from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves, pecks
 
 ARRIVE = 100
 """Order of the move that arrives at a tag; moves on the way there come before."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
@@ -15,7 +15,7 @@ from postproc.planning.route.connect import GIVE_UP, Detour, Ends, detours, free
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves
 from postproc.planning.route.speeds import Timed, timed
-from postproc.planning.states import Chosen, IndexArray, Moves, Problem, in_order, moves
+from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -142,7 +142,7 @@ def _decide(
     rest = np.nonzero(~as_line)[0]
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
     stuck = np.nonzero(~verdict.good)[0]
-    found = detours(checker, ends.take(rest[stuck]), chosen.attitude, chosen.branch)
+    found = detours(checker, ends.rows(rest[stuck]), chosen.attitude, chosen.branch)
     for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
         row = int(rest[stuck[i]])
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
-from postproc.planning.states import IndexArray, Moves, Problem
+from postproc.planning.states import Moves, Problem
 from postproc.timing import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,

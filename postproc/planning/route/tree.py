@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.planning.checks import Checker
-from postproc.planning.states import IndexArray
 
 ROUNDS = 60
 """How often a tree grows at most."""

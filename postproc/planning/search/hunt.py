@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import MotionKind
 from postproc.planning.checks import Checker, Evidence, Lines, Reason, Verdict, poses_between
 from postproc.planning.search.lazy import Found, search
@@ -14,7 +14,6 @@ from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
     Chosen,
-    IndexArray,
     Ladder,
     Problem,
     Rule,

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import MotionKind, ToolPath
-from postproc.planning.states import IndexArray
 
 
 def stretches(toolpath: ToolPath) -> IndexArray:

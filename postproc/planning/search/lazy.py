@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray
-from postproc.planning.states import NONE, IndexArray, Ladder
+from postproc.arrays import BoolArray, IndexArray
+from postproc.planning.states import NONE, Ladder
 
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
-from postproc.planning.states import IndexArray, Problem, evaluate
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.planning.states import Problem, evaluate
 from postproc.units import DEG
 
 REFINED_GRID = 0.001 * DEG

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.model import ToolPath
-from postproc.planning.states import TRAVEL_UNIT, IndexArray, Problem, sample
+from postproc.planning.states import TRAVEL_UNIT, Problem, sample
 from postproc.process import hole_runs
 
 _NEIGHBOURS = 12

@@ -22,7 +22,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.planning.checks import Checker, Reason, explained, failure
 from postproc.planning.search.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
@@ -31,7 +31,6 @@ from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
     Chosen,
-    IndexArray,
     Placement,
     Problem,
     Rule,

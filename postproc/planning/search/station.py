@@ -15,16 +15,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.geometry import inverse
 from postproc.kinematics import build
-from postproc.model import Event, MoveKind, MoveRole, Plan, ToolPath
+from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.planning.checks import Reason
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
 from postproc.planning.search.hunt import step_rules
-from postproc.planning.states import IndexArray, Rule, Settings, sample
+from postproc.planning.states import Rule, Settings, sample
 from postproc.timing import joint_move_time
 from postproc.units import DEG
 
@@ -121,7 +121,7 @@ def plan_stations(
         for run in runs:
             if run not in search.done:
                 here = cell_at(cell, values[run[2]])
-                search.done[run] = plan_here(_part(toolpath, run[0], run[1]), here)
+                search.done[run] = plan_here(toolpath.rows(np.arange(run[0], run[1])), here)
             again |= search.blame(run, search.done[run])
         if not again:
             break
@@ -191,24 +191,6 @@ def _cheapest(cost: FloatArray, change: FloatArray) -> IndexArray:
     return np.array(chosen[::-1], dtype=np.int64)
 
 
-def _part(toolpath: ToolPath, low: int, high: int) -> ToolPath:
-    """Return tags [low, high) with the events that stand before them."""
-    n = len(toolpath)
-    last = high == n
-    events = tuple(
-        Event(event.index - low, event.kind, event.value, event.text, event.line)
-        for event in toolpath.events
-        if low <= event.index < high or (last and event.index >= n)
-    )
-    columns = ("points", "axes", "kind", "feed", "line", "operation", "tool", "arc", "cycle")
-    changes: dict[str, object] = {name: getattr(toolpath, name)[low:high] for name in columns}
-    for name in ("rotations", "joints", "names"):
-        value = getattr(toolpath, name)
-        if value is not None:
-            changes[name] = value[low:high]
-    return replace(toolpath, events=events, extra={}, **changes)  # type: ignore[arg-type]
-
-
 def _joined(
     toolpath: ToolPath,
     cell: Cell,
@@ -218,67 +200,31 @@ def _joined(
     make_checker: MakeChecker,
 ) -> Plan:
     """Return one plan of all runs, with the moves of the external axes between them."""
-    findings: list[Finding] = []
     pieces: list[Plan] = []
-    places: list[FloatArray] = []
-    events: list[tuple[int, Event]] = []
-    moves = 0
-    for i, (run, part) in enumerate(zip(runs, plans, strict=True)):
-        here = values[run[2]]
-        shifted = _shifted(part, run[0], toolpath)
-        findings += shifted.findings
-        if i and len(part) and pieces:
-            ends = (places[-1][-1], here)
-            between, where = _between(cell, pieces[-1], shifted, ends, make_checker, findings)
-            pieces.append(between)
-            places.append(where)
-            moves += len(between)
-        events += [(row + moves, replace_index(event, run[0])) for row, event in part.events]
-        if len(part):
-            pieces.append(shifted)
-            places.append(np.tile(here, (len(part), 1)))
-            moves += len(part)
-    return _stacked(toolpath, pieces, places, tuple(events), findings, plans)
-
-
-def replace_index(event: Event, low: int) -> Event:
-    """Return an event of a part as one of the whole toolpath."""
-    return Event(event.index + low, event.kind, event.value, event.text, event.line)
-
-
-def _shifted(part: Plan, low: int, toolpath: ToolPath) -> Plan:
-    findings = tuple(
-        replace(finding, tag_index=None if finding.tag_index is None else finding.tag_index + low)
-        for finding in part.findings
-    )
-    n = len(toolpath)
-    unknown = np.full(n, np.nan)
-    return replace(
-        part,
-        toolpath=toolpath,
-        tag=part.tag + np.int32(low),
-        findings=findings,
-        stiffness=_placed(unknown, part.stiffness, low),
-        stiffness_initial=_placed(unknown, part.stiffness_initial, low),
-        clearance=_placed(unknown, part.clearance, low),
-    )
-
-
-def _placed(whole: FloatArray, values: FloatArray, low: int) -> FloatArray:
-    result = whole.copy()
-    result[low : low + len(values)] = values
-    return result
+    findings: list[Finding] = []
+    before: Plan | None = None
+    for (low, _, station), part in zip(runs, plans, strict=True):
+        external = np.tile(values[station], (len(part), 1))
+        here = replace(part.within(toolpath, low), external=external)
+        findings += here.findings
+        if before is not None and len(here):
+            pieces.append(_between(cell, before, here, make_checker, findings))
+        pieces.append(here)
+        before = here if len(here) else before
+    whole = Plan.concat(pieces)
+    settings = {**whole.settings, "stations": len(plans)}
+    return replace(whole, findings=tuple(dict.fromkeys(findings)), settings=settings)
 
 
 def _between(
     cell: Cell,
     before: Plan,
     after: Plan,
-    places: tuple[FloatArray, FloatArray],
     make_checker: MakeChecker,
     findings: list[Finding],
-) -> tuple[Plan, FloatArray]:
+) -> Plan:
     """Return the moves from one station to the next: to a travel pose, the axes, and on."""
+    places = before.external[-1], after.external[0]
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
     travel = travel_between(cell, q_from, q_to, places, make_checker)
     if travel is None:
@@ -308,11 +254,10 @@ def _between(
     duration[at_start] = joint_move_time(
         slide[:1], slide[1:], external * share, external / SPEED_UP_TIME
     )[0]
-    between = replace(
-        after,
+    return replace(
+        after.rows(np.zeros(k, dtype=np.int64)),
         kind=np.full(k, MoveKind.PTP),
         role=np.full(k, MoveRole.RAPID),
-        tag=np.full(k, tag),
         T_base_tcp=np.array(
             [_pose(cell, row, values) for row, values in zip(q, where, strict=True)]
         ),
@@ -323,55 +268,13 @@ def _between(
         ptp_fraction=np.full(k, share),
         duration=duration,
         branch=np.asarray(build(robot).slot(q)),
-        spin=np.full(k, after.spin[0]),
         aux=np.full((k, 3), np.nan),
-        external=np.zeros((k, 0)),
+        external=where,
         events=(),
-        compensation=None,
     )
-    return between, where
 
 
 def _pose(cell: Cell, q: FloatArray, values: FloatArray) -> FloatArray:
     here = cell_at(cell, values)
     T_robroot_tcp = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
     return np.asarray(inverse(here.T_robroot_base) @ T_robroot_tcp)
-
-
-def _stacked(
-    toolpath: ToolPath,
-    pieces: list[Plan],
-    places: list[FloatArray],
-    events: tuple[tuple[int, Event], ...],
-    findings: list[Finding],
-    plans: list[Plan],
-) -> Plan:
-    model = plans[0]
-    columns = (
-        *("kind", "role", "tag", "T_base_tcp", "aux", "q", "spin", "branch", "speed"),
-        *("ptp_fraction", "blend", "dwell", "duration"),
-    )
-    changes: dict[str, object] = {
-        name: np.concatenate([getattr(piece, name) for piece in pieces])
-        if pieces
-        else getattr(model, name)
-        for name in columns
-    }
-    per_tag: dict[str, object] = {}
-    for name in ("stiffness", "stiffness_initial", "clearance"):
-        values = np.full(len(toolpath), np.nan)
-        for piece in pieces:
-            own = getattr(piece, name)
-            values = np.where(np.isfinite(own), own, values)
-        per_tag[name] = values
-    k = places[0].shape[1] if places else 0
-    return replace(
-        model,
-        toolpath=toolpath,
-        external=np.concatenate(places) if places else np.zeros((0, k)),
-        events=events,
-        findings=tuple(dict.fromkeys(findings)),
-        settings={**model.settings, "stations": len(plans)},
-        **changes,  # type: ignore[arg-type]
-        **per_tag,  # type: ignore[arg-type]
-    )

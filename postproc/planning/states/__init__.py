@@ -2,7 +2,7 @@
 
 from postproc.planning.states.candidates import States, evaluate, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
-from postproc.planning.states.ladder import NONE, IndexArray, Ladder, Rule
+from postproc.planning.states.ladder import NONE, Ladder, Rule
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
     NO_POSE,
@@ -36,7 +36,6 @@ __all__ = [
     "UPRIGHT",
     "Chosen",
     "Compliance",
-    "IndexArray",
     "Ladder",
     "Moves",
     "Objective",

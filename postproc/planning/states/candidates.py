@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.planning.states.costs import StateContext, state_costs
-from postproc.planning.states.ladder import IndexArray
 from postproc.planning.states.problem import Problem
 from postproc.planning.states.tilt import UPRIGHT
 

@@ -13,11 +13,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import Kinematics
-from postproc.planning.states.ladder import IndexArray
 from postproc.registry import Registry
 from postproc.units import DEG
 

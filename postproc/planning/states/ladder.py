@@ -21,9 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray
-
-IndexArray = NDArray[np.int64]
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 
 NONE = -1
 """No state: the rung is empty."""
@@ -58,7 +56,7 @@ class Ladder:
     offsets: IndexArray
     position: NDArray[np.floating[Any]]
     cost: FloatArray
-    group: NDArray[np.integer[Any]]
+    group: AnyIntArray
     rule: IndexArray
     weight: FloatArray
     value: FloatArray = field(init=False)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.model import MoveKind, MoveRole
-from postproc.planning.states.ladder import IndexArray
 
 
 @dataclass(slots=True)
@@ -33,7 +32,7 @@ class Chosen:
 
 
 @dataclass(slots=True)
-class Moves:
+class Moves(Table):
     """One move a row; ``order`` sorts the moves of one tag. Other columns as in ``Plan``.
 
     ``speed`` is NaN for PTP, and for a cut without any feed.
@@ -51,10 +50,6 @@ class Moves:
     sweep: FloatArray
     centre: FloatArray
     normal: FloatArray
-
-    def __len__(self) -> int:
-        """Return the number of moves."""
-        return len(self.tag)
 
 
 def moves(
@@ -88,12 +83,5 @@ def moves(
 
 def in_order(parts: list[Moves]) -> Moves:
     """Return all moves, by tag and order."""
-    tag = np.concatenate([part.tag for part in parts])
-    order = np.concatenate([part.order for part in parts])
-    rows = np.lexsort((order, tag))
-    return Moves(
-        *(
-            np.concatenate([getattr(part, column.name) for part in parts])[rows]
-            for column in fields(Moves)
-        )
-    )
+    table = Moves.concat(parts)
+    return table.rows(np.lexsort((table.order, table.tag)))

@@ -18,12 +18,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import PlanError
 from postproc.geometry import inverse, rotation_about, rotation_from_vector, transform
 from postproc.model import ToolPath
-from postproc.planning.states.ladder import IndexArray
 from postproc.planning.states.tilt import tilt_vectors
 
 SPIN_GRID = 1e-9

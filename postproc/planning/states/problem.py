@@ -7,12 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.geometry import angle_between, apply
 from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import MotionKind, ToolPath
-from postproc.planning.states.ladder import IndexArray
 from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.tilt import UPRIGHT

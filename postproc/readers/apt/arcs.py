@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IntArray, Table
 from postproc.model import Arcs
 from postproc.readers.text import Faults
 from postproc.units import MM
@@ -27,7 +27,7 @@ _TANGENT_COSINE = 0.999
 
 
 @dataclass(frozen=True, slots=True)
-class ArcRecords:
+class ArcRecords(Table):
     """m arcs as read, in the part frame [m].
 
     ``tag`` (m,) index of the tag an arc ends at; ``line`` (m,); ``centre`` (m, 3); ``normal``
@@ -56,12 +56,7 @@ class ArcRecords:
             np.zeros(0),
             np.zeros(0, dtype=np.int32),
         )
-        return cls(
-            *(
-                np.concatenate([getattr(part, name) for part in [empty, *parts]])
-                for name in ("tag", "line", "centre", "normal", "tangent", "radius", "turns")
-            )
-        )
+        return cls.concat([empty, *parts])
 
 
 def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults) -> Arcs:

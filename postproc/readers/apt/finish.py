@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IndexArray, IntArray, Table
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
@@ -16,11 +15,10 @@ from postproc.readers.apt.nurbs import discretised
 from postproc.readers.apt.state import AptState, Columns
 
 _NONE = -1
-Shift = NDArray[np.int64]
 
 
 @dataclass(slots=True)
-class Table:
+class _Tags(Table):
     """All tags in columns of length n, as in ``ToolPath``."""
 
     points: FloatArray
@@ -38,13 +36,13 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     table = _joined(state)
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
-    shift: Shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
+    shift: IndexArray = np.zeros(len(state.splines) + 1, dtype=np.int64)
     if state.splines:
         table, shift = _with_splines(state, table)
         before = np.searchsorted([s.tag for s in state.splines], records.tag, side="right")
         records = replace(records, tag=(records.tag + shift[before]).astype(np.int32))
     arcs = _arcs(state, table, records)
-    arc_column = np.full(len(table.kind), _NONE, dtype=np.int32)
+    arc_column = np.full(len(table), _NONE, dtype=np.int32)
     arc_column[records.tag] = np.arange(len(records.tag))
     _settle_feeds(table, state.cycles)
     return ToolPath(
@@ -74,10 +72,10 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     )
 
 
-def _joined(state: AptState) -> Table:
+def _joined(state: AptState) -> _Tags:
     columns = state.columns
     n = state.done
-    return Table(
+    return _Tags(
         np.concatenate([np.zeros((0, 3)), *columns.points]),
         np.concatenate([np.zeros((0, 3)), *columns.axes]),
         _ints(columns.kind),
@@ -94,14 +92,14 @@ def _ints(parts: list[IntArray]) -> IntArray:
     return joined
 
 
-def _with_splines(state: AptState, table: Table) -> tuple[Table, Shift]:
+def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
     """Return the table with the points of the splines, and how many stand before each spline."""
     shift = np.zeros(len(state.splines) + 1, dtype=np.int64)
-    parts: list[Table] = []
+    parts: list[_Tags] = []
     at = 0
     current: FloatArray | None = state.start
     for i, spline in enumerate(state.splines):
-        parts.append(_slice(table, at, spline.tag))
+        parts.append(table.rows(np.arange(at, spline.tag)))
         if spline.tag > at:
             current = _end_point(table, state.cycles, spline.tag - 1)
         at = spline.tag
@@ -115,7 +113,7 @@ def _with_splines(state: AptState, table: Table) -> tuple[Table, Shift]:
         axis = table.axes[at - 1] if at else np.array([0.0, 0.0, 1.0])
         m = len(points)
         parts.append(
-            Table(
+            _Tags(
                 points,
                 np.tile(axis, (m, 1)),
                 np.full(m, MotionKind.LINEAR, dtype=np.int32),
@@ -129,25 +127,11 @@ def _with_splines(state: AptState, table: Table) -> tuple[Table, Shift]:
         state.faults.warn(
             "APT131", "NURBS driven as straight pieces within the chord tolerance", spline.line
         )
-    parts.append(_slice(table, at, len(table.kind)))
-    joined = Table(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("points", "axes", "kind", "feed", "line", "operation", "tool", "cycle")
-        )
-    )
-    return joined, shift
+    parts.append(table.rows(np.arange(at, len(table))))
+    return _Tags.concat(parts), shift
 
 
-def _slice(table: Table, first: int, last: int) -> Table:
-    rows = slice(first, last)
-    return Table(
-        table.points[rows], table.axes[rows], table.kind[rows], table.feed[rows],
-        table.line[rows], table.operation[rows], table.tool[rows], table.cycle[rows],
-    )  # fmt: skip
-
-
-def _end_point(table: Table, cycles: list[Cycle], i: int) -> FloatArray:
+def _end_point(table: _Tags, cycles: list[Cycle], i: int) -> FloatArray:
     """Return where the tool stands after tag i: after a hole at its retract height."""
     point: FloatArray = table.points[i]
     if table.kind[i] == MotionKind.HOLE:
@@ -155,7 +139,7 @@ def _end_point(table: Table, cycles: list[Cycle], i: int) -> FloatArray:
     return point
 
 
-def _arcs(state: AptState, table: Table, records: ArcRecords) -> Arcs:
+def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
     starts = np.full((len(records.tag), 3), np.nan)
     later = records.tag > 0
     before = records.tag[later] - 1
@@ -200,7 +184,7 @@ def straight_neighbours(
     return before, after
 
 
-def _settle_feeds(table: Table, cycles: list[Cycle]) -> None:
+def _settle_feeds(table: _Tags, cycles: list[Cycle]) -> None:
     """Rapids have no feed; a hole has its cycle's feed, else the modal one."""
     table.feed[table.kind == MotionKind.RAPID] = np.nan
     if cycles:
@@ -209,7 +193,7 @@ def _settle_feeds(table: Table, cycles: list[Cycle]) -> None:
         table.feed[own] = of_cycle[own]
 
 
-def _events(state: AptState, shift: Shift) -> tuple[Event, ...]:
+def _events(state: AptState, shift: IndexArray) -> tuple[Event, ...]:
     if not state.splines:
         return tuple(record.event for record in state.events)
     return tuple(

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.geometry import FloatArray, orthonormalised, rotation_x, rotation_y, rotation_z
+from postproc.arrays import FloatArray
+from postproc.geometry import orthonormalised, rotation_x, rotation_y, rotation_z
 from postproc.readers.apt.dialect import AxisRule
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.units import DEG

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+
+from postproc.arrays import FloatArray, IndexArray
 
 T = TypeVar("T", int, float)
 
@@ -36,12 +37,12 @@ class Modal(Generic[T]):
         self._at.append(at)
         self._values.append(value)
 
-    def column(self, n: int) -> NDArray[np.float64]:
+    def column(self, n: int) -> FloatArray:
         """Return the values (n,) at the block's points and begin the next block."""
         values, _ = self.column_with_origin(n)
         return values
 
-    def column_with_origin(self, n: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def column_with_origin(self, n: int) -> tuple[FloatArray, IndexArray]:
         """Return also the point (n,) from which on each value holds, -1 for the carried one."""
         counts = np.diff(np.array([0, *self._at, n]))
         values = np.repeat(np.array([self._first, *self._values], dtype=np.float64), counts)

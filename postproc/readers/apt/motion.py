@@ -6,16 +6,12 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.readers.apt.dialect import ArcSense, Dialect
 from postproc.readers.apt.scan import CIRCLE, CIRCLE_FIELDS, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.readers.text import Faults
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 _TLON = re.compile(
     r"TLON\s*,\s*GO(?:FWD|LFT|RGT|BACK)\s*/\s*\(\s*CIRCLE\s*/([^)]*)\)\s*,.*"
@@ -38,15 +34,15 @@ class Motions:
     (m,); ``arc_tangent`` (m, 3) start direction that stands in for the vector, NaN else.
     """
 
-    lines: IntArray
+    lines: IndexArray
     points: FloatArray
     relative: list[int]
     rapid: BoolArray
-    arc_target: IntArray
-    arc_line: IntArray
+    arc_target: IndexArray
+    arc_line: IndexArray
     arcs: FloatArray
     arc_sign: FloatArray
-    arc_turns: IntArray
+    arc_turns: IndexArray
     arc_tangent: FloatArray
 
 
@@ -240,8 +236,8 @@ class MotionReader:
 
     @staticmethod
     def _merged(
-        lines: IntArray,
-        bulk: IntArray,
+        lines: IndexArray,
+        bulk: IndexArray,
         values: FloatArray,
         slow: dict[int, list[float]],
         width: int,
@@ -254,7 +250,7 @@ class MotionReader:
         result[np.searchsorted(lines, keys)] = [slow[int(key)] for key in keys]
         return result
 
-    def _rapids(self, lines: IntArray, n_lines: int) -> BoolArray:
+    def _rapids(self, lines: IndexArray, n_lines: int) -> BoolArray:
         """Return which points (k,) a RAPID applies to: the next one only."""
         k = len(lines)
         last = np.full(k + 1, -2, dtype=np.int64)
@@ -272,11 +268,11 @@ class MotionReader:
 
     def _with_arcs(
         self,
-        lines: IntArray,
+        lines: IndexArray,
         points: FloatArray,
         relative: list[int],
         rapid: BoolArray,
-        bulk: IntArray,
+        bulk: IndexArray,
     ) -> Motions:
         slow = self._arcs
         arc_lines = np.union1d(bulk, np.array(sorted(slow), dtype=np.int64)) if slow else bulk

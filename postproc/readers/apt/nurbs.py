@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.geometry import FloatArray
+from postproc.arrays import FloatArray
 from postproc.readers.apt.state import AptState, SplineDraft, SplineRecord
 from postproc.readers.apt.statement import Statement
 

@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from postproc.arrays import BoolArray, ByteArray, FloatArray, IndexArray
 from postproc.readers.apt.lines import is_continued
 from postproc.readers.apt.statement import Statement, is_free_text, parse_statement
 from postproc.readers.text import (
@@ -24,10 +25,6 @@ from postproc.readers.text import (
     trim_end,
     trim_start,
 )
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
 
 COMMENT = "$$"
 """Word of a comment line."""
@@ -88,7 +85,7 @@ def scan(block: TextBlock, faults: Faults) -> Scan:
     return result
 
 
-def _codes(buffer: NDArray[np.uint8], starts: IntArray, ends: IntArray) -> NDArray[np.int8]:
+def _codes(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> NDArray[np.int8]:
     """Return what the first bytes of each line say; OTHER for everything unusual."""
     padded = np.concatenate([buffer, np.zeros(_WINDOW, dtype=np.uint8)])
     head = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)[starts]
@@ -115,8 +112,8 @@ def _codes(buffer: NDArray[np.uint8], starts: IntArray, ends: IntArray) -> NDArr
 def _join_dollar_lines(
     block: TextBlock,
     faults: Faults,
-    starts: IntArray,
-    ends: IntArray,
+    starts: IndexArray,
+    ends: IndexArray,
     code: NDArray[np.int8],
 ) -> dict[int, str]:
     """Return the joined text of continued statements by their first line, in place in ``code``."""
@@ -159,9 +156,9 @@ def _before_dollar(raw: bytes) -> str:
 
 
 def _bulk_numbers(
-    buffer: NDArray[np.uint8],
-    starts: IntArray,
-    ends: IntArray,
+    buffer: ByteArray,
+    starts: IndexArray,
+    ends: IndexArray,
     code: NDArray[np.int8],
     kind: int,
 ) -> FloatArray:
@@ -193,7 +190,7 @@ def _bulk_numbers(
     return values[good]
 
 
-def _slashes(buffer: NDArray[np.uint8], after: IntArray, ends: IntArray) -> IntArray:
+def _slashes(buffer: ByteArray, after: IndexArray, ends: IndexArray) -> IndexArray:
     """Return the position of the slash that follows the word, after blanks only; -1 if none."""
     at = trim_start(buffer, after, ends)
     last = len(buffer) - 1
@@ -202,7 +199,11 @@ def _slashes(buffer: NDArray[np.uint8], after: IntArray, ends: IntArray) -> IntA
 
 
 def _statements(
-    block: TextBlock, starts: IntArray, ends: IntArray, lines: IntArray, joined: dict[int, str]
+    block: TextBlock,
+    starts: IndexArray,
+    ends: IndexArray,
+    lines: IndexArray,
+    joined: dict[int, str],
 ) -> list[tuple[int, Statement]]:
     """Return the statements of these lines; equal texts are parsed once."""
     text = block.data.decode("latin-1")

@@ -7,8 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray
+from postproc.arrays import FloatArray, IntArray
 from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.dialect import AxisRule, Dialect

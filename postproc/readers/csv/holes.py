@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.text import Faults
 from postproc.units import MM
@@ -19,7 +17,6 @@ DEFAULT_CLEARANCE = 2.0 * MM
 DEFAULT_RETRACT = 10.0 * MM
 """Height [m] above a hole where the tool ends, without a column for it."""
 _NONE = -1
-Index = NDArray[np.int64]
 _MOTIONS = {
     "rapid": MotionKind.RAPID, "g0": MotionKind.RAPID, "g00": MotionKind.RAPID,
     "linear": MotionKind.LINEAR, "lin": MotionKind.LINEAR, "g1": MotionKind.LINEAR,
@@ -67,7 +64,7 @@ def motion_kinds(
     return kind, cycle, tuple(_cycle(row) for row in table.tolist())
 
 
-def distinct_rows(table: FloatArray) -> tuple[FloatArray, Index]:
+def distinct_rows(table: FloatArray) -> tuple[FloatArray, IndexArray]:
     """Return the distinct rows of a table (n, c), and which of them each row is (n,)."""
     code = np.zeros(len(table), dtype=np.int64)
     for column in table.T:
@@ -90,7 +87,7 @@ def _named_kinds(motion: list[str], line: IntArray, faults: Faults) -> IntArray:
     return np.array([kinds[text] for text in motion], dtype=np.int32)
 
 
-def _depths(columns: HoleColumns, holes: Index, line: IntArray, faults: Faults) -> FloatArray:
+def _depths(columns: HoleColumns, holes: IndexArray, line: IntArray, faults: Faults) -> FloatArray:
     if columns.depth is None or np.isnan(columns.depth[holes]).any():
         missing = holes if columns.depth is None else holes[np.isnan(columns.depth[holes])]
         raise faults.error("CSV032", "a hole without a depth", int(line[missing[0]]))
@@ -105,7 +102,7 @@ def _depths(columns: HoleColumns, holes: Index, line: IntArray, faults: Faults) 
     return np.asarray(np.abs(depth))
 
 
-def _parameters(columns: HoleColumns, holes: Index, depth: FloatArray) -> FloatArray:
+def _parameters(columns: HoleColumns, holes: IndexArray, depth: FloatArray) -> FloatArray:
     def of(values: FloatArray | None, default: float) -> FloatArray:
         if values is None:
             return np.full(len(holes), default)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray, rotation_from_abc
+from postproc.arrays import FloatArray, IntArray
+from postproc.geometry import rotation_from_abc
 from postproc.readers.text import Faults
 from postproc.units import DEG
 

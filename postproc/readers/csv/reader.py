@@ -17,10 +17,8 @@ from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, ToolPath
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.csv.columns import (
@@ -48,7 +46,6 @@ from postproc.readers.csv.table import (
 from postproc.readers.text import Faults, text_blocks
 from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 
-Index = NDArray[np.int64]
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
 SEPARATORS = (";", "\t", ",", " ")
@@ -151,7 +148,7 @@ def _last_given(before: str, text: str) -> str:
 
 
 def _filled(
-    values: FloatArray, empty: Index, role: str, line: IntArray, faults: Faults
+    values: FloatArray, empty: IndexArray, role: str, line: IntArray, faults: Faults
 ) -> FloatArray:
     if empty[0] == 0:
         if role in POSITION:
@@ -185,7 +182,7 @@ def _toolpath(
     }
     points = np.column_stack([lengths[role] for role in POSITION])
     names, operations = data.texts.get("id"), data.texts.get("operation")
-    rows: Index | slice = slice(None)
+    rows: IndexArray | slice = slice(None)
     merged = merged_repeats(names, operations, points, data.line, faults) if names else None
     if merged is not None:
         points, rows = merged
@@ -225,14 +222,14 @@ def _toolpath(
     )
 
 
-def _texts_of(texts: list[str] | None, rows: Index | slice) -> list[str] | None:
+def _texts_of(texts: list[str] | None, rows: IndexArray | slice) -> list[str] | None:
     if texts is None or isinstance(rows, slice):
         return texts
     return [texts[row] for row in rows.tolist()]
 
 
 def _hole_columns(
-    data: _Columns, lengths: dict[str, FloatArray], rows: Index | slice
+    data: _Columns, lengths: dict[str, FloatArray], rows: IndexArray | slice
 ) -> HoleColumns:
     def of(columns: dict[str, FloatArray], role: str) -> FloatArray | None:
         return columns[role][rows] if role in columns else None
@@ -280,7 +277,7 @@ def _orientation(
     data: _Columns,
     factors: dict[str, float | None],
     points: FloatArray,
-    rows: Index | slice,
+    rows: IndexArray | slice,
     options: ReadOptions,
     faults: Faults,
 ) -> tuple[FloatArray, FloatArray | None]:
@@ -331,7 +328,7 @@ def _normals_of_surface(
 def _feeds(
     data: _Columns,
     factors: dict[str, float | None],
-    rows: Index | slice,
+    rows: IndexArray | slice,
     units: str,
     kind: IntArray,
     faults: Faults,

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.readers.text import Faults
 from postproc.units import MM
 
@@ -17,7 +15,7 @@ SPREAD = 1.0 * MM
 def merged_repeats(
     names: list[str], operations: list[str] | None, points: FloatArray, line: IntArray,
     faults: Faults,
-) -> tuple[FloatArray, NDArray[np.int64]] | None:  # fmt: skip
+) -> tuple[FloatArray, IndexArray] | None:  # fmt: skip
     """Return the mean point of each name and the first row of each, None if no name repeats.
 
     Rows without a name stay as they are, and one hole may stand in several operations.

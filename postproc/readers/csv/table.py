@@ -12,9 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, ByteArray, FloatArray, IndexArray
 from postproc.readers.text import (
     LARGEST,
     Faults,
@@ -26,7 +25,6 @@ from postproc.readers.text import (
     trim_start,
 )
 
-Index = NDArray[np.int64]
 _SAMPLE_ROWS = 200
 _WIDEST_TEXT = 48
 _BLANK = " "
@@ -57,9 +55,9 @@ class Rows:
     ``empty`` (n, c): fields that were left empty, NaN in ``numbers``.
     """
 
-    line: Index
+    line: IndexArray
     numbers: FloatArray
-    empty: NDArray[np.bool_]
+    empty: BoolArray
     texts: dict[int, list[str]] = field(default_factory=dict)
 
 
@@ -205,7 +203,7 @@ def parse_rows(
     return _with_odd_rows(result, odd, layout, numeric, texts, faults) if odd else result
 
 
-def _longest_line(buffer: NDArray[np.uint8]) -> int:
+def _longest_line(buffer: ByteArray) -> int:
     return int(np.diff(np.flatnonzero(buffer == ord("\n")), prepend=-1).max())
 
 
@@ -222,7 +220,7 @@ def _number(text: str, line: int, column: int, layout: Layout, faults: Faults) -
     return value
 
 
-def _texts(buffer: NDArray[np.uint8], data: bytes, begins: Index, ends: Index) -> list[str]:
+def _texts(buffer: ByteArray, data: bytes, begins: IndexArray, ends: IndexArray) -> list[str]:
     """Return fields as text: short ASCII ones by columns, others one by one."""
     begins = trim_start(buffer, begins, ends)
     ends = trim_end(buffer, begins, ends)
@@ -239,8 +237,8 @@ def _texts(buffer: NDArray[np.uint8], data: bytes, begins: Index, ends: Index) -
 
 
 def _fields(
-    buffer: NDArray[np.uint8], data: bytes, block: TextBlock, layout: Layout
-) -> tuple[Index, Index, Index, list[tuple[int, str]]]:
+    buffer: ByteArray, data: bytes, block: TextBlock, layout: Layout
+) -> tuple[IndexArray, IndexArray, IndexArray, list[tuple[int, str]]]:
     """Return begins (n, width) and ends of the fields of all plain rows, their lines, odd rows."""
     line_ends = np.flatnonzero(buffer == ord("\n"))
     starts = np.concatenate([[0], line_ends[:-1] + 1])
@@ -284,13 +282,13 @@ def starts_of_header(layout: Layout, block: TextBlock) -> int | None:
     return at if layout.header_line and at >= 0 else None
 
 
-def _blank_fields(buffer: NDArray[np.uint8]) -> tuple[Index, Index]:
+def _blank_fields(buffer: ByteArray) -> tuple[IndexArray, IndexArray]:
     solid = buffer > ord(" ")
     edge = np.flatnonzero(np.diff(np.concatenate([[False], solid, [False]]).astype(np.int8)))
     return edge[0::2], edge[1::2]
 
 
-def _not_blank(buffer: NDArray[np.uint8], starts: Index, ends: Index) -> NDArray[np.bool_]:
+def _not_blank(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> BoolArray:
     solid = np.concatenate([[0], np.cumsum(buffer > ord(" "))])
     return np.asarray(solid[ends] > solid[starts])
 

@@ -17,8 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import IntArray
-from postproc.geometry import FloatArray, inverse
+from postproc.arrays import FloatArray, IntArray
+from postproc.geometry import inverse
 from postproc.model import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
 from postproc.readers.base import READERS, ReadOptions
 from postproc.readers.delmia.records import N_JOINTS, Document, Motion, OtherActivity, pose

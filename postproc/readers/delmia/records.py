@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.geometry import FloatArray, rotation_from_abc, transform
+from postproc.arrays import FloatArray
+from postproc.geometry import rotation_from_abc, transform
 
 N_JOINTS = 6
 NAN = float("nan")

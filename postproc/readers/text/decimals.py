@@ -14,10 +14,8 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.readers.text.spans import Bytes, Index, trim_end, trim_start
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from postproc.arrays import BoolArray, ByteArray, FloatArray, IndexArray
+from postproc.readers.text.spans import trim_end, trim_start
 
 LARGEST = 1e9
 """No coordinate, feed or length of a real file comes near this [file units]."""
@@ -60,7 +58,9 @@ def parse_number(text: str) -> float | None:
     return value
 
 
-def parse_tokens(buffer: Bytes, starts: Index, ends: Index) -> tuple[FloatArray, BoolArray]:
+def parse_tokens(
+    buffer: ByteArray, starts: IndexArray, ends: IndexArray
+) -> tuple[FloatArray, BoolArray]:
     """Return the values (n,) of the texts ``buffer[starts:ends]`` and which of them are numbers.
 
     Args:
@@ -88,7 +88,7 @@ def parse_tokens(buffer: Bytes, starts: Index, ends: Index) -> tuple[FloatArray,
 
 
 def _parse_plain(
-    windows: NDArray[np.uint8], buffer: Bytes, starts: Index, ends: Index
+    windows: ByteArray, buffer: ByteArray, starts: IndexArray, ends: IndexArray
 ) -> tuple[FloatArray, BoolArray]:
     """Evaluate signed plain decimals of at most 16 characters, eight characters at a time.
 
@@ -114,7 +114,7 @@ def _parse_plain(
 
 def _without_dot(
     y: NDArray[np.uint64], dot: NDArray[np.uint64], has_dot: BoolArray
-) -> tuple[NDArray[np.int64], Index]:
+) -> tuple[IndexArray, IndexArray]:
     """Return the digits of (n, 2) words as one integer, and how many stand after the dot."""
     eight, one = np.uint64(8), np.uint64(1)
     unit = dot >> np.uint64(7)
@@ -137,10 +137,10 @@ def _without_dot(
 
 
 def _parse_rest(
-    buffer: Bytes,
-    starts: Index,
-    ends: Index,
-    rest: Index,
+    buffer: ByteArray,
+    starts: IndexArray,
+    ends: IndexArray,
+    rest: IndexArray,
     values: FloatArray,
     valid: BoolArray,
 ) -> None:

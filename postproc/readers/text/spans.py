@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Bytes = NDArray[np.uint8]
-Index = NDArray[np.int64]
+from postproc.arrays import ByteArray, IndexArray
+
 BLANK = 32
 """Space; every byte up to it counts as blank."""
 
 
-def trim_start(buffer: Bytes, starts: Index, ends: Index) -> Index:
+def trim_start(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
     """Return starts (n,) moved past the blanks of each span ``buffer[starts:ends]``."""
     if len(buffer) == 0:
         return starts
@@ -25,7 +24,7 @@ def trim_start(buffer: Bytes, starts: Index, ends: Index) -> Index:
     return moved
 
 
-def trim_end(buffer: Bytes, starts: Index, ends: Index) -> Index:
+def trim_end(buffer: ByteArray, starts: IndexArray, ends: IndexArray) -> IndexArray:
     """Return ends (n,) moved before the blanks of each span ``buffer[starts:ends]``."""
     if len(buffer) == 0:
         return ends

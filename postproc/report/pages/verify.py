@@ -24,13 +24,12 @@ from postproc.report.parts import (
 from postproc.units import DEG, MM, MM_PER_MIN
 
 if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
+    from postproc.arrays import FloatArray, IndexArray
     from postproc.cell import Cell
     from postproc.collision import Scene
     from postproc.kinematics import Kinematics
     from postproc.model import ToolPath
     from postproc.paths import Paths
-    from postproc.planning import IndexArray
     from postproc.verification import Run, VerifyReport
 
 _MOST_ROWS = 300

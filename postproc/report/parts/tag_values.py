@@ -13,11 +13,10 @@ from postproc.report.parts.page import packed
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
 if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
+    from postproc.arrays import FloatArray, IndexArray
     from postproc.cell import Cell
     from postproc.collision import Scene
     from postproc.model import Plan
-    from postproc.planning import IndexArray
     from postproc.report.parts.program_text import ProgramText
 
 FARTHEST = 0.1

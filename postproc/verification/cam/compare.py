@@ -25,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows, Way
+from postproc.controller import Way
 from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
@@ -71,8 +71,8 @@ class Comparison:
     """
 
     wanted: Wanted
-    served: Rows
-    latest: Rows
+    served: AnyIntArray
+    latest: AnyIntArray
     is_cut: BoolArray
     position_error: FloatArray
     axis_error: FloatArray
@@ -180,7 +180,7 @@ def _points(
     _missed(result, comparison, toolpath, tolerances.position, tilts)
 
 
-def _measure_points(result: Result, comparison: Comparison, found: Rows) -> None:
+def _measure_points(result: Result, comparison: Comparison, found: AnyIntArray) -> None:
     for name, values, unit, size in (
         ("position", comparison.position_error, "mm", MM),
         ("axis", comparison.axis_error, "deg", DEG),
@@ -190,7 +190,7 @@ def _measure_points(result: Result, comparison: Comparison, found: Rows) -> None
 
 
 def _wrong_axes(
-    result: Result, comparison: Comparison, toolpath: ToolPath, found: Rows, limit: float
+    result: Result, comparison: Comparison, toolpath: ToolPath, found: AnyIntArray, limit: float
 ) -> None:
     bad = found[comparison.axis_error[found] > limit]
     for row in bad[np.argsort(-comparison.axis_error[bad], kind="stable")][:AT_MOST].tolist():
@@ -315,7 +315,7 @@ def _elements(
 
 
 def _bent(
-    result: Result, comparison: Comparison, toolpath: ToolPath, rows: Rows, tolerance: float
+    result: Result, comparison: Comparison, toolpath: ToolPath, rows: AnyIntArray, tolerance: float
 ) -> Followed | None:
     """Return how far the real tool leaves straight lines that are right at both ends.
 

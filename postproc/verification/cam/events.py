@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from postproc.arrays import AnyIntArray
 from postproc.cell import Cell
-from postproc.controller import EventWord, Rows, TraceEvent
+from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.units import RPM
@@ -40,7 +41,7 @@ class _Span:
 
 
 def check_events(
-    result: Result, cell: Cell, toolpath: ToolPath, served: Rows, latest: Rows
+    result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntArray, latest: AnyIntArray
 ) -> None:
     """Compare the events of a program with those of its CAM file.
 
@@ -74,7 +75,7 @@ def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
 class _Spans:
     """Where in the program an event of the file belongs."""
 
-    def __init__(self, served: Rows, latest: Rows, count: int) -> None:
+    def __init__(self, served: AnyIntArray, latest: AnyIntArray, count: int) -> None:
         known = np.where(served >= 0, served, -1)
         self._before = np.r_[0, np.maximum.accumulate(known) + 1] if len(known) else np.zeros(1)
         later = np.where(latest >= 0, latest, count)

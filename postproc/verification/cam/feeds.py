@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Rows
 from postproc.errors import RunKind, Severity
 from postproc.model import ToolPath
 from postproc.units import MM_PER_MIN
@@ -29,10 +28,10 @@ class Feeds:
         self._cell = cell
         self._feed = feeds_of(toolpath, cell)
         self._speed = result.paths.trace.column("speed")
-        self._motions: list[Rows] = []
+        self._motions: list[AnyIntArray] = []
         self._wanted: list[FloatArray] = []
 
-    def expect_rows(self, rows: Rows, motions: Rows) -> None:
+    def expect_rows(self, rows: AnyIntArray, motions: AnyIntArray) -> None:
         """Expect the feed of each tag (r,) at one motion (r,)."""
         self._motions.append(np.asarray(motions, dtype=np.int32))
         self._wanted.append(self._feed[rows])
@@ -60,7 +59,7 @@ class Feeds:
         self._list(motions, have, wanted, bad[forced], Severity.WARNING)
         self._list(motions, have, wanted, bad[~forced], Severity.ERROR)
 
-    def _forced(self, motions: Rows, share: FloatArray) -> BoolArray:
+    def _forced(self, motions: AnyIntArray, share: FloatArray) -> BoolArray:
         """Return which motions (b,) are slow because an axis could not follow the asked feed.
 
         Args:
@@ -74,7 +73,12 @@ class Feeds:
         return (share < 1.0) & (needed[motions] > self._limit * share)
 
     def _list(
-        self, motions: Rows, have: FloatArray, wanted: FloatArray, bad: Rows, severity: Severity
+        self,
+        motions: AnyIntArray,
+        have: FloatArray,
+        wanted: FloatArray,
+        bad: AnyIntArray,
+        severity: Severity,
     ) -> None:
         why = "" if severity is Severity.ERROR else ": an axis could not follow"
         error = np.abs(have / wanted - 1.0)

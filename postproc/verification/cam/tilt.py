@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, TiltRange
-from postproc.controller import Rows
 from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about
 from postproc.model import MotionKind, ToolPath
@@ -49,7 +48,7 @@ class Tilts:
             return cls(allowed, holder, np.zeros_like(holder))
         return cls(allowed, holder, _feeds(toolpath))
 
-    def judge(self, tags: Rows, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def judge(self, tags: AnyIntArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the error and the allowed tilt (m,) [rad] of tool axes.
 
         Args:
