@@ -21,13 +21,13 @@ from postproc.geometry.frames import transform
 from postproc.model.toolpath import Arcs, MotionKind, ToolPath
 from postproc.units import DEG
 
-SEED_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
+PAPER_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 """N*m/rad, Jiao et al. 2022, no grid."""
 
 
 @pytest.fixture
 def robot():
-    return replace(load_robot("kuka_kr500_r2830"), joint_stiffness=SEED_STIFFNESS)
+    return replace(load_robot("kuka_kr500_r2830"), joint_stiffness=PAPER_STIFFNESS)
 
 
 @pytest.fixture
