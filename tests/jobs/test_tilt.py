@@ -1,6 +1,7 @@
 """A cut beside a wall that only a tilted tool can run: from the CAM file to the checked program."""
 
 import re
+import shutil
 
 import numpy as np
 import pinocchio
@@ -9,59 +10,21 @@ import pytest
 from postproc.cell.robotfile import load_robot
 from postproc.units import DEG
 from tests.kinematics.test_forward import pinocchio_arm
+from tests.places import FIXTURES
 
-CELL = """\
-schema = "postproc.cell/1"
-[robot]
-model = "kuka_kr500_r2830"
-[tool]
-name = "angle_head"
-frame = { xyz_mm = [107, 0, 362] }
-axis = "+x"
-meshes = [
-    { name = "head", cylinder = { radius_mm = 60, length_mm = 140 }, xyz_mm = [-50, 0, 362], \
-abc_deg = [0, 90, 0] },
-    { name = "cutter", cylinder = { radius_mm = 5, length_mm = 86 }, xyz_mm = [64, 0, 362], \
-abc_deg = [0, 90, 0], cutting = true },
-]
-[workpiece]
-frame = { xyz_mm = [1900, -300, 900] }
-meshes = [{ name = "plate", box = { size_mm = [600, 300, 20] }, xyz_mm = [0, 0, -10] }]
-[[obstacles]]
-name = "wall"
-box = { size_mm = [700, 40, 150] }
-xyz_mm = [1900, -228, 975]
-[optimize]
-step_deg = 15
-%s
-[motion]
-feed_mm_min = 600
-"""
-PATH = """\
-UNITS/MM
-MULTAX/ON
-RAPID
-GOTO/-200,0,200,0,0,1
-FEDRAT/300,MMPM
-GOTO/-200,0,0,0,0,1
-FEDRAT/600,MMPM
-GOTO/-100,0,0,0,0,1
-GOTO/0,0,0,0,0,1
-GOTO/100,0,0,0,0,1
-GOTO/200,0,0,0,0,1
-GOTO/200,0,200,0,0,1
-FINI
-"""
+WALL = FIXTURES / "wall_tilt"
 TILT = "side_tilt_deg = [0, 12]"
 
 
 @pytest.fixture
 def job(tmp_path):
     """Return a function that writes a cell with keys of [optimize]; the CAM file lies beside."""
-    (tmp_path / "wall.apt").write_text(PATH)
+    shutil.copy(WALL / "wall.apt", tmp_path)
+    text = (WALL / "cell.toml").read_text()
+    assert TILT in text
 
     def make(keys, name="cell.toml"):
-        (tmp_path / name).write_text(CELL % keys)
+        (tmp_path / name).write_text(text.replace(TILT, keys))
         return tmp_path / name
 
     return make
