@@ -116,7 +116,7 @@ class ExternalAxis:
         frozen_floats(self, "T_world_axis", (4, 4))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Robot:
     """A six-axis arm: geometry, limits [rad], speeds [rad/s], accelerations [rad/s^2], stiffness.
 

@@ -1,13 +1,14 @@
 """Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""
 
-from postproc.kinematics.branch import status_turn
-from postproc.kinematics.model import Kinematics, build
+from postproc.kinematics.build import build
+from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import (
     elbow_distance,
     shoulder_distance,
     smallest_singular_value,
     wrist_distance,
 )
+from postproc.kinematics.status import status_turn
 from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 
 __all__ = [

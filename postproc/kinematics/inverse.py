@@ -22,8 +22,9 @@ from typing import NamedTuple
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.kinematics.branches import wrapped
 from postproc.kinematics.chain import Columns, blocks
-from postproc.kinematics.opw import OpwArm, wrapped
+from postproc.kinematics.opw import OpwArm
 
 CHUNK = 1024
 """Poses handled at once; (2, 2, CHUNK) intermediates stay in the second-level cache."""

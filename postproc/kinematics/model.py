@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
-from postproc.cell import OpwGeometry, Robot
 from postproc.errors import KinematicsError
+from postproc.kinematics.branches import TURN, Branches, wrapped
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
-from postproc.kinematics.opw import TURN, OpwArm, arm_of, chain_of, wrapped
+from postproc.kinematics.opw import OpwArm, chain_of
 
 STRAIGHT_WRIST = 1e-7
 """|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""
@@ -33,26 +32,6 @@ class Solver(Protocol):
         self, T_robroot_flange: FloatArray, slot: AnyIntArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return q (n, 6) and valid (n,) in one branch slot (n,) of each pose."""
-        ...
-
-
-class Branches(Protocol):
-    """Distances to the three borders between branches; their signs are KUKA's status bits."""
-
-    def reach(self, q: ArrayLike) -> FloatArray:
-        """Return a signed distance (...,) that is negative overhead."""
-        ...
-
-    def elbow_angle(self, q: ArrayLike) -> FloatArray:
-        """Return A3 (...,) [rad] above the stretched arm."""
-        ...
-
-    def wrist_angle(self, q: ArrayLike) -> FloatArray:
-        """Return A5 (...,) [rad] above the straight wrist."""
-        ...
-
-    def slot(self, q: ArrayLike) -> IntArray:
-        """Return the branch (...,) 0..7: overhead + 2 elbow + 4 wrist."""
         ...
 
 
@@ -208,39 +187,6 @@ class Kinematics:
         low = np.ceil((self.q_min - _SLACK - q) / TURN)
         high = np.floor((self.q_max + _SLACK - q) / TURN)
         return low, high
-
-
-def build(robot: Robot) -> Kinematics:
-    """Return the kinematics of a robot; the same object for the same robot object.
-
-    Raises:
-        KinematicsError: KIN001 if the geometry is no arm (a length of zero), KIN002 and above if
-            a URDF cannot be used.
-    """
-    return _cached(_ByIdentity(robot))
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _ByIdentity:
-    """A robot as a cache key: arrays have no hash."""
-
-    robot: Robot
-
-    def __hash__(self) -> int:
-        return id(self.robot)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByIdentity) and other.robot is self.robot
-
-
-@lru_cache(maxsize=16)
-def _cached(key: _ByIdentity) -> Kinematics:
-    robot = key.robot
-    if isinstance(robot.geometry, OpwGeometry):
-        return closed_form(arm_of(robot.geometry), robot.q_min, robot.q_max)
-    from postproc.kinematics.urdf import build_urdf
-
-    return build_urdf(robot.geometry, robot.q_min, robot.q_max)
 
 
 def closed_form(arm: OpwArm, q_min: FloatArray, q_max: FloatArray) -> Kinematics:

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.model import Solver
-from postproc.kinematics.opw import wrapped
 
 CHUNK = 512
 """Poses whose starts are chosen at once."""
@@ -34,7 +34,7 @@ _LARGEST_STEP = 0.6
 
 
 @dataclass(frozen=True, slots=True)
-class DeterminantBranches:
+class DeterminantBranches(Branches):
     """Branch signs of any six-joint arm.
 
     The wrist's border is where axis 6 is parallel to axis 4, the elbow's where axis 2, axis 3 and
@@ -70,23 +70,6 @@ class DeterminantBranches:
         bend = np.sin(self.elbow_angle(q)) * np.sin(self.wrist_angle(q))
         bend = np.where(np.abs(bend) < 1e-9, np.copysign(1e-9, bend), bend)
         return np.asarray(np.linalg.det(J) / bend)
-
-    def elbow_angle(self, q: ArrayLike) -> FloatArray:
-        """Return how far joint 3 (...,) [rad] is above the stretched arm, in [-pi, pi]."""
-        return wrapped(np.asarray(q, dtype=np.float64)[..., 2] - self.elbow_threshold)
-
-    def wrist_angle(self, q: ArrayLike) -> FloatArray:
-        """Return how far joint 5 (...,) [rad] is above the straight wrist, in [-pi, pi]."""
-        return wrapped(np.asarray(q, dtype=np.float64)[..., 4] - self.wrist_threshold)
-
-    def slot(self, q: ArrayLike) -> IntArray:
-        """Return the branch (...,) 0..7: shoulder + 2 elbow + 4 wrist."""
-        bits = (
-            (self.reach(q) < 0.0)
-            + 2 * (self.elbow_angle(q) > 0.0)
-            + 4 * (self.wrist_angle(q) < 0.0)
-        )
-        return np.asarray(bits, dtype=np.int32)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,16 +11,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import FloatArray, IntArray, frozen_floats
+from postproc.arrays import FloatArray, frozen_floats
 from postproc.cell import OpwGeometry
 from postproc.geometry import inverse, rotation_y, rotation_z, transform
+from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain
-
-TURN = 2.0 * np.pi
 
 
 @dataclass(frozen=True, slots=True)
-class OpwArm:
+class OpwArm(Branches):
     """Such an arm anywhere: ``T_robroot_foot`` and ``T_end_flange`` (4, 4) are constant."""
 
     geometry: OpwGeometry
@@ -65,29 +64,6 @@ class OpwArm:
         lower = upper + theta[..., 2] + self.stretch
         g = self.geometry
         return np.asarray(g.a1 + g.c2 * np.sin(upper) + self.forearm * np.sin(lower))
-
-    def elbow_angle(self, q: ArrayLike) -> FloatArray:
-        """Return how far A3 (...,) [rad] is above the stretched arm, in (-pi, pi]."""
-        return wrapped(np.asarray(q, dtype=np.float64)[..., 2] - self.elbow_threshold)
-
-    def wrist_angle(self, q: ArrayLike) -> FloatArray:
-        """Return how far A5 (...,) [rad] is above the straight wrist, in (-pi, pi]."""
-        return wrapped(np.asarray(q, dtype=np.float64)[..., 4] - self.wrist_threshold)
-
-    def slot(self, q: ArrayLike) -> IntArray:
-        """Return the branch (...,) 0..7: overhead + 2 elbow + 4 wrist, KUKA's status bits."""
-        bits = (
-            (self.reach(q) < 0.0)
-            + 2 * (self.elbow_angle(q) > 0.0)
-            + 4 * (self.wrist_angle(q) < 0.0)
-        )
-        return np.asarray(bits, dtype=np.int32)
-
-
-def wrapped(angle: ArrayLike) -> FloatArray:
-    """Return angles [rad] brought into [-pi, pi] by whole turns."""
-    a = np.asarray(angle, dtype=np.float64)
-    return np.asarray(a - TURN * np.rint(a / TURN))
 
 
 def arm_of(geometry: OpwGeometry) -> OpwArm:

@@ -20,7 +20,7 @@ from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import KrlTable, MotionTable, OptimizeTable
 from postproc.collision.mesh import Mesh, box, cylinder, joined, loft, ring
 from postproc.geometry.frames import transform
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 
 HERE = np.eye(4)
 

@@ -8,7 +8,7 @@ import pytest
 from postproc.cell.cell import ExternalAxis
 from postproc.collision.scene import Scene
 from postproc.geometry.frames import inverse, rotation_about, transform, transform_from_kuka
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.collision.conftest import at, box_at, cell_of
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.6, 0.8, 0.0]), np.eye(4), -2.0, 2.0, 1.0)

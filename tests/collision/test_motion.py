@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from postproc.collision.scene import Scene
 from postproc.collision.sweep import Sway
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.collision.conftest import at, box_at, cell_of
 
 CANNON = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])

@@ -14,7 +14,7 @@ from postproc.collision.links import default_links
 from postproc.collision.scene import Scene
 from postproc.errors import CellError
 from postproc.geometry.frames import apply, transform_from_kuka
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
 
 NEUTRAL = np.deg2rad([[0.0] * 6, [0, -90, 90, 0, 0, 0], [0, -90, 90, 0, -60, 0]])

@@ -7,7 +7,7 @@ import pytest
 
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tools.bench import workload
 from tools.bench.collision import CoalModel
 

@@ -9,7 +9,7 @@ import pytest
 from postproc.cell.robotfile import load_robot
 from postproc.controller.interpreter import World, run
 from postproc.controller.trace import Blend, EventWord, Way
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.krl.text.parse import load_modules, parse_files
 from postproc.krl.text.program import Axes, Pose
 from tests.samples import modules

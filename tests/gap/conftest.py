@@ -11,7 +11,7 @@ from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
 from postproc.gap.data.dataset import Samples, make_samples
 from postproc.gap.robot_model import RobotModel
-from postproc.kinematics.model import Kinematics, build
+from postproc.kinematics import Kinematics, build
 from tests.gap import synthetic
 from tests.places import PANEL_CELL
 

@@ -12,7 +12,7 @@ from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.answers.document import model_file
 from postproc.gap.answers.predict import predict
 from postproc.gap.fit.problem import pose_problem
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.measurement.file import read_measurements
 from tests.places import SHARED
 

@@ -7,7 +7,7 @@ import pytest
 from postproc.cell.cache import shared_cell
 from postproc.collision.scene import Scene
 from postproc.errors import CellError
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.cells import cell_text
 
 CELL = cell_text('[[obstacles]]\nname = "post"\nfile = "post.stl"\n')

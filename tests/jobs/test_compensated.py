@@ -11,7 +11,7 @@ from postproc.compensation.real_arm import RealArm, cell_with_model, displacemen
 from postproc.gap import stiffness_tables
 from postproc.geometry.frames import rotation_about
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant

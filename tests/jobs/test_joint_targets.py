@@ -10,7 +10,7 @@ from postproc.cell.robotfile import load_robot
 from postproc.cli import app
 from postproc.geometry.frames import abc_from_rotation, rotation_from_abc, transform
 from postproc.jobs.convert import ConvertRequest, read_toolpath
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.units import DEG, MM
 
 T_FLANGE_TCP = transform(np.eye(3), np.array([107.0, 0.0, 362.0]) * MM)

@@ -27,7 +27,7 @@ from postproc.gap.answers.next_poses import (
 from postproc.gap.choice.verdict import fitted
 from postproc.gap.fit.problem import pose_problem
 from postproc.jobs.measure_next import NextMeasurements, csv_text, measure_next
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.measurement.campaign import read_campaign
 from postproc.measurement.file import read_measurements
 from tests.gap import synthetic

@@ -79,7 +79,7 @@ def answer_joints(src, cell):
     from postproc.cell.file import load_cell
     from postproc.controller.interpreter import run as run_program
     from postproc.controller.modules import load_program
-    from postproc.kinematics.model import build
+    from postproc.kinematics import build
     from postproc.paths.motion import joint_paths
     from postproc.verification.verify import world_of
 

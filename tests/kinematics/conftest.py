@@ -1,7 +1,7 @@
 import pytest
 
 from postproc.cell.robotfile import load_robot, robot_names
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.places import SHARED
 
 

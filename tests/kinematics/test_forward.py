@@ -6,7 +6,7 @@ import pytest
 
 from postproc.cell.robotfile import load_robot
 from postproc.geometry.frames import abc_from_rotation, rotation_angle
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.units import DEG, MM
 from tests.kinematics.urdf_text import rpy_of
 

@@ -9,7 +9,8 @@ from scipy.spatial.transform import RigidTransform
 
 from postproc.cell.cell import OpwGeometry
 from postproc.cell.robotfile import load_robot
-from postproc.kinematics.model import build, closed_form
+from postproc.kinematics import build
+from postproc.kinematics.model import closed_form
 from postproc.kinematics.opw import arm_of
 from postproc.units import DEG
 

@@ -7,7 +7,7 @@ import py_opw_kinematics as opw
 from scipy.spatial.transform import RigidTransform
 
 from postproc.cell.robotfile import load_robot
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 
 
 def seconds(task, repeats=5):

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from postproc.cell.cell import OpwGeometry
 from postproc.cell.robotfile import load_robot
 from postproc.errors import KinematicsError
-from postproc.kinematics.branch import branch_of, status_turn, turn
-from postproc.kinematics.model import build, closed_form
+from postproc.kinematics import build
+from postproc.kinematics.model import closed_form
 from postproc.kinematics.opw import arm_of
 from postproc.kinematics.singular import (
     elbow_distance,
@@ -19,6 +19,7 @@ from postproc.kinematics.singular import (
     smallest_singular_value,
     wrist_distance,
 )
+from postproc.kinematics.status import status_turn, turn
 from postproc.units import DEG
 
 KR500 = build(load_robot("kuka_kr500_r2830"))
@@ -102,7 +103,7 @@ def test_status_and_turn_rules_hold_everywhere():
     wrist_centre = KR500.link_frames(q)[:, 5, :3, 3]
     forward = np.stack([np.cos(q[:, 0]), -np.sin(q[:, 0])], axis=1)
     np.testing.assert_array_equal(S & 1, (wrist_centre[:, :2] * forward).sum(axis=1) < 0.0)
-    np.testing.assert_array_equal(branch_of(KR500, q), S)
+    np.testing.assert_array_equal(KR500.slot(q), S)
 
 
 def test_rounding_below_zero_counts_as_zero():

@@ -8,7 +8,7 @@ from postproc.cell.robotfile import load_robot
 from postproc.cell.urdf.file import read_urdf_robot
 from postproc.errors import CellError, SourceRef
 from postproc.geometry.frames import rotation_about, transform
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.kinematics.numeric import PolishedSolver
 from postproc.kinematics.singular import smallest_singular_value, wrist_distance
 from tests.kinematics.urdf_text import joint, maker_style_urdf, urdf_of

@@ -9,7 +9,7 @@ from postproc.cell.file import load_cell
 from postproc.compensation.real_arm import real_point
 from postproc.controller.interpreter import run
 from postproc.gap.robot_model import RobotModel
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.krl.text.parse import parse_files
 from postproc.model.modelfile import load_model
 from postproc.paths.moments import directions, moments_of

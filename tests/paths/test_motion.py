@@ -8,7 +8,7 @@ from postproc.controller.interpreter import World, run
 from postproc.controller.runtime import pose_of
 from postproc.geometry.curves import around, circles, turn_between
 from postproc.geometry.frames import inverse, kuka_from_transform
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.paths.motion import joint_paths
 from tests.samples import cell_in, modules
 

@@ -10,7 +10,7 @@ import pytest
 from postproc.cell.cell import Process
 from postproc.cell.choices import Index
 from postproc.errors import CellError
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.planning.states.costs import (
     DEFAULT_TRAVEL,
     OBJECTIVES,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.robotfile import load_robot
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.model.plan import MoveKind
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
 from postproc.planning.planner import plan

@@ -10,7 +10,7 @@ import pytest
 
 from postproc.cell.cell import MeshPlacement, Tool, Workpiece
 from postproc.geometry.frames import angle_between, rotation_y
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan

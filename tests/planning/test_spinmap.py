@@ -9,7 +9,7 @@ import pytest
 
 from postproc.cell.cell import ExternalAxis, MeshPlacement
 from postproc.collision.scene import Scene
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.grade import Grade, grade_counts, grades
 from postproc.planning.maps.spinmap import SpinClass, spin_map

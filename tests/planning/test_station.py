@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import ExternalAxis, MeshPlacement
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan

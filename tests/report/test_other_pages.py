@@ -3,7 +3,7 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.cli import app
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.report.parts.headline import headline
 from tests.places import PANEL_CELL
 from tests.report.conftest import data_of

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.krl.text.parse import parse_module
 from postproc.krl.text.program import Axes, Move, MoveWord
 from tests.report.conftest import data_of

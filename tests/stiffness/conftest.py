@@ -12,7 +12,7 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.geometry.frames import inverse, rotation_y, transform
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.measurement.rows import MeasurementSet
 from tests.cells import STIFFNESS, twin_text
 from tools.dev.hidden_twin import Twin

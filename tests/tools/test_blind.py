@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from tests.places import ROOT
 from tools.blind import answerers, names
 from tools.blind.__main__ import main, score

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.verification.verify import verify_modules
 from tests.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
 

@@ -25,7 +25,7 @@ from postproc.compensation.compensate import solve
 from postproc.compensation.real_arm import loads
 from postproc.gap import RobotModel, stiffness_tables
 from postproc.geometry.frames import inverse, rotation_y, transform
-from postproc.kinematics.model import Kinematics, build
+from postproc.kinematics import Kinematics, build
 from postproc.measurement.rows import MeasurementSet
 from postproc.model.modelfile import ModelFile
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField

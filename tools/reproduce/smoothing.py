@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.cell.file import load_cell
 from postproc.geometry.frames import inverse, rotation_x, transform
-from postproc.kinematics.model import build
+from postproc.kinematics import build
 from postproc.stiffness.index import directional, ellipsoid, ellipsoid_normal
 from tests.cells import cell_text
 from tools.dev.hidden_twin import K_PAPER

@@ -18,11 +18,6 @@ _ZERO = 1e-9
 """Angle [rad] up to which rounding below zero still counts as zero."""
 
 
-def branch_of(kinematics: Kinematics, q: ArrayLike) -> IntArray:
-    """Return the branch slot (...,) 0..7 of joint angles (..., 6) [rad]."""
-    return kinematics.slot(q)
-
-
 def turn(q: ArrayLike) -> IntArray:
     """Return KUKA's T (...,) of joint angles (..., 6) [rad], whole turns included."""
     negative = np.asarray(q, dtype=np.float64) < -_ZERO
