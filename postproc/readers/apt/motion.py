@@ -73,7 +73,7 @@ class MotionReader:
         lines = np.flatnonzero(scan.code == GOTO)
         points = self._merged(lines, bulk_points, scan.goto, self._points, 6)
         relative = [int(np.searchsorted(lines, line)) for line in sorted(self._relative)]
-        rapid = self._rapids(lines, len(scan.code))
+        rapid = self._rapids(lines)
         return self._with_arcs(lines, points, relative, rapid, bulk_arcs)
 
     def finish(self) -> None:
@@ -250,7 +250,7 @@ class MotionReader:
         result[np.searchsorted(lines, keys)] = [slow[int(key)] for key in keys]
         return result
 
-    def _rapids(self, lines: IndexArray, n_lines: int) -> BoolArray:
+    def _rapids(self, lines: IndexArray) -> BoolArray:
         """Return which points (k,) a RAPID applies to: the next one only."""
         k = len(lines)
         last = np.full(k + 1, -2, dtype=np.int64)

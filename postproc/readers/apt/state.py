@@ -11,9 +11,9 @@ from postproc.arrays import FloatArray, IntArray
 from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.dialect import AxisRule, Dialect
-from postproc.readers.apt.frames import AXIS_NORM_GAP, MatrixComment, TiltedTable
 from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
+from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, TiltedTable
 from postproc.readers.apt.tools import ToolTable
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults

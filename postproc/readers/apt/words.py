@@ -52,9 +52,9 @@ def handle(state: AptState, statement: Statement, line: int) -> None:
     if state.spline is not None and word not in ("KNOT", "CNTRL"):
         apt_nurbs.close_spline(state)
     if state.table.is_moving and word != "ROTABL":
-        state.table.check(state)
+        state.table.check(state.faults)
     if state.matrix.is_open:
-        state.matrix.check_closed(state)
+        state.matrix.check_closed(state.faults)
     handler = _HANDLERS.get(word)
     if handler is not None:
         handler(state, statement, line)
@@ -68,7 +68,9 @@ def comment(state: AptState, text: str, line: int) -> None:
     if body.upper().startswith("*CATIA"):
         state.matrix.begin(line)
     elif state.matrix.is_open:
-        state.matrix.row(state, body)
+        frame = state.matrix.row(body, state.faults)
+        if frame is not None:
+            state.set_frame(frame[0], frame[1] * state.scale)
     elif body.startswith("->"):
         _creo_comment(state, body[2:], line)
 
@@ -297,7 +299,7 @@ def _go_home(state: AptState, statement: Statement, line: int) -> None:
 
 def _operation(state: AptState, statement: Statement, line: int) -> None:
     """OPFEATSTART/name (CAMWorks): a new operation on the untilted table."""
-    state.table.reset(state)
+    apt_frames.untilt(state)
     state.add_operation(statement.text.partition("/")[2].strip(), line)
 
 
