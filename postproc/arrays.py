@@ -58,6 +58,15 @@ def _freeze(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...])
     object.__setattr__(owner, name, array)
 
 
+def forward_filled(rows: FloatArray) -> FloatArray:
+    """Return rows (n, ...) with those that hold NaN or inf replaced by the last before, else 0."""
+    known = np.isfinite(rows).all(axis=tuple(range(1, rows.ndim)))
+    last = np.maximum.accumulate(np.where(known, np.arange(len(rows)), -1))
+    filled = np.array(rows[np.maximum(last, 0)])
+    filled[last < 0] = 0.0
+    return filled
+
+
 @dataclass(frozen=True, slots=True)
 class _Column:
     """What a field holds: one value per ``of``, of this type and shape; no dtype: no array."""

@@ -23,17 +23,16 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out, real_point
-from postproc.controller import run
 from postproc.emitters import emit
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
-from postproc.paths import Clock, Moments, joint_paths, moments_of
+from postproc.paths import Clock, Moments, joint_paths, moments_of, run_in_cell
+from postproc.process import operation_loads
 from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
-from postproc.verification import world_of
 
 WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 """Moves in which the process force acts; in all others only the dead load does."""
@@ -241,7 +240,7 @@ def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> 
     Speeds count where the tool works: on other ways nobody minds how late the arm is.
     """
     modules = emit(plan, cell)
-    trace = run(modules, modules[0].name, kinematics, world_of(modules, cell, kinematics))
+    trace = run_in_cell(modules, modules[0].name, cell, kinematics)
     paths = joint_paths(trace, cell, kinematics)
     motion = _motions_of(plan, trace.is_cp)
     ends: Moments = moments_of(paths, cell)[0].rows(motion)
@@ -273,13 +272,8 @@ def _motions_of(plan: Plan, is_cp: BoolArray) -> IntArray:
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:
     """Return the process wrench (m, 6) of each move's operation, at and in axes of the TCP."""
-    path = plan.toolpath
-    names = [operation.name for operation in path.operations]
-    table = [cell.process.wrench_of(name) for name in names]
-    table.append(np.asarray(cell.process.wrench_tcp))
-    operation = np.asarray(path.operation)[np.clip(plan.tag, 0, len(path) - 1)]
-    known = (plan.tag >= 0) & (operation >= 0) & (operation < len(names))
-    return np.array(table)[np.where(known, operation, len(names))]
+    wrenches, row = operation_loads(plan.toolpath, cell)
+    return wrenches[np.where(plan.tag >= 0, row[np.clip(plan.tag, 0, len(row) - 1)], -1)]
 
 
 def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArray:

@@ -1,8 +1,9 @@
 """From executed motions to joint paths, moments and times."""
 
 from postproc.paths.moments import Clock, Displacement, Moments, directions, moments_of
-from postproc.paths.motion import Paths, Shift, joint_paths, joints_at_end
-from postproc.paths.times import SLOWEST, cycle_time, durations, motion_times
+from postproc.paths.motion import Paths, Shift, joint_paths
+from postproc.paths.times import SLOWEST, cycle_time, durations, speed_shares
+from postproc.paths.world import run_in_cell
 
 __all__ = [
     "SLOWEST",
@@ -15,7 +16,7 @@ __all__ = [
     "directions",
     "durations",
     "joint_paths",
-    "joints_at_end",
     "moments_of",
-    "motion_times",
+    "run_in_cell",
+    "speed_shares",
 ]

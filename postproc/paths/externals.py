@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, forward_filled
 from postproc.cell import Cell, ExternalAxis
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.units import DEG, MM
@@ -40,9 +40,7 @@ class Externals:
         columns = []
         for axis in self.axes:
             unit = MM if axis.kind == "rail" else DEG
-            column = written[:, int(axis.name[1]) - 1] * unit
-            last = np.maximum.accumulate(np.where(np.isnan(column), -1, np.arange(len(column))))
-            columns.append(np.where(last >= 0, column[np.maximum(last, 0)], 0.0))
+            columns.append(forward_filled(written[:, int(axis.name[1]) - 1] * unit))
         return np.stack(columns, axis=1) if columns else np.zeros((len(written), 0))
 
     def shift(self, values: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, FloatArray
+from postproc.arrays import AnyIntArray, FloatArray, forward_filled
 from postproc.cell import Cell
 from postproc.paths.motion import Paths
 from postproc.paths.times import chains, durations, motion_times
@@ -66,14 +66,12 @@ def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
 
     Poses out of reach repeat the pose before.
     """
-    row, q, is_end = _in_order(paths)
-    q = _held(q)
+    row, share, q, _ = paths.in_order()
+    q = forward_filled(q)
     clock = Clock.of(paths, cell)
-    share = np.ones(len(row))
-    sampled = paths.trace.is_cp[row]
-    share[sampled] = paths.share
     every = Moments(q, clock.speed(row, share), directions(q), np.zeros_like(q))
-    return every.rows(np.flatnonzero(is_end)), every.rows(np.flatnonzero(sampled))
+    sampled = paths.trace.is_cp[row]
+    return every.rows(np.flatnonzero(share == 1.0)), every.rows(np.flatnonzero(sampled))
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,11 +98,9 @@ class Clock:
         stop = np.r_[number[1:] != number[:-1], True][:m]
         pause = np.where(stop, 4.0 * WINDOW, 0.0)
         start = np.cumsum(needed + pause) - needed - pause
-        row, q, is_end = _in_order(paths)
-        q = _held(q)
-        share = np.ones(len(row))
-        share[paths.trace.is_cp[row]] = paths.share
-        ends = np.flatnonzero(is_end)
+        row, share, q, _ = paths.in_order()
+        q = forward_filled(q)
+        ends = np.flatnonzero(share == 1.0)
         time = np.concatenate([start[row] + share * needed[row], start + needed + pause])
         order = np.argsort(time, kind="stable")
         return cls(start, needed, pause, time[order], np.concatenate([q, q[ends]])[order])
@@ -117,22 +113,6 @@ class Clock:
             for column in self.q.T
         ]
         return np.stack(ways, axis=1) / (2.0 * WINDOW)
-
-
-def _in_order(paths: Paths) -> tuple[AnyIntArray, FloatArray, np.ndarray]:
-    """Return motion (k,), joints (k, 6) and whether it is the motion's end, in order of time."""
-    ptp = np.flatnonzero(~paths.trace.is_cp)
-    row = np.concatenate([paths.row, ptp])
-    q = np.concatenate([paths.q_sample, paths.q[ptp]])
-    order = np.argsort(row, kind="stable")
-    row, q = row[order], q[order]
-    return row, q, np.r_[row[1:] != row[:-1], True][: len(row)]
-
-
-def _held(q: FloatArray) -> FloatArray:
-    known = np.isfinite(q).all(axis=1)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(q)), -1))
-    return np.where((last >= 0)[:, None], q[np.maximum(last, 0)], 0.0)
 
 
 def directions(q: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ continuously: at every sampled pose the same branch of the inverse kinematics, t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,18 @@ NEAR_ZERO = 2.0 * DEG
 _CHUNK = 50_000
 _TURN = 2.0 * np.pi
 _LEAP = 20.0 * DEG
+
+
+class Poses(NamedTuple):
+    """Sampled poses of a run in order of time, k of them.
+
+    row (k,) motion; share (k,) of it, 1 at its end; q (k, 6) [rad]; point (k, 3) TCP in the part.
+    """
+
+    row: AnyIntArray
+    share: FloatArray
+    q: FloatArray
+    point: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +81,18 @@ class Paths:
     def __len__(self) -> int:
         """Return the number of motions."""
         return len(self.q)
+
+    def in_order(self) -> Poses:
+        """Return samples of path motions and ends of PTP motions, in order of time."""
+        ptp = np.flatnonzero(~self.trace.is_cp)
+        row = np.concatenate([self.row, ptp])
+        order = np.argsort(row, kind="stable")
+        return Poses(
+            row[order],
+            np.concatenate([self.share, np.ones(len(ptp))])[order],
+            np.concatenate([self.q_sample, self.q[ptp]])[order],
+            np.concatenate([self.point, self.end_point[ptp]])[order],
+        )
 
     def points_at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return the TCP (n, 3) [m] in the part at ``share`` (n,) of path motions ``row`` (n,)."""
@@ -139,14 +164,6 @@ def joint_paths(
         step_angle: largest sampled turn [rad].
     """
     return _Solver(trace, cell, kinematics, step_length, step_angle).run()
-
-
-def joints_at_end(trace: Trace, cell: Cell, kinematics: Kinematics) -> FloatArray | None:
-    """Return the joints (6,) [rad] where the last motion ends, None if they are not known."""
-    if len(trace) == 0:
-        return None
-    q = joint_paths(trace, cell, kinematics).q[-1]
-    return q if np.isfinite(q).all() else None
 
 
 class _Solver:

@@ -95,3 +95,17 @@ def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:
     each = np.where(full, way / top + ramp, short)
     slowest = each.max(axis=1)
     return np.where(slowest > _TINY, slowest + _RAMP, 0.0)
+
+
+def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
+    """Return how much of its speed (s, 6) each axis needs at each sample, 1 = its limit."""
+    times = motion_times(paths)
+    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
+    at_start = paths.q[np.maximum(paths.row - 1, 0)]
+    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
+    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
+    dt = times[paths.row] * share
+    with np.errstate(divide="ignore", invalid="ignore"):
+        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
+    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
+    return np.where(np.isfinite(needed), needed, 0.0)

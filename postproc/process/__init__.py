@@ -1,5 +1,7 @@
-"""What the process asks of planning and verification alike: order of holes, points served, tilt."""
+"""What the process asks of planning and verification alike: feeds, loads, order, points, tilt."""
 
+from postproc.process.feeds import feeds_of
+from postproc.process.loads import load_cases, operation_loads
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.tilt import PLUNGING, SHARPEST
@@ -8,6 +10,9 @@ __all__ = [
     "PLUNGING",
     "SHARPEST",
     "as_served",
+    "feeds_of",
     "hole_runs",
+    "load_cases",
+    "operation_loads",
     "reordered",
 ]

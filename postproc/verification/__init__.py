@@ -2,7 +2,7 @@
 
 from postproc.verification.cam import Tolerances
 from postproc.verification.report import Expectation, Run, VerifyReport
-from postproc.verification.verify import verify, verify_modules, world_of
+from postproc.verification.verify import verify, verify_modules
 
 __all__ = [
     "Expectation",
@@ -11,5 +11,4 @@ __all__ = [
     "VerifyReport",
     "verify",
     "verify_modules",
-    "world_of",
 ]

@@ -9,7 +9,7 @@ from postproc.cell import Cell
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
-from postproc.paths import SLOWEST, Paths, motion_times
+from postproc.paths import SLOWEST, Paths, speed_shares
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
@@ -22,7 +22,6 @@ OVERHEAD = 0.05
 SPEED_SLACK = 1e-3
 MACHINING_SPEED = 0.25
 """Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
-_TINY = 1e-12
 
 
 def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
@@ -162,20 +161,6 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
     counts = counts[paths.row]
     _too_fast(result, worst, ratio, counts, Severity.ERROR)
     _too_fast(result, worst, ratio, ~counts, Severity.WARNING)
-
-
-def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
-    """Return how much of its speed (s, 6) each axis needs at each sample, 1 = its limit."""
-    times = motion_times(paths)
-    first = np.r_[True, paths.row[1:] != paths.row[:-1]]
-    at_start = paths.q[np.maximum(paths.row - 1, 0)]
-    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
-    share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
-    dt = times[paths.row] * share
-    with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
-    needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
-    return np.where(np.isfinite(needed), needed, 0.0)
 
 
 def _too_fast(

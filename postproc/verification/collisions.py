@@ -39,7 +39,9 @@ def check_collisions(
     from postproc.collision import Scene
 
     trace = result.paths.trace
-    q, motion, share = _sequence(result)
+    motion, share, q, _ = result.paths.in_order()
+    known = np.isfinite(q).all(axis=1)
+    motion, share, q = motion[known], share[known], q[known]
     if len(q) < 2:
         return True
     touch = trace.is_cp if is_cut is None else _with_way_out(is_cut, trace.is_cp)
@@ -110,18 +112,6 @@ def _travelling(
         for part in np.linspace(0.0, 1.0, count + 1)[1:]:
             here = paths.station.externals.at(cell, start + part * (end - start))
             yield here, row, q[row] + part * (q[row + 1] - q[row])
-
-
-def _sequence(result: Result) -> tuple[FloatArray, AnyIntArray, FloatArray]:
-    """Return all configurations (k, 6) in order, the motion (k,) of each and the place on it."""
-    paths = result.paths
-    ptp = np.flatnonzero(~paths.trace.is_cp)
-    q = np.concatenate([paths.q_sample, paths.q[ptp]])
-    motion = np.concatenate([paths.row, ptp])
-    share = np.concatenate([paths.share, np.ones(len(ptp))])
-    order = np.argsort(motion, kind="stable")
-    known = np.isfinite(q[order]).all(axis=1)
-    return q[order][known], motion[order][known], share[order][known]
 
 
 def _with_way_out(is_cut: BoolArray, is_cp: BoolArray) -> BoolArray:

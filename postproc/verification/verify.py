@@ -20,13 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from postproc.cell import Cell
-from postproc.controller import Trace, Way, World, load_program, pose_of, run
+from postproc.controller import Trace, Way, load_program
 from postproc.errors import RunKind, Severity
 from postproc.geometry import rotation_angle
-from postproc.kinematics import Kinematics, build
-from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_expression, require_sound
+from postproc.kinematics import build
+from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
-from postproc.paths import Displacement, cycle_time, durations, joint_paths, joints_at_end
+from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
 from postproc.process import as_served
 from postproc.progress import Progress
 from postproc.units import DEG, MM
@@ -110,7 +110,7 @@ def verify_modules(
     report = progress or (lambda done, total, what: None)
     kinematics = build(cell.robot)
     report(0, 4, "run")
-    trace = run(modules, name, kinematics, world_of(modules, cell, kinematics))
+    trace = run_in_cell(modules, name, cell, kinematics)
     report(1, 4, "kinematics")
     paths = joint_paths(trace, cell, kinematics)
     result = Result(paths, [*trace.findings, *paths.findings])
@@ -168,46 +168,6 @@ def _report(
     )
 
 
-# --------------------------------------------------------------------------------------- the cell
-
-
-def world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) -> World:
-    """Return what the program finds on the controller of a cell.
-
-    Frames that a set-up module among the modules enters count; else those of the cell.
-    """
-    tools = {cell.tool.number: pose_of(cell.tool.T_flange_tcp)}
-    T_world_base = cell.robot.T_world_robroot @ cell.workpiece.T_robroot_base
-    bases = {cell.workpiece.number: pose_of(T_world_base)}
-    for module in modules:
-        for routine in module.routines:
-            for statement in routine.statements:
-                if isinstance(statement, Assign) and isinstance(statement.value, Pose):
-                    _set_up(statement, tools, bases)
-    points: dict[str, Pose | Axes] = {}
-    if cell.motion.home is not None:
-        a1, a2, a3, a4, a5, a6 = (float(v) / DEG for v in cell.motion.home)
-        points = dict.fromkeys(("XHOME", "HOME"), Axes(a1, a2, a3, a4, a5, a6))
-    return World(
-        tools,
-        bases,
-        points,
-        np.asarray(cell.robot.T_world_robroot),
-        lambda trace: joints_at_end(trace, cell, kinematics),
-        frozenset(name.upper() for name in cell.krl.hooks.values()),
-    )
-
-
-def _set_up(statement: Assign, tools: dict[int, Pose], bases: dict[int, Pose]) -> None:
-    name = statement.target.upper()
-    if not name.startswith(("TOOL_DATA[", "BASE_DATA[")):
-        return
-    node = parse_expression(statement.target)
-    index = node.selectors[0] if isinstance(node, Reference) and node.selectors else ()
-    if len(index) == 1 and isinstance(index[0], int) and isinstance(statement.value, Pose):
-        (tools if name.startswith("TOOL") else bases)[index[0]] = statement.value
-
-
 def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
     """Compare tool and base of every path motion with those of the cell."""
     expected = (
@@ -246,6 +206,3 @@ def _check_circles(result: Result) -> None:
     missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
     for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
         result.finding(RunKind.CIRCLE, int(row), "a circular motion without an auxiliary point")
-
-
-__all__ = ["Tolerances", "load_program", "verify", "verify_modules"]

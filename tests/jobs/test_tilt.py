@@ -77,15 +77,13 @@ def test_with_tilt_the_program_is_right(job, run, tmp_path, strategy):
 def answer_joints(src, cell):
     """Return the joints (n, 6) [rad] at the end of every motion, run from the text."""
     from postproc.cell.file import load_cell
-    from postproc.controller.interpreter import run as run_program
     from postproc.controller.modules import load_program
     from postproc.kinematics import build
-    from postproc.paths.motion import joint_paths
-    from postproc.verification.verify import world_of
+    from postproc.paths import joint_paths, run_in_cell
 
     cell = load_cell(cell)
     modules, kinematics = load_program(src), build(cell.robot)
-    trace = run_program(modules, modules[0].name, kinematics, world_of(modules, cell, kinematics))
+    trace = run_in_cell(modules, modules[0].name, cell, kinematics)
     return joint_paths(trace, cell, kinematics).q
 
 

@@ -7,14 +7,13 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.compensation.real_arm import real_point
-from postproc.controller.interpreter import run
 from postproc.gap.robot_model import RobotModel
 from postproc.kinematics import build
 from postproc.krl.text.parse import parse_files
 from postproc.model.modelfile import load_model
 from postproc.paths.moments import directions, moments_of
 from postproc.paths.motion import joint_paths
-from postproc.verification.verify import world_of
+from postproc.paths.world import run_in_cell
 from tests.cells import cell_text
 
 SPEED = 0.05
@@ -54,7 +53,7 @@ def program(cell, blended=True):
 def moments(cell, blended=True):
     kinematics = build(cell.robot)
     modules = parse_files({"ways.src": program(cell, blended)})
-    trace = run(modules, "ways", kinematics, world_of(modules, cell, kinematics))
+    trace = run_in_cell(modules, "ways", cell, kinematics)
     return moments_of(joint_paths(trace, cell, kinematics), cell)
 
 

@@ -9,7 +9,7 @@ from postproc.controller.runtime import pose_of
 from postproc.geometry.curves import around, circles, turn_between
 from postproc.geometry.frames import inverse, kuka_from_transform
 from postproc.kinematics import build
-from postproc.paths.motion import joint_paths
+from postproc.paths import joint_paths, run_in_cell
 from tests.samples import cell_in, modules
 
 DEG = np.pi / 180.0
@@ -147,18 +147,11 @@ def test_the_turn_follows_the_path_beyond_a_full_turn(cell, kinematics):
 
 
 def test_relative_joint_motion_behind_a_path(cell, kinematics):
-    from postproc.paths.motion import joints_at_end
-
     start = np.array([20.0, -70.0, 105.0, 170.0, 50.0, -100.0]) * DEG
     end = np.array([10.0, -75.0, 108.0, 175.0, 55.0, -90.0]) * DEG
     lines = (ptp(start), f"LIN {{{frame_text(cell, kinematics, end)}}}", "PTP_REL {A1 5.0}")
-    world = World(
-        {1: pose_of(cell.tool.T_flange_tcp)},
-        {1: pose_of(cell.T_robroot_base)},
-        joints=lambda trace: joints_at_end(trace, cell, kinematics),
-    )
     head = ("BAS(#INITMOV,0)", "BAS(#TOOL,1)", "BAS(#BASE,1)")
-    trace = run(modules(*head, *lines), "T", kinematics, world)
+    trace = run_in_cell(modules(*head, *lines), "T", cell, kinematics)
     found = joint_paths(trace, cell, kinematics)
     assert np.abs(found.q[2] - (end + np.array([5.0, 0, 0, 0, 0, 0]) * DEG)).max() < 1e-7
 

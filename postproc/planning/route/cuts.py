@@ -10,6 +10,7 @@ from postproc.geometry import angle_between, arc_points, arc_poses
 from postproc.model import MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
 from postproc.planning.states import Chosen, Moves, Problem, moves
+from postproc.process import feeds_of
 from postproc.units import DEG
 
 LARGEST_CIRC = 120.0 * DEG
@@ -31,8 +32,7 @@ def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Move
         leaves: (n, 6) joints in which the tool leaves each tag.
     """
     kind = np.asarray(problem.toolpath.kind)
-    feed = np.asarray(problem.toolpath.feed)
-    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    feed = feeds_of(problem.toolpath, problem.cell)
     cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)) & chosen.good
     entered = np.nonzero(cuts & chosen.entry)[0]
     T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)

@@ -7,6 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves, pecks
+from postproc.process import feeds_of
 
 ARRIVE = 100
 """Order of the move that arrives at a tag; moves on the way there come before."""
@@ -72,13 +73,9 @@ def _pecks(
 
 
 def _feeds(problem: Problem, tags: IndexArray) -> FloatArray:
-    """Return the feed (m,) of strokes [m/s]: the cycle's, the path's, the cell's; NaN without."""
-    toolpath = problem.toolpath
-    own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
-    feed = own[np.asarray(toolpath.cycle)[tags]]
-    feed = np.where(np.isfinite(feed), feed, np.asarray(toolpath.feed)[tags])
-    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
-    touched = (np.asarray(toolpath.cycle)[tags] < 0) & ~np.isfinite(feed)
+    """Return the feed (m,) of strokes [m/s], NaN without."""
+    feed = feeds_of(problem.toolpath, problem.cell)[tags]
+    touched = (np.asarray(problem.toolpath.cycle)[tags] < 0) & ~np.isfinite(feed)
     return np.where(touched, TOUCH_SPEED, feed)
 
 

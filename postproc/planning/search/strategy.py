@@ -14,6 +14,7 @@ from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.refine import Course, Room, refine
 from postproc.planning.states import Chosen, Problem, Rule
+from postproc.process import feeds_of
 
 Step = Callable[[int, int, str], None]
 _REVERTS = 6
@@ -110,8 +111,7 @@ def _slowed(problem: Problem, course: Course, room: Room) -> Course:
 def _feed_times(problem: Problem, course: Course) -> FloatArray:
     """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
     toolpath, b = problem.toolpath, course.tags[1:]
-    feed = np.asarray(toolpath.feed)[b]
-    feed = np.where(np.isfinite(feed), feed, problem.cell.motion.feed)
+    feed = feeds_of(toolpath, problem.cell)[b]
     step = np.diff(arc_length(toolpath)[course.tags])
     is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (course.weight[1:] > 0.0)
     timed = is_cut & np.isfinite(feed) & (step > 1e-6)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from postproc.arrays import forward_filled
 from postproc.kinematics import wrist_distance
 from postproc.report.pages.program import motion_sections, time_span
 from postproc.report.parts import (
@@ -113,26 +114,16 @@ def _motions(report: VerifyReport) -> dict[int, list[str]]:
     return dict(found)
 
 
-def _held(values: FloatArray) -> FloatArray:
-    """Return rows (m, k) with those that are no numbers replaced by the one before."""
-    known = np.isfinite(values).all(axis=1)
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values)), -1))
-    return np.where((last >= 0)[:, None], values[np.maximum(last, 0)], 0.0)
-
-
 def _moves(run: Run) -> dict[str, Any]:
     paths = run.paths
     m = len(paths)
     is_cp = paths.trace.is_cp
-    point = np.concatenate([paths.point, paths.end_point[~is_cp]])
-    owner = np.concatenate([paths.row, np.flatnonzero(~is_cp)])
-    order = np.argsort(owner, kind="stable")
-    point, owner = point[order], owner[order]
+    owner, _, _, point = paths.in_order()
     known = np.isfinite(point).all(axis=1)
     return {
-        "q": packed(_held(paths.q)),
+        "q": packed(forward_filled(paths.q)),
         "time": packed(np.cumsum(run.durations)),
-        "positions": packed(_held(paths.end_point)),
+        "positions": packed(forward_filled(paths.end_point)),
         "tag": packed(np.arange(m), "int32"),
         "rapid": packed(~is_cp, "uint8"),
         "trail": packed(point[known]),
@@ -179,14 +170,14 @@ def _deviation(run: Run) -> FloatArray:
 
 def _rows(run: Run, columns: list[TagColumn]) -> dict[str, Any]:
     paths = run.paths
-    points = _held(paths.end_point)
+    points = forward_filled(paths.end_point)
     low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {
         "names": [str(i + 1) for i in range(len(paths))],
         "lines": packed(paths.trace.line, "int32"),
         "columns": [column.to_page() for column in columns],
         "tag_positions": packed(points),
-        "tag_axes": packed(-_held(paths.end_axis)),
+        "tag_axes": packed(-forward_filled(paths.end_axis)),
         "move_of_tag": packed(np.arange(len(paths)), "int32"),
         "centre": [float(v) for v in (low + high) / 2],
         "extent": float(np.linalg.norm(high - low)),

@@ -49,14 +49,13 @@ def program_text(files: Mapping[str, bytes], name: str, cell: Cell) -> ProgramTe
     Raises:
         KrlError: if a file is no KRL.
     """
-    from postproc.controller import run
     from postproc.kinematics import build
     from postproc.krl import parse_files
-    from postproc.verification import world_of
+    from postproc.paths import run_in_cell
 
     kinematics = build(cell.robot)
     modules = parse_files(files)
-    trace = run(modules, name, kinematics, world_of(modules, cell, kinematics))
+    trace = run_in_cell(modules, name, cell, kinematics)
     point = np.array(trace.target[:, :3])
     axes = np.asarray(trace.is_axes)
     tools = trace.tools[trace.column("tool").astype(np.int64)]

@@ -8,9 +8,9 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import RunKind, Severity
 from postproc.model import ToolPath
+from postproc.paths import speed_shares
+from postproc.process import feeds_of
 from postproc.units import MM_PER_MIN
-from postproc.verification.cam.real import feeds_of
-from postproc.verification.checks import speed_shares
 from postproc.verification.report import Result
 
 FEED_TOLERANCE = 1e-3

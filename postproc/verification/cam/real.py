@@ -13,15 +13,14 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.model import MotionKind, ToolPath
+from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, Shift, moments_of
+from postproc.process import feeds_of, load_cases
 
 FASTER = 1.5
 """A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""
 _STILL = 1e-5
 """A joint motion shorter than this [rad] goes nowhere: what acted before it, still acts."""
-WORKING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
-"""Tags at which the tool works."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +43,6 @@ class RealPaths:
     def end_point(self) -> FloatArray:
         """(cases, m, 3) [m] where motions end, in the part."""
         return np.stack([paths.end_point for paths in self.paths])
-
-
-def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
-    """Return the feed (n,) [m/s] that each tag asks for: cycle, tag, cell; NaN without any."""
-    feed = np.asarray(toolpath.feed)
-    feed = np.where(np.isfinite(feed), feed, cell.motion.feed)
-    own = np.array([*(cycle.feed for cycle in toolpath.cycles), np.nan])
-    cycle = own[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros(0)
-    is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
-    return np.where(is_hole & np.isfinite(cycle), cycle, feed)
 
 
 def real_paths(
@@ -83,18 +72,6 @@ def real_paths(
         )
         sets.append(_moved(paths, idle, loaded, works))
     return RealPaths(tuple(sets), case)
-
-
-def load_cases(toolpath: ToolPath, cell: Cell) -> tuple[list[FloatArray], IntArray]:
-    """Return the wrenches (6,) of the process, and for each tag (n,) 0 or which of them + 1."""
-    names = [operation.name for operation in toolpath.operations]
-    table = np.array([*(cell.process.wrench_of(name) for name in names), cell.process.wrench_tcp])
-    distinct, which = np.unique(table, axis=0, return_inverse=True)
-    operation = np.asarray(toolpath.operation)
-    known = (operation >= 0) & (operation < len(names))
-    case = 1 + which.reshape(-1)[np.where(known, operation, len(names))]
-    case = np.where(np.isin(toolpath.kind, WORKING), case, 0)
-    return list(distinct), case.astype(np.int32)
 
 
 def _stands(paths: Paths) -> BoolArray:
