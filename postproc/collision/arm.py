@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.geometry import vee
 
 
 class Arm(Protocol):
@@ -33,7 +34,6 @@ def joint_axes(arm: Arm) -> tuple[FloatArray, FloatArray]:
         q[joint] = angle
         M = np.linalg.inv(zero[joint + 1]) @ arm.link_frames(q)[joint + 1]
         R = M[:3, :3]
-        vee = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        directions[joint] = vee / np.linalg.norm(vee)
+        directions[joint] = vee(R) / np.linalg.norm(vee(R))
         points[joint] = np.linalg.lstsq(np.eye(3) - R, M[:3, 3], rcond=None)[0]
     return directions, points

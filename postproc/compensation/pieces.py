@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.geometry import inverse, transform, turn_between, turned
+from postproc.geometry import inverse, line_poses, rotation_angle
 from postproc.kinematics import Kinematics
 from postproc.model import MoveKind, MoveRole, Plan
 from postproc.units import DEG, MM
@@ -49,7 +49,7 @@ def in_pieces(
     way[1:] = np.linalg.norm(np.diff(plan.T_base_tcp[:, :3, 3], axis=0), axis=1)
     turn = np.zeros(len(plan))
     R = plan.T_base_tcp[:, :3, :3]
-    turn[1:] = turn_between(R[:-1], R[1:])[1]
+    turn[1:] = rotation_angle(R[:-1], R[1:])
     steps = np.maximum(way / LOOK, turn / LOOK_TURN)
     is_cut = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
     long = np.flatnonzero(is_cut & (steps > 1.0) & (way > SHORTEST))
@@ -93,10 +93,7 @@ def _between(
     number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (number + 1.0) / np.repeat(pieces, pieces)
     T_start, T_end = plan.T_base_tcp[row - 1], plan.T_base_tcp[row]
-    axis, turn = turn_between(T_start[:, :3, :3], T_end[:, :3, :3])
-    R = turned(T_start[:, :3, :3], axis, share * turn)
-    p = T_start[:, :3, 3] + share[:, None] * (T_end[:, :3, 3] - T_start[:, :3, 3])
-    T = transform(R, p)
+    T = line_poses(T_start, T_end, share)
     q_end = np.asarray(plan.q)[row]
     T_flange_tcp = cell.tool.T_flange_tcp
     T_robroot_base = kinematics.fk(q_end) @ T_flange_tcp @ inverse(T_end)

@@ -2,17 +2,17 @@
 
 from postproc.geometry.curves import (
     Circles,
+    angle_about,
     around,
     circles,
     spline_points,
     spline_tangents,
-    turn_between,
-    turned,
 )
 from postproc.geometry.frames import (
     abc_from_rotation,
     angle_between,
     apply,
+    axis_angle,
     inverse,
     kuka_from_transform,
     orthonormalised,
@@ -23,19 +23,23 @@ from postproc.geometry.frames import (
     rotation_x,
     rotation_y,
     rotation_z,
+    slerp,
     transform,
     transform_from_kuka,
+    vee,
 )
 from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
 
 __all__ = [
     "Circles",
     "abc_from_rotation",
+    "angle_about",
     "angle_between",
     "apply",
     "arc_points",
     "arc_poses",
     "around",
+    "axis_angle",
     "circles",
     "inverse",
     "kuka_from_transform",
@@ -49,10 +53,10 @@ __all__ = [
     "rotation_x",
     "rotation_y",
     "rotation_z",
+    "slerp",
     "spline_points",
     "spline_tangents",
     "transform",
     "transform_from_kuka",
-    "turn_between",
-    "turned",
+    "vee",
 ]

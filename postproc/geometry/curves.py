@@ -1,7 +1,6 @@
-"""Curves of the TCP between two targets: lines, circles through three points, splines.
+"""Curves of the TCP between two targets: circles through three points, splines.
 
-Orientation turns from start to end about one fixed axis, in step with the way ($ORI_TYPE #VAR,
-$CIRC_TYPE #BASE). KUKA does not publish the curve of SPL; it is taken as a cubic with the
+KUKA does not publish the curve of SPL; it is taken as a cubic with the
 directions of the neighbouring points, which passes the programmed points exactly.
 All functions are vectorised over rows.
 """
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.geometry.frames import rotation_about, rotation_angle
+from postproc.geometry.frames import rotation_about
 
 _FLAT = 1e-9
 
@@ -48,11 +47,11 @@ def circles(start: FloatArray, auxiliary: FloatArray, end: FloatArray) -> Circle
     to_centre = np.where(valid[:, None], to_centre, 0.0)
     centre = start + to_centre
     radius = np.linalg.norm(to_centre, axis=1)
-    sweep = _angle_about(normal, start - centre, end - centre)
+    sweep = angle_about(normal, start - centre, end - centre)
     return Circles(centre, normal, radius, np.where(valid, sweep, 0.0), valid)
 
 
-def _angle_about(normal: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+def angle_about(normal: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Return the angle (c,) in (0, 2 pi] from u to v, counterclockwise about the normal."""
     sine = np.einsum("ij,ij->i", normal, np.cross(u, v))
     cosine = np.einsum("ij,ij->i", u, v)
@@ -65,32 +64,8 @@ def around(
 ) -> FloatArray:
     """Return points (c, 3): ``start`` turned about the axis through ``centre``."""
     R = rotation_about(normal, angle)
-    turned: FloatArray = centre + np.einsum("ijk,ik->ij", R, start - centre)
-    return turned
-
-
-def turn_between(R_a: FloatArray, R_b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return unit axis (r, 3) in frame a and angle (r,) [rad] that turn R_a into R_b."""
-    D = np.swapaxes(R_a, -1, -2) @ R_b
-    angle = rotation_angle(R_a, R_b)
-    vee = np.stack(
-        [D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=-1
-    )
-    size = np.linalg.norm(vee, axis=1)
-    axis = vee / np.maximum(size, 1e-300)[:, None]
-    axis[size < 1e-14] = (1.0, 0.0, 0.0)
-    for row in np.flatnonzero(angle > np.pi - 1e-4):
-        # Near a half turn the difference vanishes; D + 1 then is twice the axis' outer product.
-        values, vectors = np.linalg.eigh(0.5 * (D[row] + D[row].T))
-        best = vectors[:, int(np.argmax(values))]
-        axis[row] = best if float(best @ vee[row]) >= 0.0 else -best
-    return axis, angle
-
-
-def turned(R_a: FloatArray, axis: FloatArray, angle: FloatArray) -> FloatArray:
-    """Return R_a (r, 3, 3) turned about ``axis`` (in frame a) by ``angle`` (r,)."""
-    R: FloatArray = R_a @ rotation_about(axis, angle)
-    return R
+    points: FloatArray = centre + np.einsum("ijk,ik->ij", R, start - centre)
+    return points
 
 
 def spline_tangents(

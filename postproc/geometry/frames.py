@@ -93,6 +93,15 @@ def skew(vector: ArrayLike) -> FloatArray:
     return S - np.swapaxes(S, -1, -2)
 
 
+def vee(matrix: ArrayLike) -> FloatArray:
+    """Return (..., 3) of which ``skew`` gives the matrix minus its transpose: 2 sin(angle) axis."""
+    D = np.asarray(matrix, dtype=np.float64)
+    return np.stack(
+        [D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]],
+        axis=-1,
+    )
+
+
 def rotation_from_abc(abc: ArrayLike) -> FloatArray:
     """Return (..., 3, 3) from KUKA angles A, B, C (..., 3) [rad]: R = Rz(A) Ry(B) Rx(C)."""
     angles = np.asarray(abc, dtype=np.float64)
@@ -138,13 +147,31 @@ def kuka_from_transform(T_a_b: ArrayLike) -> tuple[FloatArray, FloatArray]:
 def rotation_angle(R_a: ArrayLike, R_b: ArrayLike) -> FloatArray:
     """Return the angle (...,) [rad] between two rotations, exact for tiny and for half turns."""
     D = np.swapaxes(np.asarray(R_a, dtype=np.float64), -1, -2) @ np.asarray(R_b, dtype=np.float64)
-    vee = np.stack(
-        [D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]],
-        axis=-1,
-    )
-    sine = 0.5 * np.linalg.norm(vee, axis=-1)
+    sine = 0.5 * np.linalg.norm(vee(D), axis=-1)
     cosine = 0.5 * (np.trace(D, axis1=-2, axis2=-1) - 1.0)
     return np.asarray(np.arctan2(sine, cosine))
+
+
+def axis_angle(R_a: FloatArray, R_b: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return unit axis (m, 3) in frame a and angle (m,) [rad] of the rotation from R_a to R_b."""
+    D = np.swapaxes(R_a, -1, -2) @ R_b
+    angle, found = rotation_angle(R_a, R_b), vee(D)
+    size = np.linalg.norm(found, axis=1)
+    axis = found / np.maximum(size, 1e-300)[:, None]
+    axis[size < 1e-14] = (1.0, 0.0, 0.0)
+    for row in np.flatnonzero(angle > np.pi - 1e-4):
+        # Near a half turn the difference vanishes; D + 1 then is twice the axis' outer product.
+        values, vectors = np.linalg.eigh(0.5 * (D[row] + D[row].T))
+        best = vectors[:, int(np.argmax(values))]
+        axis[row] = best if float(best @ found[row]) >= 0.0 else -best
+    return axis, angle
+
+
+def slerp(R_a: FloatArray, R_b: FloatArray, share: FloatArray) -> FloatArray:
+    """Return the orientations (m, 3, 3) at ``share`` (m,) 0..1 of the rotation from R_a to R_b."""
+    axis, angle = axis_angle(R_a, R_b)
+    R: FloatArray = R_a @ rotation_about(axis, angle * share)
+    return R
 
 
 def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Poses along controller motions: the TCP on a line or an arc, the orientation by one turn.
+"""Poses along controller motions: the TCP on a line or an arc, the orientation about one axis.
 
 A controller with variable orientation leads the tool from the start to the end orientation about
 one fixed axis, in step with the path; circles likewise. All functions are vectorised over rows.
@@ -9,31 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.geometry.frames import rotation_about, rotation_angle, rotation_from_vector, transform
-
-
-def rotation_vector(R_a: FloatArray, R_b: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return axis (m, 3) in frame a and angle (m,) [rad] of the turn from R_a to R_b."""
-    D = np.swapaxes(R_a, -1, -2) @ R_b
-    angle = rotation_angle(R_a, R_b)
-    vee = np.stack(
-        [D[..., 2, 1] - D[..., 1, 2], D[..., 0, 2] - D[..., 2, 0], D[..., 1, 0] - D[..., 0, 1]],
-        axis=-1,
-    )
-    # Near a half turn the difference vanishes; the diagonal then holds the axis.
-    symmetric = 0.5 * (D + np.swapaxes(D, -1, -2)) + np.eye(3)
-    column = np.argmax(np.diagonal(symmetric, axis1=-2, axis2=-1), axis=-1)
-    half = np.take_along_axis(symmetric, column[..., None, None], axis=-1)[..., 0]
-    vee = np.where((angle > 3.0)[..., None], half, vee)
-    size = np.linalg.norm(vee, axis=-1, keepdims=True)
-    axis = np.where(size > 1e-14, vee / np.maximum(size, 1e-14), [1.0, 0.0, 0.0])
-    return axis, angle
+from postproc.geometry.frames import rotation_about, rotation_from_vector, slerp, transform
 
 
 def line_poses(T_a: FloatArray, T_b: FloatArray, share: FloatArray) -> FloatArray:
     """Return the poses (m, 4, 4) at ``share`` (m,) 0..1 of straight motions from T_a to T_b."""
     p = T_a[:, :3, 3] + share[:, None] * (T_b[:, :3, 3] - T_a[:, :3, 3])
-    return transform(turned_between(T_a[:, :3, :3], T_b[:, :3, :3], share), p)
+    return transform(slerp(T_a[:, :3, :3], T_b[:, :3, :3], share), p)
 
 
 def arc_poses(
@@ -62,14 +44,14 @@ def arc_poses(
     """
     R_a, R_b = T_a[:, :3, :3], T_b[:, :3, :3]
     if tilts is None or not (tilts[0].any() or tilts[1].any()):
-        R = turned_between(R_a, R_b, share)
+        R = slerp(R_a, R_b, share)
     else:
         back = rotation_about(normal, -sweep)
         start, end = tilts[0], np.einsum("mij,mj->mi", back, tilts[1])
         along = rotation_about(normal, sweep * share)
         tilt = np.einsum("mij,mj->mi", along, start + share[:, None] * (end - start))
         first, last = (rotation_from_vector(-w) for w in tilts)
-        upright = turned_between(first @ R_a, last @ R_b, share)
+        upright = slerp(first @ R_a, last @ R_b, share)
         R = rotation_from_vector(tilt) @ upright
     return transform(R, arc_points(T_a[:, :3, 3], T_b[:, :3, 3], centre, normal, sweep, share))
 
@@ -105,10 +87,3 @@ def path_length(
     """Return the length (m,) [m]: straight where ``sweep`` is 0, else that of the arc or helix."""
     straight = np.linalg.norm(end - start, axis=1)
     return np.asarray(np.where(sweep > 0.0, np.maximum(radius * sweep, straight), straight))
-
-
-def turned_between(R_a: FloatArray, R_b: FloatArray, share: FloatArray) -> FloatArray:
-    """Return the orientations (m, 3, 3) at ``share`` (m,) of the turn from R_a to R_b."""
-    axis, angle = rotation_vector(R_a, R_b)
-    R: FloatArray = R_a @ rotation_about(axis, angle * share)
-    return R

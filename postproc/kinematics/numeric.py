@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from postproc.geometry import vee
 from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.model import Solver
@@ -215,13 +216,11 @@ def newton(chain: SerialChain, T: FloatArray, start: FloatArray) -> tuple[FloatA
 def _residual(T: FloatArray, wanted: FloatArray) -> FloatArray:
     """Return what is missing (m, 6): shift [m], then turn as axis times angle [rad]."""
     D = wanted[:, :3, :3] @ np.swapaxes(T[:, :3, :3], 1, 2)
-    vee = 0.5 * np.stack(
-        [D[:, 2, 1] - D[:, 1, 2], D[:, 0, 2] - D[:, 2, 0], D[:, 1, 0] - D[:, 0, 1]], axis=1
-    )
-    sine = np.linalg.norm(vee, axis=1)
+    turn = 0.5 * vee(D)
+    sine = np.linalg.norm(turn, axis=1)
     angle = np.arctan2(sine, 0.5 * (np.trace(D, axis1=1, axis2=2) - 1.0))
     factor = np.where(sine > 1e-9, angle / np.maximum(sine, 1e-300), 1.0)
-    return np.concatenate([wanted[:, :3, 3] - T[:, :3, 3], vee * factor[:, None]], axis=1)
+    return np.concatenate([wanted[:, :3, 3] - T[:, :3, 3], turn * factor[:, None]], axis=1)
 
 
 def _best(score: FloatArray, count: int) -> IntArray:

@@ -11,14 +11,14 @@ from postproc.controller import Trace, Way
 from postproc.geometry import (
     Circles,
     around,
+    axis_angle,
     circles,
     inverse,
+    rotation_about,
     rotation_from_abc,
     spline_points,
     spline_tangents,
     transform,
-    turn_between,
-    turned,
 )
 from postproc.kinematics import Kinematics
 from postproc.paths.externals import Externals
@@ -59,7 +59,7 @@ class Curves:
         if not len(inner):
             return T
         i, s = row[inner], share[inner]
-        R = turned(self.T_start[i, :3, :3], self.axis[i], self.turn[i] * s)
+        R = self.T_start[i, :3, :3] @ rotation_about(self.axis[i], self.turn[i] * s)
         start, end = self.T_start[i, :3, 3], self.T_end[i, :3, 3]
         p = start + s[:, None] * (end - start)
         number = self.circle[i]
@@ -120,7 +120,7 @@ def curves_of(
     axis, turn = np.zeros((len(trace), 3)), np.zeros(len(trace))
     moving = np.flatnonzero(trace.is_cp & np.isfinite(T_start[:, 0, 3]))
     if len(moving):
-        axis[moving], turn[moving] = turn_between(T_start[moving, :3, :3], T_end[moving, :3, :3])
+        axis[moving], turn[moving] = axis_angle(T_start[moving, :3, :3], T_end[moving, :3, :3])
     length = np.linalg.norm(T_end[:, :3, 3] - T_start[:, :3, 3], axis=1)
     bent = circle >= 0
     length[bent] = arcs.radius[circle[bent]] * arcs.sweep[circle[bent]]

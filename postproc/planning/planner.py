@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
-from postproc.kinematics import build
+from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
 from postproc.planning.route import Route, route
@@ -37,7 +37,6 @@ from postproc.units import DEG
 
 __all__ = ["PlanOptions", "plan"]
 
-_ON_AXIS = 1e-6
 _DROPS = 20
 
 
@@ -200,7 +199,8 @@ def _notes(checker: Checker) -> list[Finding]:
     """Return what the user should know about the cell."""
     problem = checker.problem
     notes = [Finding(Severity.NOTE, "PLN302", note) for note in problem.settings.weights.notes]
-    if _is_coaxial(problem):
+    tool = problem.cell.tool
+    if is_coaxial_with_axis_6(problem.kinematics, tool.T_flange_tcp, tool.axis):
         notes.append(
             Finding(
                 Severity.WARNING,
@@ -226,16 +226,6 @@ def _tilt_note(problem: Problem, chosen: Chosen) -> list[Finding]:
         f"side tilt {low[1]:g} to {high[1]:g} deg, {len(problem.tilts)} tilts searched"
     )
     return [Finding(Severity.NOTE, "PLN306", text)]
-
-
-def _is_coaxial(problem: Problem) -> bool:
-    """Return whether a turn about the tool axis is a turn of the last joint alone."""
-    T_flange_tcp = np.asarray(problem.cell.tool.T_flange_tcp)
-    q = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
-    last = problem.kinematics.jacobian(q, T_flange_tcp[:3, 3])[:, 5]
-    T = problem.kinematics.fk(q) @ T_flange_tcp
-    along = np.cross(last[3:], T[:3, :3] @ problem.placement.tool_axis)
-    return bool(np.linalg.norm(last[:3]) < _ON_AXIS and np.linalg.norm(along) < _ON_AXIS)
 
 
 def _assembled(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from postproc.geometry import frames
 
@@ -74,3 +74,40 @@ def test_orthonormalised_is_a_rotation_near_the_rounded_one():
     assert fixed @ fixed.T == pytest.approx(np.eye(3), abs=1e-14)
     assert np.linalg.det(fixed) == pytest.approx(1.0)
     assert np.abs(fixed - R).max() < 1e-6
+
+
+def near_half_turns():
+    rng = np.random.default_rng(8)
+    axes = rng.normal(size=(400, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    edge = [0.0, 1e-12, 1e-7, 1e-5, 3e-5, 1e-4, 1e-3, 0.05, 0.1, 0.3]
+    angle = np.pi - np.resize(edge, 400)
+    R_a = Rotation.random(400, random_state=9).as_matrix()
+    return R_a, R_a @ Rotation.from_rotvec(axes * angle[:, None]).as_matrix()
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 1.0, 3.0, 3.05, 3.14])
+def test_axis_and_angle_lead_from_one_rotation_to_the_other(size):
+    rng = np.random.default_rng(7)
+    axes = rng.normal(size=(300, 3))
+    vector = size * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    R_a = Rotation.random(300, random_state=3).as_matrix()
+    R_b = R_a @ Rotation.from_rotvec(vector).as_matrix()
+    axis, angle = frames.axis_angle(R_a, R_b)
+    assert np.abs(angle - size).max() < 1e-9
+    assert np.abs(R_a @ frames.rotation_about(axis, angle) - R_b).max() < 1e-9
+
+
+def test_axis_and_angle_hold_up_to_a_half_turn():
+    R_a, R_b = near_half_turns()
+    axis, angle = frames.axis_angle(R_a, R_b)
+    assert np.abs(np.linalg.norm(axis, axis=1) - 1.0).max() < 1e-9
+    assert np.abs(R_a @ frames.rotation_about(axis, angle) - R_b).max() < 1e-7
+
+
+def test_slerp_is_that_of_scipy():
+    R = Rotation.random(2, random_state=4)
+    shares = np.linspace(0.0, 1.0, 11)
+    want = Slerp([0.0, 1.0], R)(shares).as_matrix()
+    a, b = (np.repeat(R.as_matrix()[i : i + 1], 11, axis=0) for i in (0, 1))
+    assert np.abs(frames.slerp(a, b, shares) - want).max() < 1e-12

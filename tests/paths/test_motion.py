@@ -6,7 +6,6 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from postproc.controller.interpreter import World, run
 from postproc.controller.runtime import pose_of
-from postproc.geometry.curves import around, circles, turn_between
 from postproc.geometry.frames import inverse, kuka_from_transform
 from postproc.kinematics import build
 from postproc.paths import joint_paths, run_in_cell
@@ -168,29 +167,6 @@ def test_points_are_given_in_the_part(cell, kinematics):
 # ------------------------------------------------------------------------------------- circles
 
 
-def test_circles_are_those_they_were_made_from():
-    rng = np.random.default_rng(3)
-    centre, normal = rng.normal(size=(2, 500, 3))
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    spoke = np.cross(normal, rng.normal(size=(500, 3)))
-    sweep, share = rng.uniform(0.1, 6.2, 500), rng.uniform(0.1, 0.9, 500)
-    start = centre + spoke
-    end, middle = around(start, centre, normal, sweep), around(start, centre, normal, sweep * share)
-    found = circles(start, middle, end)
-    assert found.valid.all()
-    assert np.abs(found.centre - centre).max() < 1e-9
-    assert np.abs(found.sweep - sweep).max() < 1e-9
-    assert np.abs(found.normal - normal).max() < 1e-9
-    assert np.abs(found.radius - np.linalg.norm(spoke, axis=1)).max() < 1e-9
-
-
-def test_points_on_a_line_are_no_circle():
-    a = np.zeros((3, 3))
-    b = np.array([[1.0, 0, 0], [0, 0, 0], [1, 0, 0]])
-    c = np.array([[2.0, 0, 0], [1, 1, 0], [1, 0, 0]])
-    assert not circles(a, b, c).valid.any()
-
-
 def test_circ_with_an_angle_ends_there(cell, kinematics):
     q = np.array([0.0, -80.0, 110.0, 0.0, -60.0, 0.0]) * DEG
     pose = "A 0.0,B 0.0,C 180.0"
@@ -227,14 +203,3 @@ def test_splines_pass_their_points_and_stay_smooth(cell, kinematics):
     assert np.allclose(np.linalg.norm(found.end_point[2:], axis=1), 0.1, atol=1e-8)
     between = found.points_at(np.arange(3, 9), np.full(6, 0.5))
     assert np.abs(np.linalg.norm(between, axis=1) - 0.1).max() < 0.2e-3  # a chord is 1.9 mm off
-
-
-def test_half_turns_are_found():
-    R = Rotation.random(200, random_state=1)
-    axis = np.random.default_rng(2).normal(size=(200, 3))
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    for size in (1e-9, 1e-3, 1.0, 3.0, np.pi - 1e-6, np.pi):
-        S = R * Rotation.from_rotvec(axis * size)
-        found, angle = turn_between(R.as_matrix(), S.as_matrix())
-        again = R * Rotation.from_rotvec(found * angle[:, None])
-        assert (again * S.inv()).magnitude().max() < 1e-7

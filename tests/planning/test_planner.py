@@ -430,7 +430,7 @@ def test_workpiece_frame_moves_everything(make_cell, make_path, no_scene):
 def test_unknown_words_are_refused(make_cell):
     from postproc.errors import CellError
 
-    with pytest.raises(CellError, match="no objective 'axal'"):
+    with pytest.raises(CellError, match="no objective is named 'axal'"):
         settle(make_cell(optimize={"objective": "axal"}), PlanOptions())
     with pytest.raises(CellError, match="expected one of global"):
         settle(make_cell(), PlanOptions(strategy="best"))

@@ -17,7 +17,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
-from postproc.kinematics import Kinematics, build, wrist_distance
+from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.model import ToolPath
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
@@ -45,8 +45,6 @@ INDICES = {
     "ellipsoid_kv": "Jiao et al. 2022, normal stiffness, Eq. (43)",
 }
 """Name of an index to what it is."""
-_COAXIAL = 1e-3
-"""A tool axis within this distance [m] and angle [rad] of axis 6 turns with axis 6 alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,18 +126,8 @@ def spin_curves(
         values={name: value.reshape(shape) for name, value in values.items()},
         branch=branch,
         q=q.reshape(*shape, 6),
-        coaxial=is_coaxial(cell, kinematics),
+        coaxial=is_coaxial_with_axis_6(kinematics, cell.tool.T_flange_tcp, cell.tool.axis),
     )
-
-
-def is_coaxial(cell: Cell, kinematics: Kinematics) -> bool:
-    """Return whether the tool axis lies on axis 6, so that the spin moves axis 6 alone."""
-    q = np.array([0.0, -1.0, 1.5, 0.3, 0.7, 0.0])
-    J = kinematics.jacobian(q, cell.tool.T_flange_tcp[:3, 3])[:, 5]
-    T = kinematics.fk(q) @ cell.tool.T_flange_tcp
-    axis = T[:3, :3] @ np.asarray(cell.tool.axis)
-    turned = np.linalg.norm(np.cross(axis, J[3:]))
-    return bool(turned < _COAXIAL and np.linalg.norm(J[:3]) < _COAXIAL)
 
 
 def _some(keys: IndexArray, most: int) -> IndexArray:

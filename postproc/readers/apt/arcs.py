@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, Table
+from postproc.geometry import angle_about
 from postproc.model import Arcs
 from postproc.readers.text import Faults
 from postproc.units import MM
@@ -81,9 +82,8 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
     to_start = _in_plane(starts - records.centre, normal)
     to_end = _in_plane(ends - records.centre, normal)
     radius = _checked_radius(records, to_start, to_end, faults)
-    sine = np.einsum("ni,ni->n", np.cross(to_start, to_end), normal)
-    sweep = np.arctan2(sine, np.einsum("ni,ni->n", to_start, to_end)) % TURN
-    closed = (np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP) | (sweep <= 0.0)
+    sweep = angle_about(normal, to_start, to_end)
+    closed = np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP
     sweep = np.where(closed, TURN, sweep) + TURN * np.maximum(records.turns - 1, 0)
     return Arcs(records.centre, normal, radius, sweep)
 

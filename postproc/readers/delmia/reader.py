@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.geometry import inverse
+from postproc.geometry import circles, inverse
 from postproc.model import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
 from postproc.readers.base import READERS, ReadOptions
 from postproc.readers.delmia.records import N_JOINTS, Document, Motion, OtherActivity, pose
@@ -33,8 +33,6 @@ _KINDS = {
     "circularmotion": MotionKind.ARC,
 }  # fmt: skip
 _VIA = frozenset({"circularvia", "circularviamotion"})
-_STRAIGHT = 1e-9
-"""Sine of the angle at which three points count as on one line."""
 _NONE = -1
 
 
@@ -259,26 +257,15 @@ def _arcs(
     vias = [via for via in path.vias if via is not None]
     middle = _poses(vias, document, faults)[:, :3, 3]
     start, end = points[ends - 1], points[ends]
-    a, b = middle - start, end - start
-    normal = np.cross(a, b)
-    size = np.linalg.norm(normal, axis=1)
-    unknown = ~np.isfinite(size)
-    if unknown.any():
-        i = int(np.flatnonzero(unknown)[0])
-        raise faults.error("DEL020", "an arc needs Cartesian targets all along it", lines[i])
-    flat = ~(size > _STRAIGHT * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1))
-    if flat.any():
-        i = int(np.flatnonzero(flat)[0])
-        raise faults.error("DEL020", "an arc through three points on one line", lines[i])
-    square = size[:, None] ** 2
-    aa = np.einsum("ni,ni->n", a, a)[:, None]
-    bb = np.einsum("ni,ni->n", b, b)[:, None]
-    centre = start + np.cross(bb * a - aa * b, normal) / (-2.0 * square)
-    normal = normal / size[:, None]
-    u, v = start - centre, end - centre
-    sine = np.einsum("ni,ni->n", np.cross(u, v), normal)
-    sweep = np.arctan2(sine, np.einsum("ni,ni->n", u, v)) % (2.0 * np.pi)
-    return Arcs(centre, normal, np.linalg.norm(u, axis=1), sweep), column
+    known = np.isfinite(np.hstack([start, middle, end])).all(axis=1)
+    found = circles(start, middle, end)
+    for good, reason in (
+        (known, "an arc needs Cartesian targets all along it"),
+        (found.valid, "an arc through three points on one line"),
+    ):
+        if not good.all():
+            raise faults.error("DEL020", reason, lines[int(np.argmin(good))])
+    return Arcs(found.centre, found.normal, found.radius, found.sweep), column
 
 
 def _note_coordinates(document: Document, faults: Faults) -> None:
