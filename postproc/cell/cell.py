@@ -20,6 +20,7 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
+from postproc.units import STANDARD_GRAVITY
 
 
 class Provenance(StrEnum):
@@ -146,6 +147,11 @@ class Robot:
             frozen_floats(self, name, (6,))
         frozen_floats(self, "link_com", (6, 3))
         frozen_floats(self, "T_world_robroot", (4, 4))
+
+    @property
+    def gravity(self) -> FloatArray:
+        """(3,) [m/s^2] in axes of robroot."""
+        return np.asarray(self.T_world_robroot[2, :3] * -STANDARD_GRAVITY)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,8 +19,7 @@ from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
 from postproc.paths import Displacement, Moments, directions
-from postproc.stiffness import moved_wrench
-from postproc.units import STANDARD_GRAVITY
+from postproc.process import weight_wrench
 
 _CHUNK = 4000
 _STANDING = 1e-9
@@ -91,11 +90,9 @@ def loads(
     wrench = np.concatenate(turned, axis=1)
     mass = cell.tool.mass
     if dead and np.isfinite(mass) and mass > 0.0:
-        down = cell.robot.T_world_robroot[:3, :3].T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        weight = np.tile(np.concatenate([mass * down, np.zeros(3)]), (len(q), 1))
         p_flange_com = np.zeros(3) if cell.tool.com is None else np.asarray(cell.tool.com)
         lever = T[:, :3, :3] @ (p_flange_com - cell.tool.T_flange_tcp[:3, 3])
-        wrench = wrench + moved_wrench(weight, lever)
+        wrench = wrench + weight_wrench(mass, cell.robot.gravity, lever)
     return np.asarray(wrench)
 
 

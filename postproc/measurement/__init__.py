@@ -17,11 +17,13 @@ from postproc.measurement.registration import (
     unloaded_rows,
 )
 from postproc.measurement.rows import MeasurementSet
+from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
 
 __all__ = [
     "DIRECTION",
     "EXPECTED",
     "JOINTS",
+    "MEAN_LENGTH",
     "ORIENTATION",
     "SPEED",
     "WRENCH",
@@ -31,5 +33,6 @@ __all__ = [
     "read_campaign",
     "read_measurements",
     "rigid_motion",
+    "robust_sigma",
     "unloaded_rows",
 ]

@@ -1,7 +1,7 @@
 """What the process asks of planning and verification alike: feeds, loads, order, points, tilt."""
 
 from postproc.process.feeds import feeds_of
-from postproc.process.loads import load_cases, operation_loads
+from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.tilt import PLUNGING, SHARPEST
@@ -15,4 +15,5 @@ __all__ = [
     "load_cases",
     "operation_loads",
     "reordered",
+    "weight_wrench",
 ]

@@ -1,8 +1,9 @@
-"""The load on the tool at each tag: the wrench of its operation, or the one of the cell."""
+"""Loads on the tool: at each tag the wrench of its operation, or the one of the cell; weights."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.cell import Cell
@@ -30,3 +31,27 @@ def load_cases(toolpath: ToolPath, cell: Cell) -> tuple[list[FloatArray], IntArr
     distinct, which = np.unique(wrenches, axis=0, return_inverse=True)
     case = np.where(np.isin(toolpath.kind, WORKING), 1 + which.reshape(-1)[row], 0)
     return list(distinct), case.astype(np.int32)
+
+
+def weight_wrench(mass: float, gravity: FloatArray, lever: FloatArray) -> FloatArray:
+    """Return the wrench (n, 6) of a weight at another point of the body that it hangs on.
+
+    Args:
+        mass: [kg].
+        gravity: (3,) [m/s^2].
+        lever: (n, 3) from that point to the weight [m], axes of ``gravity``.
+    """
+    return moved_wrench(np.tile([*(mass * gravity), 0.0, 0.0, 0.0], (len(lever), 1)), lever)
+
+
+def moved_wrench(wrench: ArrayLike, lever: ArrayLike) -> FloatArray:
+    """Return the same wrench (..., 6) stated at another point.
+
+    Args:
+        wrench: (..., 6) at its point of attack.
+        lever: (..., 3) [m] from the new point to the point of attack, axes of the wrench.
+    """
+    w = np.asarray(wrench, dtype=np.float64)
+    arm = np.broadcast_to(np.asarray(lever, dtype=np.float64), (*w.shape[:-1], 3))
+    moment = w[..., 3:] + np.cross(arm, w[..., :3])
+    return np.concatenate([w[..., :3], moment], axis=-1)

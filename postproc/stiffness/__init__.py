@@ -1,6 +1,6 @@
 """Cartesian stiffness and compliance, task indices, identification of joint stiffness."""
 
-from postproc.stiffness.cartesian import joint_compliance, moved_wrench
+from postproc.stiffness.cartesian import joint_compliance
 from postproc.stiffness.field import ConstantField, ContinuousField, Locate, StiffnessField
 from postproc.stiffness.fieldfile import (
     STIFFNESS,
@@ -24,6 +24,5 @@ __all__ = [
     "field_table",
     "is_field_table",
     "joint_compliance",
-    "moved_wrench",
     "whole_field",
 ]

@@ -71,29 +71,13 @@ def translational_compliance(jacobian: ArrayLike, c_joint: ArrayLike) -> FloatAr
     return compliance(np.asarray(jacobian, dtype=np.float64)[..., :3, :], c_joint)
 
 
-def stiffness_rotation_free(jacobian: ArrayLike, c_joint: ArrayLike) -> FloatArray:
-    """Return (C_dd)⁻¹ (..., 3, 3) [N/m]: force per displacement while the tool may rotate.
-
-    This is what a force at the tool point really meets. NaN where C_dd is singular.
-    """
-    return _inverse(translational_compliance(jacobian, c_joint))
-
-
-def stiffness_rotation_held(jacobian: ArrayLike, c_joint: ArrayLike) -> FloatArray:
-    """Return K_fd (..., 3, 3) [N/m], the force-translation block of K = C⁻¹ (Eqs. 13-15).
-
-    It belongs to a tool whose rotation is clamped (δ = 0) and is 1.4 to 11 times stiffer than the
-    free tool on the arm of the paper: use it only to compare with the paper. NaN where K does not
-    exist (a singular pose).
-    """
-    return _inverse(compliance_rotation_held(jacobian, c_joint))
-
-
 def compliance_rotation_held(jacobian: ArrayLike, c_joint: ArrayLike) -> FloatArray:
     """Return K_fd⁻¹ = C_dd - C_dδ C_δδ⁻¹ C_δd (..., 3, 3) [m/N] without inverting J.
 
-    At a singular pose it only loses rank (a direction the clamped tool cannot yield in). NaN
-    where the joints do not span all rotations.
+    K_fd is the force-translation block of K = C⁻¹ (Eqs. 13-15). It belongs to a tool whose rotation
+    is clamped (δ = 0), 1.4 to 11 times stiffer than the free tool on the arm of the paper: use it
+    only to compare with the paper. At a singular pose it only loses rank (a direction the clamped
+    tool cannot yield in). NaN where the joints do not span all rotations.
     """
     C = compliance(jacobian, c_joint)
     cross = C[..., 3:, :3]
@@ -113,33 +97,11 @@ def joint_torque(jacobian: ArrayLike, wrench: ArrayLike) -> FloatArray:
     return torque
 
 
-def deflection(jacobian: ArrayLike, c_joint: ArrayLike, wrench: ArrayLike) -> FloatArray:
-    """Return D = J Kθ⁻¹ Jᵀ F (..., 6) [m, rad], the small displacement under a wrench, Eq. (1)."""
-    turned = np.asarray(c_joint, dtype=np.float64) * joint_torque(jacobian, wrench)
-    moved: FloatArray = np.einsum(
-        "...ij,...j->...i", np.asarray(jacobian, dtype=np.float64), turned
-    )
-    return moved
-
-
 def regressor(jacobian: ArrayLike, wrench: ArrayLike) -> FloatArray:
     """Return A (..., 6, n) of D = A c (Eqs. 3 and 5): column i is J_i (J_i · F)."""
     J = np.asarray(jacobian, dtype=np.float64)
     A: FloatArray = J * joint_torque(J, wrench)[..., None, :]
     return A
-
-
-def moved_wrench(wrench: ArrayLike, lever: ArrayLike) -> FloatArray:
-    """Return the same wrench (..., 6) stated at another point.
-
-    Args:
-        wrench: (..., 6) at its point of attack.
-        lever: (..., 3) [m] from the new point to the point of attack, axes of the wrench.
-    """
-    w = np.asarray(wrench, dtype=np.float64)
-    arm = np.broadcast_to(np.asarray(lever, dtype=np.float64), (*w.shape[:-1], 3))
-    moment = w[..., 3:] + np.cross(arm, w[..., :3])
-    return np.concatenate([w[..., :3], moment], axis=-1)
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ see has NaN inside the field and ``fallback`` outside of it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -96,6 +96,11 @@ class ConstantField(StiffnessField):
         return np.tile(self.c_joint, (len(q), 1))
 
 
+def lattice(counts: Sequence[int]) -> IntArray:
+    """Return the indices (n, 3) of the cells of a box, z fastest, then y, then x."""
+    return np.stack([axis.ravel() for axis in np.indices(counts)], axis=-1)
+
+
 @dataclass(frozen=True, slots=True)
 class Grid:
     """Equal cells that fill a box: ``origin`` (3,) lowest corner, ``size`` (3,) of a cell [m].
@@ -125,8 +130,7 @@ class Grid:
     @property
     def lowest(self) -> FloatArray:
         """(cells, 3) lowest corner of each cell [m]."""
-        steps = np.meshgrid(*[np.arange(n) for n in self.counts], indexing="ij")
-        return np.asarray(self.origin + np.stack([s.ravel() for s in steps], axis=-1) * self.size)
+        return np.asarray(self.origin + lattice(self.counts) * self.size)
 
     def number(self, index: IntArray) -> IntArray:
         """Return cell numbers (...,) of cell indices (..., 3)."""
@@ -146,7 +150,7 @@ class Grid:
         for shift in (-tolerance, tolerance):
             index = np.floor(scaled + shift / self.size).astype(np.int32)
             choices.append(np.clip(index, 0, last))
-        corners = np.array(np.meshgrid(*[[0, 1]] * 3, indexing="ij")).reshape(3, -1).T
+        corners = lattice((2, 2, 2))
         pick = np.stack(choices)
         index = np.stack([pick[corners[k], :, np.arange(3)].T for k in range(8)], axis=1)
         number = self.number(index)
@@ -165,7 +169,7 @@ class Grid:
         scaled = np.clip((points - self.origin) / self.size - 0.5, 0.0, last)
         low = np.minimum(np.floor(scaled).astype(np.int32), np.maximum(last - 1, 0))
         part = scaled - low
-        corners = np.array(np.meshgrid(*[[0, 1]] * 3, indexing="ij")).reshape(3, -1).T
+        corners = lattice((2, 2, 2))
         index = np.minimum(low[:, None, :] + corners, last)
         weight = np.prod(np.where(corners == 1, part[:, None, :], 1.0 - part[:, None, :]), axis=-1)
         return self.number(index), weight

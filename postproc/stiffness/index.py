@@ -19,10 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
-from postproc.errors import StiffnessError
 from postproc.stiffness.cartesian import (
     compliance_rotation_held,
-    deflection,
     translational_compliance,
 )
 
@@ -50,61 +48,29 @@ def radial(jacobian: ArrayLike, c_joint: ArrayLike, tool_axis: ArrayLike) -> Flo
     every choice of axes in that plane.
     """
     C = translational_compliance(jacobian, c_joint)
-    u, v = plane_axes(tool_axis)
+    u, v = _plane_axes(tool_axis)
     uu, vv, uv = _form(C, u, u), _form(C, v, v), _form(C, u, v)
     largest = 0.5 * (uu + vv) + np.hypot(0.5 * (uu - vv), uv)
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / largest)
 
 
-def along_force(jacobian: ArrayLike, c_joint: ArrayLike, wrench: ArrayLike) -> FloatArray:
-    """Return |f| per displacement along f (...,) [N/m] under the force part of a wrench (..., 6).
-
-    Raises:
-        StiffnessError: STF002 if a force is zero.
-    """
-    force = np.asarray(wrench, dtype=np.float64)[..., :3]
-    size = np.linalg.norm(force, axis=-1, keepdims=True)
-    if bool(np.any(size <= 0.0)):
-        raise StiffnessError("STF002", "the process force is zero, its direction is undefined")
-    return directional(jacobian, c_joint, force / size)
-
-
-def under_wrench(jacobian: ArrayLike, c_joint: ArrayLike, wrench: ArrayLike) -> FloatArray:
-    """Return |f|/|d| (...,) [N/m] with d the whole displacement under force and moment."""
-    w = np.asarray(wrench, dtype=np.float64)
-    moved = np.linalg.norm(deflection(jacobian, c_joint, w)[..., :3], axis=-1)
-    with np.errstate(divide="ignore"):
-        return np.asarray(np.linalg.norm(w[..., :3], axis=-1) / moved)
-
-
-def ellipsoid(
-    jacobian: ArrayLike, c_joint: ArrayLike, direction: ArrayLike, block: str = "held"
-) -> FloatArray:
+def ellipsoid(jacobian: ArrayLike, c_joint: ArrayLike, direction: ArrayLike) -> FloatArray:
     """Return the paper's ellipsoid index k along a direction (...,) [N/m].
 
-    With σ_i, e_i the singular values of the stiffness matrix and the direction in its eigenvector
-    frame, k = (Σ e_i²/σ_i⁴)^(-1/4). Written without eigenvectors: k = (eᵀ (KᵀK)⁻² e)^(-1/4)
-    = |K⁻² e|^(-1/2), which needs neither K nor an inverse of J.
+    With σ_i, e_i the singular values of the stiffness K = K_fd of the held tool, Eqs. (15) and
+    (16), and the direction in its eigenvector frame, k = (Σ e_i²/σ_i⁴)^(-1/4). Written without
+    eigenvectors: k = (eᵀ (KᵀK)⁻² e)^(-1/4) = |K⁻² e|^(-1/2), which needs no inverse of J.
 
     Args:
         jacobian: (..., 6, n).
         c_joint: (n,) or (..., n) [rad/(N*m)].
         direction: (..., 3) unit.
-        block: ``held``: K = K_fd, the paper's literal Eqs. (15), (16); ``free``: K = (C_dd)⁻¹.
 
     Source:
         Jiao et al. 2022, Eqs. (16) to (25); kx, ky, kz are this along the tool's axes.
-
-    Raises:
-        StiffnessError: STF003 for another ``block``.
     """
-    if block == "held":
-        give = compliance_rotation_held(jacobian, c_joint)
-    elif block == "free":
-        give = translational_compliance(jacobian, c_joint)
-    else:
-        raise StiffnessError("STF003", f"block is 'held' or 'free', not {block!r}")
+    give = compliance_rotation_held(jacobian, c_joint)
     twice = give @ (give @ np.asarray(direction, dtype=np.float64)[..., None])
     with np.errstate(divide="ignore"):
         return np.asarray(np.linalg.norm(twice[..., 0], axis=-1) ** -0.5)
@@ -122,7 +88,7 @@ def ellipsoid_normal(k_y: ArrayLike, k_z: ArrayLike, theta: ArrayLike) -> FloatA
     return np.asarray(np.hypot(y, z))
 
 
-def plane_axes(axis: ArrayLike) -> tuple[FloatArray, FloatArray]:
+def _plane_axes(axis: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors (..., 3) that span the plane normal to unit ``axis`` (..., 3)."""
     n = np.asarray(axis, dtype=np.float64)
     start = np.where(np.abs(n[..., 2:3]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])

@@ -124,7 +124,7 @@ def test_identified_field_compensates_to_the_noise(cell, arm, postures):
 
 
 def test_grid_field_in_the_model_predicts_what_the_field_says(cell, arm, postures):
-    from postproc.stiffness.cartesian import deflection
+    from postproc.stiffness.cartesian import compliance
     from postproc.stiffness.field import Grid, GridField
 
     grid = Grid(np.array([1.5, -0.6, 0.5]), np.full(3, 0.6), (1, 2, 1))
@@ -133,7 +133,8 @@ def test_grid_field_in_the_model_predicts_what_the_field_says(cell, arm, posture
     model = RobotModel.of(arm, cell, ModelFile(stiffness_tables(field, c.mean(axis=0))))
     q = postures(30)
     wrench = loads(q, cell, arm, np.zeros(30, dtype=bool))
-    expected = deflection(arm.jacobian(q, TCP), field.compliance(q, model.nominal(q)), wrench)
+    C = compliance(arm.jacobian(q, TCP), field.compliance(q, model.nominal(q)))
+    expected = (C @ wrench[..., None])[..., 0]
     np.testing.assert_allclose(model.displacement(q, wrench), expected[:, :3], atol=5e-6)
 
 

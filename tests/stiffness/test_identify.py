@@ -32,14 +32,15 @@ def varying():
 
 def fresh_error(twin, field, q):
     """Return lengths of true minus predicted displacement under the dead weight [m]."""
-    from postproc.stiffness.cartesian import deflection
+    from postproc.stiffness.cartesian import compliance
 
     from .conftest import wrench_of
     from .test_cartesian import screw_jacobian
 
     J = screw_jacobian(q)
     wrench = wrench_of(twin, q, WEIGHT, twin.com)
-    model = deflection(J, field.compliance(q, twin.point(q)), wrench)[:, :3]
+    C = compliance(J, field.compliance(q, twin.point(q)))
+    model = (C @ wrench[..., None])[:, :3, 0]
     return np.linalg.norm(twin.weight(q) - twin.point(q) - model, axis=1)
 
 

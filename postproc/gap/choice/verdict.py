@@ -13,7 +13,6 @@ from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.workbench import Prepared
 from postproc.gap.fit import (
     ABSORBED_GAIN,
-    MAD_OF_CHI3,
     Bench,
     Context,
     Fit,
@@ -24,6 +23,7 @@ from postproc.gap.fit import (
     is_absorbed,
 )
 from postproc.gap.robot_model import evaluate
+from postproc.measurement import robust_sigma
 
 STRUCTURE = 1.0
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
@@ -127,7 +127,7 @@ def _faults(problem: Problem, bench: Bench, keys: tuple[str, ...], prepared: Pre
     rows[np.flatnonzero(rows)[rest.outlier]] = False
     result = fitted(problem, bench, keys, level, rows)
     left = np.linalg.norm(problem.measured - result.point, axis=1)
-    usual = max(level, float(np.median(left[rows])) / MAD_OF_CHI3)
+    usual = max(level, robust_sigma(left[rows]))
     bad: BoolArray = np.asarray(left > 6.0 * usual)
     return bad if bad.mean() <= 0.06 else np.asarray(bad & (left > np.quantile(left, 0.94)))
 

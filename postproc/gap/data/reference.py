@@ -15,7 +15,6 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
-from postproc.units import STANDARD_GRAVITY
 
 CLASS_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 """(6,) [N*m/rad] of a KUKA KR500, no grid (Jiao et al. 2022); other sources differ by 2."""
@@ -61,9 +60,7 @@ def reference_of(kinematics: Kinematics, cell: Cell) -> ArmReference:
         assumed.append("joint stiffness")
         size = float(np.sum(mass)) * reach / (float(np.sum(CLASS_MASS)) * CLASS_REACH)
         stiffness = CLASS_STIFFNESS * min(size, (reach / CLASS_REACH) ** 4)
-    down = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-    gravity = robot.T_world_robroot[:3, :3].T @ down
-    return ArmReference(gravity, 1.0 / stiffness, mass, com, tuple(assumed))
+    return ArmReference(robot.gravity, 1.0 / stiffness, mass, com, tuple(assumed))
 
 
 def _masses(

@@ -18,7 +18,7 @@ from postproc.gap.fit.fit import Fit, Free, fit
 from postproc.gap.fit.intervals import deviations
 from postproc.gap.fit.linear import Block, Gram, block_of
 from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.noise import MAD_OF_CHI3, Noise, Saturated, repeats, saturated
+from postproc.gap.fit.noise import Noise, Saturated, repeats, saturated
 from postproc.gap.fit.problem import Problem, pose_problem
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.select import CLEAR, Search, Subset, search
@@ -27,7 +27,6 @@ from postproc.gap.fit.waves import Context, Wave, find_waves, is_gear_error
 __all__ = [
     "ABSORBED_GAIN",
     "CLEAR",
-    "MAD_OF_CHI3",
     "SMALLEST_SUSPECT",
     "Bench",
     "Block",

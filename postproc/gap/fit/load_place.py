@@ -13,14 +13,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.effect import EFFECTS, registration_effects
 from postproc.gap.fit.linear import Block, Gram, block_of, predicted
-from postproc.gap.fit.noise import MAD_OF_CHI3
 from postproc.gap.fit.registration import register
 from postproc.gap.robot_model import States, evaluate
-from postproc.measurement import in_robroot
+from postproc.measurement import in_robroot, robust_sigma
 from postproc.model import Registration
 
 NEAR = 5e-3
@@ -32,18 +31,21 @@ _FINE, _LEAST = 1e-5, 1e-6
 """Noise [m] that is assumed before there is an estimate, and the least that is believed."""
 
 
-def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Registration:
+def register_loaded(
+    samples: Samples, measured: FloatArray, given: States, rows: BoolArray | None = None
+) -> Registration:
     """Fit the measured frame, the measured point, and which of the two points carries the loads.
 
     Args:
         samples: rows; their arm's points are the start.
         measured: (n, 3) points in the measured frame [m].
         given: effects that the model has already; they stay.
+        rows: (n,) to register on; None: all.
 
     Raises:
-        DataError: GAP003 if there are too few rows.
+        DataError: MEA012 if there are too few postures.
     """
-    first = register(samples, measured, given)
+    first = register(samples, measured, given, rows)
     place = first.p_flange_point
     aside = float(np.linalg.norm(place - samples.arm.p_flange_load))
     if samples.wrench is None or not bool(np.any(samples.wrench)) or aside < NEAR:
@@ -53,12 +55,12 @@ def register_loaded(samples: Samples, measured: FloatArray, given: States) -> Re
     sides = [_library(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
     left = [_left(blocks, gap) for blocks, gap in sides]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
-    sigma = min(float(np.median(size[sound])) for size in left) / MAD_OF_CHI3
+    sigma = min(robust_sigma(size[sound]) for size in left)
     weight = sound / max(sigma, _LEAST)
     here, there = (_evidence(Gram.of(blocks, gap, weight)) for blocks, gap in sides)
     if there < here + SURE:
         return first
-    return replace(register(at_point, measured, given), loads_at_point=True)
+    return replace(register(at_point, measured, given, rows), loads_at_point=True)
 
 
 def _library(

@@ -10,14 +10,13 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block
+from postproc.measurement import robust_sigma
 from postproc.units import DEG
 
 _SAME_POSE = 1e-3 * DEG
 _OUTLIER = 5.5
 """Residual norm over sigma: chi-squared of 3 passes 30 once in 700,000 rows of noise."""
 _MOST_OUTLIERS = 0.06
-MAD_OF_CHI3 = 1.538
-"""Median of the norm of three unit normals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +145,7 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
         free[~use] = np.eye(3) + hat[~use]
         out = _whitened(raw, free)
         norm = np.linalg.norm(out, axis=1)
-        robust = float(np.median(norm[use])) / MAD_OF_CHI3
+        robust = robust_sigma(norm[use])
         new_sigma = float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0)))
         limit = _OUTLIER * max(min(robust, new_sigma), 1e-9)
         bad = norm > limit

@@ -14,6 +14,7 @@ from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
 from postproc.gap.effect import EFFECTS, Effect, Setting, registration_effects
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
+from postproc.gap.fit.registration import rows_on_the_arm
 from postproc.gap.robot_model import RobotModel, States, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, in_robroot
@@ -101,7 +102,7 @@ def pose_problem(
     measured = np.asarray(measurements.position)
     registration = None
     if registered:
-        registration = register_loaded(samples, measured, given)
+        registration = register_loaded(samples, measured, given, rows_on_the_arm(samples, given))
         arm = RobotModel.of(
             kinematics, cell, ModelFile(registration=registration), measured_point=True
         ).arm

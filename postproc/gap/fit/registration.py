@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import States, effect_of, evaluate
 from postproc.measurement import fit_registration, unloaded_rows
@@ -17,26 +17,35 @@ _SETTLED = 1e-9
 """Change of the point [m] that ends the fit: what the model does at it has settled."""
 
 
-def register(samples: Samples, measured: FloatArray, given: States) -> Registration:
-    """Fit the measured frame and the measured point to the arm of the given model.
+def rows_on_the_arm(samples: Samples, given: States) -> BoolArray:
+    """Return the rows (n,) whose loads the model counts, or that have none.
 
-    Loaded rows count where the model says how far the arm gives under loads.
+    All of them where the model knows how far the arm gives under loads.
+    """
+    knows_loads = any("wrench" in effect_of(name).needs for name in given)
+    return unloaded_rows(samples.q, None if knows_loads else samples.wrench)
+
+
+def register(
+    samples: Samples, measured: FloatArray, given: States, rows: BoolArray | None = None
+) -> Registration:
+    """Fit the measured frame and the measured point to the arm of the given model.
 
     Args:
         samples: rows; their arm's point is the start.
         measured: (n, 3) points in the measured frame [m].
         given: effects that the model has already; they stay.
+        rows: (n,) to register on; None: all.
 
     Raises:
-        DataError: MEA012 if there are too few rows.
+        DataError: MEA012 if there are too few postures.
     """
-    knows_loads = any("wrench" in effect_of(name).needs for name in given)
-    rows = unloaded_rows(samples.q, None if knows_loads else samples.wrench)
-    used, points = samples.rows(rows), measured[rows]
+    if rows is not None:
+        samples, measured = samples.rows(rows), measured[rows]
     start = np.asarray(samples.arm.p_flange_point)
     place = start
     for _ in range(_ROUNDS):
-        found = fit_registration(_flange(used, place, given), points, start)
+        found = fit_registration(_flange(samples, place, given), measured, start)
         change = float(np.linalg.norm(found.p_flange_point - place))
         place = found.p_flange_point
         if not given or change < _SETTLED:

@@ -14,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import StiffnessError
+from postproc.measurement import robust_sigma
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.observability import (
     FINEST,
@@ -109,7 +110,7 @@ def fit_constant(
     c, sigma, dof = _solve(cases, c_ref, np.ones(6, dtype=bool), weight)
     for _ in range(20 if robust else 0):
         previous = weight
-        weight = _huber(cases, c)
+        weight = huber_weight(_lengths(cases, c))
         c, sigma, dof = _solve(cases, c_ref, np.ones(6, dtype=bool), weight)
         if np.max(np.abs(weight - previous)) < 1e-3:
             break
@@ -157,13 +158,19 @@ def fit_constant(
 
 def outliers(cases: LoadCases, c_joint: FloatArray) -> BoolArray:
     """Return (n,) which cases are measuring faults: far beyond the scatter of the others."""
-    error = np.linalg.norm(cases.error(c_joint) / cases.scale[:, None], axis=1)
+    error = _lengths(cases, c_joint)
     return np.asarray(error > OUTLIER * max(robust_sigma(error), FINEST))
 
 
-def robust_sigma(error_norm: FloatArray) -> float:
-    """Return sigma per axis from 3D error norms: their median is 1.538 sigma for Gaussian noise."""
-    return float(np.median(error_norm)) / 1.5382
+def huber_weight(error: FloatArray) -> FloatArray:
+    """Return the weights (n,) of cases by the lengths of their errors."""
+    limit = HUBER * max(robust_sigma(error), FINEST)
+    return np.asarray(np.minimum(1.0, limit / np.maximum(error, 1e-300)))
+
+
+def _lengths(cases: LoadCases, c_joint: FloatArray) -> FloatArray:
+    """Return the lengths (n,) of the errors [m], of equal noise."""
+    return np.asarray(np.linalg.norm(cases.error(c_joint) / cases.scale[:, None], axis=1))
 
 
 def _common_size(cases: LoadCases, shape: FloatArray) -> float:
@@ -174,12 +181,6 @@ def _common_size(cases: LoadCases, shape: FloatArray) -> float:
         raise StiffnessError("STF012", "the loads put no torque on any joint")
     factor = float(np.sum(predicted * cases.d)) / square
     return float(np.clip(factor, 1e-4, 1e5)) if factor > 0.0 else 1.0
-
-
-def _huber(cases: LoadCases, c: FloatArray) -> FloatArray:
-    error = np.linalg.norm(cases.error(c) / cases.scale[:, None], axis=1)
-    limit = HUBER * max(robust_sigma(error), FINEST)
-    return np.asarray(np.minimum(1.0, limit / np.maximum(error, 1e-300)))
 
 
 def _solve(

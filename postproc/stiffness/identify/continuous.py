@@ -17,7 +17,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.stiffness.field import ContinuousField, kernel
 from postproc.stiffness.identify.cases import LoadCases
-from postproc.stiffness.identify.constant import HUBER, ConstantFit, robust_sigma
+from postproc.stiffness.identify.constant import ConstantFit, huber_weight
 from postproc.stiffness.identify.observability import FINEST
 
 NODES = 160
@@ -260,9 +260,7 @@ def _log_evidence(q: FloatArray, B: FloatArray, y: FloatArray, hyper: Hyper) -> 
 
 def _huber(cases: LoadCases, c0: FloatArray, seen: BoolArray, log_ratio: FloatArray) -> FloatArray:
     left = cases.d - np.einsum("nij,nj->ni", cases.A[:, :, seen] * c0, np.exp(log_ratio))
-    size = np.linalg.norm(left, axis=1)
-    limit = HUBER * max(robust_sigma(size), FINEST)
-    return np.asarray(np.minimum(1.0, limit / np.maximum(size, 1e-300)))
+    return huber_weight(np.linalg.norm(left, axis=1))
 
 
 def _subset(cases: LoadCases) -> IntArray:

@@ -14,7 +14,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, fit_registration, unloaded_rows
+from postproc.measurement import MEAN_LENGTH, MeasurementSet, fit_registration, unloaded_rows
 from postproc.model import Registration
 from postproc.progress import Progress
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
@@ -22,7 +22,7 @@ from postproc.stiffness.fieldfile import describe
 from postproc.stiffness.identify.cases import LoadCases, load_cases
 from postproc.stiffness.identify.constant import ConstantFit, fit_constant, outliers
 from postproc.stiffness.identify.continuous import ContinuousFit, Hyper, fit_continuous
-from postproc.stiffness.identify.gridded import GridFit, fit_grid, grid_over
+from postproc.stiffness.identify.gridded import GridFit, fit_grid, grid_over, members
 from postproc.stiffness.identify.observability import ShowingLoad, Visibility, showing_load
 from postproc.units import MM
 
@@ -108,8 +108,7 @@ class Identification:
     @property
     def floor_mean(self) -> float:
         """Mean length [m] that pure noise gives the error of a whole load response."""
-        # mean length of a 3D Gaussian vector is 1.596 sigma
-        return float(1.596 * self.noise * np.mean(self.cases.scale))
+        return float(MEAN_LENGTH * self.noise * np.mean(self.cases.scale))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -327,8 +326,6 @@ def _edges(points: FloatArray, options: IdentifyOptions) -> list[float]:
 
 
 def _cases_per_cell(grid: Grid, points: FloatArray) -> float:
-    from postproc.stiffness.identify.gridded import members
-
     count = np.bincount(members(grid, points)[0], minlength=len(grid))
     return float(np.median(count))
 

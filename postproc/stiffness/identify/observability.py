@@ -13,9 +13,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.stiffness.cartesian import joint_torque
-from postproc.stiffness.identify.cases import LoadCases
 from postproc.units import UM
 
 UNSEEN = 2.0
@@ -41,8 +40,7 @@ class Observability:
     visibility: one per joint; relative_sd (6,): one sigma of the compliance over its reference,
     infinite where unseen; motion (6,): rms displacement of the tool point [m] that the joint's
     reference compliance makes under the loads; confounded: joints left out whose motion another
-    joint imitates, with that joint (0-based); condition: of the scaled columns that stay;
-    singular_values (6,): of all scaled columns, relative to the largest.
+    joint imitates, with that joint (0-based); condition: of the scaled columns that stay.
     """
 
     visibility: tuple[Visibility, ...]
@@ -50,7 +48,6 @@ class Observability:
     motion: FloatArray
     confounded: dict[int, int]
     condition: float
-    singular_values: FloatArray
 
     @property
     def seen(self) -> BoolArray:
@@ -97,7 +94,6 @@ def observe(A: FloatArray, c_ref: FloatArray, sigma: float) -> Observability:
         motion=motion,
         confounded=confounded,
         condition=_condition(scaled[:, kept]),
-        singular_values=_relative_singular_values(scaled),
     )
 
 
@@ -113,8 +109,7 @@ def _deviations(columns: FloatArray) -> FloatArray:
     """Return sqrt(diag((XᵀX)⁻¹)) by QR; infinite for a column that the others span."""
     size = np.linalg.norm(columns, axis=0)
     unit = columns / np.where(size > 0.0, size, 1.0)
-    u, s, vt = np.linalg.svd(unit, full_matrices=False)
-    del u
+    _, s, vt = np.linalg.svd(unit, full_matrices=False)
     cut = s > 1e-9 * s[0] if s[0] > 0.0 else np.zeros(len(s), dtype=bool)
     spread = np.sqrt(np.sum((vt[cut] / s[cut, None]) ** 2, axis=0))
     lost = np.sum(vt[~cut] ** 2, axis=0) > 1e-12
@@ -137,11 +132,6 @@ def _condition(columns: FloatArray) -> float:
     if columns.shape[1] == 0:
         return float("inf")
     return float(np.linalg.cond(columns))
-
-
-def _relative_singular_values(scaled: FloatArray) -> FloatArray:
-    values = np.linalg.svd(scaled, compute_uv=False)
-    return np.asarray(values / values[0] if values[0] > 0.0 else values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,23 +175,6 @@ def showing_load(
     motion = motions[best]
     deviation = sigma / (motion * np.sqrt(len(J))) if motion > 0.0 else float("inf")
     return ShowingLoad(candidates[best], newton, motion, deviation)
-
-
-def information(A: FloatArray, c_ref: FloatArray) -> FloatArray:
-    """Return per-posture information (n, 6, 6) of relative compliances, for choosing postures."""
-    scaled = A * c_ref
-    product: FloatArray = np.einsum("nki,nkj->nij", scaled, scaled)
-    return product
-
-
-def joint_list(joints: IntArray | list[int]) -> str:
-    """Return ``A1, A6`` for 0-based joints."""
-    return ", ".join(f"A{int(j) + 1}" for j in joints)
-
-
-def responses(cases: LoadCases) -> FloatArray:
-    """Return the rms displacement [m] that the loads made, whole differences."""
-    return np.asarray(np.sqrt(np.mean(np.sum((cases.d * cases.scale[:, None]) ** 2, axis=1))))
 
 
 def shown_text(load: ShowingLoad | None) -> str | None:

@@ -10,7 +10,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.kinematics import Kinematics, build
-from postproc.stiffness.cartesian import moved_wrench, regressor
+from postproc.process import weight_wrench
+from postproc.stiffness.cartesian import regressor
 from postproc.stiffness.field import Grid
 from postproc.stiffness.identify import TYPICAL_C, Observability, ShowingLoad, shown_text
 from postproc.stiffness.sample.sampling import SamplingPlan, SamplingRules
@@ -37,10 +38,9 @@ class Load:
         tcp = cell.tool.T_flange_tcp[:3, 3]
         if self.force is not None:
             return np.tile(np.concatenate([self.force, np.zeros(3)]), (len(q), 1))
-        down = cell.robot.T_world_robroot[:3, :3].T @ np.array([0.0, 0.0, -STANDARD_GRAVITY])
-        weight = np.tile(np.concatenate([self.mass * down, np.zeros(3)]), (len(q), 1))
         at = tcp if self.p_flange is None else self.p_flange
-        return moved_wrench(weight, kinematics.fk(q)[:, :3, :3] @ (at - tcp))
+        lever = kinematics.fk(q)[:, :3, :3] @ (at - tcp)
+        return weight_wrench(self.mass, cell.robot.gravity, lever)
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,7 +19,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import StiffnessError
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.kinematics import Kinematics, wrist_distance
-from postproc.stiffness.field import Grid
+from postproc.stiffness.field import Grid, lattice
 from postproc.units import DEG, MM
 
 IsFree = Callable[[FloatArray], BoolArray]
@@ -102,8 +102,7 @@ def grid_tags(grid: Grid) -> tuple[FloatArray, tuple[tuple[int, ...], ...]]:
     Corners come first, with z fastest, then centres in the order of the cells.
     """
     counts = np.asarray(grid.counts)
-    corners = _lattice(counts + 1)
-    centres = _lattice(counts)
+    corners, centres = lattice((counts + 1).tolist()), lattice(grid.counts)
     points = grid.origin + np.concatenate([corners, centres + 0.5]) * grid.size
     cells: list[tuple[int, ...]] = []
     for corner in corners:
@@ -277,8 +276,3 @@ def _two_opt(tour: list[int], places: FloatArray, largest: int = 1500) -> list[i
             break
         order[i + 1 : j + 1] = order[i + 1 : j + 1][::-1].copy()
     return [int(i) for i in order]
-
-
-def _lattice(counts: IntArray) -> IntArray:
-    steps = np.meshgrid(*[np.arange(n) for n in counts], indexing="ij")
-    return np.stack([s.ravel() for s in steps], axis=-1)
