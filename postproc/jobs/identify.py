@@ -11,7 +11,7 @@ from postproc.cell import Cell
 from postproc.files import write_files
 from postproc.gap import stiffness_tables
 from postproc.kinematics import build
-from postproc.measurement import read_measurements
+from postproc.measurement import read_campaign
 from postproc.model import ModelFile, save_model
 from postproc.progress import Progress
 from postproc.stiffness.identify import (
@@ -88,7 +88,7 @@ def identify(
         DataError: if the file is wrong or lacks a column.
         StiffnessError: if the loads show no joint.
     """
-    rows = read_measurements(str(measurements))
+    rows = read_campaign([measurements])
     p_flange_tcp = cell.tool.T_flange_tcp[:3, 3]
     options = options or IdentifyOptions()
     known = cell.joint_stiffness

@@ -25,9 +25,12 @@ from postproc.measurement import (
     EXPECTED,
     JOINTS,
     ORIENTATION,
+    POSITION,
     SPEED,
     WRENCH,
     MeasurementSet,
+    cells,
+    table_to_fill_in,
 )
 from postproc.stiffness.sample import travel_order
 from postproc.units import DEG, MM
@@ -218,39 +221,32 @@ def _warm_text(temperature: float | None) -> str:
 
 def csv_text(found: NextMeasurements, measured: MeasurementSet) -> bytes:
     """Return the table to fill in, with the columns of the first campaign."""
-    rows = [_cells(pose, measured) for pose in found.poses]
-    lines = [
-        "# fill in x_mm, y_mm, z_mm (and the other empty columns) as in the first measurement;",
-        "# delete rows that cannot be taken; then: diagnose FIRST.csv next_measurements.csv",
-        "# expected_*: where the model expects the point, same frame as x_mm; nothing is measured",
-        "# q, dir, loads are what to drive; correct them if something else was done",
-        ",".join(rows[0]),
-        *(",".join(row.values()) for row in rows),
-    ]
-    return ("\n".join(lines) + "\n").encode()
+    notes = (
+        "fill in x_mm, y_mm, z_mm (and the other empty columns) as in the first measurement;",
+        "delete rows that cannot be taken; then: diagnose FIRST.csv next_measurements.csv",
+        "expected_*: where the model expects the point, same frame as x_mm; nothing is measured",
+        "q, dir, loads are what to drive; correct them if something else was done",
+    )
+    return table_to_fill_in(notes, [_cells(pose, measured) for pose in found.poses])
 
 
 def _cells(pose: NextPose, measured: MeasurementSet) -> dict[str, str]:
     row = {"id": pose.id}
     if measured.group is not None:
         row["group"] = "next"
-    row |= _filled(JOINTS, pose.q / DEG, 5)
-    row |= dict.fromkeys(("x_mm", "y_mm", "z_mm"), "")
+    row |= cells(JOINTS, pose.q / DEG, 5)
+    row |= dict.fromkeys(POSITION, "")
     if measured.abc is not None:
         row |= dict.fromkeys(ORIENTATION, "")
     if pose.direction is not None:
-        row |= _filled(DIRECTION, pose.direction, 0)
+        row |= cells(DIRECTION, pose.direction, 0)
     if pose.wrench is not None:
-        row |= _filled(WRENCH, pose.wrench, 3)
+        row |= cells(WRENCH, pose.wrench, 3)
     if measured.qd is not None:
-        row |= _filled(SPEED, np.zeros(6) if pose.qd is None else pose.qd / DEG, 4)
+        row |= cells(SPEED, np.zeros(6) if pose.qd is None else pose.qd / DEG, 4)
     if measured.time is not None:
         row["time_s"] = ""
     if measured.temperature is not None:
         row["temp_C"] = "" if pose.temperature is None else f"{pose.temperature:.1f}"
-    row |= _filled(EXPECTED, pose.expected / MM, 3)
+    row |= cells(EXPECTED, pose.expected / MM, 3)
     return row | {"why": pose.why.replace(",", ";")}
-
-
-def _filled(names: Sequence[str], values: FloatArray, digits: int) -> dict[str, str]:
-    return {name: f"{v:z.{digits}f}" for name, v in zip(names, values, strict=True)}

@@ -8,7 +8,7 @@ from postproc.cell import Cell
 from postproc.gap import Prediction
 from postproc.gap import predict as predict_rows
 from postproc.kinematics import build
-from postproc.measurement import MeasurementSet, read_measurements
+from postproc.measurement import MeasurementSet, read_campaign
 from postproc.model import ModelFile
 
 
@@ -23,5 +23,5 @@ def predict(
     Raises:
         DataError: if a file is wrong or lacks a column.
     """
-    rows = read_measurements(str(measurements))
+    rows = read_campaign([measurements])
     return predict_rows(rows, build(cell.robot), cell, model, register), rows

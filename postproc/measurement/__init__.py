@@ -1,15 +1,16 @@
 """Measuring campaigns: rows, files, and the one registration."""
 
 from postproc.measurement.campaign import read_campaign
-from postproc.measurement.file import (
+from postproc.measurement.columns import (
     DIRECTION,
     EXPECTED,
     JOINTS,
     ORIENTATION,
+    POSITION,
     SPEED,
     WRENCH,
-    read_measurements,
 )
+from postproc.measurement.fill_in import cells, table_to_fill_in
 from postproc.measurement.registration import (
     fit_registration,
     in_robroot,
@@ -25,14 +26,16 @@ __all__ = [
     "JOINTS",
     "MEAN_LENGTH",
     "ORIENTATION",
+    "POSITION",
     "SPEED",
     "WRENCH",
     "MeasurementSet",
+    "cells",
     "fit_registration",
     "in_robroot",
     "read_campaign",
-    "read_measurements",
     "rigid_motion",
     "robust_sigma",
+    "table_to_fill_in",
     "unloaded_rows",
 ]

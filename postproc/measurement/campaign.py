@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from postproc.errors import DataError, SourceRef
+from postproc.measurement.columns import QUANTITIES, Empty, Quantity
 from postproc.measurement.file import read_measurements
 from postproc.measurement.rows import MeasurementSet
-
-_NAMES = {"time": "time_s", "temperature": "temp_C", "abc": "a_deg, b_deg, c_deg"}
 
 
 def read_campaign(paths: Sequence[str | Path]) -> MeasurementSet:
@@ -34,15 +34,15 @@ def read_campaign(paths: Sequence[str | Path]) -> MeasurementSet:
 
 
 def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
-    place = SourceRef(second.path, 1)
-    for field, name in _NAMES.items():
-        if (getattr(first, field) is None) != (getattr(second, field) is None):
-            with_, without = (first, second) if getattr(second, field) is None else (second, first)
+    for part in QUANTITIES:
+        there = [getattr(rows, part.field) is not None for rows in (first, second)]
+        if part.empty is Empty.COLUMN and there[0] != there[1]:
+            with_, without = (first, second) if there[0] else (second, first)
             raise DataError(
                 "MEA011",
-                f"{name} is filled in in {with_.path} and not in {without.path}, expected in both "
-                "or in none",
-                place,
+                f"{', '.join(part.names)} is filled in in {with_.path} and not in {without.path}, "
+                "expected in both or in none",
+                SourceRef(second.path, 1),
             )
     return replace(
         first,
@@ -50,24 +50,17 @@ def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
         ids=(*first.ids, *_own_names(first, second)),
         group=_groups(first, second),
         extra=_extra(first, second),
-        **{name: _stacked(first, second, name) for name in _NUMBERS},
+        **{part.field: _stacked(first, second, part) for part in QUANTITIES},
     )
 
 
-_NUMBERS = ("q", "position", "abc", "time", "temperature", "direction", "qd", "wrench")
-
-
-def _stacked(first: MeasurementSet, second: MeasurementSet, name: str):  # type: ignore[no-untyped-def]  # noqa: ANN202
-    """Return a column of both; missing loads, directions and speeds are zeros."""
-    parts = [getattr(part, name) for part in (first, second)]
-    if all(part is None for part in parts):
+def _stacked(first: MeasurementSet, second: MeasurementSet, part: Quantity) -> Any:  # noqa: ANN401
+    """Return the numbers of both; missing loads, directions and speeds are zeros."""
+    values = [getattr(rows, part.field) for rows in (first, second)]
+    if values[0] is None and values[1] is None:
         return None
-    return np.concatenate(
-        [
-            np.zeros((len(rows), 6)) if part is None else part
-            for rows, part in zip((first, second), parts, strict=True)
-        ]
-    )
+    nothing = [np.zeros((len(rows), len(part.names))) for rows in (first, second)]
+    return np.concatenate([z if v is None else v for v, z in zip(values, nothing, strict=True)])
 
 
 def _own_names(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...]:

@@ -18,25 +18,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
+from postproc.measurement.columns import DIRECTION, KNOWN, QUANTITIES, Empty, Quantity
 from postproc.measurement.rows import MeasurementSet
-from postproc.units import DEG, MM
-
-JOINTS = tuple(f"q{i}_deg" for i in range(1, 7))
-POSITION = ("x_mm", "y_mm", "z_mm")
-ORIENTATION = ("a_deg", "b_deg", "c_deg")
-DIRECTION = tuple(f"dir{i}" for i in range(1, 7))
-SPEED = tuple(f"qd{i}_deg_s" for i in range(1, 7))
-WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
-EXPECTED = ("expected_x_mm", "expected_y_mm", "expected_z_mm")
-PLANNED = (*EXPECTED, "why")
-"""Columns of a table to fill in that say what was planned: not measured, no conditions."""
-KNOWN = (
-    *("id", "group", "time_s", "temp_C"),
-    *(*JOINTS, *POSITION, *ORIENTATION, *DIRECTION, *SPEED, *WRENCH),
-    *PLANNED,
-)
-_LARGEST = {"deg": 7200.0, "mm": 1e6}
-"""No reading is beyond these; a value that is has another unit or a lost decimal point."""
 
 
 def read_measurements(path: str | Path) -> MeasurementSet:
@@ -55,22 +38,15 @@ def read_measurements(path: str | Path) -> MeasurementSet:
     """
     table = _read_table(path)
     _check_header(table)
-    position = _required(table, POSITION) * MM
-    q = _required(table, JOINTS) * DEG
+    values: dict[str, Any] = {part.field: _quantity(table, part) for part in QUANTITIES}
+    _check_direction(table, values["direction"])
     return MeasurementSet(
         path=str(path),
         line=np.asarray(table.line, dtype=np.int32),
-        ids=_ids(table),
-        q=q,
-        position=position,
+        ids=_labels(table, "id") or tuple(str(row + 1) for row in range(len(table.line))),
         group=_labels(table, "group"),
-        abc=_orientation(table),
-        time=_complete(table, "time_s"),
-        temperature=_complete(table, "temp_C"),
-        direction=_direction(table),
-        qd=_or_zero(table, SPEED, DEG),
-        wrench=_or_zero(table, WRENCH, 1.0),
         extra={name: _extra(table, name) for name in table.columns if name not in KNOWN},
+        **values,
     )
 
 
@@ -137,7 +113,7 @@ def _cells(text: str) -> tuple[list[list[str]], list[int]]:
 
 
 def _check_header(table: _Table) -> None:
-    for name in (*JOINTS, *POSITION):
+    for name in (n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names):
         if name in table.columns:
             continue
         close = difflib.get_close_matches(
@@ -180,75 +156,47 @@ def _finite(table: _Table, name: str, values: FloatArray) -> FloatArray:
     return values
 
 
-def _required(table: _Table, names: tuple[str, ...]) -> FloatArray:
-    columns = []
-    for name in names:
-        values = _finite(table, name, _numbers(table, name))
-        largest = _LARGEST[name.rsplit("_", 1)[1]]
-        far = np.flatnonzero(np.abs(values) > largest)
-        if len(far):
-            row = int(far[0])
-            raise table.error(
-                "MEA008", f"{name} is {values[row]:g}, beyond {largest:g}: wrong unit?", row
-            )
-        columns.append(values)
-    return np.stack(columns, axis=-1)
-
-
-def _complete(table: _Table, name: str) -> FloatArray | None:
-    """Return a column that is either there in every row or None."""
-    if name not in table.columns:
+def _quantity(table: _Table, part: Quantity) -> FloatArray | None:
+    """Return (n, k) or (n,) in SI; None where the file does not have it."""
+    columns = {name: _numbers(table, name) for name in part.names if name in table.columns}
+    if part.empty is Empty.COLUMN:
+        columns = {name: values for name, values in columns.items() if not np.all(np.isnan(values))}
+    if not columns:
         return None
-    values = _numbers(table, name)
-    return None if bool(np.all(np.isnan(values))) else _finite(table, name, values)
+    missing = [name for name in part.names if name not in columns]
+    if missing and part.empty is Empty.COLUMN:
+        raise table.error("MEA010", f"{', '.join(columns)} without {', '.join(missing)}")
+    for name, values in columns.items():
+        _check(table, name, values, part)
+    nothing = np.zeros(len(table.line))
+    stacked = np.stack([columns.get(name, nothing) for name in part.names], axis=-1) * part.unit
+    return stacked if len(part.names) > 1 else stacked[:, 0]
 
 
-def _orientation(table: _Table) -> FloatArray | None:
-    columns = [_complete(table, name) for name in ORIENTATION]
-    present = [column for column in columns if column is not None]
-    if not present:
-        return None
-    if len(present) < len(ORIENTATION):
-        missing = ", ".join(n for n, c in zip(ORIENTATION, columns, strict=True) if c is None)
-        raise table.error("MEA010", f"the orientation lacks {missing}")
-    return np.stack(present, axis=-1) * DEG
+def _check(table: _Table, name: str, values: FloatArray, part: Quantity) -> None:
+    """Refuse numbers that no reading has; empty cells become 0 where they mean nothing."""
+    cells = table.columns[name]
+    if part.empty is Empty.ZERO:
+        values[[not cell.strip() for cell in cells]] = 0.0
+    for row in np.flatnonzero(~np.isfinite(values)).tolist():
+        shown = cells[row].strip() or "empty"
+        raise table.error("MEA007", f"{name} is {shown}, expected a finite number", row)
+    for row in np.flatnonzero(np.abs(values) > part.largest).tolist():
+        shown = f"{values[row]:g}, beyond {part.largest:g}"
+        raise table.error("MEA008", f"{name} is {shown}: wrong unit?", row)
 
 
-def _or_zero(table: _Table, names: tuple[str, ...], factor: float) -> FloatArray | None:
-    """Return a set of columns; an absent one and an empty cell count as 0."""
-    if not any(name in table.columns for name in names):
-        return None
-    columns = []
-    for name in names:
-        values = np.zeros(len(table.line))
-        if name in table.columns:
-            read = _numbers(table, name)
-            empty = np.array([not cell.strip() for cell in table.columns[name]]) & np.isnan(read)
-            values = _finite(table, name, np.where(empty, 0.0, read))
-        columns.append(values)
-    return np.stack(columns, axis=-1) * factor
-
-
-def _direction(table: _Table) -> FloatArray | None:
-    values = _or_zero(table, DIRECTION, 1.0)
+def _check_direction(table: _Table, values: FloatArray | None) -> None:
     if values is None:
-        return None
-    bad = np.argwhere(~np.isin(values, (-1.0, 0.0, 1.0)))
-    if len(bad):
-        row, joint = (int(i) for i in bad[0])
+        return
+    for row, joint in np.argwhere(~np.isin(values, (-1.0, 0.0, 1.0))).tolist():
         shown = f"{DIRECTION[joint]} is {values[row, joint]:g}"
         raise table.error("MEA009", f"{shown}, expected -1, 0 or +1", row)
-    return values
 
 
 def _labels(table: _Table, name: str) -> tuple[str, ...] | None:
     cells = table.columns.get(name)
     return None if cells is None else tuple(cell.strip() for cell in cells)
-
-
-def _ids(table: _Table) -> tuple[str, ...]:
-    labels = _labels(table, "id")
-    return labels if labels else tuple(str(row + 1) for row in range(len(table.line)))
 
 
 def _extra(table: _Table, name: str) -> Any:  # noqa: ANN401 - numbers or labels

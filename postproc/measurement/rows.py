@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+from postproc.measurement.columns import QUANTITIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,13 +42,8 @@ class MeasurementSet:
         frozen_floats(self, "q", (None, 6))
         n = len(self.q)
         frozen_ints(self, "line", (n,))
-        frozen_floats(self, "position", (n, 3))
-        for name in ("abc",):
-            frozen_floats(self, name, (n, 3))
-        for name in ("time", "temperature"):
-            frozen_floats(self, name, (n,))
-        for name in ("direction", "qd", "wrench"):
-            frozen_floats(self, name, (n, 6))
+        for part in QUANTITIES:
+            frozen_floats(self, part.field, (n, len(part.names)) if len(part.names) > 1 else (n,))
 
     def __len__(self) -> int:
         """Return the number of rows."""

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from postproc.errors import DataError, ReadError
-from postproc.measurement.file import JOINTS, POSITION, read_measurements
+from postproc.measurement.columns import JOINTS, POSITION
+from postproc.measurement.file import read_measurements
 
 HEAD = "q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm"
 ROW = "10,-60,90,0,45,180,1500.5,-20.25,800"

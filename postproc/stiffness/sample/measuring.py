@@ -10,6 +10,14 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.kinematics import Kinematics, build
+from postproc.measurement import (
+    DIRECTION,
+    JOINTS,
+    POSITION,
+    WRENCH,
+    cells,
+    table_to_fill_in,
+)
 from postproc.process import weight_wrench
 from postproc.stiffness.cartesian import regressor
 from postproc.stiffness.field import Grid
@@ -114,43 +122,26 @@ def load_regressors(
     return np.concatenate(parts, axis=1)
 
 
-CSV_HEAD = (
-    *("id", "group", "load"),
-    *(f"q{i}_deg" for i in range(1, 7)),
-    *("x_mm", "y_mm", "z_mm"),
-    *("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"),
-    *(f"dir{i}" for i in range(1, 7)),
-)
-
-
 def csv_text(sampling: Sampling) -> bytes:
     """Return the CSV to fill in: one row a reading, in the order of the program."""
     plan, cell = sampling.plan, sampling.cell
     kinematics = build(cell.robot)
     step = np.diff(plan.q, axis=0, prepend=plan.q[:1])
-    direction = np.where(np.abs(step) > 1e-7, np.sign(step), 0.0).astype(int)
-    lines = [
-        "# fill in x_mm, y_mm, z_mm: the measured tool point in the robot root frame",
-        "# (any tracker frame will do: then identify with --register)",
-        "# fx_N..mz_Nm: load ON the tool at the tool point, axes of the robot root",
-        ",".join(CSV_HEAD),
-    ]
+    direction = np.where(np.abs(step) > 1e-7, np.sign(step), 0.0)
+    notes = (
+        "fill in x_mm, y_mm, z_mm: the measured tool point in the robot root frame",
+        "(any tracker frame will do: then identify with --register)",
+        "fx_N..mz_Nm: load ON the tool at the tool point, axes of the robot root",
+    )
+    rows = []
     for load in (None, *sampling.request.loads):
         wrench = np.zeros((len(plan), 6)) if load is None else load.wrench(plan.q, cell, kinematics)
         label = "none" if load is None else load.name
         for i in range(len(plan)):
-            name = plan.name(i)
-            cells = [
-                f"{name}_{label}",
-                f"T{int(plan.tag[i]) + 1:04d}",
-                label,
-                *(f"{v:z.5f}" for v in plan.q[i] / DEG),
-                *("", "", ""),
-                *(f"{v:z.4f}" for v in wrench[i]),
-                *(str(int(v)) for v in direction[i]),
-            ]
-            lines.append(",".join(cells))
-    return ("\n".join(lines) + "\n").encode()
+            row = {"id": f"{plan.name(i)}_{label}", "group": f"T{int(plan.tag[i]) + 1:04d}"}
+            row |= {"load": label} | cells(JOINTS, plan.q[i] / DEG, 5) | dict.fromkeys(POSITION, "")
+            rows.append(row | cells(WRENCH, wrench[i], 4) | cells(DIRECTION, direction[i], 0))
+    return table_to_fill_in(notes, rows)
 
 
 def document(sampling: Sampling, files: list[str]) -> dict[str, object]:

@@ -1,0 +1,59 @@
+"""The columns of a measurement file, each said once: name, unit, what an empty cell means."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum, auto
+
+from postproc.units import DEG, MM
+
+JOINTS = tuple(f"q{i}_deg" for i in range(1, 7))
+POSITION = ("x_mm", "y_mm", "z_mm")
+ORIENTATION = ("a_deg", "b_deg", "c_deg")
+DIRECTION = tuple(f"dir{i}" for i in range(1, 7))
+SPEED = tuple(f"qd{i}_deg_s" for i in range(1, 7))
+WRENCH = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+EXPECTED = ("expected_x_mm", "expected_y_mm", "expected_z_mm")
+PLANNED = (*EXPECTED, "why")
+"""Columns of a table to fill in that say what was planned: not measured, no conditions."""
+
+
+class Empty(Enum):
+    """What an empty cell means."""
+
+    ERROR = auto()
+    """Every row needs the number."""
+    COLUMN = auto()
+    """All rows have the number, or none."""
+    ZERO = auto()
+    """Nothing: no load, direction unknown, standing."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Numbers of a row that belong together.
+
+    ``field`` of a ``MeasurementSet``: (n, k) with the k columns ``names``, (n,) with one; ``unit``:
+    of the file in SI; ``largest``: in the unit of the file, no reading is beyond; a value that is
+    has another unit or a lost decimal point.
+    """
+
+    field: str
+    names: tuple[str, ...]
+    unit: float = 1.0
+    empty: Empty = Empty.ZERO
+    largest: float = math.inf
+
+
+QUANTITIES = (
+    Quantity("q", JOINTS, DEG, Empty.ERROR, 7200.0),
+    Quantity("position", POSITION, MM, Empty.ERROR, 1e6),
+    Quantity("abc", ORIENTATION, DEG, Empty.COLUMN),
+    Quantity("time", ("time_s",), 1.0, Empty.COLUMN),
+    Quantity("temperature", ("temp_C",), 1.0, Empty.COLUMN),
+    Quantity("direction", DIRECTION),
+    Quantity("qd", SPEED, DEG),
+    Quantity("wrench", WRENCH),
+)
+KNOWN = ("id", "group", *(name for part in QUANTITIES for name in part.names), *PLANNED)
