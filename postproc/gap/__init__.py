@@ -20,7 +20,7 @@ from postproc.gap.answers import (
 )
 from postproc.gap.data import Arm, Samples, make_samples
 from postproc.gap.effect import EFFECTS, Basis, Effect, Kind, Parameter, Setting, State, register
-from postproc.gap.fit import Gram, block_of, pose_problem
+from postproc.gap.fit import NormalEquations, block_of, pose_problem
 from postproc.gap.joint_stiffness import stiffness_of, stiffness_tables
 from postproc.gap.robot_model import RobotModel, act, columns, effect_of
 
@@ -31,9 +31,9 @@ __all__ = [
     "Basis",
     "Diagnosis",
     "Effect",
-    "Gram",
     "Kind",
     "NextPose",
+    "NormalEquations",
     "Parameter",
     "Part",
     "Prediction",

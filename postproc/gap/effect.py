@@ -108,6 +108,8 @@ class Effect(ABC):
     """The basis depends on the load at the pose that the arm really takes."""
     layout: ClassVar[tuple[tuple[str, int], ...]] = ()
     """Keys of the model file with the count of parameters behind each (1: a plain number)."""
+    parameter_list: ClassVar[tuple[Parameter, ...]] = ()
+    """The parameters, where they depend neither on the arm nor on the setting."""
     geometric: ClassVar[bool] = False
     """It moves the tool as a wrong geometry of arm or frames does."""
     periodic: ClassVar[bool] = False
@@ -153,9 +155,10 @@ class Effect(ABC):
             self.mistaken_for_pose and other.follows_pose_alone
         )
 
-    @abstractmethod
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return the parameters in the order of the basis' last axis."""
+        del arm, setting
+        return self.parameter_list
 
     @abstractmethod
     def basis(self, samples: Samples, setting: Setting) -> Basis:
@@ -292,6 +295,15 @@ def periodic_effect() -> Effect:
 
 SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Row and column of the six numbers of a symmetric matrix."""
+
+
+def symmetric(vector: FloatArray) -> FloatArray:
+    """Return (n, 3, 6): unit symmetric matrices, in the order of ``SYMMETRIC``, times (n, 3)."""
+    out = np.zeros((len(vector), 3, len(SYMMETRIC)))
+    for column, (i, j) in enumerate(SYMMETRIC):
+        out[:, i, column] = vector[:, j]
+        out[:, j, column] = vector[:, i]
+    return out
 
 
 def centre_and_extent(points: FloatArray) -> Setting:

@@ -18,7 +18,7 @@ from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.gap.data import Arm, Samples, make_samples, reference_of
 from postproc.gap.effect import EFFECTS, Basis, Effect, State
-from postproc.geometry import apply, inverse, rotation_about
+from postproc.geometry import apply, inverse, rotation_from_vector
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, Registration
 
@@ -144,10 +144,8 @@ def _moved_point(samples: Samples, link: FloatArray) -> FloatArray:
         return samples.point
     p = apply(inverse(samples.frames[:, 6]), samples.point)
     for k in range(6, -1, -1):
-        angle = np.linalg.norm(link[:, k, :3], axis=1)
-        axis = link[:, k, :3] / np.where(angle > 0.0, angle, 1.0)[:, None]
-        turned = np.einsum("nij,nj->ni", rotation_about(axis, angle), p)
-        p = turned + link[:, k, 3:]
+        R = rotation_from_vector(link[:, k, :3])
+        p = np.einsum("nij,nj->ni", R, p) + link[:, k, 3:]
         if k > 0:
             T_before_k = inverse(samples.frames[:, k - 1]) @ samples.frames[:, k]
             p = apply(T_before_k, p)

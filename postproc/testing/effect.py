@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
-from postproc.gap import Effect, Gram, Kind, Samples, State, act, block_of, columns
+from postproc.gap import Effect, Kind, NormalEquations, Samples, State, act, block_of, columns
 from postproc.model import ModelFile
 from postproc.testing.contract import require
 from postproc.testing.made import made_samples
@@ -97,8 +97,8 @@ def check_placebo(effect: Effect, samples: Samples) -> None:
     real, fake = (replace(b, X=b.X - b.X.mean(axis=0)) for b in (real, fake))
     y: FloatArray = real.X @ theta
     y = y + rng.normal(size=y.shape) * 0.05 * float(np.std(y))
-    gram = Gram.of((real, fake), y, np.full(len(y), 20.0 / float(np.std(y))))
-    left = gram.left(("fake",)) / gram.total
+    equations = NormalEquations.of((real, fake), y, np.full(len(y), 20.0 / float(np.std(y))))
+    left = equations.left(("fake",)) / equations.total
     _require(left > 0.3, effect, f"its placebo explains {1.0 - left:.0%} of it")
 
 

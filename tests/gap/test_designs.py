@@ -8,8 +8,8 @@ import pytest
 from postproc.gap.answers.designs import Designs, designs, transfers
 from postproc.gap.data.dataset import make_samples
 from postproc.gap.effect import EFFECTS
-from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.linear import block_of
+from postproc.gap.fit.regression import Regression
 from postproc.gap.robot_model import RobotModel
 
 
@@ -82,21 +82,23 @@ def bench_of(arm, rng, n, always=()):
         for name in ("base_frame", "tool_frame", "joint_offset", "gear_coupling")
     )
     y = blocks[2].X @ rng.normal(0.0, 1.0, 6) + rng.normal(0.0, 2e-5, (n, 3))
-    return Bench(samples, y, np.full(n, 1.0 / 2e-5), np.zeros(n, dtype=np.int32), blocks, always)
+    return Regression(
+        samples, y, np.full(n, 1.0 / 2e-5), np.zeros(n, dtype=np.int32), blocks, always
+    )
 
 
 @pytest.mark.parametrize("always", [(), ("base_frame", "tool_frame")])
 def test_transfer_is_what_ridge_regression_does_on_the_design_left_out(arm, always):
-    bench = bench_of(arm, np.random.default_rng(4), 90, always)
+    regression = bench_of(arm, np.random.default_rng(4), 90, always)
     label = Designs(np.repeat([0, 1, 2], 30), ("a", "b", "c"), "group")
-    found = transfers(bench, label, ("joint_offset", "gear_coupling"))
-    by_key = {b.key: b for b in bench.blocks}
+    found = transfers(regression, label, ("joint_offset", "gear_coupling"))
+    by_key = {b.key: b for b in regression.blocks}
 
     def left(keys, k):
         """Fit to the others, adapt the frames to this one: stacked rows and plain lstsq."""
         keys = (*always, *keys)
         X = np.concatenate([by_key[key].X for key in keys], axis=2) / 2e-5
-        y = bench.y / 2e-5
+        y = regression.y / 2e-5
         out, here = label.label != k, label.label == k
         p = X.shape[2]
         A = np.vstack([X[out].reshape(-1, p), np.eye(p)])
@@ -119,11 +121,13 @@ def test_transfer_is_what_ridge_regression_does_on_the_design_left_out(arm, alwa
 
 
 def test_what_holds_in_one_design_only_makes_the_other_worse(arm):
-    bench = bench_of(arm, np.random.default_rng(5), 120)
+    regression = bench_of(arm, np.random.default_rng(5), 120)
     label = Designs(np.repeat([0, 1], 60), ("a", "b"), "group")
-    flipped = bench.y.copy()
+    flipped = regression.y.copy()
     flipped[60:] *= -1.0
-    wrong = Bench(bench.samples, flipped, bench.weight, bench.fold, bench.blocks, ())
+    wrong = Regression(
+        regression.samples, flipped, regression.weight, regression.fold, regression.blocks, ()
+    )
     found = transfers(wrong, label, ("joint_offset",))
     assert max(found["joint_offset"].values()) < -100.0
-    assert transfers(bench, Designs(np.zeros(120, int), ("all",), ""), ("joint_offset",)) == {}
+    assert transfers(regression, Designs(np.zeros(120, int), ("all",), ""), ("joint_offset",)) == {}

@@ -7,12 +7,12 @@ import pytest
 
 from postproc.gap.answers.diagnose import diagnose, shrink_interval
 from postproc.gap.effect import EFFECTS
-from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.fit import Free, fit
 from postproc.gap.fit.intervals import deviations
 from postproc.gap.fit.linear import block_of
 from postproc.gap.fit.noise import repeats, saturated
 from postproc.gap.fit.problem import pose_problem
+from postproc.gap.fit.regression import Regression
 from postproc.measurement.file import read_measurements
 
 NOISE = 2e-5
@@ -41,9 +41,9 @@ def test_the_jackknife_of_a_mean_is_its_standard_error(samples):
     y = np.random.default_rng(2).normal(0.0, NOISE, (len(samples), 3))
     fold = (np.arange(len(samples)) % 12).astype(np.int32)
     weight = np.full(len(samples), 1.0 / NOISE)
-    bench = Bench(samples, y, weight, fold, (block,), ())
+    regression = Regression(samples, y, weight, fold, (block,), ())
     result = fit(samples, samples.point + y, weight, {}, {"backlash": Free({})})
-    found = deviations(bench, result, ("backlash",), ())["backlash"]
+    found = deviations(regression, result, ("backlash",), ())["backlash"]
     own = result.deviation("backlash")
     assert np.all(found >= own)
     assert np.median(found / own) < 1.6
@@ -55,10 +55,10 @@ def test_an_effect_that_is_not_named_widens_the_interval(samples):
     y = beside.X @ (3.0 * np.ones(6)) + rng.normal(0.0, NOISE, (len(samples), 3))
     weight = np.full(len(samples), 1.0 / NOISE)
     fold = (np.arange(len(samples)) % 6).astype(np.int32)
-    bench = Bench(samples, y, weight, fold, (named, beside), ())
+    regression = Regression(samples, y, weight, fold, (named, beside), ())
     result = fit(samples, samples.point + y, weight, {}, {"joint_offset": Free({})})
-    alone = deviations(bench, result, ("joint_offset",), ())["joint_offset"]
-    with_it = deviations(bench, result, ("joint_offset",), ("backlash",))["joint_offset"]
+    alone = deviations(regression, result, ("joint_offset",), ())["joint_offset"]
+    with_it = deviations(regression, result, ("joint_offset",), ("backlash",))["joint_offset"]
     numbers = result.theta
     assert np.all(with_it >= alone)
     assert np.max(np.abs(numbers) / with_it) < 3.0

@@ -19,10 +19,10 @@ from postproc.gap.answers.next_pose import Reach
 from postproc.gap.answers.next_poses import (
     Question,
     candidates,
+    discriminating,
     next_poses,
     questions,
     reassessed,
-    telling,
 )
 from postproc.gap.choice.verdict import fitted
 from postproc.gap.fit.problem import pose_problem
@@ -104,7 +104,7 @@ def refuted(later, first, question, true):
         rows = np.ones(len(problem), dtype=bool)
         square = []
         for model in question.models:
-            points = fitted(problem, first.bench, model, first.noise, rows).point
+            points = fitted(problem, first.regression, model, first.noise, rows).point
             square.append(float(np.sum(((problem.measured - points) / first.noise) ** 2)))
         gap.append(np.array(square) - square[question.names.index(true)])
     grown = np.delete(gap[1] - gap[0], question.names.index(true))
@@ -132,7 +132,10 @@ def ambiguous(world, cell, tmp_path_factory):
         diagnosis = diagnose(pose_problem(read_measurements(path), build(cell.robot), cell))
         for question in questions(diagnosis):
             asked = name in question.names and name in diagnosis.adopted
-            if asked and telling(diagnosis, question, Reach())[0].separations[name] > CLEARLY:
+            if (
+                asked
+                and discriminating(diagnosis, question, Reach())[0].separations[name] > CLEARLY
+            ):
                 return diagnosis, path, name, campaign
     raise AssertionError("no campaign is ambiguous")
 
@@ -175,7 +178,7 @@ def test_promised_and_delivered(world, cell, tmp_path, seed, name, span, rivals)
     first = diagnose(pose_problem(read_measurements(path), kinematics, cell))
     names = (name, *rivals)
     question = Question(tuple((key,) for key in names), names, names)
-    asked = NextMeasurements(tuple(telling(first, question, Reach())), np.zeros((0, 6)), ())
+    asked = NextMeasurements(tuple(discriminating(first, question, Reach())), np.zeros((0, 6)), ())
     plan = tmp_path / "plan.csv"
     plan.write_bytes(csv_text(asked, first.problem.measurements))
     campaign.fill(plan, filled)

@@ -7,12 +7,12 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.answers.diagnose import Diagnosis
-from postproc.gap.answers.where import baseline
+from postproc.gap.answers.diagnose import Diagnosis, rms
 from postproc.geometry import apply, arc_points, inverse
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length
@@ -119,8 +119,6 @@ class _Pieces:
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return way (n,) [m], tag (n,) and distance (n,) [m] of the nearest place of the path."""
-        from scipy.spatial import cKDTree
-
         found = []
         for rapid in (False, True):
             rows = np.flatnonzero(self.rapid == rapid)
@@ -166,7 +164,7 @@ def _motion(toolpath: ToolPath, before: int, tag: int, share: FloatArray) -> Flo
 
 def program(diagnosis: Diagnosis, found: Along) -> dict[str, Any]:
     """Return the ``program`` entry of ``where``: stretches with rows, in the order of the path."""
-    size = np.linalg.norm(diagnosis.problem.measured - baseline(diagnosis), axis=1)
+    size = np.linalg.norm(diagnosis.problem.measured - diagnosis.baseline, axis=1)
     left = np.linalg.norm(diagnosis.residual, axis=1)
     rows = np.flatnonzero(found.on & diagnosis.kept).astype(np.int32)
     lengths = arc_length(found.toolpath)
@@ -229,4 +227,4 @@ def _stretch_of(found: Along, rows: IntArray, first: IntArray, edges: FloatArray
 
 
 def _mm(values: FloatArray) -> float:
-    return round(float(np.sqrt(np.mean(values**2))) / MM, 5)
+    return round(rms(values) / MM, 5)

@@ -10,13 +10,15 @@ one design and judged on it, where the frames may adapt (leave one group out, as
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
+from scipy.cluster.hierarchy import fcluster, linkage
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
-from postproc.gap.fit import Bench, Gram
+from postproc.gap.fit import NormalEquations, Regression
 from postproc.units import DEG
 
 FEWEST = 12
@@ -134,17 +136,17 @@ def _merged(label: IntArray, centres: FloatArray) -> IntArray:
     """Take the nearest orientations together until there are few."""
     if len(centres) <= LARGEST - 2:
         return label
-    from scipy.cluster.hierarchy import fcluster, linkage
-
     cluster = fcluster(linkage(centres, "ward"), LARGEST - 2, "maxclust")
     return np.asarray(np.concatenate([[0], cluster])[label], dtype=np.int32)
 
 
-def transfers(bench: Bench, label: Designs, chosen: Sequence[str]) -> dict[str, dict[str, float]]:
+def transfers(
+    regression: Regression, label: Designs, chosen: Sequence[str]
+) -> dict[str, dict[str, float]]:
     """Return what each chosen effect brings on each design when fitted to the others [nats].
 
     Args:
-        bench: rows with their blocks.
+        regression: rows with their blocks.
         label: designs of these rows.
         chosen: keys of the model beside the frames that are always in it.
 
@@ -154,13 +156,12 @@ def transfers(bench: Bench, label: Designs, chosen: Sequence[str]) -> dict[str, 
     """
     parts = {}
     for k, name in enumerate(label.names):
-        rows = np.flatnonzero((label.label == k) & (bench.weight > 0))
+        rows = np.flatnonzero((label.label == k) & (regression.weight > 0))
         if len(rows) >= FEWEST:
-            blocks = [replace(block, X=block.X[rows]) for block in bench.blocks]
-            parts[name] = Gram.of(blocks, bench.y[rows], bench.weight[rows])
+            parts[name] = regression.equations_at(rows)
     if len(parts) < 2:
         return {}
-    whole = _sum(list(parts.values()))
+    whole = reduce(NormalEquations.plus, parts.values())
     found: dict[str, dict[str, float]] = {}
     for key in chosen:
         rest = tuple(k for k in chosen if k != key)
@@ -168,26 +169,16 @@ def transfers(bench: Bench, label: Designs, chosen: Sequence[str]) -> dict[str, 
         for name, part in parts.items():
             others = whole.minus(part)
             without, with_ = (
-                _left(part, others, keys, tuple(bench.always)) for keys in (rest, tuple(chosen))
+                _left(part, others, keys, tuple(regression.always))
+                for keys in (rest, tuple(chosen))
             )
             found[key][name] = 0.5 * (without - with_)
     return found
 
 
-def _sum(grams: Sequence[Gram]) -> Gram:
-    """Return the normal equations of all rows of several parts."""
-    first = grams[0]
-    return Gram(
-        first.blocks,
-        np.sum([g.G for g in grams], axis=0),
-        np.sum([g.b for g in grams], axis=0),
-        float(sum(g.total for g in grams)),
-        sum(g.rows for g in grams),
-        first.slices,
-    )
-
-
-def _left(part: Gram, others: Gram, keys: tuple[str, ...], frames: tuple[str, ...]) -> float:
+def _left(
+    part: NormalEquations, others: NormalEquations, keys: tuple[str, ...], frames: tuple[str, ...]
+) -> float:
     """Return the squared misfit of a part under effects fitted to the others, frames adapted."""
     effects = others.solve((*frames, *keys))[0][len(part.index(frames)) :]
     i, a = part.index(keys), part.index(frames)

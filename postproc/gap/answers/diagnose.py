@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.choice import (
+    Assessment,
     Choice,
     Dependence,
-    Settled,
-    chosen,
+    Standing,
+    assess,
     fitted,
     prepare,
-    settle,
+    select,
     verdict,
     without_waves,
 )
-from postproc.gap.fit import Bench, Fit, Problem, Wave, block_of, deviations, find_waves
+from postproc.gap.fit import Fit, Problem, Regression, Wave, block_of, deviations, find_waves
 from postproc.gap.robot_model import evaluate
 from postproc.progress import Progress
 
@@ -55,7 +57,6 @@ class Diagnosis:
     outlier: BoolArray
     choice: Choice
     adopted: tuple[str, ...]
-    suspects: tuple[str, ...]
     fit: Fit
     deviation: dict[str, FloatArray]
     baseline: FloatArray
@@ -66,7 +67,12 @@ class Diagnosis:
     total: tuple[float, float, float, float]
     extra: dict[str, tuple[float, float]]
     ripple: tuple[Wave, ...]
-    bench: Bench
+    regression: Regression
+
+    @property
+    def resembled(self) -> tuple[str, ...]:
+        """Alternatives that the gap behaves like."""
+        return tuple(self.regression.name(key) for key in self.choice.resembled)
 
     @property
     def kept(self) -> BoolArray:
@@ -81,139 +87,141 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     prepared = prepare(problem)
     say(1, 4, "which effects")
     sigma = prepared.noise.sigma
-    start = prepared.bench
-    refused: dict[str, str] = {}
+    start = prepared.regression
     while True:
-        bench, choice = chosen(start)
+        regression, choice = select(start)
         say(2, 4, "what is left")
-        settled = settle(problem, prepared, bench, choice)
+        assessed = assess(problem, prepared, regression, choice)
         say(3, 4, "sealed rows")
-        base = fitted(problem, bench, (), sigma, problem.searchable & ~settled.outlier)
-        worse = _worse(problem, bench, settled, sigma, base)
+        rows = problem.searchable & ~assessed.outlier
+        base = fitted(problem, regression, (), sigma, rows)
+        worse = _worse(problem, regression, assessed, sigma, base)
         if not worse:
             break
-        refused |= dict.fromkeys(worse, "makes rows worse that were not fitted")
-        start = start.without(refused)
-    steps, total = _steps(problem, bench, settled, sigma, base)
-    choice = replace(settled.choice, refused=settled.choice.refused | refused)
-    settled = replace(settled, choice=choice)
-    answer = verdict(settled, sigma)
+        start = start.without(worse)
+    steps, total = _steps(problem, regression, assessed, sigma, base)
+    answer = verdict(assessed, sigma)
+    reasons = dict.fromkeys(start.excluded, "makes rows worse that were not fitted")
+    choice = assessed.choice.moved((), Standing.REJECTED, reasons)
     return Diagnosis(
         problem=problem,
         verdict=answer,
         noise=sigma,
         noise_freedom=prepared.noise.freedom,
-        outlier=settled.outlier,
+        outlier=assessed.outlier,
         choice=choice,
         adopted=tuple(step.name for step in steps),
-        suspects=tuple(choice.suspects),
-        fit=settled.fit,
-        deviation=deviations(bench, settled.fit, choice.keys, choice.silent),
+        fit=assessed.fit,
+        deviation=deviations(regression, assessed.fit, choice.adopted, choice.unnamed),
         baseline=base.point,
-        residual=settled.residual,
-        tests=settled.tests,
-        structure=settled.structure,
+        residual=assessed.residual,
+        tests=assessed.tests,
+        structure=assessed.structure,
         steps=steps,
         total=total,
-        extra=_extra(problem, bench, settled),
-        ripple=_ripple(bench, choice) if answer == "unexplained" else (),
-        bench=bench,
+        extra=_extra(problem, regression, assessed),
+        ripple=_ripple(regression, choice) if answer == "unexplained" else (),
+        regression=regression,
     )
 
 
 def _steps(
-    problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit
+    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, base: Fit
 ) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
     """Add the adopted effects one by one, refit on unsealed rows, compare on sealed ones.
 
     Each step adds the effect that removes most of what is left on unsealed rows, and says how far
     the whole gap shrinks by that; the steps multiply to the whole shrinkage.
     """
-    test = problem.split.sealed & ~settled.outlier
+    test = problem.split.sealed & ~assessed.outlier
     cluster = problem.split.cluster[test]
-    last = _left(settled.residual, test)
+    last = _left(assessed.residual, test)
     first = before = _left(problem.measured - base.point, test)
     steps = []
-    for key, part in _ordered(problem, bench, settled, sigma):
+    for key, part in _ordered(problem, regression, assessed, sigma):
         after = last if part is None else _left(problem.measured - part.point, test)
         interval = shrink_interval(before, after, cluster)
-        steps.append(Step(bench.name(key), _rms(before), _rms(after), interval))
+        steps.append(Step(regression.name(key), rms(before), rms(after), interval))
         before = after
-    return tuple(steps), (_rms(first), _rms(last), *shrink_interval(first, last, cluster))
+    return tuple(steps), (rms(first), rms(last), *shrink_interval(first, last, cluster))
 
 
 def _ordered(
-    problem: Problem, bench: Bench, settled: Settled, sigma: float
+    problem: Problem, regression: Regression, assessed: Assessment, sigma: float
 ) -> list[tuple[str, Fit | None]]:
     """Return the adopted effects, most helpful next, each with the fit of it and those before.
 
     The fit of them all is that of the diagnosis: None stands for it.
     """
-    rows = problem.searchable & ~settled.outlier
+    rows = problem.searchable & ~assessed.outlier
     order: list[tuple[str, Fit | None]] = []
-    waiting = sorted(settled.choice.keys)
+    waiting = sorted(assessed.choice.adopted)
     while len(waiting) > 1:
         taken = tuple(key for key, _ in order)
-        coming = {bench.name(key) for key in waiting}
-        free = [k for k in waiting if coming.isdisjoint(bench.block(k).effect.refines)]
-        fits = {key: fitted(problem, bench, (*taken, key), sigma, rows) for key in free}
-        best = min(free, key=lambda k: (_rms(_left(problem.measured - fits[k].point, rows)), k))
+        coming = {regression.name(key) for key in waiting}
+        free = [k for k in waiting if coming.isdisjoint(regression.block(k).effect.refines)]
+        fits = {key: fitted(problem, regression, (*taken, key), sigma, rows) for key in free}
+        best = min(free, key=lambda k: (rms(_left(problem.measured - fits[k].point, rows)), k))
         order.append((best, fits[best]))
         waiting.remove(best)
     return [*order, *((key, None) for key in waiting)]
 
 
-def _worse(problem: Problem, bench: Bench, settled: Settled, sigma: float, base: Fit) -> set[str]:
+def _worse(
+    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, base: Fit
+) -> set[str]:
     """Return the adopted effects without which sealed rows come out better."""
-    rows = problem.searchable & ~settled.outlier
-    test = problem.split.sealed & ~settled.outlier
-    after = _rms(_left(settled.residual, test))
-    keys = settled.choice.keys
+    rows = problem.searchable & ~assessed.outlier
+    test = problem.split.sealed & ~assessed.outlier
+    after = rms(_left(assessed.residual, test))
+    keys = assessed.choice.adopted
     found = set()
     for key in keys:
         rest = tuple(k for k in keys if k != key)
-        part = fitted(problem, bench, rest, sigma, rows) if rest else base
-        if after > _rms(_left(problem.measured - part.point, test)):
-            found.add(bench.name(key))
+        part = fitted(problem, regression, rest, sigma, rows) if rest else base
+        if after > rms(_left(problem.measured - part.point, test)):
+            found.add(regression.name(key))
     return found
 
 
-def _extra(problem: Problem, bench: Bench, settled: Settled) -> dict[str, tuple[float, float]]:
+def _extra(
+    problem: Problem, regression: Regression, assessed: Assessment
+) -> dict[str, tuple[float, float]]:
     """Return what each further effect would do on sealed rows, to first order."""
-    test = problem.split.sealed & ~settled.outlier
+    test = problem.split.sealed & ~assessed.outlier
     index = np.flatnonzero(test)
     if len(index) == 0:
         return {}
     actual = evaluate(problem.samples.rows(index), problem.given)[1]
-    chosen_keys = (*bench.always, *settled.choice.keys)
-    gram = bench.gram()
+    chosen_keys = (*regression.always, *assessed.choice.adopted)
+    equations = regression.normal_equations()
     far = {
         b.key: block_of(b.effect, actual, b.setting, b.key, problem.widen(b.name)).X
-        for b in bench.blocks
-        if not b.suspect
+        for b in regression.blocks
+        if not b.is_alternative
     }
     y = problem.gap[index]
 
     def left(keys: tuple[str, ...]) -> float:
-        theta = gram.solve(keys)[0]
+        theta = equations.solve(keys)[0]
         X = np.concatenate([far[k] for k in keys] or [np.zeros((len(y), 3, 0))], axis=2)
-        return _rms(np.linalg.norm(y - X @ theta, axis=1))
+        return rms(np.linalg.norm(y - X @ theta, axis=1))
 
     before = left(chosen_keys)
-    named = {b.name for b in bench.blocks if b.key in chosen_keys}
+    named = {b.name for b in regression.blocks if b.key in chosen_keys}
     return {
         b.name: (before, left((*chosen_keys, b.key)))
-        for b in bench.blocks
-        if b.name not in named and not b.suspect
+        for b in regression.blocks
+        if b.name not in named and not b.is_alternative
     }
 
 
-def _ripple(bench: Bench, choice: Choice) -> tuple[Wave, ...]:
+def _ripple(regression: Regression, choice: Choice) -> tuple[Wave, ...]:
     """Return the waves of joint angles in what is left."""
-    base = without_waves(bench, choice) + [
-        b for b in bench.blocks if b.effect.periodic and b.key in choice.keys
+    base = without_waves(regression, choice) + [
+        b for b in regression.blocks if b.effect.periodic and b.key in choice.adopted
     ]
-    return find_waves(bench.samples, bench.y, bench.weight, base)
+    return find_waves(regression.samples, regression.y, regression.weight, base)
 
 
 def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
@@ -234,8 +242,6 @@ def shrink_interval(
         cluster: (n,) cluster of each row.
         draws: how often the clusters are drawn.
     """
-    from scipy.special import stdtrit
-
     names, index = np.unique(cluster, return_inverse=True)
     k = len(names)
     if k < 2:
@@ -250,5 +256,6 @@ def shrink_interval(
     return 1.0 - float(np.exp(here + half)), 1.0 - float(np.exp(here - half))
 
 
-def _rms(values: FloatArray) -> float:
+def rms(values: FloatArray) -> float:
+    """Return the root mean square, NaN of nothing."""
     return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
 from postproc.gap.answers.along import Along, program
 from postproc.gap.answers.designs import designs, transfers
-from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.diagnose import Diagnosis, rms
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
-from postproc.gap.answers.where import baseline, where
+from postproc.gap.answers.where import where
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
 from postproc.gap.robot_model import effect_of
@@ -36,7 +35,7 @@ def document(
         path: where the rows lie on a program.
     """
     problem, kept = diagnosis.problem, diagnosis.kept
-    gap = np.linalg.norm(problem.measured - baseline(diagnosis), axis=1)[kept]
+    gap = np.linalg.norm(problem.measured - diagnosis.baseline, axis=1)[kept]
     rest = np.linalg.norm(diagnosis.residual, axis=1)[kept]
     ids = problem.measurements.ids
     return {
@@ -45,7 +44,7 @@ def document(
         "noise_mm": _mm(diagnosis.noise),
         "noise_from": "repeats" if diagnosis.noise_freedom else "estimated",
         "gap": {
-            "rms_mm": _mm(_rms(gap)),
+            "rms_mm": _mm(rms(gap)),
             "p95_mm": _mm(float(np.quantile(gap, 0.95))),
             "max_mm": _mm(float(gap.max())),
         },
@@ -54,8 +53,8 @@ def document(
         "adopted": list(diagnosis.adopted),
         "shrinkage": _total_shrinkage(diagnosis),
         "residual": {
-            "rms_mm": _mm(_rms(rest)),
-            "explained_share": round(1.0 - (_rms(rest) / max(_rms(gap), 1e-12)) ** 2, 4),
+            "rms_mm": _mm(rms(rest)),
+            "explained_share": round(1.0 - (rms(rest) / max(rms(gap), 1e-12)) ** 2, 4),
             "structured_rms_mm": _mm(diagnosis.structure),
             "depends_on": [
                 {"name": t.name, "p_value": float(f"{t.p_value:.3g}"), "rms_mm": _mm(t.rms)}
@@ -63,7 +62,7 @@ def document(
             ],
             "resembles": [
                 {"name": name, "title": effect_of(name).title, "action": effect_of(name).action}
-                for name in diagnosis.suspects
+                for name in diagnosis.resembled
             ],
             "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in diagnosis.ripple],
         },
@@ -119,7 +118,7 @@ def model_file(diagnosis: Diagnosis, given: ModelFile | None) -> ModelFile:
         tables[name] = effect_of(name).write(_seen_state(diagnosis, name), arm)
     registration = given.registration if given else None
     if diagnosis.problem.registration is not None:
-        rest = _rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])
+        rest = rms(np.linalg.norm(diagnosis.residual, axis=1)[diagnosis.kept])
         registration = replace(
             moved_by(diagnosis.problem.registration, diagnosis.fit.states), rms=rest
         )
@@ -146,8 +145,8 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     arm = diagnosis.problem.samples.arm
     state = _seen_state(diagnosis, name)
     width = _Z90 * diagnosis.deviation[name]
-    key = next(k for k in diagnosis.choice.keys if k.split(":")[0] == name)
-    evidence = diagnosis.choice.evidence[key]
+    choice, regression = diagnosis.choice, diagnosis.regression
+    evidence = choice.evidence[next(k for k in choice.adopted if regression.name(k) == name)]
     return {
         "name": name,
         "title": effect.title,
@@ -162,7 +161,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
             "low": plain(effect.write(State(state.theta - width, state.setting), arm)),
             "high": plain(effect.write(State(state.theta + width, state.setting), arm)),
         },
-        "confounded_with": [t for t in evidence.twins],
+        "confounded_with": list(evidence.confounded),
         "wins": round(evidence.wins, 3),
         "action": effect.action,
     }
@@ -173,10 +172,10 @@ def _elsewhere(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
     problem = diagnosis.problem
     label = designs(problem.samples, problem.measurements.group)
     searched = np.flatnonzero(problem.searchable)
-    keys = (*diagnosis.choice.keys, *diagnosis.choice.suspects)
-    found = transfers(diagnosis.bench, label.rows(searched), keys)
+    keys = (*diagnosis.choice.adopted, *diagnosis.choice.resembled)
+    found = transfers(diagnosis.regression, label.rows(searched), keys)
     return {
-        key.split(":")[0]: [
+        diagnosis.regression.name(key): [
             {"design": name, "rows": int(np.sum(label.label == k)), "gain_nats": round(by[name], 1)}
             for k, name in enumerate(label.names)
             if name in by
@@ -199,11 +198,11 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
         "shrinkage_ci": None,
         "parameters": {},
         "confounded_with": sorted(
-            k.split(":")[0]
-            for k in diagnosis.choice.keys
-            if name in diagnosis.choice.evidence[k].twins
+            diagnosis.regression.name(k)
+            for k in diagnosis.choice.adopted
+            if name in diagnosis.choice.evidence[k].confounded
         ),
-        "reason": diagnosis.choice.refused.get(name, "the rows do not call for it"),
+        "reason": diagnosis.choice.reasons.get(name, "the rows do not call for it"),
     }
 
 
@@ -237,7 +236,3 @@ def plain(value: Any) -> Any:  # noqa: ANN401 - a tree of numbers
 
 def _mm(metres: float) -> float:
     return round(metres / MM, 5)
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(np.asarray(values) ** 2)))

@@ -21,21 +21,21 @@ from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
 from postproc.gap.effect import EFFECTS
-from postproc.gap.fit import Block, Gram, block_of
+from postproc.gap.fit import Block, NormalEquations, block_of
 from postproc.gap.robot_model import evaluate
 from postproc.geometry import apply
 from postproc.measurement import rigid_motion
 from postproc.units import DEG
 
 ENOUGH = 8.0
-"""Separation [sigma] at which no further pose is added: the wrong effect is then refused in all
+"""Separation [sigma] at which no further pose is added: the wrong effect is then rejected in all
 but one of thousands of campaigns."""
 _NEAR = 20.0
-"""Nats that a twin may lack to stand for itself: the prior of rows to come makes up for few."""
+"""Nats that a rival may lack to stand for itself: the prior of rows to come makes up for few."""
 _DRAWN, _CANDIDATES = 16000, 1500
 _FEWEST, _MOST = 6, 30
 _LOADS = 6
-_ROOM = 0.5
+_BEYOND = 0.5
 """Tool points [m] beyond the measured ones; none is lower than those, there may be a floor."""
 _LATER = 600.0
 """When it will be measured, after the last row [s]."""
@@ -52,7 +52,7 @@ def next_poses(diagnosis: Diagnosis, reach: Reach | None = None) -> tuple[NextPo
     reach = reach or Reach()
     found: list[NextPose] = []
     for question in questions(diagnosis):
-        found += telling(diagnosis, question, reach)
+        found += discriminating(diagnosis, question, reach)
     if diagnosis.verdict == "unexplained":
         found += _worst(diagnosis, reach)
     return tuple(found)
@@ -77,40 +77,46 @@ class Question:
 
 def questions(diagnosis: Diagnosis) -> tuple[Question, ...]:
     """Return the ambiguous sets of a diagnosis, each once."""
-    bench, choice = diagnosis.bench, diagnosis.choice
-    name = {b.key: b.name for b in bench.blocks}
+    regression, choice = diagnosis.regression, diagnosis.choice
+    name = {b.key: b.name for b in regression.blocks}
     keys: dict[str, str] = {}
-    for block in bench.blocks:
+    for block in regression.blocks:
         keys.setdefault(block.name, block.key)
-    gram = bench.gram()
-    chosen = (*bench.always, *choice.keys, *choice.suspects)
+    equations = regression.normal_equations()
+    chosen = (*regression.always, *choice.adopted, *choice.resembled)
     found: list[Question] = []
     asked: list[set[str]] = []
-    for key in (*choice.keys, *choice.suspects):
-        twins = [keys[t] for t in choice.evidence[key].twins if t in keys and keys[t] not in chosen]
-        names = {name[key], *(name[t] for t in twins)}
-        if twins and names not in asked:
+    for key in (*choice.adopted, *choice.resembled):
+        confounded = [
+            keys[t] for t in choice.evidence[key].confounded if t in keys and keys[t] not in chosen
+        ]
+        names = {name[key], *(name[t] for t in confounded)}
+        if confounded and names not in asked:
             asked.append(names)
             rest = tuple(k for k in chosen if k != key)
-            found.append(_question(gram, rest, key, tuple(twins), name))
+            found.append(_question(equations, rest, key, tuple(confounded), name))
     return tuple(found)
 
 
 def _question(
-    gram: Gram, rest: tuple[str, ...], key: str, twins: tuple[str, ...], name: dict[str, str]
+    equations: NormalEquations,
+    rest: tuple[str, ...],
+    key: str,
+    confounded: tuple[str, ...],
+    name: dict[str, str],
 ) -> Question:
-    """Return a question: each twin alone where it does about as well, else all of them at once."""
-    best = gram.evidence((*rest, key))
-    alone = tuple(t for t in twins if best - gram.evidence((*rest, t)) < _NEAR)
-    rivals = [(*rest, t) for t in alone] or [(*rest, *twins)]
-    names = tuple(name[t] for t in alone) or (" with ".join(name[t] for t in twins),)
-    effects = tuple(name[k] for k in (key, *(alone or twins)))
+    """Return a question: each rival alone where it does about as well, else all at once."""
+    best = equations.evidence((*rest, key))
+    alone = tuple(t for t in confounded if best - equations.evidence((*rest, t)) < _NEAR)
+    rivals = [(*rest, t) for t in alone] or [(*rest, *confounded)]
+    names = tuple(name[t] for t in alone) or (" with ".join(name[t] for t in confounded),)
+    effects = tuple(name[k] for k in (key, *(alone or confounded)))
     return Question(((*rest, key), *rivals), (name[key], *names), effects)
 
 
 @dataclass(slots=True)
-class _Duel:
-    """One model taken for true and another one fitted to what it would give, row by row.
+class _Comparison:
+    """One model taken for true and a rival fitted to what it would give, row by row.
 
     true: name of the first; truth: (n, 3) what it gives, and X: (n, 3, p) columns of the other,
     both in sigma; H, seen: normal equations of the other; square: [sigma^2] of what refutes it.
@@ -139,47 +145,47 @@ class _Duel:
         self.seen = self.seen + A.T @ self.truth[row]
 
 
-def telling(diagnosis: Diagnosis, question: Question, reach: Reach) -> list[NextPose]:
+def discriminating(diagnosis: Diagnosis, question: Question, reach: Reach) -> list[NextPose]:
     """Return what separates the models of a question, chosen one by one for the worst pair."""
     pool = candidates(diagnosis, question.effects, reach)
     if len(pool) == 0:
         return []
-    duels = _duels(diagnosis, question, pool)
+    comparisons = _comparisons(diagnosis, question, pool)
     chosen: list[int] = []
     while len(chosen) < min(_MOST, len(pool)):
-        least = min(duel.square for duel in duels)
+        least = min(one.square for one in comparisons)
         if len(chosen) >= _FEWEST and least >= ENOUGH**2:
             break
         # the sum of logarithms pushes the pair that is behind, and never stands still
-        gain = sum(np.log1p(duel.square + duel.gains()) for duel in duels)
+        gain = sum(np.log1p(one.square + one.gains()) for one in comparisons)
         score = np.asarray(gain, dtype=np.float64)
         score[chosen] = -np.inf
         best = int(np.argmax(np.round(score, 9)))
         chosen.append(best)
-        for duel in duels:
-            duel.take(best)
-    return _poses(diagnosis, pool.rows(np.array(chosen)), question.why, _separations(duels))
+        for one in comparisons:
+            one.take(best)
+    return _poses(diagnosis, pool.rows(np.array(chosen)), question.why, _separations(comparisons))
 
 
-def _duels(diagnosis: Diagnosis, question: Question, pool: Samples) -> list[_Duel]:
-    bench, noise = diagnosis.bench, diagnosis.noise
-    gram = bench.gram()
-    blocks = {b.key: b for b in bench.blocks}
+def _comparisons(diagnosis: Diagnosis, question: Question, pool: Samples) -> list[_Comparison]:
+    regression, noise = diagnosis.regression, diagnosis.noise
+    equations = regression.normal_equations()
+    blocks = {b.key: b for b in regression.blocks}
     actual = evaluate(pool, diagnosis.problem.given)[1]
-    far = {k: _far(blocks[k], actual) / noise for model in question.models for k in model}
-    duels = []
+    far = {k: _block_at(blocks[k], actual) / noise for model in question.models for k in model}
+    comparisons = []
     for one, name in zip(question.models, question.names, strict=True):
-        theta = gram.solve(one)[0]
+        theta = equations.solve(one)[0]
         truth = np.concatenate([far[k] for k in one], axis=2) @ theta
         for two in question.models:
             if two == one:
                 continue
-            i = gram.index(two)
-            H = gram.G[np.ix_(i, i)] + np.eye(len(i))
-            seen = gram.G[np.ix_(i, gram.index(one))] @ theta
+            i = equations.index(two)
+            H = equations.G[np.ix_(i, i)] + np.eye(len(i))
+            seen = equations.G[np.ix_(i, equations.index(one))] @ theta
             X = np.concatenate([far[k] for k in two], axis=2)
-            duels.append(_Duel(name, truth, X, H, seen))
-    return duels
+            comparisons.append(_Comparison(name, truth, X, H, seen))
+    return comparisons
 
 
 def reassessed(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> tuple[NextPose, ...]:
@@ -189,14 +195,14 @@ def reassessed(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> tuple[NextPos
     for why, question in asked.items():
         index = [k for k, pose in enumerate(poses) if pose.why == why]
         if index:
-            duels = _duels(
+            comparisons = _comparisons(
                 diagnosis, question, samples_of_poses(diagnosis, [out[k] for k in index])
             )
             for row in range(len(index)):
-                for duel in duels:
-                    duel.take(row)
+                for one in comparisons:
+                    one.take(row)
             for k in index:
-                out[k] = replace(out[k], separations=_separations(duels))
+                out[k] = replace(out[k], separations=_separations(comparisons))
     return tuple(out)
 
 
@@ -219,10 +225,10 @@ def samples_of_poses(diagnosis: Diagnosis, poses: Sequence[NextPose]) -> Samples
     return make_samples(samples.arm, np.array([pose.q for pose in poses]), **columns)
 
 
-def _separations(duels: list[_Duel]) -> dict[str, float]:
+def _separations(comparisons: list[_Comparison]) -> dict[str, float]:
     found: dict[str, float] = {}
-    for duel in duels:
-        found[duel.true] = min(found.get(duel.true, np.inf), float(np.sqrt(duel.square)))
+    for one in comparisons:
+        found[one.true] = min(found.get(one.true, np.inf), float(np.sqrt(one.square)))
     return found
 
 
@@ -271,7 +277,7 @@ def _as_it_is(rows: Samples) -> Samples:
     return replace(rows, temperature=np.full(len(rows), rows.temperature[-1]))
 
 
-def _far(block: Block, pool: Samples) -> FloatArray:
+def _block_at(block: Block, pool: Samples) -> FloatArray:
     effect = block.effect
     ratio = block.typical / np.array(
         [p.typical for p in effect.parameters(pool.arm, block.setting)]
@@ -294,8 +300,8 @@ def candidates(diagnosis: Diagnosis, names: tuple[str, ...], reach: Reach) -> Sa
     q = np.round(rng.uniform(low, high, (_DRAWN, 6)) / DEG, 5) * DEG
     pool = make_samples(samples.arm, q, **_conditions(samples, names, rng))
     inside = np.all(
-        (pool.point >= samples.point.min(axis=0) - [_ROOM, _ROOM, 0.0])
-        & (pool.point <= samples.point.max(axis=0) + _ROOM),
+        (pool.point >= samples.point.min(axis=0) - [_BEYOND, _BEYOND, 0.0])
+        & (pool.point <= samples.point.max(axis=0) + _BEYOND),
         axis=1,
     )
     pool = pool.rows(np.flatnonzero(inside)[:_CANDIDATES])

@@ -7,13 +7,12 @@ orientations nearer as well.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.diagnose import Diagnosis, rms
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import States, evaluate
 from postproc.geometry import abc_from_rotation, orthonormalised, rotation_angle, rotation_from_abc
@@ -39,7 +38,7 @@ def orientation(diagnosis: Diagnosis) -> dict[str, Any] | None:
     R_robroot_tool = T[:3, :3].T @ R_measured_tool
     turned = problem.registration is not None
     before, _ = _misfit(flange_rotation(samples, problem.given), R_robroot_tool, turned)
-    named = {n: s for n, s in diagnosis.fit.states.items() if n not in diagnosis.suspects}
+    named = {n: s for n, s in diagnosis.fit.states.items() if n not in diagnosis.resembled}
     after, R_flange_tool = _misfit(flange_rotation(samples, named), R_robroot_tool, turned)
     return {
         "rows": len(rows),
@@ -53,8 +52,7 @@ def flange_rotation(samples: Samples, states: States) -> FloatArray:
     """Return the real R_robroot_flange (n, 3, 3), from three points a metre off the flange."""
     ends = []
     for place in np.concatenate([np.zeros((1, 3)), np.eye(3)]):
-        moved = replace(samples, arm=replace(samples.arm, p_flange_point=place)).at(samples.q)
-        ends.append(evaluate(moved, states)[0])
+        ends.append(evaluate(samples.with_points(measured=place), states)[0])
     return orthonormalised(np.stack([end - ends[0] for end in ends[1:]], axis=-1))
 
 
@@ -69,7 +67,7 @@ def _misfit(
         if turned:
             R_frame = _mean(R_real @ R_flange_tool @ np.swapaxes(R_robroot_tool, 1, 2))
     angle = rotation_angle(R_real @ R_flange_tool, R_frame @ R_robroot_tool)
-    return float(np.sqrt(np.mean(angle**2))), R_flange_tool
+    return rms(angle), R_flange_tool
 
 
 def _mean(R: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.diagnose import Diagnosis, rms
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.units import MM
@@ -19,11 +19,11 @@ _CELLS = 3
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What one adopted effect moves: name, points (n, 3) [m], turn of the joints (n, 6) [rad]."""
+    """What one adopted effect moves: points (n, 3) [m], and joints (n, 6) [rad]."""
 
     name: str
     moved: FloatArray
-    turn: FloatArray
+    joint_change: FloatArray
 
 
 def parts(diagnosis: Diagnosis) -> tuple[Part, ...]:
@@ -42,7 +42,7 @@ def where(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return the ``where`` of the diagnosis, file units."""
     own = parts(diagnosis)
     kept = diagnosis.kept
-    gap = diagnosis.problem.measured - baseline(diagnosis)
+    gap = diagnosis.problem.measured - diagnosis.baseline
     explained = sum((p.moved for p in own), np.zeros_like(gap))
     subject = explained if own else gap
     return {
@@ -53,22 +53,14 @@ def where(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def baseline(diagnosis: Diagnosis) -> FloatArray:
-    """Return (n, 3) the simulated points [m]: given model, and the registration if asked for."""
-    problem = diagnosis.problem
-    if problem.registration is None:
-        return problem.measured - problem.gap
-    return diagnosis.baseline
-
-
 def _joints(
     samples: Samples, own: tuple[Part, ...], subject: FloatArray, kept: BoolArray
 ) -> list[dict[str, Any]]:
     """Return the share of each joint: by its own turns, else by projection on the Jacobian."""
     J = samples.jacobian[kept]
-    turning = [p for p in own if bool(np.any(p.turn))]
+    turning = [p for p in own if bool(np.any(p.joint_change))]
     if turning:
-        turn = sum((p.turn for p in turning), np.zeros_like(turning[0].turn))[kept]
+        turn = sum((p.joint_change for p in turning), np.zeros_like(turning[0].joint_change))[kept]
     else:
         damp = 1e-2 * float(np.mean(np.einsum("nij,nij->n", J, J)))
         A = J @ np.swapaxes(J, 1, 2) + damp * np.eye(3)
@@ -95,7 +87,7 @@ def _cells(points: FloatArray, size: FloatArray) -> list[dict[str, Any]]:
                 "min_mm": np.round(corner / MM, 3).tolist(),
                 "max_mm": np.round((corner + step) / MM, 3).tolist(),
                 "n": int(inside.sum()),
-                "rms_mm": round(float(np.sqrt(np.mean(size[inside] ** 2))) / MM, 5),
+                "rms_mm": round(rms(size[inside]) / MM, 5),
             }
         )
     return sorted(found, key=lambda c: (-c["rms_mm"], c["min_mm"]))
@@ -144,7 +136,9 @@ def _conditions(
 def _weights(samples: Samples, part: Part, kept: BoolArray) -> dict[str, float]:
     """Return the conditions of an effect; joints by how much enters at each."""
     found: dict[str, float] = {}
-    energy = np.sum((samples.jacobian[kept] * part.turn[kept][:, None, :]) ** 2, axis=(0, 1))
+    energy = np.sum(
+        (samples.jacobian[kept] * part.joint_change[kept][:, None, :]) ** 2, axis=(0, 1)
+    )
     share = energy / energy.sum() if energy.sum() > 0 else energy
     for name in effect_of(part.name).conditions:
         if name in ("joint angle", "pose"):

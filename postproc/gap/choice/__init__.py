@@ -1,18 +1,19 @@
 """Which effects are adopted, and the verdict."""
 
-from postproc.gap.choice.choice import Choice
 from postproc.gap.choice.residual import Dependence
-from postproc.gap.choice.verdict import Settled, fitted, settle, verdict
-from postproc.gap.choice.workbench import chosen, prepare, without_waves
+from postproc.gap.choice.selection import prepare, select, without_waves
+from postproc.gap.choice.standing import Choice, Standing
+from postproc.gap.choice.verdict import Assessment, assess, fitted, verdict
 
 __all__ = [
+    "Assessment",
     "Choice",
     "Dependence",
-    "Settled",
-    "chosen",
+    "Standing",
+    "assess",
     "fitted",
     "prepare",
-    "settle",
+    "select",
     "verdict",
     "without_waves",
 ]

@@ -1,111 +1,115 @@
-"""From evidence to names: which effects are adopted, which only resemble, which are twins.
+"""From evidence to names: which effects are adopted, which only resemble, which are confounded.
 
 Evidence alone is too generous: no model of a real robot is exact, and what a large effect's
 formula leaves over is seen by hundreds of rows. So a name must also be large enough to matter,
-win on rows that were not fitted, beat its own placebo, and not be the neighbour of a cause that
-is outside of the library and explains the rows better.
+win on rows that were not fitted, beat its own placebo, and not be what an alternative outside of
+the library is mistaken for that explains the rows better.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from postproc.gap.choice.rivals import doubtful, shadowed, twins
-from postproc.gap.fit import (
-    CLEAR,
-    Bench,
+from postproc.gap.choice.confounding import confounded_with, overruled, replaceable
+from postproc.gap.choice.evidence import (
     Evidence,
-    Gram,
-    Search,
-    Subset,
     evidence_of,
-    imitated,
-    search,
-    small,
+    matched_by_placebo,
+    negligible,
     smallest_part,
     unique_part,
     unphysical,
     weakest,
 )
+from postproc.gap.choice.search import DECISIVE, Search, search
+from postproc.gap.choice.standing import Choice, Standing
+from postproc.gap.fit import NormalEquations, Regression, Subset
 
 
-@dataclass(slots=True)
-class Choice:
-    """Names and evidence. ``keys``: blocks of the library; ``suspects``: blocks outside of it.
-
-    ``silent``: blocks that the rows call for but that are too small to be named. They stay beside
-    the others, else something worse would be called in their place.
-    """
-
-    keys: Subset
-    suspects: Subset
-    silent: Subset
-    evidence: dict[str, Evidence]
-    probability: dict[str, float]
-    refused: dict[str, str] = field(default_factory=dict)
-
-
-def choose(bench: Bench) -> Choice:
+def choose(regression: Regression) -> Choice:
     """Return the names that the rows support."""
-    folds = bench.fold_grams()
-    found, barred, refused = _searched(bench, folds)
-    found, best = _readmitted(bench, found, folds, found.best, refused)
-    best = _pruned(bench, found, folds, best, refused)
-    found, best = _readmitted(bench, found, folds, best, refused)
-    evidence = _all_evidence(bench, found, folds, best)
-    silent = small(bench, best, evidence)
-    refused |= {bench.name(k): "too small to tell from noise" for k in silent}
-    suspects = tuple(k for k in best if bench.block(k).suspect and k not in silent)
-    keys = tuple(k for k in best if k not in (*suspects, *silent))
-    keys = shadowed(bench, keys, suspects, evidence, refused)
-    for key in (*keys, *suspects):
-        evidence[key].twins = twins(bench, found, best, key, barred)
-    keys, suspects, doubted = doubtful(bench, keys, suspects, evidence, refused)
-    silent = (*silent, *doubted)
-    keys = tuple(sorted(keys, key=lambda k: -evidence[k].unique))
-    return Choice(keys, suspects, silent, evidence, found.inclusion(), refused)
+    folds = regression.fold_equations()
+    found, excluded, reasons = _searched(regression, folds)
+    found, best = _readmitted(regression, found, folds, found.best, reasons)
+    best = _pruned(regression, found, folds, best, reasons)
+    found, best = _readmitted(regression, found, folds, best, reasons)
+    evidence = _all_evidence(regression, found, folds, best)
+    standing = _standing(regression, best, evidence)
+    reasons |= {
+        regression.name(key): "too small to tell from noise"
+        for key, its in standing.items()
+        if its is Standing.UNNAMED
+    }
+    choice = overruled(regression, Choice(standing, evidence, found.inclusion(), reasons))
+    confounded = {
+        key: replace(
+            evidence[key], confounded=confounded_with(regression, found, best, key, excluded)
+        )
+        for key in (*choice.adopted, *choice.resembled)
+    }
+    return replaceable(regression, replace(choice, evidence=evidence | confounded))
 
 
-def _searched(bench: Bench, folds: Sequence[Gram]) -> tuple[Search, set[str], dict[str, str]]:
+def _standing(
+    regression: Regression, best: Subset, evidence: Mapping[str, Evidence]
+) -> dict[str, Standing]:
+    """Return the standing of the blocks of a subset by their size and kind."""
+    small = negligible(regression, best, evidence)
+    standing = {}
+    for key in best:
+        other = regression.block(key).is_alternative
+        standing[key] = Standing.RESEMBLED if other else Standing.ADOPTED
+    return standing | dict.fromkeys(small, Standing.UNNAMED)
+
+
+def _searched(
+    regression: Regression, folds: Sequence[NormalEquations]
+) -> tuple[Search, set[str], dict[str, str]]:
     """Search until nothing in the best subset is disqualified.
 
     Returns:
-        the search, keys that were barred, and names refused with the reason.
+        the search, keys that were excluded, and names rejected with the reason.
     """
-    gram = bench.gram()
-    barred: set[str] = set()
-    refused: dict[str, str] = {}
-    found = search(gram, bench.always)
+    equations = regression.normal_equations()
+    excluded: set[str] = set()
+    reasons: dict[str, str] = {}
+    found = search(equations, regression.always)
     for _ in range(12):
-        weak = _disqualified(bench, found, folds)
+        weak = _disqualified(regression, found, folds)
         if weak is None:
             break
         key, reason = weak
-        refused[found.names[key]] = reason
-        barred.add(key)
-        found = search(gram, bench.always, barred=barred)
-    return found, barred, refused
+        reasons[found.names[key]] = reason
+        excluded.add(key)
+        found = search(equations, regression.always, excluded=excluded)
+    return found, excluded, reasons
 
 
 def _all_evidence(
-    bench: Bench, found: Search, folds: Sequence[Gram], best: Subset
+    regression: Regression, found: Search, folds: Sequence[NormalEquations], best: Subset
 ) -> dict[str, Evidence]:
-    return {k: evidence_of(bench, found, folds, best, k) for k in best}
+    return {k: evidence_of(regression, found, folds, best, k) for k in best}
 
 
-def _disqualified(bench: Bench, found: Search, folds: Sequence[Gram]) -> tuple[str, str] | None:
+def _disqualified(
+    regression: Regression, found: Search, folds: Sequence[NormalEquations]
+) -> tuple[str, str] | None:
     best = found.best
-    evidence = _all_evidence(bench, found, folds, best)
+    evidence = _all_evidence(regression, found, folds, best)
     return (
-        unphysical(bench, found, best)
-        or weakest(bench, best, evidence)
-        or imitated(bench, best, small(bench, best, evidence), evidence)
+        unphysical(regression, found, best)
+        or weakest(regression, best, evidence)
+        or matched_by_placebo(regression, best, negligible(regression, best, evidence))
     )
 
 
 def _pruned(
-    bench: Bench, found: Search, folds: Sequence[Gram], best: Subset, refused: dict[str, str]
+    regression: Regression,
+    found: Search,
+    folds: Sequence[NormalEquations],
+    best: Subset,
+    reasons: dict[str, str],
 ) -> Subset:
     """Take blocks away that only share among them what fewer would explain as well.
 
@@ -114,46 +118,47 @@ def _pruned(
     are named or small.
     """
     while True:
-        evidence = _all_evidence(bench, found, folds, best)
-        little = small(bench, best, evidence)
-        together = unique_part(bench, found, best, little)
-        if len(little) < 2 or together < smallest_part(bench, best, evidence, little[0]):
+        evidence = _all_evidence(regression, found, folds, best)
+        little = negligible(regression, best, evidence)
+        together = unique_part(regression, found, best, little)
+        if len(little) < 2 or together < smallest_part(regression, best, evidence, little[0]):
             return best
         least = min(little, key=lambda k: (evidence[k].gain, k))
-        refused[bench.name(least)] = "others explain the same"
+        reasons[regression.name(least)] = "others explain the same"
         best = tuple(k for k in best if k != least)
 
 
 def _readmitted(
-    bench: Bench,
+    regression: Regression,
     found: Search,
-    folds: Sequence[Gram],
+    folds: Sequence[NormalEquations],
     best: Subset,
-    refused: dict[str, str],
+    reasons: dict[str, str],
 ) -> tuple[Search, Subset]:
     """Give blocks that are not in the subset a second chance beside this company, best first.
 
     Only what would be named comes back.
     """
-    for block in bench.blocks:
-        found = found.knowing(block)
-    tried = {*best, *bench.always}
+    for block in regression.blocks:
+        found = found.with_candidate(block)
+    tried = {*best, *regression.always}
     while True:
         here = found.score(best)
         gains = {
             b.key: found.score((*best, b.key)) - here
-            for b in bench.blocks
+            for b in regression.blocks
             if b.key not in tried
-            and found.legal((*best, b.key))
-            and not refused.get(b.name, "").startswith("not physical")
+            and found.is_admissible((*best, b.key))
+            and not reasons.get(b.name, "").startswith("not physical")
         }
         key = max(gains, key=lambda k: (gains[k], k), default="")
-        if not key or gains[key] < CLEAR:
+        if not key or gains[key] < DECISIVE:
             return found, best
         tried.add(key)
         subset = tuple(sorted((*best, key)))
-        evidence = _all_evidence(bench, found, folds, subset)
-        named = key not in small(bench, subset, evidence)
-        if named and not weakest(bench, subset, evidence) and not unphysical(bench, found, subset):
+        evidence = _all_evidence(regression, found, folds, subset)
+        named = key not in negligible(regression, subset, evidence)
+        weak = weakest(regression, subset, evidence) or unphysical(regression, found, subset)
+        if named and not weak:
             best = subset
-            refused.pop(bench.name(key), None)
+            reasons.pop(regression.name(key), None)

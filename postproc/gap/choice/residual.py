@@ -1,22 +1,23 @@
 """What is left after the fit: is it noise, and if not, what does it depend on.
 
 Every test asks whether the residual follows smooth functions of one column, as a shift in space
-or as a turn of a joint, and compares with the same residual dealt out to the rows at random.
+or as a turn of a joint, and compares with the same residual under random permutations of the rows.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import erfc, sqrt
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.gap.data import Samples
-from postproc.gap.fit import Context
+from postproc.gap.fit import Projection
 
-_DEALS = 199
+_PERMUTATIONS = 199
 _SEED = 7
 
 
@@ -36,7 +37,7 @@ def dependences(
     samples: Samples,
     residual: FloatArray,
     weight: FloatArray,
-    context: Context,
+    context: Projection,
 ) -> tuple[Dependence, ...]:
     """Return the tests of every condition, clearest first.
 
@@ -48,13 +49,13 @@ def dependences(
     """
     use = weight > 0
     rng = np.random.default_rng(_SEED)
-    deals = [rng.permutation(int(use.sum())) for _ in range(_DEALS)]
+    permutations = [rng.permutation(int(use.sum())) for _ in range(_PERMUTATIONS)]
     found = []
     for name, functions in conditions(samples).items():
-        test = _test(samples, residual, weight, context, functions, deals)
+        test = _test(samples, residual, weight, context, functions, permutations)
         if test is not None:
             found.append(Dependence(name, *test))
-    found.append(_neighbours(samples, residual, use, deals))
+    found.append(_neighbours(samples, residual, use, permutations))
     return tuple(sorted(found, key=lambda d: (d.p_value, -d.rms, d.name)))
 
 
@@ -117,13 +118,13 @@ def _test(
     samples: Samples,
     residual: FloatArray,
     weight: FloatArray,
-    context: Context,
+    context: Projection,
     functions: FloatArray,
-    deals: Sequence[Rows],
+    permutations: Sequence[Rows],
 ) -> tuple[float, float] | None:
     use = weight > 0
     Z = _columns(samples, functions, functions.shape[1] == 6 and _is_per_joint(samples, functions))
-    Z = context.clean((Z * weight[:, None, None]).reshape(-1, Z.shape[2]))
+    Z = context.residual_of((Z * weight[:, None, None]).reshape(-1, Z.shape[2]))
     Z = Z.reshape(len(samples), 3, -1)[use].reshape(3 * int(use.sum()), -1)
     u, s, _ = np.linalg.svd(Z, full_matrices=False)
     u = u[:, s > 1e-6 * s[0]] if len(s) and s[0] > 0 else u[:, :0]
@@ -131,9 +132,9 @@ def _test(
         return None
     rest = (residual * weight[:, None])[use]
     seen = float(np.sum((u.T @ rest.ravel()) ** 2))
-    dealt = np.array([rest[deal].ravel() for deal in deals])
-    chance = np.sum((dealt @ u) ** 2, axis=1)
-    p = (1.0 + float(np.sum(chance >= seen))) / (len(deals) + 1.0)
+    permuted = np.array([rest[order].ravel() for order in permutations])
+    chance = np.sum((permuted @ u) ** 2, axis=1)
+    p = (1.0 + float(np.sum(chance >= seen))) / (len(permutations) + 1.0)
     p = min(p, _tail(seen, chance)) if p < 0.02 else p
     excess = max(seen - float(np.mean(chance)), 0.0)
     scale = float(np.median(weight[use]))
@@ -147,9 +148,7 @@ def _is_per_joint(samples: Samples, functions: FloatArray) -> bool:
 
 
 def _tail(seen: float, chance: FloatArray) -> float:
-    """Return the tail probability beyond the dealt ones by a normal law of the cube root."""
-    from math import erfc, sqrt
-
+    """Return the tail probability beyond the permuted ones by a normal law of the cube root."""
     root = np.cbrt(chance)
     z = (np.cbrt(seen) - float(root.mean())) / (float(root.std()) + 1e-12)
     return max(0.5 * erfc(z / sqrt(2.0)), 1e-12)
@@ -169,7 +168,7 @@ def _columns(samples: Samples, functions: FloatArray, per_joint: bool) -> FloatA
 
 
 def _neighbours(
-    samples: Samples, residual: FloatArray, use: BoolArray, deals: Sequence[Rows]
+    samples: Samples, residual: FloatArray, use: BoolArray, permutations: Sequence[Rows]
 ) -> Dependence:
     """Test whether neighbours in joint space have like residuals (as turns of joints)."""
     rows = np.flatnonzero(use)
@@ -184,12 +183,10 @@ def _neighbours(
     mean = rest[near].mean(axis=1)
     seen = float(np.sum(rest * mean))
     chance = []
-    for deal in deals:
-        mixed = rest[deal]
+    for order in permutations:
+        mixed = rest[order]
         chance.append(float(np.sum(mixed * mixed[near].mean(axis=1))))
     z = (seen - np.mean(chance)) / (np.std(chance) + 1e-30)
-    from math import erfc, sqrt
-
     return Dependence(
         "neighbouring poses",
         max(0.5 * erfc(float(z) / sqrt(2.0)), 1e-12),

@@ -1,7 +1,13 @@
 """The rows of a campaign as the fit sees them, and the arm's model."""
 
 from postproc.gap.data.dataset import COLUMN_NAMES, Arm, Samples, make_samples, samples_of
-from postproc.gap.data.loads import carried_torque, load_moment, weight_moment, weight_torque
+from postproc.gap.data.loads import (
+    carried_torque,
+    first_moment_torque,
+    load_moment,
+    weight_moment,
+    weight_torque,
+)
 from postproc.gap.data.reference import reference_of
 from postproc.gap.data.split import Split, split
 
@@ -11,6 +17,7 @@ __all__ = [
     "Samples",
     "Split",
     "carried_torque",
+    "first_moment_torque",
     "load_moment",
     "make_samples",
     "reference_of",

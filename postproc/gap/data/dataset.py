@@ -59,6 +59,12 @@ class Arm:
         origins[6] = apply(T_6_flange, self.p_flange_point)
         return origins, next_axis, T_6_flange[:3, :3]
 
+    @property
+    def reach(self) -> float:
+        """Length of the arm from axis 3's link to the wrist, stretched as at zero angles [m]."""
+        origins, _, _ = self.link_constants()
+        return float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
+
 
 @dataclass(frozen=True, slots=True)
 class Samples:
@@ -91,6 +97,12 @@ class Samples:
         """(n, 3, 6) motion of the point per joint angle [m/rad]."""
         return self._motion_of(self.point)
 
+    def flange(self) -> FloatArray:
+        """Return (n, 3) the centre of the flange, robroot [m]."""
+        origins, _, R_6_flange = self.arm.link_constants()
+        at = origins[6] - R_6_flange @ self.arm.p_flange_point
+        return np.asarray(apply(self.frames[:, 6], at))
+
     def has(self, name: str) -> bool:
         """Return whether a column was logged."""
         return getattr(self, name) is not None
@@ -111,6 +123,15 @@ class Samples:
         frames, flange, axes = _geometry(self.arm, q)
         point, load = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_load))
         return replace(self, q=q, frames=frames, axes=axes, point=point, load_point=load)
+
+    def with_points(
+        self, measured: FloatArray | None = None, load: FloatArray | None = None
+    ) -> Samples:
+        """Return the same rows with other points of the arm, in the flange (3,) [m]."""
+        arm = self.arm
+        arm = arm if measured is None else replace(arm, p_flange_point=measured)
+        arm = arm if load is None else replace(arm, p_flange_load=load)
+        return replace(self, arm=arm).at(self.q)
 
     def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
@@ -144,16 +165,15 @@ class Samples:
         arm = point[:, None, :] - self.frames[:, 1:, :3, 3]
         return np.asarray(np.swapaxes(np.cross(np.swapaxes(self.axes, 1, 2), arm), 1, 2))
 
-    def weight_torque(self, points: FloatArray, link: int, gravity: FloatArray) -> FloatArray:
+    def weight_torque(self, points: FloatArray, link: int) -> FloatArray:
         """Return (n, 6) the torque per kilogram of masses at ``points`` on the joints [N*m/kg].
 
         Args:
             points: (n, 3) centres of gravity, robroot [m].
             link: 1..6, the link that carries the mass; joints beyond it feel nothing.
-            gravity: (3,) [m/s^2].
         """
         lever = points[:, None, :] - self.frames[:, 1:, :3, 3]
-        torque = np.einsum("nij,nji->nj", self.axes, np.cross(lever, gravity))
+        torque = np.einsum("nij,nji->nj", self.axes, np.cross(lever, self.arm.reference.gravity))
         torque[:, link:] = 0.0
         return np.asarray(torque)
 

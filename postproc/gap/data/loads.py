@@ -17,9 +17,25 @@ def weight_torque(samples: Samples) -> FloatArray:
     torque = np.zeros((len(samples), 6))
     for link in range(1, 7):
         com = apply(samples.frames[:, link], reference.link_com[link - 1])
-        per_kg = samples.weight_torque(com, link, reference.gravity)
+        per_kg = samples.weight_torque(com, link)
         torque += reference.link_mass[link - 1] * per_kg
     return torque
+
+
+def first_moment_torque(
+    samples: Samples, origin: FloatArray, R: FloatArray, link: int
+) -> FloatArray:
+    """Return (n, 6, 3) torque on the joints of a first moment of mass along x, y, z of R [m/s^2].
+
+    Args:
+        samples: rows.
+        origin: (n, 3) what the moment is about, robroot [m].
+        R: (n, 3, 3) axes of the moment, in robroot.
+        link: 1..6, the link that carries the mass.
+    """
+    here = samples.weight_torque(origin, link)
+    there = [samples.weight_torque(origin + R[:, :, k], link) for k in range(3)]
+    return np.stack([torque - here for torque in there], axis=2)
 
 
 def carried_torque(samples: Samples) -> FloatArray:

@@ -1,7 +1,7 @@
 """Rows that are kept apart: sealed ones, opened once at the end, and folds for comparisons.
 
 Rows that belong together (repeats, neighbours in joint space, one group label) stay together,
-else a test row has its twin among the fitted ones.
+else a test row has its like among the fitted ones.
 """
 
 from __future__ import annotations

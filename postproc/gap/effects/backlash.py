@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Effect, Setting, diagonal, per_joint, register
 
 
 @register
@@ -21,11 +21,8 @@ class Backlash(Effect):
     needs = ("direction",)
     conditions = ("approach",)
     layout = (("half_gap_deg", 6),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six half gaps [rad], positive in the direction of the last motion."""
-        del arm, setting
-        return per_joint(1.5e-4)
+    parameter_list = per_joint(1.5e-4)
+    """Six half gaps [rad], positive in the direction of the last motion."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint towards where its last motion went."""

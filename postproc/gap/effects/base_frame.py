@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 from postproc.geometry import rotation_from_vector, transform
 from postproc.model import Registration
@@ -25,12 +25,11 @@ class BaseFrame(Effect):
     conditions = ("position",)
     geometric = True
     layout = (("xyz_mm", 3), ("rotation_deg", 3))
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return shift [m] and rotation vector [rad]."""
-        del arm, setting
-        shift = tuple(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz")
-        return shift + tuple(Parameter(f"turn_{axis}", 3e-4) for axis in "xyz")
+    parameter_list = (
+        *(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz"),
+        *(Parameter(f"turn_{axis}", 3e-4) for axis in "xyz"),
+    )
+    """Shift [m] and rotation vector [rad]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0."""

@@ -24,16 +24,13 @@ class Counterbalance(Effect):
     action = "check gas pressure and bearings of the counterbalance"
     conditions = ("q2",)
     layout = (("cosine_deg", 1), ("sine_deg", 1), ("cosine_2_deg", 1), ("sine_2_deg", 1))
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return the amplitudes of cos and sin of q2, then of 2 q2 [rad of joint 2]."""
-        del arm, setting
-        return (
-            Parameter("cosine", 2e-4, joint=2),
-            Parameter("sine", 2e-4, joint=2),
-            Parameter("cosine_2", 3e-5, joint=2),
-            Parameter("sine_2", 3e-5, joint=2),
-        )
+    parameter_list = (
+        Parameter("cosine", 2e-4, joint=2),
+        Parameter("sine", 2e-4, joint=2),
+        Parameter("cosine_2", 3e-5, joint=2),
+        Parameter("sine_2", 3e-5, joint=2),
+    )
+    """The amplitudes of cos and sin of q2, then of 2 q2 [rad of joint 2]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn joint 2."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import (
     SYMMETRIC,
     Basis,
@@ -15,12 +15,13 @@ from postproc.gap.effect import (
     centre_and_extent,
     from_centre,
     register,
+    symmetric,
 )
 
 
 @register
 class FixtureGive(Effect):
-    """A Cartesian compliance in the room that changes with the place of the contact.
+    """A Cartesian compliance of the workpiece that changes with the place of the contact.
 
     The part that does not change stands in the resemblance of a tool or fixture that gives way.
     """
@@ -33,29 +34,23 @@ class FixtureGive(Effect):
     needs = ("wrench",)
     conditions = ("load", "position")
     mistaken_for = ("joint_compliance", "variable_stiffness")
+    parameter_list = tuple(
+        Parameter(f"give_{i}{j}_{way}", 0.1)
+        for way in ("mean", "x", "y", "z")
+        for i, j in SYMMETRIC
+    )
+    """A compliance and its change along x, y, z, relative to joint 2's."""
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the places."""
         return centre_and_extent(samples.point)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return a compliance and its change along x, y, z, relative to joint 2's."""
-        del arm, setting
-        return tuple(
-            Parameter(f"give_{i}{j}_{way}", 0.1)
-            for way in ("mean", "x", "y", "z")
-            for i, j in SYMMETRIC
-        )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Shift the point."""
         unit = float(samples.arm.reference.c_joint[1])
         force = samples.column("wrench")[:, :3] * unit
         place = np.tanh(from_centre(samples.point, setting))
-        point = np.zeros((len(samples), 3, 24))
-        for way, factor in enumerate((np.ones(len(samples)), *place.T)):
-            for column, (i, j) in enumerate(SYMMETRIC, start=6 * way):
-                point[:, i, column] += factor * force[:, j]
-                if i != j:
-                    point[:, j, column] += factor * force[:, i]
-        return Basis(point=point)
+        still = symmetric(force)
+        return Basis(
+            point=np.concatenate([still, *(way[:, None, None] * still for way in place.T)], axis=2)
+        )

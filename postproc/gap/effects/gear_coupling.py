@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 
 PAIRS = ((4, 5), (4, 6), (5, 6))
@@ -21,11 +21,8 @@ class GearCoupling(Effect):
     action = "check the coupling factors of the wrist in the machine data"
     conditions = ("q4", "q5")
     layout = tuple((f"axis_{a}_to_{b}", 1) for a, b in PAIRS)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return three ratios [rad/rad]."""
-        del arm, setting
-        return tuple(Parameter(f"axis_{a}_to_{b}", 3e-4, joint=b) for a, b in PAIRS)
+    parameter_list = tuple(Parameter(f"axis_{a}_to_{b}", 3e-4, joint=b) for a, b in PAIRS)
+    """Three ratios [rad/rad]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn the driven joint by the angle of the driving one."""

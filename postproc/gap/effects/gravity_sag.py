@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples, weight_torque
+from postproc.gap.data import Samples, first_moment_torque, weight_torque
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
 
 
@@ -30,20 +30,15 @@ class GravitySag(Effect):
     absorbed_by = ("link_geometry",)
     equilibrium = True
     layout = (("scale", 6), ("shape", 4), ("wrist_moment", 6))
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six scales of the reference sag, four shapes of axes 2 and 3, wrist moments."""
-        del arm, setting
-        shapes = ("2_upper_arm", "2_forearm", "2_forearm_across", "3_forearm_across")
-        return (
-            *per_joint(1.0),
-            *(Parameter(f"joint_{name}", 0.3, joint=int(name[0])) for name in shapes),
-            *(
-                Parameter(f"wrist_{link}_{axis}", 0.05, joint=link)
-                for link in (4, 5)
-                for axis in "xyz"
-            ),
-        )
+    parameter_list = (
+        *per_joint(1.0),
+        Parameter("joint_2_upper_arm", 0.3, joint=2),
+        Parameter("joint_2_forearm", 0.3, joint=2),
+        Parameter("joint_2_forearm_across", 0.3, joint=2),
+        Parameter("joint_3_forearm_across", 0.3, joint=3),
+        *(Parameter(f"wrist_{link}_{axis}", 0.05, joint=link) for link in (4, 5) for axis in "xyz"),
+    )
+    """Six scales of the reference sag, four shapes of axes 2 and 3, wrist moments."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by its gravity torque times the reference compliance."""
@@ -71,12 +66,8 @@ class GravitySag(Effect):
         reference = samples.arm.reference
         R = samples.frames[:, link, :3, :3]
         origin = samples.frames[:, link, :3, 3]
-        here = samples.weight_torque(origin, link, reference.gravity)
         mass = float(np.sum(reference.link_mass[3:]))
-        there = [
-            samples.weight_torque(origin + R[:, :, k], link, reference.gravity) for k in range(3)
-        ]
-        return mass * np.stack([torque - here for torque in there], axis=2)
+        return mass * first_moment_torque(samples, origin, R, link)
 
     @staticmethod
     def _levers(samples: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -11,7 +11,6 @@ from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
-    Parameter,
     Setting,
     State,
     Table,
@@ -45,11 +44,8 @@ class JointCompliance(Effect):
     conditions = ("load",)
     equilibrium = True
     layout = ((STIFFNESS, 6),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six relative compliances, never negative."""
-        del arm, setting
-        return per_joint(1.0, lower=0.0)
+    parameter_list = per_joint(1.0, lower=0.0)
+    """Six relative compliances, never negative."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by its torque times the reference compliance."""

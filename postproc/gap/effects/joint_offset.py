@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Effect, Setting, diagonal, per_joint, register
 
 
 @register
@@ -19,11 +19,8 @@ class JointOffset(Effect):
     conditions = ("pose",)
     geometric = True
     layout = (("offset_deg", 6),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six offsets [rad]."""
-        del arm, setting
-        return per_joint(3e-4)
+    parameter_list = per_joint(3e-4)
+    """Six offsets [rad]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by one radian per unit."""

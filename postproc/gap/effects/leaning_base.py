@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples, load_moment, weight_moment
+from postproc.gap.data import Samples, load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 _PARTS = {"upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
@@ -29,17 +29,14 @@ class LeaningBase(Effect):
     conditions = ("q1", "load")
     mistaken_for = ("joint_compliance",)
     mistaken_for_pose = True
+    parameter_list = (
+        *(Parameter(f"{part}_{axis}", 0.1) for part in _PARTS for axis in "xy"),
+        *(Parameter(f"load_{axis}", 0.1) for axis in "xyz"),
+        *(Parameter(f"{what}_shift_{axis}", 0.1) for what in ("weight", "load") for axis in "xy"),
+    )
+    """Tilts relative to joint 2's compliance: under each weight, then under load.
 
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return tilts relative to joint 2's compliance: under each weight, then under load.
-
-        Where the weight of a link pulls, the size class knows; how heavy it is, it does not.
-        """
-        del arm, setting
-        weights = (f"{part}_{axis}" for part in _PARTS for axis in "xy")
-        tilts = (*weights, "load_x", "load_y", "load_z")
-        shifts = ("weight_shift_x", "weight_shift_y", "load_shift_x", "load_shift_y")
-        return tuple(Parameter(name, 0.1) for name in (*tilts, *shifts))
+    Where the weight of a link pulls, the size class knows; how heavy it is, it does not."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn frame 0 about its axes, and shift it as a turn about a point one metre below."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples, load_moment, weight_moment
+from postproc.gap.data import Samples, load_moment, weight_moment
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 LINKS = (1, 2, 3)
@@ -27,13 +27,10 @@ class LinkBending(Effect):
     needs = ("wrench",)
     conditions = ("load",)
     mistaken_for = ("joint_compliance", "variable_stiffness")
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return compliances relative to that of joint 2, about the link frame's axes."""
-        del arm, setting
-        return tuple(
-            Parameter(f"link_{link}_{axis}", 0.2, joint=link) for link in LINKS for axis in "xyz"
-        )
+    parameter_list = tuple(
+        Parameter(f"link_{link}_{axis}", 0.2, joint=link) for link in LINKS for axis in "xyz"
+    )
+    """Compliances relative to that of joint 2, about the link frame's axes."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn the rest of the arm at the middle of each link."""

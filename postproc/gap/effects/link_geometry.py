@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
 
 
@@ -26,14 +26,13 @@ class LinkGeometry(Effect):
     geometric = True
     absorbed_by = ("gravity_sag",)
     layout = (("axis_shift_mm", 10), ("axis_tilt_deg", 10))
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return ten shifts [m], then ten tilts [rad], two for each of the axes 2 to 6."""
-        del arm, setting
-        names = [f"axis_{axis}_{way}" for axis in range(2, 7) for way in "ab"]
-        return tuple(Parameter(f"{name}_shift", 3e-4) for name in names) + tuple(
-            Parameter(f"{name}_tilt", 2e-4) for name in names
-        )
+    parameter_list = tuple(
+        Parameter(f"axis_{axis}_{way}_{kind}", size)
+        for kind, size in (("shift", 3e-4), ("tilt", 2e-4))
+        for axis in range(2, 7)
+        for way in "ab"
+    )
+    """Ten shifts [m], then ten tilts [rad], two for each of the axes 2 to 6."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame k about the origin of frame k+1, across the axis of joint k+1."""

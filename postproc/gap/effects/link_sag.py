@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 from postproc.gap.effects.link_bending import LINKS, bending
 
@@ -18,13 +18,10 @@ class LinkSag(Effect):
     kind = Kind.ALTERNATIVE
     conditions = ("pose",)
     mistaken_for = ("gravity_sag", "payload_error", "counterbalance", "joint_offset")
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return compliances relative to that of joint 2, about the link frame's axes."""
-        del arm, setting
-        return tuple(
-            Parameter(f"link_{link}_{axis}", 0.1, joint=link) for link in LINKS for axis in "xyz"
-        )
+    parameter_list = tuple(
+        Parameter(f"link_{link}_{axis}", 0.1, joint=link) for link in LINKS for axis in "xyz"
+    )
+    """Compliances relative to that of joint 2, about the link frame's axes."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn the rest of the arm at the middle of each link."""

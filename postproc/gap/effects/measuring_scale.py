@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -38,17 +38,15 @@ class MeasuringScale(Effect):
     conditions = ("position",)
     mistaken_for = ("thermal_drift",)
     mistaken_for_pose = True
+    parameter_list = (
+        *(Parameter("scale_" + "".join("xyz"[i] for i in pair), 1e-4) for pair in _PAIRS),
+        *(Parameter("bend_" + "".join("xyz"[i] for i in triple), 3e-5) for triple in _TRIPLES),
+    )
+    """Relative scale errors, at the usual distance from the centre."""
 
     def prepare(self, samples: Samples) -> Setting:
         """Return centre [m] and extent [m] of the measured places."""
         return centre_and_extent(samples.point)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return relative scale errors, at the usual distance from the centre."""
-        del arm, setting
-        straight = (Parameter("scale_" + "".join("xyz"[i] for i in pair), 1e-4) for pair in _PAIRS)
-        curved = (Parameter("bend_" + "".join("xyz"[i] for i in t), 3e-5) for t in _TRIPLES)
-        return (*straight, *curved)
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the measured point along the gradient of each form."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 
@@ -20,19 +20,16 @@ class NonlinearStiffness(Effect):
     needs = ("wrench",)
     conditions = ("load",)
     mistaken_for = ("joint_compliance", "variable_stiffness")
+    parameter_list = tuple(
+        Parameter(f"joint_{i}_{way}", 0.2, joint=i)
+        for way in ("root", "even", "cubic")
+        for i in range(1, 7)
+    )
+    """For each joint three relative changes of its give."""
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the usual torque of each joint [N*m]."""
         return {"torque": np.sqrt(np.mean(samples.load_torque() ** 2, axis=0)) + 1e-9}
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return for each joint three relative changes of its give."""
-        del arm, setting
-        return tuple(
-            Parameter(f"joint_{i}_{way}", 0.2, joint=i)
-            for way in ("root", "even", "cubic")
-            for i in range(1, 7)
-        )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by powers of its torque."""

@@ -15,8 +15,8 @@ from postproc.gap.effect import (
     centre_and_extent,
     from_centre,
     register,
+    symmetric,
 )
-from postproc.geometry import apply
 from postproc.units import STANDARD_GRAVITY
 
 
@@ -24,7 +24,7 @@ from postproc.units import STANDARD_GRAVITY
 class OutsidePull(Effect):
     """A force on the flange that changes with its place, as of a hose, a cable or a balancer.
 
-    Constant part (three numbers) and a linear spring to the room (six), through the joint
+    Constant part (three numbers) and a linear spring to a place at rest (six), through the joint
     stiffness of the cell.
     """
 
@@ -38,36 +38,21 @@ class OutsidePull(Effect):
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the centre [m] and the extent [m] of the flange's places."""
-        return centre_and_extent(_flange(samples))
+        return centre_and_extent(samples.flange())
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return forces [N]; their usual size follows from the arm's stiffness."""
         del setting
-        origins, _, _ = arm.link_constants()
-        reach = float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
-        size = 1e-4 / (reach**2 * float(arm.reference.c_joint[1]))
+        size = 1e-4 / (arm.reach**2 * float(arm.reference.c_joint[1]))
         size = min(size, 100.0 * STANDARD_GRAVITY)
         names = ("x", "y", "z", *("".join("xyz"[k] for k in pair) for pair in SYMMETRIC))
         return tuple(Parameter(f"pull_{name}", size) for name in names)
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by the torque of one newton, constant or at the usual distance."""
-        flange = _flange(samples)
+        flange = samples.flange()
         away = from_centre(flange, setting)
         lever = flange[:, None, :] - samples.frames[:, 1:, :3, 3]
-        turn = np.cross(np.swapaxes(samples.axes, 1, 2), lever)
-        turn = turn * samples.arm.reference.c_joint[:, None]
-        joint = np.zeros((len(samples), 6, 9))
-        joint[:, :, :3] = turn
-        for column, (i, j) in enumerate(SYMMETRIC, start=3):
-            joint[:, :, column] = turn[:, :, i] * away[:, j, None]
-            if i != j:
-                joint[:, :, column] += turn[:, :, j] * away[:, i, None]
-        return Basis(joint=joint)
-
-
-def _flange(samples: Samples) -> np.ndarray:
-    """Return (n, 3) the flange's centre, robroot [m]."""
-    origins, _, R_6_flange = samples.arm.link_constants()
-    at = origins[6] - R_6_flange @ samples.arm.p_flange_point
-    return np.asarray(apply(samples.frames[:, 6], at))
+        push = np.cross(np.swapaxes(samples.axes, 1, 2), lever)
+        push = push * samples.arm.reference.c_joint[:, None]
+        return Basis(joint=np.concatenate([push, push @ symmetric(away)], axis=2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Arm, Samples, first_moment_torque
 from postproc.gap.effect import (
     Basis,
     Effect,
@@ -14,7 +14,6 @@ from postproc.gap.effect import (
     per_joint,
     register,
 )
-from postproc.geometry import apply
 from postproc.units import STANDARD_GRAVITY
 
 _TOLD, _ASSUMED = 0.15, 0.4
@@ -46,9 +45,7 @@ class PayloadError(Effect):
         Usual sizes follow the arm's stiffness.
         """
         del setting
-        origins, _, _ = arm.link_constants()
-        reach = float(np.linalg.norm(origins[2] + origins[3] + origins[4]))
-        mass = 3e-4 / (STANDARD_GRAVITY * reach * float(arm.reference.c_joint[1])) / 3.0
+        mass = 3e-4 / (STANDARD_GRAVITY * arm.reach * float(arm.reference.c_joint[1])) / 3.0
         return (
             Parameter("mass", mass),
             *(Parameter(f"moment_{axis}", 0.3 * mass) for axis in "xyz"),
@@ -59,15 +56,13 @@ class PayloadError(Effect):
         """Turn the joints by the torque of a kilogram, of a kilogram metre; then one by one."""
         del setting
         reference = samples.arm.reference
-        origins, _, R_6_flange = samples.arm.link_constants()
-        flange = origins[6] - R_6_flange @ samples.arm.p_flange_point
-        at_flange = apply(samples.frames[:, 6], flange)
-        here = samples.weight_torque(at_flange, 6, reference.gravity)
+        at_flange = samples.flange()
+        _, _, R_6_flange = samples.arm.link_constants()
         R_flange = samples.frames[:, 6, :3, :3] @ R_6_flange
+        here = samples.weight_torque(at_flange, 6) * reference.c_joint
         joint = np.zeros((len(samples), 6, 10))
-        joint[:, :, 0] = here * reference.c_joint
-        for k in range(3):
-            there = samples.weight_torque(at_flange + R_flange[:, :, k], 6, reference.gravity)
-            joint[:, :, 1 + k] = (there - here) * reference.c_joint
-        joint[:, :, 4:] = diagonal(here * reference.c_joint)
+        joint[:, :, 0] = here
+        aside = first_moment_torque(samples, at_flange, R_flange, 6)
+        joint[:, :, 1:4] = aside * reference.c_joint[:, None]
+        joint[:, :, 4:] = diagonal(here)
         return Basis(joint=joint)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.gap.data import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.gap.data import Samples
+from postproc.gap.effect import Basis, Effect, Setting, diagonal, per_joint, register
 
 
 @register
@@ -17,11 +17,8 @@ class ServoLag(Effect):
     needs = ("qd",)
     conditions = ("speed",)
     layout = (("lag_s", 6),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return six times [s]."""
-        del arm, setting
-        return per_joint(2e-3)
+    parameter_list = per_joint(2e-3)
+    """Six times [s]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint back by its speed times one second."""

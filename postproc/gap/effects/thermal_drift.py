@@ -11,8 +11,8 @@ from postproc.gap.data import Arm, Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, per_joint, register
 from postproc.model import ModelFile, entry
 
-SEGMENTS = ((0, 1), (2,), (3, 4), (5, 6))
-"""Frames whose outgoing piece grows together: column, upper arm, forearm, wrist with tool."""
+SEGMENTS = {"column": (0, 1), "upper_arm": (2,), "forearm": (3, 4), "wrist": (5, 6)}
+"""Frames whose outgoing piece grows together."""
 _KEYS = (("growth_per_K", 4), ("joint_deg_per_K", 6), ("tilt_deg_per_K", 2))
 
 
@@ -26,30 +26,23 @@ class ThermalDrift(Effect):
     action = "warm the robot up before precise work, or measure a reference point regularly"
     needs = ("temperature",)
     conditions = ("temperature",)
+    parameter_list = (
+        *(Parameter(f"growth_{piece}", 1.5e-5) for piece in SEGMENTS),
+        *per_joint(1e-5),
+        *(Parameter(f"tilt_{axis}", 3e-6) for axis in "xy"),
+    )
+    """Growth [1/K] of four pieces, drift of six joints and lean about x, y [rad/K]."""
 
     def prepare(self, samples: Samples) -> Setting:
         """Return the nominal temperature: that of the first row."""
         return {"reference": float(samples.column("temperature")[0])}
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return growth [1/K] of four pieces, drift of six joints and lean about x, y [rad/K]."""
-        del arm, setting
-        pieces = ("column", "upper_arm", "forearm", "wrist")
-        joints = tuple(
-            Parameter(p.name, p.typical, p.lower, p.upper, p.joint) for p in per_joint(1e-5)
-        )
-        return (
-            *(Parameter(f"growth_{piece}", 1.5e-5) for piece in pieces),
-            *joints,
-            *(Parameter(f"tilt_{axis}", 3e-6) for axis in "xy"),
-        )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Stretch the pieces, turn the joints, lean the base, each by its kelvins."""
         warm: FloatArray = samples.column("temperature") - setting["reference"]
         origins, _, _ = samples.arm.link_constants()
         link = np.zeros((7, 6, 12))
-        for column, frames in enumerate(SEGMENTS):
+        for column, frames in enumerate(SEGMENTS.values()):
             for frame in frames:
                 link[frame, 3:, column] = origins[frame]
         link[0, 0, 10] = link[0, 1, 11] = 1.0

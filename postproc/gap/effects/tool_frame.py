@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 from postproc.model import Registration
 
@@ -27,11 +27,8 @@ class ToolFrame(Effect):
     conditions = ("orientation",)
     geometric = True
     layout = (("xyz_mm", 3),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return the shift in axes of the flange [m]."""
-        del arm, setting
-        return tuple(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz")
+    parameter_list = tuple(Parameter(f"shift_{axis}", 5e-4) for axis in "xyz")
+    """The shift in axes of the flange [m]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move the point beyond joint 6."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.data import Arm, Samples
+from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting, register
 
 
@@ -21,6 +21,13 @@ class TrackerCreep(Effect):
     needs = ("time",)
     conditions = ("time",)
     mistaken_for = ("thermal_drift", "link_geometry")
+    parameter_list = tuple(
+        Parameter(f"{kind}_{axis}_{form}", size)
+        for form in ("line", "curve")
+        for kind, size in (("shift", 1e-4), ("turn", 5e-5))
+        for axis in "xyz"
+    )
+    """Shift [m] and turn [rad] at the end, for two forms of time."""
 
     def prepare(self, samples: Samples) -> Setting:
         """Return start and length of the campaign [s], and the mean of both forms.
@@ -31,16 +38,6 @@ class TrackerCreep(Effect):
         start, length = float(np.min(time)), float(np.ptp(time)) or 1.0
         mean = [float(np.mean(form)) for form in _forms((time - start) / length)]
         return {"start": start, "length": length, "mean": mean}
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return shift [m] and turn [rad] at the end, for two forms of time."""
-        del arm, setting
-        return tuple(
-            Parameter(f"{kind}_{axis}_{form}", size)
-            for form in ("line", "curve")
-            for kind, size in (("shift", 1e-4), ("turn", 5e-5))
-            for axis in "xyz"
-        )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move frame 0 in the course of time."""

@@ -6,40 +6,40 @@ corner of the workspace, and effects too small to be named pull at those that ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.fit.bench import Bench
 from postproc.gap.fit.fit import Fit
-from postproc.gap.fit.select import Subset
+from postproc.gap.fit.regression import Regression, Subset
 
 
-def deviations(bench: Bench, fit: Fit, keys: Subset, silent: Subset) -> dict[str, FloatArray]:
+def deviations(
+    regression: Regression, fit: Fit, keys: Subset, unnamed: Subset
+) -> dict[str, FloatArray]:
     """Return the standard deviation (p,) of each effect's numbers, SI.
 
     The larger of the fit's own and the delete-a-group jackknife over the folds (Efron 1982), and
     beside it how far the numbers move once the effects that were not named are let in.
 
     Args:
-        bench: rows in folds of neighbouring poses, and blocks.
+        regression: rows in folds of neighbouring poses, and blocks.
         fit: of ``keys``.
         keys: named blocks.
-        silent: blocks that the rows call for, too small to be named.
+        unnamed: blocks that the rows call for, too small to be named.
     """
-    gram, folds = bench.gram(), bench.fold_grams()
-    inside = (*bench.always, *keys)
-    whole = gram.solve(inside)[0]
-    among = gram.solve((*inside, *silent))[0][: len(whole)]
-    parts = np.array([gram.minus(fold).solve(inside)[0] for fold in folds])
+    equations, folds = regression.normal_equations(), regression.fold_equations()
+    inside = (*regression.always, *keys)
+    whole = equations.solve(inside)[0]
+    among = equations.solve((*inside, *unnamed))[0][: len(whole)]
+    parts = np.array([equations.minus(fold).solve(inside)[0] for fold in folds])
     scatter = _jackknife(parts) if len(parts) > 2 else np.zeros(len(whole))
     found = {}
     start = 0
-    for key, size in _sizes(bench, inside):
+    for key in inside:
+        size = regression.block(key).X.shape[2]
         part = slice(start, start + size)
         start = part.stop
-        name, typical = bench.name(key), bench.block(key).typical
+        name, typical = regression.name(key), regression.block(key).typical
         own = fit.deviation(name)
         if len(own) == size:
             wide = np.maximum(own, scatter[part] * typical)
@@ -52,7 +52,3 @@ def _jackknife(parts: FloatArray) -> FloatArray:
     k = len(parts)
     square = np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
     return np.asarray(np.sqrt((k - 1) / k * square))
-
-
-def _sizes(bench: Bench, keys: Sequence[str]) -> list[tuple[str, int]]:
-    return [(key, bench.block(key).X.shape[2]) for key in keys]

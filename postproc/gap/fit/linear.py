@@ -1,19 +1,19 @@
-"""The linearised gap: columns of every candidate, Gram matrices, evidence of a subset.
+"""The linearised gap: columns of every candidate, NormalEquations matrices, evidence of a subset.
 
 Every column is scaled by the typical size of its parameter, so that the prior of each number is a
 standard normal, and by the noise. With G = X^T X and b = X^T y the log evidence of a subset S
 against "nothing" is 1/2 b^T (G + 1)^-1 b - 1/2 log det(G + 1): what it explains minus the price
-of its freedom. One Gram matrix serves all subsets and, part by part, all folds.
+of its freedom. One NormalEquations matrix serves all subsets and, part by part, all folds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting
 from postproc.gap.robot_model import columns
@@ -39,7 +39,7 @@ class Block:
         return self.effect.name
 
     @property
-    def suspect(self) -> bool:
+    def is_alternative(self) -> bool:
         """Whether it is only a resemblance, never a named cause."""
         return self.effect.is_alternative
 
@@ -47,6 +47,15 @@ class Block:
     def typical(self) -> FloatArray:
         """(p,) typical sizes."""
         return np.array([p.typical for p in self.parameters])
+
+    def rows(self, index: Rows) -> Block:
+        """Return the columns at some rows."""
+        return replace(self, X=self.X[index])
+
+
+def design_matrix(blocks: Sequence[Block], n: int) -> FloatArray:
+    """Return the columns (n, 3, p) of blocks side by side."""
+    return np.concatenate([block.X for block in blocks] or [np.zeros((n, 3, 0))], axis=2)
 
 
 def block_of(
@@ -62,14 +71,12 @@ def block_of(
     typical = np.array([p.typical for p in parameters]) * widen
     X = columns(samples, effect.basis(samples, setting)) * typical
     if widen != 1.0:
-        parameters = tuple(
-            Parameter(p.name, p.typical * widen, p.lower, p.upper, p.joint) for p in parameters
-        )
+        parameters = tuple(replace(p, typical=p.typical * widen) for p in parameters)
     return Block(effect, setting, parameters, X, key or effect.name, start)
 
 
 @dataclass(slots=True)
-class Gram:
+class NormalEquations:
     """Normal equations of all blocks on some rows, in units of the noise.
 
     ``b`` and ``total`` follow from the gap ``y`` (n, 3) [m]; ``slices`` finds a block's columns.
@@ -79,11 +86,10 @@ class Gram:
     G: FloatArray
     b: FloatArray
     total: float
-    rows: int
     slices: dict[str, slice] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> Gram:
+    def of(cls, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> NormalEquations:
         """Return the normal equations.
 
         Args:
@@ -93,25 +99,26 @@ class Gram:
         """
         n = len(y)
         flat = (weight[:, None] * y).ravel()
-        X = np.concatenate([block.X for block in blocks], axis=2) * weight[:, None, None]
-        X = X.reshape(3 * n, -1)
+        X = (design_matrix(blocks, n) * weight[:, None, None]).reshape(3 * n, -1)
         slices, start = {}, 0
         for block in blocks:
             slices[block.key] = slice(start, start + block.X.shape[2])
             start += block.X.shape[2]
-        rows = int(np.count_nonzero(weight))
-        return cls(blocks, X.T @ X, X.T @ flat, float(flat @ flat), rows, slices)
+        return cls(blocks, X.T @ X, X.T @ flat, float(flat @ flat), slices)
 
-    def minus(self, other: Gram) -> Gram:
-        """Return the normal equations without the rows of another."""
-        return Gram(
+    def plus(self, other: NormalEquations, sign: float = 1.0) -> NormalEquations:
+        """Return the normal equations of these rows and those of another."""
+        return NormalEquations(
             self.blocks,
-            self.G - other.G,
-            self.b - other.b,
-            self.total - other.total,
-            self.rows - other.rows,
+            self.G + sign * other.G,
+            self.b + sign * other.b,
+            self.total + sign * other.total,
             self.slices,
         )
+
+    def minus(self, other: NormalEquations) -> NormalEquations:
+        """Return the normal equations without the rows of another."""
+        return self.plus(other, -1.0)
 
     def index(self, keys: Sequence[str]) -> IntArray:
         """Return the columns of these blocks."""
@@ -160,5 +167,4 @@ class Gram:
 
 def predicted(blocks: Sequence[Block], theta: FloatArray) -> FloatArray:
     """Return (n, 3) [m] of numbers (p,) in typical sizes."""
-    X = np.concatenate([block.X for block in blocks], axis=2)
-    return np.asarray(X @ theta)
+    return np.asarray(design_matrix(blocks, len(blocks[0].X)) @ theta)

@@ -16,7 +16,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.effect import EFFECTS, registration_effects
-from postproc.gap.fit.linear import Block, Gram, block_of, predicted
+from postproc.gap.fit.linear import Block, NormalEquations, block_of, predicted
 from postproc.gap.fit.registration import register
 from postproc.gap.robot_model import States, evaluate
 from postproc.measurement import in_robroot, robust_sigma
@@ -50,14 +50,14 @@ def register_loaded(
     aside = float(np.linalg.norm(place - samples.arm.p_flange_load))
     if samples.wrench is None or not bool(np.any(samples.wrench)) or aside < NEAR:
         return first
-    at_point = _with_load_at(samples, place)
+    at_point = samples.with_points(load=place)
     y = in_robroot(first, measured)
-    sides = [_library(_with_point_at(rows, place), y, given) for rows in (samples, at_point)]
+    sides = [_library(rows.with_points(measured=place), y, given) for rows in (samples, at_point)]
     left = [_left(blocks, gap) for blocks, gap in sides]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
     sigma = min(robust_sigma(size[sound]) for size in left)
     weight = sound / max(sigma, _LEAST)
-    here, there = (_evidence(Gram.of(blocks, gap, weight)) for blocks, gap in sides)
+    here, there = (_evidence(NormalEquations.of(blocks, gap, weight)) for blocks, gap in sides)
     if there < here + SURE:
         return first
     return replace(register(at_point, measured, given, rows), loads_at_point=True)
@@ -78,26 +78,21 @@ def _library(
 
 def _left(blocks: Sequence[Block], gap: FloatArray) -> FloatArray:
     """Return what the most probable numbers of everything leave of each row (n,) [m]."""
-    gram = Gram.of(blocks, gap, np.full(len(gap), 1.0 / _FINE))
-    theta = gram.solve([block.key for block in blocks])[0]
+    equations = NormalEquations.of(blocks, gap, np.full(len(gap), 1.0 / _FINE))
+    theta = equations.solve([block.key for block in blocks])[0]
     return np.asarray(np.linalg.norm(gap - predicted(blocks, theta), axis=1))
 
 
-def _evidence(gram: Gram) -> float:
+def _evidence(equations: NormalEquations) -> float:
     """Return the log evidence [nats], of what is the simplest that will do.
 
     The frames alone, with a give under the loads, or everything: a place that is right needs
     little beside it, a wrong one much.
     """
-    everything = [block.key for block in gram.blocks]
+    everything = [block.key for block in equations.blocks]
     frames = registration_effects()
-    give = [block.key for block in gram.blocks if block.effect.conditions == ("load",)]
-    return max(gram.evidence(k) for k in (frames, (*frames, *give), everything)) - 0.5 * gram.total
-
-
-def _with_load_at(samples: Samples, place: FloatArray) -> Samples:
-    return replace(samples, arm=replace(samples.arm, p_flange_load=place)).at(samples.q)
-
-
-def _with_point_at(samples: Samples, place: FloatArray) -> Samples:
-    return replace(samples, arm=replace(samples.arm, p_flange_point=place)).at(samples.q)
+    give = [block.key for block in equations.blocks if block.effect.conditions == ("load",)]
+    return (
+        max(equations.evidence(k) for k in (frames, (*frames, *give), everything))
+        - 0.5 * equations.total
+    )

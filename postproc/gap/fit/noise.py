@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block
+from postproc.gap.fit.linear import Block, design_matrix
 from postproc.measurement import robust_sigma
 from postproc.units import DEG
 
@@ -102,7 +102,7 @@ def _conditions(samples: Samples, warm: bool) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Saturated:
-    """What is left when everything known and suspected is fitted at once.
+    """What is left when every candidate is fitted at once.
 
     residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; raw: (n, 3) [m]
     as the fit leaves it; hat_root: (n, 3, p) whose products are the hat matrix; sigma [m] per
@@ -118,19 +118,19 @@ class Saturated:
 
 
 def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int = 6) -> Saturated:
-    """Fit all blocks together with their priors, by turns setting faults aside.
+    """Fit all blocks together with their priors, again and again, setting faults aside.
 
     Rows are judged only here, with every candidate in the model, by the error of predicting each
     row from the others: a row is never thrown away because the right effect was missing.
 
     Args:
-        blocks: all candidates, library and suspects.
+        blocks: all candidates, library and alternatives.
         y: (n, 3) gap [m].
         sigma: first guess of the noise [m] per axis.
-        rounds: turns.
+        rounds: most fits.
     """
     n = len(y)
-    X = np.concatenate([block.X for block in blocks], axis=2)
+    X = design_matrix(blocks, n)
     use = np.ones(n, dtype=bool)
     result = Saturated(y, y, X[:, :, :0], sigma, 3.0 * n, ~use)
     for _ in range(rounds):

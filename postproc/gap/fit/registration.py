@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
@@ -55,7 +53,7 @@ def register(
 
 def _flange(samples: Samples, place: FloatArray, given: States) -> FloatArray:
     """Return where the flange (n, 4, 4) stands, seen from a point of it: its turn there is left."""
-    here = replace(samples, arm=replace(samples.arm, p_flange_point=place)).at(samples.q)
+    here = samples.with_points(measured=place)
     point, actual = evaluate(here, given)
     T = np.array(samples.arm.kinematics.fk(actual.q))
     T[:, :3, 3] += point - actual.point

@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block
+from postproc.gap.fit.linear import Block, design_matrix
 
 LOWEST, HIGHEST = 2, 120
 """Orders scanned, whole numbers; refined to a hundredth afterwards."""
@@ -41,26 +41,36 @@ def is_gear_error(waves: Sequence[Wave]) -> bool:
     return 0 < len(waves) < MOST and not crowded
 
 
-class Context:
-    """What a set of blocks leaves of the gap, and how much of a new column they can imitate."""
+class Projection:
+    """What a set of blocks leaves of the gap, and of new columns once they are partialled out."""
 
     def __init__(self, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> None:
-        n = len(y)
         self.weight = weight
         self.y = (weight[:, None] * y).ravel()
-        parts = [block.X for block in blocks] or [np.zeros((n, 3, 0))]
-        X = np.concatenate(parts, axis=2) * weight[:, None, None]
-        self.X = X.reshape(3 * n, -1)
-        self.inverse = np.linalg.inv(self.X.T @ self.X + np.eye(self.X.shape[1]))
+        self._take((design_matrix(blocks, len(y)) * weight[:, None, None]).reshape(len(self.y), -1))
 
-    def clean(self, columns: FloatArray) -> FloatArray:
+    def _take(self, X: FloatArray) -> None:
+        self.X = X
+        self.inverse = np.linalg.inv(X.T @ X + np.eye(X.shape[1]))
+
+    @property
+    def rest(self) -> FloatArray:
+        """(3n,) what the blocks leave of the gap, in units of the noise."""
+        return self.residual_of(self.y[:, None])[:, 0]
+
+    def residual_of(self, columns: FloatArray) -> FloatArray:
         """Return columns (3n, k) without what the blocks explain of them."""
         return np.asarray(columns - self.X @ (self.inverse @ (self.X.T @ columns)))
 
-    def grown(self, columns: FloatArray) -> None:
-        """Take columns (3n, k), scaled by prior and noise, into the context."""
-        self.X = np.concatenate([self.X, columns], axis=1)
-        self.inverse = np.linalg.inv(self.X.T @ self.X + np.eye(self.X.shape[1]))
+    def gain(self, columns: FloatArray, rest: FloatArray) -> float:
+        """Return the evidence [nats] that columns (3n, k) add, where the blocks leave ``rest``."""
+        A = columns.T @ self.residual_of(columns) + np.eye(columns.shape[1])
+        b = columns.T @ rest
+        return float(0.5 * b @ np.linalg.solve(A, b) - 0.5 * np.linalg.slogdet(A)[1])
+
+    def extend(self, columns: FloatArray) -> None:
+        """Take columns (3n, k), scaled by prior and noise, among the blocks."""
+        self._take(np.concatenate([self.X, columns], axis=1))
 
 
 def find_waves(
@@ -81,12 +91,12 @@ def find_waves(
         at_most: largest number of waves.
         highest: largest order that is tried.
     """
-    context = Context(blocks, y, weight)
+    context = Projection(blocks, y, weight)
     orders = np.arange(LOWEST, highest + 1, dtype=np.float64)
     tried = 6 * len(orders)
     found: list[Wave] = []
     for _ in range(at_most):
-        rest = context.clean(context.y[:, None])[:, 0]
+        rest = context.rest
         candidates = _strongest(samples, weight, rest, orders)
         scored = [(_gain(context, samples, wave, rest), wave) for wave in candidates]
         gain, wave = max(scored, key=lambda item: item[0])
@@ -94,7 +104,7 @@ def find_waves(
             break
         wave = _refined(context, samples, wave, rest, gain)
         found.append(wave)
-        context.grown(_columns(samples, weight, wave))
+        context.extend(_columns(samples, weight, wave))
     return tuple(found)
 
 
@@ -106,13 +116,9 @@ def _columns(samples: Samples, weight: FloatArray, wave: Wave) -> FloatArray:
     return both.reshape(-1, 2)
 
 
-def _gain(context: Context, samples: Samples, wave: Wave, rest: FloatArray) -> float:
+def _gain(context: Projection, samples: Samples, wave: Wave, rest: FloatArray) -> float:
     """Return the evidence [nats] that a wave adds."""
-    Z = _columns(samples, context.weight, wave)
-    clean = context.clean(Z)
-    A = clean.T @ Z + np.eye(2)
-    b = Z.T @ rest
-    return float(0.5 * b @ np.linalg.solve(A, b) - 0.5 * np.log(np.linalg.det(A)))
+    return context.gain(_columns(samples, context.weight, wave), rest)
 
 
 def _strongest(
@@ -137,7 +143,9 @@ def _strongest(
     return list(dict.fromkeys(chosen))
 
 
-def _refined(context: Context, samples: Samples, wave: Wave, rest: FloatArray, gain: float) -> Wave:
+def _refined(
+    context: Projection, samples: Samples, wave: Wave, rest: FloatArray, gain: float
+) -> Wave:
     """Return the order off the whole numbers if that is clearly better."""
     joint, n = wave
     if n < FRACTIONAL:

@@ -255,7 +255,7 @@ def _cause(
         return samples.column("temperature")[kept], "temperature [degC]"
     if "qd" in effect.needs:
         return np.linalg.norm(samples.column("qd")[kept], axis=1) / DEG, "joint speed [deg/s]"
-    energy = np.sum(part.turn**2, axis=0)
+    energy = np.sum(part.joint_change**2, axis=0)
     if bool(np.any(energy > 0)) and not effect.needs:
         joint = int(np.argmax(energy))
         return samples.q[kept, joint] / DEG, f"A{joint + 1} [deg]"

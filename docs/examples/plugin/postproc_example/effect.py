@@ -7,8 +7,7 @@ follows; ``postproc.testing.check_effect`` holds it to that.
 
 from __future__ import annotations
 
-from postproc.gap.data.dataset import Arm, Samples
-from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting
+from postproc.gap import Basis, Effect, Kind, Parameter, Samples, Setting
 
 
 class TrackerScale(Effect):
@@ -21,11 +20,8 @@ class TrackerScale(Effect):
     kind = Kind.MEASUREMENT
     conditions = ("pose",)
     layout = (("scale_ppm", 1),)
-
-    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return the scale error in parts per million."""
-        del arm, setting
-        return (Parameter("scale", 20.0),)
+    parameter_list = (Parameter("scale", 20.0),)
+    """The scale error in parts per million."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Move each point outward by a millionth of its distance per unit."""

@@ -8,25 +8,24 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.gap.fit.linear import Block, Gram
+from postproc.gap.fit import Block, NormalEquations, Subset
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
-PRIOR_SUSPECT = 6.0
+PRIOR_ALTERNATIVE = 6.0
 """Price of calling for a cause outside of the library."""
-CLEAR = 6.0
+DECISIVE = 6.0
 """Nats by which a model must beat another (odds 400 to 1)."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
 _MERGES = 3
-Subset = tuple[str, ...]
 
 
 @dataclass(slots=True)
 class Search:
     """Subsets visited and their scores in nats (evidence minus the price of the names)."""
 
-    gram: Gram
+    equations: NormalEquations
     always: Subset
     names: dict[str, str]
     price: dict[str, float]
@@ -36,20 +35,20 @@ class Search:
     def best(self) -> Subset:
         """The subset of fewest effects among the most probable, always-on blocks left out."""
         top = max(self.scores.values())
-        close = [s for s, score in self.scores.items() if score > top - CLEAR]
+        close = [s for s, score in self.scores.items() if score > top - DECISIVE]
         return min(close, key=lambda s: (len(s), -self.scores[s], s))
 
     def score(self, subset: Iterable[str]) -> float:
         """Return (and keep) the score of a subset."""
         key = tuple(sorted(subset))
         if key not in self.scores:
-            evidence = self.gram.evidence((*self.always, *key))
+            evidence = self.equations.evidence((*self.always, *key))
             self.scores[key] = evidence - sum(self.price[k] for k in key)
         return self.scores[key]
 
-    def knowing(self, block: Block) -> Search:
+    def with_candidate(self, block: Block) -> Search:
         """Return the same search with one more block that it may score."""
-        price = PRIOR_SUSPECT if block.suspect else PRIOR_LIBRARY
+        price = PRIOR_ALTERNATIVE if block.is_alternative else PRIOR_LIBRARY
         return replace(
             self,
             scores=dict(self.scores),
@@ -57,7 +56,7 @@ class Search:
             price=self.price | {block.key: price},
         )
 
-    def legal(self, subset: Iterable[str]) -> bool:
+    def is_admissible(self, subset: Iterable[str]) -> bool:
         """Return whether no effect is there in two variants."""
         names = [self.names[k] for k in subset]
         return len(set(names)) == len(names)
@@ -76,7 +75,10 @@ class Search:
 
 
 def search(
-    gram: Gram, always: Sequence[str] = (), exhaustive: int = 3, barred: Iterable[str] = ()
+    equations: NormalEquations,
+    always: Sequence[str] = (),
+    exhaustive: int = 3,
+    excluded: Iterable[str] = (),
 ) -> Search:
     """Score subsets of the candidates.
 
@@ -84,33 +86,33 @@ def search(
     dropped or exchanged for another as long as the score rises.
 
     Args:
-        gram: normal equations of all blocks.
+        equations: normal equations of all blocks.
         always: keys of blocks that are in every subset (registration).
         exhaustive: largest size of which all subsets are tried.
-        barred: keys that may not be used.
+        excluded: keys that may not be used.
     """
-    out = set(always) | set(barred)
-    blocks = [block for block in gram.blocks if block.key not in out]
+    out = set(always) | set(excluded)
+    blocks = [block for block in equations.blocks if block.key not in out]
     names = {block.key: block.name for block in blocks}
-    state = Search(gram, tuple(always), {}, {}, {})
+    state = Search(equations, tuple(always), {}, {}, {})
     for block in blocks:
-        state = state.knowing(block)
+        state = state.with_candidate(block)
     keys = sorted(names)
     for size in range(exhaustive + 1):
         for subset in itertools.combinations(keys, size):
-            if state.legal(subset):
+            if state.is_admissible(subset):
                 state.score(subset)
     starts = sorted(state.scores, key=lambda s: -state.scores[s])[:6]
     starts += _best_of_size(state, range(1, exhaustive + 1))
     for start in dict.fromkeys(starts):
-        _climb(state, start, keys)
+        _improved(state, start, keys)
     for _ in range(_MERGES):
         here = max(state.scores, key=lambda s: (state.scores[s], s))
-        around = [s for s in (*_merged(here, keys), *_parted(here, keys)) if state.legal(s)]
+        around = [s for s in (*_merged(here, keys), *_parted(here, keys)) if state.is_admissible(s)]
         better = max(around, key=state.score, default=here)
         if state.score(better) <= state.score(here) + 1e-9:
             break
-        _climb(state, better, keys)
+        _improved(state, better, keys)
     return state
 
 
@@ -123,12 +125,12 @@ def _best_of_size(state: Search, sizes: Iterable[int]) -> list[Subset]:
     return found
 
 
-def _climb(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -> Subset:
+def _improved(state: Search, start: Subset, keys: Sequence[str], steps: int = 30) -> Subset:
     """Add, drop or exchange one block at a time while it helps; return where that ends."""
     here = start
     for _ in range(steps):
         around = list(_neighbours(here, keys))
-        best = max((s for s in around if state.legal(s)), key=state.score, default=here)
+        best = max((s for s in around if state.is_admissible(s)), key=state.score, default=here)
         if state.score(best) <= state.score(here) + 1e-9:
             return here
         here = best

@@ -1,4 +1,4 @@
-"""What a choice is made on: rows, gap, weights, folds, and the blocks that may explain it."""
+"""The linear regression that a choice is made on: gap, weights, folds, blocks of candidates."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block, Gram
-from postproc.gap.fit.select import Subset
+from postproc.gap.fit.linear import Block, NormalEquations
+
+Subset = tuple[str, ...]
+"""Keys of blocks."""
 
 
 @dataclass(frozen=True, slots=True)
-class Bench:
-    """Everything a choice is made on: rows, gap (n, 3) [m], weights, folds, blocks.
+class Regression:
+    """The linearised problem: rows, gap (n, 3) [m], weights (n,) [1/m], folds, blocks.
 
-    ``barred``: effects that made sealed rows worse; their blocks are gone.
+    ``excluded``: effects that made sealed rows worse; their blocks are gone.
     """
 
     samples: Samples
@@ -26,12 +28,12 @@ class Bench:
     fold: IntArray
     blocks: tuple[Block, ...]
     always: Subset
-    barred: tuple[str, ...] = ()
+    excluded: tuple[str, ...] = ()
 
-    def without(self, names: Collection[str]) -> Bench:
-        """Return the same rows with some effects barred for good."""
+    def without(self, names: Collection[str]) -> Regression:
+        """Return the same rows with some effects excluded for good."""
         blocks = tuple(b for b in self.blocks if b.name not in names)
-        return replace(self, blocks=blocks, barred=(*self.barred, *sorted(names)))
+        return replace(self, blocks=blocks, excluded=(*self.excluded, *sorted(names)))
 
     @property
     def sigma(self) -> float:
@@ -51,21 +53,20 @@ class Bench:
         """Return the effect's name of a block."""
         return self.block(key).name
 
-    def gram(self) -> Gram:
+    def normal_equations(self) -> NormalEquations:
         """Return the normal equations of all rows in use."""
-        return Gram.of(self.blocks, self.y, self.weight)
+        return NormalEquations.of(self.blocks, self.y, self.weight)
 
-    def fold_grams(self) -> list[Gram]:
+    def fold_equations(self) -> list[NormalEquations]:
         """Return the normal equations of each fold."""
-        grams = []
+        equations = []
         for k in range(int(self.fold.max()) + 1):
             rows = np.flatnonzero((self.fold == k) & (self.weight > 0))
             if len(rows) >= 3:
-                part = [picked(block, rows) for block in self.blocks]
-                grams.append(Gram.of(part, self.y[rows], self.weight[rows]))
-        return grams
+                equations.append(self.equations_at(rows))
+        return equations
 
-
-def picked(block: Block, rows: Rows) -> Block:
-    """Return a block at some rows."""
-    return replace(block, X=block.X[rows])
+    def equations_at(self, rows: Rows) -> NormalEquations:
+        """Return the normal equations of some rows."""
+        part = [block.rows(rows) for block in self.blocks]
+        return NormalEquations.of(part, self.y[rows], self.weight[rows])

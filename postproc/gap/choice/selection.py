@@ -5,16 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
 from postproc.arrays import FloatArray
-from postproc.gap.choice.choice import Choice, choose
+from postproc.gap.choice.choice import choose
+from postproc.gap.choice.standing import Choice
 from postproc.gap.data import Samples
 from postproc.gap.effect import Kind, periodic_effect
 from postproc.gap.fit import (
-    Bench,
     Block,
     Noise,
     Problem,
+    Regression,
     Saturated,
     Wave,
     block_of,
@@ -35,13 +37,13 @@ _IMPURE = 1.3
 class Prepared:
     """Rows of the search with all candidates, the noise, and the fit of everything at once."""
 
-    bench: Bench
+    regression: Regression
     noise: Noise
     saturated: Saturated
 
 
 def prepare(problem: Problem) -> Prepared:
-    """Return the bench of a problem."""
+    """Return the regression of a problem, with its noise and measuring faults."""
     index = np.flatnonzero(problem.searchable)
     samples = evaluate(problem.samples.rows(index), problem.given)[1]
     y = problem.gap[index]
@@ -58,30 +60,32 @@ def prepare(problem: Problem) -> Prepared:
     plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
     if is_gear_error(plain) and plain != waves:
         variants.append(wave_block(samples, plain, "frames"))
-    bench = Bench(
+    regression = Regression(
         samples, y, weight, problem.split.fold[index], (*blocks, *variants), problem.always
     )
-    return Prepared(bench, level, rest)
+    return Prepared(regression, level, rest)
 
 
-def chosen(bench: Bench) -> tuple[Bench, Choice]:
+def select(regression: Regression) -> tuple[Regression, Choice]:
     """Choose; look for waves in what the choice leaves; choose again if there are new ones."""
-    choice = choose(bench)
-    for turn in range(0 if periodic_effect().name in bench.barred else 2):
-        waves = find_waves(bench.samples, bench.y, bench.weight, without_waves(bench, choice))
-        known = {b.setting["waves"] for b in bench.blocks if b.effect.periodic}
+    choice = choose(regression)
+    for again in range(0 if periodic_effect().name in regression.excluded else 2):
+        waves = find_waves(
+            regression.samples, regression.y, regression.weight, without_waves(regression, choice)
+        )
+        known = {b.setting["waves"] for b in regression.blocks if b.effect.periodic}
         if not is_gear_error(waves) or waves in known:
             break
-        more = wave_block(bench.samples, waves, f"rest{turn}")
-        bench = replace(bench, blocks=(*bench.blocks, more))
-        choice = choose(bench)
-    return bench, choice
+        more = wave_block(regression.samples, waves, f"rest{again}")
+        regression = replace(regression, blocks=(*regression.blocks, more))
+        choice = choose(regression)
+    return regression, choice
 
 
-def without_waves(bench: Bench, choice: Choice) -> list[Block]:
+def without_waves(regression: Regression, choice: Choice) -> list[Block]:
     """Return the chosen blocks but the waves."""
-    inside = {*choice.keys, *choice.suspects, *choice.silent, *bench.always}
-    return [b for b in bench.blocks if b.key in inside and not b.effect.periodic]
+    inside = {*choice.model, *regression.always}
+    return [b for b in regression.blocks if b.key in inside and not b.effect.periodic]
 
 
 def wave_block(samples: Samples, waves: tuple[Wave, ...], key: str) -> Block:
@@ -105,8 +109,6 @@ def _noise(problem: Problem, rest: Saturated) -> Noise:
     estimated = Noise(rest.sigma, 0, repeated.repeats)
     if not repeated.measured:
         return estimated
-    from scipy.special import fdtrc
-
     ratio = (repeated.sigma / rest.sigma) ** 2
     surely = float(fdtrc(repeated.freedom, max(rest.freedom, 1.0), ratio)) < 1e-3
     return estimated if ratio > _IMPURE and surely else repeated
