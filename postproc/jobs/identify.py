@@ -17,12 +17,10 @@ from postproc.progress import Progress
 from postproc.stiffness.identify import (
     Identification,
     IdentifyOptions,
-    document,
+    identify_document,
     warnings,
 )
-from postproc.stiffness.identify import (
-    identify as identify_rows,
-)
+from postproc.stiffness.identify import identify as identify_rows
 
 
 class IdentifyJob:
@@ -35,7 +33,7 @@ class IdentifyJob:
     @cached_property
     def document(self) -> dict[str, Any]:
         """The ``postproc.identify/1`` document, as ``identify --json`` prints it."""
-        return document(self.result)
+        return identify_document(self.result)
 
     @property
     def warnings(self) -> Sequence[str]:

@@ -13,7 +13,8 @@ from postproc.gap.fit.problem import pose_problem
 from postproc.geometry.frames import apply, rotation_from_abc, transform
 from postproc.measurement.file import read_measurements
 from postproc.model.modelfile import ModelFile, load_model, save_model
-from postproc.stiffness.identify.identify import IdentifyOptions, identify
+from postproc.stiffness.identify.identify import identify
+from postproc.stiffness.identify.models import IdentifyOptions
 
 REFLECTOR = np.array([0.05, -0.08, 0.1])
 NOISE = 1.2e-5

@@ -13,9 +13,10 @@ from postproc.stiffness.field import ConstantField
 from postproc.stiffness.identify.cases import clusters, load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
+from postproc.stiffness.identify.document import identify_document, warnings
 from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
-from postproc.stiffness.identify.identified import document, warnings
-from postproc.stiffness.identify.identify import IdentifyOptions, identify
+from postproc.stiffness.identify.identify import identify
+from postproc.stiffness.identify.models import IdentifyOptions, folds
 from postproc.stiffness.identify.observability import Visibility
 from tools.dev.hidden_twin import Twin
 
@@ -282,12 +283,10 @@ def test_model_choice_takes_the_simplest_that_is_good_enough(arm, postures, vary
 
 
 def test_groups_are_never_split(arm, postures, varying):
-    from postproc.stiffness.identify.identify import _folds
-
     measured = campaign(varying, postures(40), dead_weight(varying), TRACKER)
     labels = tuple(f"g{i % 7}" for i in range(40)) * 2
     cases = load_cases(replace(measured, group=labels), arm, TCP)
-    fold = _folds(cases)
+    fold = folds(cases)
     for label in np.unique(cases.group):
         assert len(np.unique(fold[cases.group == label])) == 1
 
@@ -297,7 +296,7 @@ def test_document_is_plain_json(arm, postures, varying):
 
     measured = campaign(varying, postures(60), dead_weight(varying), TRACKER)
     result = identify(measured, arm, TCP, IdentifyOptions(method="grid", grid=0.6))
-    content = json.loads(json.dumps(document(result), allow_nan=False))
+    content = json.loads(json.dumps(identify_document(result), allow_nan=False))
     assert content["joints"][0]["stiffness_Nmm_per_rad"] is None
     low, high = content["joints"][1]["stiffness_ci_Nmm_per_rad"]
     assert low < content["joints"][1]["stiffness_Nmm_per_rad"] < high

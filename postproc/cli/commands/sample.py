@@ -118,7 +118,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.files import write_files
     from postproc.jobs.sample import program_files, sample
     from postproc.report.pages.sample import sample_page
-    from postproc.stiffness.sample import csv_text, document
+    from postproc.stiffness.sample import csv_text, sample_document
 
     cell = load_cell(options["cell"])
     with session.progress() as progress:
@@ -128,7 +128,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     files[f"{options['name']}.html"] = sample_page(sampling)
     folder = Path(options["output"])
     write_files({folder / name: content for name, content in files.items()})
-    content = document(sampling, sorted(files))
+    content = sample_document(sampling, sorted(files))
     session.document(content)
     _summary(session, content, folder)
     return answer(good=True)

@@ -19,7 +19,7 @@ from postproc.report.parts import (
     table,
 )
 from postproc.stiffness import ContinuousField
-from postproc.stiffness.identify import Identification, document, warnings
+from postproc.stiffness.identify import Identification, identify_document, warnings
 from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT
 
 _MOST_CURVES = 200
@@ -33,7 +33,7 @@ def identify_page(result: Identification, cell: Cell | None = None) -> bytes:
         result: what was identified.
         cell: whose robot is drawn; None: the points alone.
     """
-    content = document(result)
+    content = identify_document(result)
     page = Page(
         "Joint stiffness",
         (

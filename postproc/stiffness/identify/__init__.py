@@ -1,8 +1,9 @@
 """Joint stiffness from measured deflections."""
 
 from postproc.stiffness.identify.constant import TYPICAL_C
-from postproc.stiffness.identify.identified import document, warnings
-from postproc.stiffness.identify.identify import Identification, IdentifyOptions, identify
+from postproc.stiffness.identify.document import identify_document, warnings
+from postproc.stiffness.identify.identify import Identification, identify
+from postproc.stiffness.identify.models import IdentifyOptions
 from postproc.stiffness.identify.observability import (
     Observability,
     ShowingLoad,
@@ -17,8 +18,8 @@ __all__ = [
     "IdentifyOptions",
     "Observability",
     "ShowingLoad",
-    "document",
     "identify",
+    "identify_document",
     "observe",
     "showing_load",
     "shown_text",

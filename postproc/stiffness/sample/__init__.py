@@ -6,10 +6,10 @@ from postproc.stiffness.sample.measuring import (
     SampleRequest,
     Sampling,
     csv_text,
-    document,
     expected_compliance,
     largest_force,
     load_regressors,
+    sample_document,
 )
 from postproc.stiffness.sample.optimal import choose, features
 from postproc.stiffness.sample.sampling import (
@@ -30,11 +30,11 @@ __all__ = [
     "box_grid",
     "choose",
     "csv_text",
-    "document",
     "expected_compliance",
     "features",
     "largest_force",
     "load_regressors",
     "plan_sampling",
+    "sample_document",
     "travel_order",
 ]

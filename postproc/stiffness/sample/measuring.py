@@ -144,7 +144,7 @@ def csv_text(sampling: Sampling) -> bytes:
     return table_to_fill_in(notes, rows)
 
 
-def document(sampling: Sampling, files: list[str]) -> dict[str, object]:
+def sample_document(sampling: Sampling, files: list[str]) -> dict[str, object]:
     """Return the ``postproc.sample/1`` document."""
     plan, outlook = sampling.plan, sampling.outlook
     return {

@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 
 from postproc.geometry import kuka_from_transform
-from postproc.stiffness.identify.identify import Identification, ModelScore
+from postproc.stiffness.identify.identify import Identification
+from postproc.stiffness.identify.models import ModelScore
 from postproc.stiffness.identify.observability import Visibility, shown_text
 from postproc.units import MM, NMM_PER_RAD
 
 SCHEMA = "postproc.identify/1"
 
 
-def document(result: Identification) -> dict[str, Any]:
+def identify_document(result: Identification) -> dict[str, Any]:
     """Return the JSON object; a number that the data cannot give is null."""
     cases = result.cases
     floor = cases.floor
