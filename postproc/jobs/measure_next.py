@@ -156,11 +156,11 @@ def keep_readings(folder: Path) -> None:
         return
     lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
     table = [(n, line) for n, line in enumerate(lines, 1) if line.strip() and line[0] != "#"]
-    cells = list(csv.reader(line for _, line in table))
-    if not cells or "x_mm" not in cells[0]:
+    rows = list(csv.reader(line for _, line in table))
+    if not rows or "x_mm" not in rows[0]:
         return
-    column = cells[0].index("x_mm")
-    for (number, _), row in zip(table[1:], cells[1:], strict=True):
+    column = rows[0].index("x_mm")
+    for (number, _), row in zip(table[1:], rows[1:], strict=True):
         if len(row) > column and row[column].strip():
             raise DataError(
                 "GAP005",
