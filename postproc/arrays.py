@@ -67,6 +67,13 @@ def forward_filled(rows: FloatArray) -> FloatArray:
     return filled
 
 
+def least_by(values: FloatArray, group: AnyIntArray, count: int) -> FloatArray:
+    """Return the smallest value (count,) of each group, NaN for a group without any."""
+    result = np.full(count, np.inf)
+    np.minimum.at(result, group, values)
+    return np.where(np.isfinite(result), result, np.nan)
+
+
 @dataclass(frozen=True, slots=True)
 class _Column:
     """What a field holds: one value per ``of``, of this type and shape; no dtype: no array."""

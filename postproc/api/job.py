@@ -140,11 +140,9 @@ class Job:
 
     def page(self) -> bytes:
         """Return the page of the program: one HTML file that opens offline."""
-        from postproc.report.pages.program import program_page
-        from postproc.report.parts import program_text
+        from postproc.jobs.pages import page_of_conversion
 
-        text = program_text(self.files, self.name, self.cell) if self.files else None
-        return program_page(self.plan, self.cell, self.findings, text)
+        return page_of_conversion(self._conversion)
 
     def report(self, file: str | Path) -> Path:
         """Write the page of the program and return its path."""

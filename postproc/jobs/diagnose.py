@@ -61,9 +61,11 @@ class DiagnosisJob:
 
     def page(self) -> bytes:
         """Return the page: one HTML file that opens offline."""
+        from postproc.jobs.drawing import drawing_of
         from postproc.report.pages.diagnosis import diagnosis_page
 
-        return diagnosis_page(self.diagnosis, self.document, self.cell, self.path)
+        drawing = drawing_of(self.cell)
+        return diagnosis_page(self.diagnosis, self.document, drawing, self.path)
 
     def write(self, folder: str | Path) -> tuple[Path, ...]:
         """Write ``report.html``, ``model.toml`` and what to measure next; return the paths.

@@ -49,9 +49,10 @@ class IdentifyJob:
 
     def page(self) -> bytes:
         """Return the page with the figures: one HTML file that opens offline."""
+        from postproc.jobs.drawing import drawing_of
         from postproc.report.pages.identify import identify_page
 
-        return identify_page(self.result, self.cell)
+        return identify_page(self.result, drawing_of(self.cell))
 
     def write(self, file: str | Path) -> Path:
         """Write ``model.toml`` and return its path."""

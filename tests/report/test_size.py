@@ -7,16 +7,13 @@ import pytest
 
 from postproc.cell.file import load_cell
 from postproc.emitters.kuka.emitter import emit, render_files
-from postproc.jobs.convert import ConvertRequest, make_plan, read_toolpath
-from postproc.report.pages.program import program_page
-from postproc.report.parts.program_text import program_text
+from postproc.jobs.convert import Conversion, ConvertRequest, make_plan, read_toolpath
+from postproc.jobs.pages import page_of_conversion
+from postproc.jobs.program_text import program_text
+from postproc.model import Plan
 from tests.places import PANEL, PANEL_CELL
 
 COPIES = 100
-PER_MOVE = (
-    *("kind", "role", "T_base_tcp", "aux", "q", "spin", "branch", "speed", "ptp_fraction"),
-    *("blend", "dwell", "duration", "external"),
-)
 
 
 @pytest.fixture(scope="module")
@@ -31,24 +28,13 @@ def page(tmp_path_factory):
     plan = make_plan(read_toolpath(request, cell), cell, request, None)
     many = read_toolpath(replace(request, source=str(folder / "many.csv")), cell)
     n = len(plan.toolpath)
-    big = replace(
-        plan,
-        name="many",
-        toolpath=many,
-        tag=np.concatenate([plan.tag + k * n for k in range(COPIES)]),
-        events=(),
-        **{name: np.concatenate([getattr(plan, name)] * COPIES) for name in PER_MOVE},
-        **{
-            name: np.tile(getattr(plan, name), COPIES)
-            for name in ("stiffness", "stiffness_initial")
-        },
-        clearance=np.full(n * COPIES, 0.01),
-    )
+    whole = Plan.concat([plan.within(many, k * n) for k in range(COPIES)])
+    big = replace(whole, name="many", events=(), clearance=np.full(n * COPIES, 0.01))
     modules = emit(big, cell)
-    text = program_text(render_files(modules), modules[0].name, cell)
-    assert len(text) == len(big)
+    files, name = render_files(modules), modules[0].name
+    assert len(program_text(files, name, cell)) == len(big)
     path = folder / "many.html"
-    path.write_bytes(program_page(big, cell, (), text))
+    path.write_bytes(page_of_conversion(Conversion(cell, many, big, files, name, ())))
     return path
 
 

@@ -37,9 +37,9 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
         from pathlib import Path
 
         from postproc.files import write_files
-        from postproc.report.pages.cell import cell_page
+        from postproc.jobs.pages import page_of_cell
 
-        write_files({Path(report): cell_page(checked.cell, checked.facts, checked.findings)})
+        write_files({Path(report): page_of_cell(checked)})
     findings = [_entry(finding) for finding in checked.findings]
     session.document(
         {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}

@@ -85,25 +85,19 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     folder = Path(options["output"])
     contents = output_paths(conversion, folder)
     if options["report"]:
-        contents[Path(options["report"])] = _page(conversion)
+        from postproc.jobs.pages import page_of_conversion
+
+        contents[Path(options["report"])] = page_of_conversion(conversion)
     contents |= maps
     write_files(contents)
     session.findings(conversion.findings)
-    session.document(document(conversion))
-    _summary(session, conversion, folder)
+    content = document(conversion)
+    session.document(content)
+    _summary(session, conversion, content, folder)
     for name, path in (("page", options["report"]), *(("map", p) for p in options["spin_maps"])):
         if path:
             session.show(f"{name:<8} {path}")
     return answer(conversion.good)
-
-
-def _page(conversion: Any) -> bytes:  # noqa: ANN401 - imported lazily
-    from postproc.report.pages.program import program_page
-    from postproc.report.parts import program_text
-
-    cell, files = conversion.cell, conversion.files
-    text = program_text(files, conversion.name, cell) if files else None
-    return program_page(conversion.plan, cell, conversion.findings, text)
 
 
 def _spin_maps(
@@ -127,10 +121,12 @@ def _spin_maps(
     return {Path(name): forms[Path(name).suffix.lower()]() for name in files}
 
 
-def _summary(session: Session, conversion: Any, folder: Path) -> None:  # noqa: ANN401
-    from postproc.jobs.convert import document
-
-    content = document(conversion)
+def _summary(
+    session: Session,
+    conversion: Any,  # noqa: ANN401 - imported lazily
+    content: dict[str, Any],
+    folder: Path,
+) -> None:
     if conversion.files:
         session.show(f"program  {folder / content['files'][-1]}")
     else:

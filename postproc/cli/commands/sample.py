@@ -116,6 +116,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
+    from postproc.jobs.drawing import drawing_of
     from postproc.jobs.sample import program_files, sample
     from postproc.report.pages.sample import sample_page
     from postproc.stiffness.sample import csv_text, sample_document
@@ -125,7 +126,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         sampling = sample(cell, _request(options), progress)
     files = program_files(sampling)
     files[f"{options['name']}.csv"] = csv_text(sampling)
-    files[f"{options['name']}.html"] = sample_page(sampling)
+    files[f"{options['name']}.html"] = sample_page(sampling, drawing_of(sampling.cell))
     folder = Path(options["output"])
     write_files({folder / name: content for name, content in files.items()})
     content = sample_document(sampling, sorted(files))

@@ -88,9 +88,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         from pathlib import Path
 
         from postproc.files import write_files
-        from postproc.report.pages.verify import verify_page
+        from postproc.jobs.pages import page_of_verification
 
-        write_files({Path(options["report"]): verify_page(report, cell, toolpath)})
+        write_files({Path(options["report"]): page_of_verification(report, cell, toolpath)})
     session.document(report.to_dict())
     _show(session, report)
     return answer(report.ok)

@@ -1,4 +1,4 @@
-"""Criteria classes of a plan: how much room every tag keeps from what would stop it.
+"""Criteria classes of a plan: the margin of every tag to what would stop it.
 
 Judged are the joints of every move that serves a tag: the way to the nearest joint limit beyond
 the cell's margin, and the way of the wrist to the straight pose beyond the cell's distance.
@@ -10,16 +10,16 @@ from enum import IntEnum
 
 import numpy as np
 
-from postproc.arrays import IntArray
+from postproc.arrays import IntArray, least_by
 from postproc.cell import Cell
 from postproc.kinematics import build, wrist_distance
 from postproc.model import Plan
 from postproc.units import DEG
 
 NEAR = 5.0 * DEG
-"""A tag with less room [rad] than this is acceptable only."""
+"""A tag with a smaller margin [rad] is acceptable only."""
 CLOSE = 1.0 * DEG
-"""A tag with less room [rad] than this is critical."""
+"""A tag with a smaller margin [rad] is critical."""
 
 
 class Grade(IntEnum):
@@ -40,13 +40,12 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     """
     kinematics = build(cell.robot)
     q = result.q
-    room = np.minimum(q - kinematics.q_min, kinematics.q_max - q).min(axis=1, initial=np.inf)
-    room = np.minimum(
-        room - cell.limits.joint_margin, wrist_distance(kinematics, q) - cell.limits.singularity
+    margin = np.minimum(q - kinematics.q_min, kinematics.q_max - q).min(axis=1, initial=np.inf)
+    margin = np.minimum(
+        margin - cell.limits.joint_margin, wrist_distance(kinematics, q) - cell.limits.singularity
     )
-    least = np.full(len(result.toolpath), np.inf)
     served = result.tag >= 0
-    np.minimum.at(least, result.tag[served], room[served])
+    least = least_by(margin[served], result.tag[served], len(result.toolpath))
     runs = np.isfinite(least)
     runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.geometry import rotation_about
 from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.states import cross_axes, feed_directions, spin_values
+from postproc.planning.states import Postures, cross_axes, feed_directions, postures, spin_values
 from postproc.units import DEG, MM
 
 TILTS = (2.0 * DEG, 5.0 * DEG, 10.0 * DEG, 15.0 * DEG, 30.0 * DEG)
@@ -79,7 +79,7 @@ def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:
             for sign in (1.0, -1.0):
                 moved = T.copy()
                 moved[:, :3, 3] += R_base_robroot[:, axis] * sign * shift
-                if _within(checker, moved)[1].any():
+                if _within(checker, tag, moved).good.any():
                     way = f"{sign * shift / MM:+.0f} mm along {'xyz'[axis]} of the robot root"
                     return f"moving the workpiece {way} would bring it within reach"
     return ""
@@ -91,20 +91,15 @@ def _poses(checker: Checker, tag: int, spins: FloatArray, R_tilt: FloatArray) ->
     return T
 
 
-def _within(checker: Checker, T: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Return joints (s*8, 6) of poses (s, 4, 4) and which are reached, in limits, regular."""
+def _within(checker: Checker, tag: int, T: FloatArray) -> Postures:
     problem = checker.problem
-    slots, valid = problem.kinematics.ik(problem.placement.flange(T))
-    q = np.where(valid[:, :, None], slots, 0.0).reshape(-1, 6)
-    low, high = np.asarray(problem.kinematics.q_min), np.asarray(problem.kinematics.q_max)
-    q = problem.kinematics.nearest(q, 0.5 * (low + high))
-    return q, valid.reshape(-1) & problem.within(q) & problem.regular(q)
+    middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
+    return postures(problem, np.full(len(T), tag), T, middle)
 
 
 def _free_spins(checker: Checker, tag: int, T: FloatArray) -> BoolArray:
     """Return (s,) the poses that some branch reaches without a collision."""
-    q, good = _within(checker, T)
-    rows: IndexArray = np.nonzero(good)[0]
-    if len(rows):
-        good[rows] = checker.poses(np.full(len(rows), tag), q[rows]).good
-    return np.asarray(good.reshape(len(T), -1).any(axis=1))
+    found = _within(checker, tag, T)
+    free = found.good.copy()
+    free[free] = checker.poses(np.full(int(free.sum()), tag), found.q[free]).good
+    return np.asarray(free.any(axis=1))

@@ -14,18 +14,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import CellError, SourceRef
-from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
+from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import ToolPath
+from postproc.planning.planner import problem_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
-    Compliance,
     PlanOptions,
+    Postures,
+    StateContext,
+    context_of,
     cross_axes,
-    path_normals,
     place,
+    postures,
     settle,
     spin_values,
     stiffness_of,
@@ -99,25 +102,27 @@ def spin_curves(
     Raises:
         CellError: PLN208 if neither the cell nor a model gives joint stiffness.
     """
-    c_joint = stiffness_of(cell)
-    if c_joint is None:
+    if stiffness_of(cell) is None:
         raise CellError(
             "PLN208",
             "no joint stiffness: the cell has no [stiffness] and no --model is given",
             SourceRef(cell.path),
         )
-    cell, _ = settle(cell, PlanOptions())
+    cell, settings = settle(cell, PlanOptions())
     if tags is None:
         tags = _some(np.flatnonzero(key_tags(toolpath, cell.optimize)), most)
     spins = spin_values(step or cell.optimize.step, *cell.optimize.range)
-    placement = place(toolpath, cell)
-    pairs = np.repeat(tags, len(spins))
-    T_base_tcp = placement.tcp(pairs, np.tile(spins, len(tags)))
-    kinematics = build(cell.robot)
-    q, branch = _postures(placement.flange(T_base_tcp), kinematics, cell, len(tags))
-    R_robroot_tcp = placement.T_robroot_base[:3, :3] @ T_base_tcp[:, :3, :3]
-    normal = np.repeat(path_normals(toolpath, placement)[tags], len(spins), axis=0)
-    values = _indices(q, R_robroot_tcp, normal, np.tile(spins, len(tags)), cell, c_joint)
+    place(toolpath, cell)  # refuses tags without a pose: there are no curves for stand-ins
+    problem = problem_of(toolpath, cell, settings)
+    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T = problem.placement.tcp(which, spin)
+    q, branch = _followed(postures(problem, which, T, np.zeros(6)), len(tags))
+    can = np.flatnonzero(np.isfinite(q[:, 0]))
+    values = {name: np.full(len(q), np.nan) for name in INDICES}
+    if len(can):
+        context = context_of(problem, which[can], spin[can], T[can], q[can])
+        for name, value in _indices(context).items():
+            values[name][can] = value
     shape = (len(tags), len(spins))
     return SpinCurves(
         tags=np.asarray(tags, dtype=np.int64),
@@ -126,7 +131,7 @@ def spin_curves(
         values={name: value.reshape(shape) for name, value in values.items()},
         branch=branch,
         q=q.reshape(*shape, 6),
-        coaxial=is_coaxial_with_axis_6(kinematics, cell.tool.T_flange_tcp, cell.tool.axis),
+        coaxial=is_coaxial_with_axis_6(problem.kinematics, cell.tool.T_flange_tcp, cell.tool.axis),
     )
 
 
@@ -136,52 +141,31 @@ def _some(keys: IndexArray, most: int) -> IndexArray:
     return np.asarray(keys[np.unique(np.linspace(0, len(keys) - 1, most).round().astype(int))])
 
 
-def _postures(
-    T_robroot_flange: FloatArray, kinematics: Kinematics, cell: Cell, count: int
-) -> tuple[FloatArray, IndexArray]:
+def _followed(found: Postures, count: int) -> tuple[FloatArray, IndexArray]:
     """Return joints (t*s, 6), NaN where the branch of the tag cannot, and the branch (t,)."""
-    slots, valid = kinematics.ik(T_robroot_flange)
-    turned = kinematics.nearest(slots, np.zeros(6))
-    good: BoolArray = valid & kinematics.within_limits(turned, cell.limits.joint_margin)
-    good &= wrist_distance(kinematics, turned) >= cell.limits.singularity
-    served = good.reshape(count, -1, good.shape[1]).sum(axis=1)
-    branch = np.argmax(served, axis=1)
-    of_row = np.repeat(branch, len(good) // count)
-    rows = np.arange(len(good))
-    q = np.where(good[rows, of_row][:, None], turned[rows, of_row], np.nan)
-    return q, branch.astype(np.int64)
+    good = found.good
+    branch = np.argmax(good.reshape(count, -1, good.shape[1]).sum(axis=1), axis=1)
+    own = np.arange(len(good)), np.repeat(branch, len(good) // count)
+    return np.where(good[own][:, None], found.q[own], np.nan), branch.astype(np.int64)
 
 
-def _indices(
-    q: FloatArray,
-    R_robroot_tcp: FloatArray,
-    normal: FloatArray,
-    spin: FloatArray,
-    cell: Cell,
-    c_joint: Compliance,
-) -> dict[str, FloatArray]:
-    can = np.flatnonzero(np.isfinite(q[:, 0]))
-    values = {name: np.full(len(q), np.nan) for name in INDICES}
-    if len(can) == 0:
-        return values
-    kinematics = build(cell.robot)
-    tcp = cell.tool.T_flange_tcp[:3, 3]
-    J = kinematics.jacobian(q[can], tcp)
-    c = c_joint(q[can])
-    R = R_robroot_tcp[can]
-    axis = R @ np.asarray(cell.tool.axis)
-    first, second = (R @ across for across in cross_axes(np.asarray(cell.tool.axis)))
-    values["axial"][can] = index.directional(J, c, axis)
-    values["radial"][can] = index.radial(J, c, axis)
-    values["normal"][can] = index.directional(J, c, normal[can])
-    values["first_cross"][can] = index.directional(J, c, first)
-    values["second_cross"][can] = index.directional(J, c, second)
-    values["ellipsoid_kx"][can] = index.ellipsoid(J, c, axis)
-    k_y = index.ellipsoid(J, c, first)
-    k_z = index.ellipsoid(J, c, second)
-    values["ellipsoid_ky"][can], values["ellipsoid_kz"][can] = k_y, k_z
-    values["ellipsoid_kv"][can] = index.ellipsoid_normal(k_y, k_z, spin[can])
-    return values
+def _indices(context: StateContext) -> dict[str, FloatArray]:
+    """Return the indices (m,) [N/m] of states by name."""
+    J, c, axis = context.jacobian, context.compliance, context.tool_axis
+    across = cross_axes(np.asarray(context.cell.tool.axis))
+    first, second = (context.R_robroot_tcp @ side for side in across)
+    k_y, k_z = index.ellipsoid(J, c, first), index.ellipsoid(J, c, second)
+    return {
+        "axial": index.directional(J, c, axis),
+        "radial": index.radial(J, c, axis),
+        "normal": index.directional(J, c, context.normal),
+        "first_cross": index.directional(J, c, first),
+        "second_cross": index.directional(J, c, second),
+        "ellipsoid_kx": index.ellipsoid(J, c, axis),
+        "ellipsoid_ky": k_y,
+        "ellipsoid_kz": k_z,
+        "ellipsoid_kv": index.ellipsoid_normal(k_y, k_z, context.spin),
+    }
 
 
 def spin_degrees(curves: SpinCurves) -> FloatArray:

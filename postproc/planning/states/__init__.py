@@ -1,6 +1,6 @@
 """Which robot states serve a tag and what each costs."""
 
-from postproc.planning.states.candidates import States, evaluate, sample
+from postproc.planning.states.candidates import States, context_of, evaluate, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
 from postproc.planning.states.ladder import NONE, Ladder, Rule
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
@@ -16,6 +16,7 @@ from postproc.planning.states.place import (
     stand_ins,
     transported,
 )
+from postproc.planning.states.postures import Postures, postures
 from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes, pecks, strokes_of
@@ -41,6 +42,7 @@ __all__ = [
     "Objective",
     "Placement",
     "PlanOptions",
+    "Postures",
     "Problem",
     "Rule",
     "Settings",
@@ -48,6 +50,7 @@ __all__ = [
     "States",
     "Strokes",
     "beside_in_grid",
+    "context_of",
     "cross_axes",
     "evaluate",
     "feed_directions",
@@ -58,6 +61,7 @@ __all__ = [
     "pecks",
     "place",
     "place_given",
+    "postures",
     "rounded_spin",
     "sample",
     "settle",

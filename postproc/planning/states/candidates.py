@@ -287,8 +287,16 @@ def evaluate(
     problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return cost (m,) and stiffness index (m,) of poses with known joints."""
+    context = context_of(problem, tag, spin, T_base_tcp, q)
+    return state_costs(problem.settings.weights, context)
+
+
+def context_of(
+    problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
+) -> StateContext:
+    """Return what objectives and indices look at, for poses (m,) with known joints."""
     R_robroot_base = np.asarray(problem.placement.T_robroot_base)[:3, :3]
-    context = StateContext(
+    return StateContext(
         kinematics=problem.kinematics,
         cell=problem.cell,
         q=q,
@@ -299,7 +307,6 @@ def evaluate(
         c_joint=None if problem.c_joint is None else problem.c_joint(q),
         tilt=problem.tilt_of(tag, T_base_tcp),
     )
-    return state_costs(problem.settings.weights, context)
 
 
 def _subtract_best(cost: FloatArray, row: IndexArray) -> None:

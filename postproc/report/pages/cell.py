@@ -3,64 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from postproc.errors import Severity
-from postproc.report.parts import Page, T_world_base, add_scene, escape, table
-from postproc.units import DEG
-
-if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
-    from postproc.cell import Cell
-    from postproc.errors import Finding
+from postproc.arrays import FloatArray
+from postproc.cell import Cell
+from postproc.errors import Finding, Severity
+from postproc.report.parts import Drawing, Page, T_world_base, add_scene, escape, table
 
 
-def cell_page(cell: Cell, facts: Mapping[str, Any], findings: Sequence[Finding]) -> bytes:
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """How the robot stands: q (6,) [rad], TCP (4, 4) in robroot, solids that collide there."""
+
+    q: FloatArray
+    T_robroot_tcp: FloatArray
+    colliding: tuple[str, ...]
+
+
+def cell_page(
+    drawing: Drawing, stance: Stance, facts: Mapping[str, Any], findings: Sequence[Finding]
+) -> bytes:
     """Return the page of a cell as one self-contained HTML file.
 
-    The robot stands at home, or upright (A2 -90, A3 90) where the cell names no home; frames are
-    those of the robot root, of the workpiece and of the tool.
+    Frames are those of the robot root, of the workpiece and of the tool.
 
     Args:
-        cell: the cell.
+        drawing: of the cell.
+        stance: how the robot stands in it.
         facts: what ``check --json`` says of it.
         findings: findings.
     """
-    from postproc.collision import Scene
-    from postproc.kinematics import build
-
-    kinematics = build(cell.robot)
-    scene = Scene.build(cell, kinematics)
-    has_home = cell.motion.home is not None
-    home = np.asarray(cell.motion.home) if has_home else _upright(cell)
-    hits = scene.check(home[None])
+    cell = drawing.cell
     page = Page(f"Cell {cell.name}", _lead(cell, findings))
-    add_scene(page, cell, kinematics, scene)
+    add_scene(page, drawing)
     page.script = "cell.js"
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
-    T_world_tcp = T_world_robroot @ kinematics.fk(home) @ cell.tool.T_flange_tcp
+    T_world_tcp = T_world_robroot @ stance.T_robroot_tcp
     frames = (("robot root", T_world_robroot), ("base", T_world_base(cell)), ("tcp", T_world_tcp))
     page.data |= {
-        "home": [float(v) for v in home],
+        "home": [float(v) for v in stance.q],
         "reach": float(np.linalg.norm(T_world_tcp[:3, 3] - T_world_robroot[:3, 3])),
-        "colliding": list(hits.pairs[int(hits.pair[0])]) if has_home and hits.hit[0] else [],
+        "colliding": list(stance.colliding),
         "frames": [{"name": n, "matrix": [float(v) for v in T.ravel()]} for n, T in frames],
     }
-    where = "at home" if has_home else "upright"
+    where = "at home" if cell.motion.home is not None else "upright"
     note = f'<p class="soft">The robot {where}; axes of robot root, base and tool: x red, y green, '
     page.section("The cell", f'<div id="scene"></div>{note}z blue.</p>', "wide")
     page.section("Axes", '<div id="axes"></div>', "third")
     page.section("What is wrong", _findings(findings), "half")
     page.section("What it is", table(("", ""), _facts(facts)), "half")
     return page.render()
-
-
-def _upright(cell: Cell) -> FloatArray:
-    upright = np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]) * DEG
-    inside = np.all((upright >= cell.robot.q_min) & (upright <= cell.robot.q_max))
-    return upright if inside else np.zeros(6)
 
 
 def _lead(cell: Cell, findings: Sequence[Finding]) -> list[str]:

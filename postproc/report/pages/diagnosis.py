@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell import Cell
 from postproc.gap import Along, Diagnosis, Part, Samples, effect_of, parts, summary
-from postproc.kinematics import build
 from postproc.report.parts import (
+    Drawing,
     Page,
     RowsView,
     Series,
@@ -31,7 +30,7 @@ _BINS = 12
 def diagnosis_page(
     diagnosis: Diagnosis,
     content: dict[str, Any],
-    cell: Cell | None = None,
+    drawing: Drawing | None = None,
     path: Along | None = None,
 ) -> bytes:
     """Return the page as bytes.
@@ -39,12 +38,12 @@ def diagnosis_page(
     Args:
         diagnosis: the answer to a campaign.
         content: its document, as printed by ``--json``.
-        cell: whose robot is drawn; None: the points alone.
+        drawing: of the cell; None: the points alone.
         path: where the rows lie on a program.
     """
     title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
     page = Page(title, [headline(content)])
-    _space(page, diagnosis, cell)
+    _space(page, diagnosis, drawing)
     words = "".join(f"<p>{escape(line)}</p>" for line in summary(content))
     page.section("In words", words)
     page.section("Effects, on rows that were not fitted", _effects(content))
@@ -128,7 +127,7 @@ def _along(diagnosis: Diagnosis) -> str:
     )
 
 
-def _space(page: Page, diagnosis: Diagnosis, cell: Cell | None) -> None:
+def _space(page: Page, diagnosis: Diagnosis, drawing: Drawing | None) -> None:
     """Add the rows in space: where they were measured, how far off, and what is left."""
     before, after = _sizes(diagnosis)
     rows = np.flatnonzero(diagnosis.kept)
@@ -149,8 +148,7 @@ def _space(page: Page, diagnosis: Diagnosis, cell: Cell | None) -> None:
         diagnosis.problem.samples.q[picked],
         gap,
     )
-    arm = None if cell is None else build(cell.robot)
-    add_rows(page, "Where: the gap over the workspace", view, cell, arm)
+    add_rows(page, "Where: the gap over the workspace", view, drawing)
 
 
 def _program(diagnosis: Diagnosis, content: dict[str, Any], path: Along) -> str:

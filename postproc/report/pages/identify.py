@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
-from postproc.kinematics import build
 from postproc.report.parts import (
+    Drawing,
     Page,
     RowsView,
     Series,
@@ -26,12 +25,12 @@ _MOST_CURVES = 200
 _MOST_ROWS = 3000
 
 
-def identify_page(result: Identification, cell: Cell | None = None) -> bytes:
+def identify_page(result: Identification, drawing: Drawing | None = None) -> bytes:
     """Return the page as bytes.
 
     Args:
         result: what was identified.
-        cell: whose robot is drawn; None: the points alone.
+        drawing: of the cell; None: the points alone.
     """
     content = identify_document(result)
     page = Page(
@@ -49,7 +48,7 @@ def identify_page(result: Identification, cell: Cell | None = None) -> bytes:
     if found:
         items = "".join(f'<li class="warn">{escape(text)}</li>' for text in found)
         page.section("Mind", f"<ul>{items}</ul>")
-    _space(page, result, cell)
+    _space(page, result, drawing)
     page.section("Joints, constant over the workspace", _joints(content))
     page.section("Error before and after, by model", _errors(result), "half")
     page.section("Distribution of the error", _distribution(result), "half")
@@ -145,7 +144,7 @@ def _models(content: dict[str, object]) -> str:
     return table(head, rows)
 
 
-def _space(page: Page, result: Identification, cell: Cell | None) -> None:
+def _space(page: Page, result: Identification, drawing: Drawing | None) -> None:
     """Add the load responses in space, with the error on held-out tags."""
     cases = result.cases
     moved = cases.d * cases.scale[:, None]
@@ -156,8 +155,7 @@ def _space(page: Page, result: Identification, cell: Cell | None) -> None:
     ]
     names = [cases.ids[i] for i in order]
     view = RowsView("response", names, cases.point[order], columns, cases.q[order], moved[order])
-    arm = None if cell is None else build(cell.robot)
-    add_rows(page, f"Load responses and their error, held out, {result.chosen}", view, cell, arm)
+    add_rows(page, f"Load responses and their error, held out, {result.chosen}", view, drawing)
 
 
 def _length(vectors: FloatArray) -> FloatArray:

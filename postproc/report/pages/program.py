@@ -2,34 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
-from postproc.errors import Severity
-from postproc.model import MoveKind, MoveRole
-from postproc.planning import SpinIndex, failing_poses, grade_counts, spin_index, stand_ins
+from postproc.arrays import IntArray
+from postproc.cell import Cell
+from postproc.errors import Finding, Severity
+from postproc.model import MoveKind, MoveRole, Plan, ToolPath
+from postproc.planning import FailingPose, PlanMaps, SpinIndex, cell_at, stand_ins
 from postproc.report.parts import (
+    Drawing,
     Page,
+    ProgramText,
     T_world_base,
     TagColumn,
     add_scene,
     cam_lines,
     escape,
-    moves_of_tags,
+    extent_of,
     packed,
     packed_text,
     tag_columns,
 )
 from postproc.units import DEG, N_PER_MM
-
-if TYPE_CHECKING:
-    from postproc.arrays import IntArray
-    from postproc.cell import Cell
-    from postproc.errors import Finding
-    from postproc.model import Plan, ToolPath
-    from postproc.report.parts import ProgramText
 
 _MOST_FINDINGS = 200
 _LEVELS = 65534
@@ -37,7 +34,8 @@ _LEVELS = 65534
 
 def program_page(
     plan: Plan,
-    cell: Cell,
+    drawing: Drawing,
+    maps: PlanMaps,
     findings: Sequence[Finding] = (),
     text: ProgramText | None = None,
 ) -> bytes:
@@ -45,38 +43,30 @@ def program_page(
 
     Args:
         plan: the plan; one that failed shows its failing tags and the solids that hit.
-        cell: the cell it was planned for.
+        drawing: of the cell it was planned for.
+        maps: what is known of its tags.
         findings: all findings of the conversion.
         text: the program text, read back; None when no text was written.
     """
-    from postproc.collision import Scene
-    from postproc.kinematics import build
-
-    kinematics = build(cell.robot)
-    scene = Scene.build(cell, kinematics)
+    cell = drawing.cell
     failing = {
         int(i.tag_index): i.message
         for i in findings
         if i.severity is Severity.ERROR and i.tag_index is not None
     }
-    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, findings, failing), _room(plan, cell)])
-    moves = moves_of_tags(plan)
-    columns = tag_columns(plan, cell, moves, scene, text)
-    spins = spin_index(plan, cell, moves, scene)
-    add_scene(page, cell, kinematics, scene)
+    page = Page(f"{plan.name}: {cell.name}", [*_lead(plan, findings, failing), _margins(maps)])
+    columns = tag_columns(plan, cell, maps, text)
+    add_scene(page, drawing)
     page.script = "program.js"
     page.data |= {
         **_moves(plan, cell),
         **_tags(plan.toolpath, columns),
         **_texts(plan, text),
         "failing": {str(tag): message for tag, message in failing.items()},
-        "poses": {
-            str(tag): pose.to_page()
-            for tag, pose in failing_poses(plan.toolpath, cell, kinematics, scene, findings).items()
-        },
-        "move_of_tag": packed(moves, "int32"),
+        "poses": pose_data(maps.poses),
+        "move_of_tag": packed(maps.moves, "int32"),
         "objective": str(cell.optimize.objective),
-        "spin_map": None if spins is None else _spin_map_data(spins),
+        "spin_map": None if maps.spins is None else _spin_map_data(maps.spins),
     }
     motion_sections(page, columns, "Tags", spins=True)
     page.section("Time per operation", _operations(plan), "half")
@@ -87,13 +77,13 @@ def program_page(
 def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool = False) -> None:
     """Add what all pages of motions have: scene, list, texts, joint charts; ``rows``: its heading.
 
-    ``spins`` adds the chart over the turn about the tool axis.
+    ``spins`` adds the chart over the spin about the tool axis.
     """
     page.section("Robot and path", _scene_html(columns), "seven")
     page.section(rows, _TAGS_HTML, "five")
     page.section("CAM file and program", _SOURCE_HTML, "seven" if spins else "")
     if spins:
-        heading = "Stiffness over the turn about the tool axis"
+        heading = "Stiffness over the spin about the tool axis"
         page.section(heading, '<div id="spin"></div>', "five")
     page.section("Joint angles", _ANGLES_HTML, "half")
     page.section("Joint speeds, mean of each motion", '<div id="speeds"></div>', "half")
@@ -121,9 +111,17 @@ def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> l
     return lines
 
 
-def _room(plan: Plan, cell: Cell) -> str:
-    counts = ", ".join(f"{count} {name}" for name, count in grade_counts(plan, cell).items())
-    return f"Room to joint limits and straight wrist: {counts}."
+def _margins(maps: PlanMaps) -> str:
+    counts = ", ".join(f"{count} {name}" for name, count in maps.grades.items())
+    return f"Margin to joint limits and straight wrist: {counts}."
+
+
+def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
+    """Return poses of failing tags or motions for the page's scripts."""
+    return {
+        str(row): {"q": [float(v) for v in pose.q], "pair": list(pose.pair), "note": pose.note}
+        for row, pose in poses.items()
+    }
 
 
 def time_span(seconds: float) -> str:
@@ -152,8 +150,6 @@ def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
 
 def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
     """Return where robot and workpiece stand, move by move, when external axes move them."""
-    from postproc.planning import cell_at
-
     if not cell.external_axes or not plan.external.shape[1]:
         return {"stations": [], "station": packed(np.zeros(0), "uint16")}
     values, row = np.unique(plan.external, axis=0, return_inverse=True)
@@ -167,16 +163,13 @@ def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
 
 def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
     path = stand_ins(path)[0]
-    points = path.points
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {
         "names": [path.tag_name(i) for i in range(len(path))],
         "lines": packed(path.line, "int32"),
         "columns": [column.to_page() for column in columns],
-        "tag_positions": packed(points),
+        "tag_positions": packed(path.points),
         "tag_axes": packed(path.axes),
-        "centre": [float(v) for v in (low + high) / 2],
-        "extent": float(np.linalg.norm(high - low)),
+        **extent_of(path.points),
     }
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.kinematics import build
 from postproc.report.parts import (
+    Drawing,
     Page,
     RowsView,
     Series,
@@ -23,7 +23,7 @@ _ALL, _SOME, _NONE = "#0b6bcb", "#b26a00", "#c62828"
 _MOST_ROWS = 500
 
 
-def sample_page(sampling: Sampling) -> bytes:
+def sample_page(sampling: Sampling, drawing: Drawing) -> bytes:
     """Return the page as bytes."""
     plan, request = sampling.plan, sampling.request
     loads = ", ".join(load.name for load in request.loads)
@@ -38,7 +38,7 @@ def sample_page(sampling: Sampling) -> bytes:
             f"in one pass; robot {sampling.cell.robot.name}.",
         ),
     )
-    _scene(page, sampling)
+    _scene(page, sampling, drawing)
     page.section("Cells and tags", _view(plan), "half")
     page.section("Joint angles in the order of measuring", _angles(plan), "half")
     page.section("What it will tell", _outlook(sampling))
@@ -46,7 +46,7 @@ def sample_page(sampling: Sampling) -> bytes:
     return page.render()
 
 
-def _scene(page: Page, sampling: Sampling) -> None:
+def _scene(page: Page, sampling: Sampling, drawing: Drawing) -> None:
     """Add the postures: the robot goes to the one that is picked."""
     plan = sampling.plan
     points = plan.points[plan.tag]
@@ -55,7 +55,7 @@ def _scene(page: Page, sampling: Sampling) -> None:
     columns += [TagColumn(f"a{j + 1}", f"A{j + 1}", "deg", plan.q[:, j] / DEG) for j in range(6)]
     names = [plan.name(i) for i in range(len(plan))]
     view = RowsView("posture", names, points, columns, plan.q)
-    add_rows(page, "Postures", view, sampling.cell, build(sampling.cell.robot))
+    add_rows(page, "Postures", view, drawing)
 
 
 def _view(plan: SamplingPlan) -> str:

@@ -3,69 +3,78 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from postproc.arrays import forward_filled
-from postproc.kinematics import wrist_distance
-from postproc.report.pages.program import motion_sections, time_span
+from postproc.arrays import FloatArray, forward_filled
+from postproc.model import ToolPath
+from postproc.planning import FailingPose
+from postproc.report.pages.program import motion_sections, pose_data, time_span
 from postproc.report.parts import (
+    Drawing,
     Page,
     TagColumn,
     add_scene,
     cam_lines,
     escape,
+    extent_of,
     packed,
     packed_text,
     table,
     unix_text,
 )
 from postproc.units import DEG, MM, MM_PER_MIN
+from postproc.verification import Run, VerifyReport
 
-if TYPE_CHECKING:
-    from postproc.arrays import FloatArray, IndexArray
-    from postproc.cell import Cell
-    from postproc.collision import Scene
-    from postproc.kinematics import Kinematics
-    from postproc.model import ToolPath
-    from postproc.paths import Paths
-    from postproc.verification import Run, VerifyReport
-
-_MOST_ROWS = 300
+MOST_ROWS = 300
+"""Findings, and colliding motions, that are shown."""
 
 
-def verify_page(report: VerifyReport, cell: Cell, toolpath: ToolPath | None = None) -> bytes:
+@dataclass(frozen=True, slots=True)
+class RunMaps:
+    """Motions of a run in figures.
+
+    ``margin``, ``wrist`` (m,): smallest way [rad] to a joint limit and to A5 = 0, NaN where
+    unknown; ``texts``: what stands against motions; ``poses``: colliding ones.
+    """
+
+    margin: FloatArray
+    wrist: FloatArray
+    texts: Mapping[int, list[str]]
+    poses: Mapping[int, FailingPose]
+
+
+def verify_page(
+    report: VerifyReport, drawing: Drawing, maps: RunMaps, toolpath: ToolPath | None = None
+) -> bytes:
     """Return the page of a verification as one self-contained HTML file.
 
     Args:
         report: with its run.
-        cell: the cell that the program was run in.
+        drawing: of the cell that the program was run in.
+        maps: what is known of its motions.
         toolpath: the CAM file that it was compared with.
 
     Raises:
         ValueError: if the report has no run.
     """
-    from postproc.collision import Scene
-    from postproc.kinematics import build
-
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")
-    kinematics = build(cell.robot)
-    scene = Scene.build(cell, kinematics)
-    motions = _motions(report)
-    columns = _columns(report.run, cell, kinematics)
-    page = Page(f"{report.program}: {cell.name}", _lead(report))
-    add_scene(page, cell, kinematics, scene)
+    columns = _columns(report.run, maps)
+    page = Page(f"{report.program}: {drawing.cell.name}", _lead(report))
+    add_scene(page, drawing)
     page.script = "program.js"
     page.data |= {
         "what": "motion",
         **_moves(report.run),
         **_rows(report.run, columns),
         **_texts(report.run, toolpath),
-        "failing": {str(row): "; ".join(text) for row, text in motions.items()},
-        "poses": _poses(report, scene, motions),
+        "failing": {str(row): "; ".join(text) for row, text in maps.texts.items()},
+        "poses": pose_data(maps.poses),
         "objective": "",
         "spin_map": None,
     }
@@ -100,7 +109,7 @@ def _lead(report: VerifyReport) -> list[str]:
     return lines
 
 
-def _motions(report: VerifyReport) -> dict[int, list[str]]:
+def texts_by_motion(report: VerifyReport) -> dict[int, list[str]]:
     """Return the violations by the first motion of the line they name."""
     trace = report.run.paths.trace if report.run else None
     first: dict[tuple[str, int], int] = {}
@@ -135,29 +144,16 @@ def _moves(run: Run) -> dict[str, Any]:
     }
 
 
-def _columns(run: Run, cell: Cell, kinematics: Kinematics) -> list[TagColumn]:
-    paths, robot = run.paths, cell.robot
-    q = np.concatenate([paths.q, paths.q_sample])
-    row = np.concatenate([np.arange(len(paths)), paths.row])
-    known = np.isfinite(q).all(axis=1)
-    q, row = q[known], row[known]
-    margin = np.minimum(q - robot.q_min, robot.q_max - q).min(axis=1, initial=np.inf)
-    wrist = np.asarray(wrist_distance(kinematics, q))
-    m = len(paths)
-    speed = np.where(paths.trace.is_cp, paths.trace.column("speed"), np.nan)
+def _columns(run: Run, maps: RunMaps) -> list[TagColumn]:
+    trace = run.paths.trace
+    speed = np.where(trace.is_cp, trace.column("speed"), np.nan)
     columns = [
         TagColumn("feed", "speed", "mm/min", speed / MM_PER_MIN),
-        TagColumn("margin", "margin", "deg", _least(margin, row, m) / DEG, "low"),
-        TagColumn("wrist", "wrist |A5|", "deg", _least(wrist, row, m) / DEG, "low"),
+        TagColumn("margin", "margin", "deg", maps.margin / DEG, "low"),
+        TagColumn("wrist", "wrist |A5|", "deg", maps.wrist / DEG, "low"),
         TagColumn("deviation", "deviation", "mm", _deviation(run) / MM, "high"),
     ]
     return [column for column in columns if np.isfinite(column.values).any()]
-
-
-def _least(values: FloatArray, row: IndexArray, m: int) -> FloatArray:
-    result = np.full(m, np.inf)
-    np.minimum.at(result, row, values)
-    return np.where(np.isfinite(result), result, np.nan)
 
 
 def _deviation(run: Run) -> FloatArray:
@@ -171,7 +167,6 @@ def _deviation(run: Run) -> FloatArray:
 def _rows(run: Run, columns: list[TagColumn]) -> dict[str, Any]:
     paths = run.paths
     points = forward_filled(paths.end_point)
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {
         "names": [str(i + 1) for i in range(len(paths))],
         "lines": packed(paths.trace.line, "int32"),
@@ -179,8 +174,7 @@ def _rows(run: Run, columns: list[TagColumn]) -> dict[str, Any]:
         "tag_positions": packed(points),
         "tag_axes": packed(-forward_filled(paths.end_axis)),
         "move_of_tag": packed(np.arange(len(paths)), "int32"),
-        "centre": [float(v) for v in (low + high) / 2],
-        "extent": float(np.linalg.norm(high - low)),
+        **extent_of(points),
     }
 
 
@@ -205,41 +199,6 @@ def _file_text(name: str) -> str:
     return unix_text(path.read_bytes()) if path.is_file() else ""
 
 
-def _poses(report: VerifyReport, scene: Scene, motions: dict[int, list[str]]) -> dict[str, Any]:
-    """Return the first colliding configuration of motions that collide."""
-    if report.run is None:
-        return {}
-    paths = report.run.paths
-    found: dict[str, Any] = {}
-    for row, texts in list(motions.items())[:_MOST_ROWS]:
-        named = [text for text in texts if text.startswith("collision: ")]
-        if named:
-            pose = _colliding(paths, row, scene, named[0])
-            if pose is not None:
-                found[str(row)] = pose
-    return found
-
-
-def _colliding(paths: Paths, row: int, scene: Scene, text: str) -> dict[str, Any] | None:
-    start = paths.q[row - 1] if row else paths.q[row]
-    own = paths.q_sample[paths.row == row]
-    if not len(own):
-        share = np.linspace(0.0, 1.0, 60)[:, None]
-        own = start + share * (paths.q[row] - start)
-    own = own[np.isfinite(own).all(axis=1)]
-    if not len(own):
-        return None
-    hits = scene.check(own, np.full(len(own), bool(paths.trace.is_cp[row])))
-    rows = np.flatnonzero(hits.hit)
-    named = [i for i in rows if " hits ".join(hits.pairs[int(hits.pair[i])]) in text]
-    if not len(rows):
-        return None
-    at = int(named[0] if named else rows[0])
-    names = hits.pairs[int(hits.pair[at])]
-    note = f"{names[0]} hits {names[1]}"
-    return {"q": [float(v) for v in own[at]], "pair": list(names), "note": note}
-
-
 def _worst(report: VerifyReport) -> str:
     rows = [
         (
@@ -261,7 +220,7 @@ def _findings(report: VerifyReport) -> str:
     first = {trace.place(row): row for row in reversed(range(len(trace)))} if trace else {}
     rows = []
     for mark, items in (("failing", report.violations), ("", report.warnings)):
-        for item in items[:_MOST_ROWS]:
+        for item in items[:MOST_ROWS]:
             row = first.get(item.place)
             file, line = item.place
             goto = "" if row is None else f' data-goto="{row}"'

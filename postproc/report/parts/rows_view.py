@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.report.parts.page import Page, escape, packed
-from postproc.report.parts.scene_data import body_data, robot_data
-
-if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
-    from postproc.cell import Cell
-    from postproc.kinematics import Kinematics
-    from postproc.report.parts.tag_values import TagColumn
+from postproc.report.parts.scene_data import Drawing, body_data, extent_of, robot_data
+from postproc.report.parts.tag_values import TagColumn
 
 _SHOWN_ARROW = 0.06
 """Share of the extent that the longest arrow gets at first."""
@@ -48,14 +44,13 @@ def add_rows(
     page: Page,
     heading: str,
     view: RowsView,
-    cell: Cell | None = None,
-    kinematics: Kinematics | None = None,
+    drawing: Drawing | None = None,
 ) -> None:
-    """Add the 3D view and the list of rows to a page, with the robot where a cell is given."""
-    if cell is not None and kinematics is not None:
-        robot = robot_data(cell, kinematics)
+    """Add the 3D view and the list of rows to a page, with the robot where one is drawn."""
+    if drawing is not None:
+        robot = robot_data(drawing)
         page.data["robot"] = {**robot, "T_world_base": robot["T_world_robroot"]}
-        solids = body_data(cell, kinematics)
+        solids = body_data(drawing)
         page.data["bodies"] = [body for body in solids if body["kind"] != "workpiece"]
     page.data["rows"] = _rows(view)
     page.script = "rows.js"
@@ -65,7 +60,6 @@ def add_rows(
 
 def _rows(view: RowsView) -> dict[str, Any]:
     points = np.asarray(view.points, dtype=np.float64).reshape(-1, 3)
-    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
     return {
         "what": view.what,
         "names": list(view.names),
@@ -74,8 +68,7 @@ def _rows(view: RowsView) -> dict[str, Any]:
         "q": None if view.q is None else packed(view.q),
         "vectors": None if view.vectors is None else packed(view.vectors),
         "notes": None if view.notes is None else list(view.notes),
-        "centre": [float(v) for v in (low + high) / 2],
-        "extent": float(np.linalg.norm(high - low)),
+        **extent_of(points),
     }
 
 

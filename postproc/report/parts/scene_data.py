@@ -2,43 +2,57 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IntArray
+from postproc.cell import Cell
 from postproc.geometry import apply, inverse
 from postproc.report.parts.page import Page, packed
 from postproc.units import DEG
 
-if TYPE_CHECKING:
-    from postproc.arrays import FloatArray
-    from postproc.cell import Cell
-    from postproc.collision import Scene
-    from postproc.kinematics import Kinematics
 
-MAX_FACES = 60_000
-"""Faces of all solids together on a page; finer meshes are thinned."""
-_FEWEST_FACES = 500
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """Triangles: vertices (v, 3) [m] in the frame of the link (0: world), faces (f, 3)."""
+
+    name: str
+    kind: str
+    link: int
+    vertices: FloatArray
+    faces: IntArray
 
 
-def add_scene(page: Page, cell: Cell, kinematics: Kinematics, scene: Scene | None = None) -> None:
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A cell to draw: its solids, and the arm in the zero pose.
+
+    ``link_frames`` (7, 4, 4) in robroot [m]; ``joint_axes`` (6, 3) unit, robroot.
+    """
+
+    cell: Cell
+    link_frames: FloatArray
+    joint_axes: FloatArray
+    solids: tuple[Solid, ...]
+
+
+def add_scene(page: Page, drawing: Drawing) -> None:
     """Put the robot and the solids of a cell into a page."""
-    page.data["robot"] = robot_data(cell, kinematics)
-    page.data["bodies"] = body_data(cell, kinematics, scene)
+    page.data["robot"] = robot_data(drawing)
+    page.data["bodies"] = body_data(drawing)
 
 
-def robot_data(cell: Cell, kinematics: Kinematics) -> dict[str, Any]:
+def robot_data(drawing: Drawing) -> dict[str, Any]:
     """Return frames and axes of the zero pose [m], limits and speeds [deg, deg/s]."""
-    zero = np.zeros(6)
-    frames = kinematics.link_frames(zero)
-    axes = kinematics.jacobian(zero)[3:, :].T
-    robot = cell.robot
+    robot = drawing.cell.robot
     return {
-        "link_frames": [[float(v) for v in frame.ravel()] for frame in frames],
-        "joint_axes": [[float(v) for v in axis] for axis in axes],
-        "joint_points": [[float(v) for v in frame[:3, 3]] for frame in frames[1:]],
+        "link_frames": [[float(v) for v in frame.ravel()] for frame in drawing.link_frames],
+        "joint_axes": [[float(v) for v in axis] for axis in drawing.joint_axes],
+        "joint_points": [[float(v) for v in frame[:3, 3]] for frame in drawing.link_frames[1:]],
         "T_world_robroot": [float(v) for v in robot.T_world_robroot.ravel()],
-        "T_world_base": [float(v) for v in T_world_base(cell).ravel()],
+        "T_world_base": [float(v) for v in T_world_base(drawing.cell).ravel()],
         "limits": [
             [float(low / DEG), float(high / DEG)]
             for low, high in zip(robot.q_min, robot.q_max, strict=True)
@@ -47,31 +61,34 @@ def robot_data(cell: Cell, kinematics: Kinematics) -> dict[str, Any]:
     }
 
 
-def body_data(
-    cell: Cell, kinematics: Kinematics, scene: Scene | None = None
-) -> list[dict[str, Any]]:
-    """Return the solids, thinned to ``MAX_FACES`` together, each in the frame that carries it.
+def body_data(drawing: Drawing) -> list[dict[str, Any]]:
+    """Return the solids, each in the frame that carries it.
 
     Links and tools lie in the frame of their link, the workpiece in its own frame, the rest in the
     world.
     """
-    from postproc.collision import Scene as Solids
-
-    built = scene or Solids.build(cell, kinematics)
-    T_base_world = inverse(T_world_base(cell))
-    share = max(_FEWEST_FACES, MAX_FACES // max(len(built.bodies), 1))
+    T_base_world = inverse(T_world_base(drawing.cell))
     return [
         {
-            "name": body.name,
-            "kind": body.kind,
-            "link": body.link,
+            "name": solid.name,
+            "kind": solid.kind,
+            "link": solid.link,
             "vertices": packed(
-                apply(T_base_world, body.vertices) if body.kind == "workpiece" else body.vertices
+                apply(T_base_world, solid.vertices) if solid.kind == "workpiece" else solid.vertices
             ),
-            "faces": packed(body.faces, "uint16" if len(body.vertices) < 65536 else "int32"),
+            "faces": packed(solid.faces, "uint16" if len(solid.vertices) < 65536 else "int32"),
         }
-        for body in built.display_bodies(share)
+        for solid in drawing.solids
     ]
+
+
+def extent_of(points: FloatArray) -> dict[str, Any]:
+    """Return middle and size of the box around points (n, 3) for the camera."""
+    low, high = (points.min(axis=0), points.max(axis=0)) if len(points) else (np.zeros(3),) * 2
+    return {
+        "centre": [float(v) for v in (low + high) / 2],
+        "extent": float(np.linalg.norm(high - low)),
+    }
 
 
 def T_world_base(cell: Cell) -> FloatArray:

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray, IndexArray, least_by
+from postproc.cell import Cell
 from postproc.geometry import angle_between
-from postproc.model import MotionKind, MoveRole
+from postproc.model import MotionKind, MoveRole, Plan
+from postproc.planning import PlanMaps
 from postproc.report.parts.page import packed
+from postproc.report.parts.program_text import ProgramText
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
-if TYPE_CHECKING:
-    from postproc.arrays import FloatArray, IndexArray
-    from postproc.cell import Cell
-    from postproc.collision import Scene
-    from postproc.model import Plan
-    from postproc.report.parts.program_text import ProgramText
-
-FARTHEST = 0.1
-"""Clearances beyond this [m] are shown as this: near solids matter, and far ones cost time."""
 _WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 
 
@@ -45,35 +40,24 @@ class TagColumn:
         }
 
 
-def moves_of_tags(plan: Plan) -> IndexArray:
-    """Return for each tag (n,) the move that works at it, else its first, else -1."""
-    chosen = np.full(len(plan.toolpath), -1)
-    order = np.arange(len(plan))[::-1]
-    working = np.isin(plan.role, _WORKING)
-    for rows in (order, order[working[order]]):
-        served = rows[plan.tag[rows] >= 0]
-        chosen[plan.tag[served]] = served
-    return chosen
-
-
 def tag_columns(
-    plan: Plan, cell: Cell, moves: IndexArray, scene: Scene, text: ProgramText | None
+    plan: Plan, cell: Cell, maps: PlanMaps, text: ProgramText | None
 ) -> list[TagColumn]:
     """Return the columns of a plan; those without a single number are left out.
 
     Args:
         plan: the plan.
         cell: its cell.
-        moves: (n,) from ``moves_of_tags``.
-        scene: solids of the cell.
+        maps: moves and clearances of its tags.
         text: the program text, for the deviation.
     """
+    moves = maps.moves
     columns = [
-        TagColumn("spin", "turn", "deg", _of_moves(plan.spin, moves) / DEG),
+        TagColumn("spin", "spin", "deg", _of_moves(plan.spin, moves) / DEG),
         TagColumn("tilt", "tilt", "deg", _tilt(plan, cell, moves) / DEG),
         TagColumn("stiffness", "stiffness", "N/mm", plan.stiffness / N_PER_MM, "low"),
         TagColumn("feed", "feed", "mm/min", _feed(plan, moves) / MM_PER_MIN),
-        TagColumn("clearance", "clearance", "mm", _clearance(plan, moves, scene) / MM, "low"),
+        TagColumn("clearance", "clearance", "mm", maps.clearance / MM, "low"),
         TagColumn("margin", "margin", "deg", _margin(plan, cell) / DEG, "low"),
         TagColumn("deviation", "deviation", "mm", _deviation(plan, text) / MM, "high"),
     ]
@@ -104,29 +88,12 @@ def _feed(plan: Plan, moves: IndexArray) -> FloatArray:
     return np.where(is_rapid, np.nan, np.where(np.isfinite(planned), planned, plan.toolpath.feed))
 
 
-def _clearance(plan: Plan, moves: IndexArray, scene: Scene) -> FloatArray:
-    """Return the smallest distance at each tag [m], ``FARTHEST`` at most."""
-    if np.isfinite(plan.clearance).any():
-        return np.minimum(plan.clearance, FARTHEST)
-    result = np.full(len(moves), np.nan)
-    known = np.flatnonzero(moves >= 0)
-    if len(known):
-        contact = plan.toolpath.kind[known] != MotionKind.RAPID
-        poses = np.hstack([plan.q, plan.external])[moves[known]]
-        result[known] = scene.clearance(poses, contact, FARTHEST)
-    if not (result < FARTHEST).any():
-        return np.full(len(moves), np.nan)  # nothing is near anywhere: no column
-    return result
-
-
 def _margin(plan: Plan, cell: Cell) -> FloatArray:
     """Return the smallest way [rad] of any joint to its limit over the moves of each tag."""
-    result = np.full(len(plan.toolpath), np.inf)
     q = plan.q
     least = np.minimum(q - cell.robot.q_min, cell.robot.q_max - q).min(axis=1, initial=np.inf)
     served = plan.tag >= 0
-    np.minimum.at(result, plan.tag[served], least[served])
-    return np.where(np.isfinite(result), result, np.nan)
+    return least_by(least[served], plan.tag[served], len(plan.toolpath))
 
 
 def _deviation(plan: Plan, text: ProgramText | None) -> FloatArray:

@@ -12,7 +12,7 @@ from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.grade import Grade, grade_counts, grades
-from postproc.planning.maps.spinmap import SpinClass, spin_map
+from postproc.planning.maps.spin_map import SpinClass, spin_map
 from postproc.planning.planner import plan, problem_of
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG

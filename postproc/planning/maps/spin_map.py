@@ -1,4 +1,4 @@
-"""The spin map: what every turn about the tool axis would mean at every tag.
+"""The spin map: what every spin about the tool axis would mean at every tag.
 
 Spin by tag, each cell with a class (free, collision, singular, joint limit, unreachable) and the
 stiffness of the best posture that is free there, with the chosen line on it. A cell is free if any
@@ -17,15 +17,16 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
-from postproc.model import MoveRole, Plan
+from postproc.model import Plan
 from postproc.planning.checks import Checker, Grade, Reason, grades
+from postproc.planning.maps.tags import at_places, moves_of_tags
 from postproc.planning.planner import checker_of
-from postproc.planning.route import cell_at
 from postproc.planning.states import (
     Placement,
     PlanOptions,
     States,
     cross_axes,
+    postures,
     sample,
     settle,
 )
@@ -125,13 +126,10 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
     n, width = len(result.toolpath), len(settings.spins)
     classes = np.full((n, width), SpinClass.UNREACHABLE, dtype=np.int32)
     stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)
-    moves = _last_moves(result)
-    places = _places(result, cell, moves)
+    moves = moves_of_tags(result)
     done = 0
-    for place in np.unique(places, axis=0):
-        here = cell_at(cell, place) if len(place) else cell
+    for here, tags in at_places(result, cell, moves):
         checker = checker_of(result.toolpath, here, settings)
-        tags = np.flatnonzero((places == place).all(axis=1))
         for low in range(0, len(tags), _CHUNK):
             if progress is not None:
                 progress(done, n, "spin map")
@@ -146,31 +144,8 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
     return SpinMap(result, settings.spins, classes, stiffness, chosen, grades(result, cell))
 
 
-def _last_moves(result: Plan) -> IndexArray:
-    """Return for each tag (n,) the last move that works at it, else its last, else -1."""
-    last = np.full(len(result.toolpath), -1)
-    working = np.isin(result.role, (MoveRole.CUT, MoveRole.PLUNGE))
-    for rows in (np.flatnonzero(result.tag >= 0), np.flatnonzero((result.tag >= 0) & working)):
-        last[result.tag[rows]] = rows
-    return last
-
-
-def _places(result: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
-    """Return where the external axes stand (n, k) for each tag [m or rad]."""
-    axes = cell.external_axes
-    if not axes:
-        return np.zeros((len(moves), 0))
-    zero = np.array([np.clip(0.0, axis.q_min, axis.q_max) for axis in axes])
-    known = moves >= 0
-    if not known.any():
-        return np.tile(zero, (len(moves), 1))
-    before = np.maximum.accumulate(np.where(known, np.arange(len(moves)), -1))
-    source = np.where(before < 0, int(np.argmax(known)), before)
-    return np.asarray(result.external[moves[source]])
-
-
 def _spin_of(placement: Placement, tags: IndexArray, R_base_tcp: FloatArray) -> FloatArray:
-    """Return the turn (m,) [rad] about the tool axis of orientations (m, 3, 3) at tags."""
+    """Return the spin (m,) [rad] about the tool axis of orientations (m, 3, 3) at tags."""
     first, second = cross_axes(placement.tool_axis)
     R_zero_tcp = np.swapaxes(placement.R_base_tcp[tags], 1, 2) @ R_base_tcp
     turned = R_zero_tcp @ first
@@ -217,19 +192,15 @@ def _without_state(checker: Checker, tags: IndexArray) -> IntArray:
     """Return the class (t, S) by the postures that reach, limits and singularity rule out."""
     problem = checker.problem
     spins = problem.settings.spins
-    which, turn = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
-    T_robroot_flange = problem.placement.flange(problem.placement.tcp(which, turn))
-    slots, valid = problem.kinematics.ik(T_robroot_flange)
-    valid &= problem.placement.given[which][:, None]
-    classes = np.full(valid.shape, SpinClass.UNREACHABLE, dtype=np.int32)
+    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
     middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
-    q = problem.kinematics.nearest(slots[valid], middle)
+    found = postures(problem, which, problem.placement.tcp(which, spin), middle)
     # a posture that nothing rules out counts for nothing here: it is checked as a state
-    classes[valid] = np.select(
-        [~problem.within(q), ~problem.regular(q)],
+    classes = np.select(
+        [found.reached & ~found.inside, found.inside & ~found.good],
         [SpinClass.JOINT_LIMIT, SpinClass.SINGULAR],
         SpinClass.UNREACHABLE,
-    )
+    ).astype(np.int32)
     best: IntArray = classes.min(axis=1).reshape(len(tags), len(spins))
     return best
 

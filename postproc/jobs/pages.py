@@ -1,0 +1,118 @@
+"""Pages of jobs: what they show is computed here and drawn by ``report``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from postproc.arrays import FloatArray, least_by
+from postproc.cell import Cell
+from postproc.collision import Scene
+from postproc.errors import RunKind
+from postproc.jobs.check_cell import CellCheck
+from postproc.jobs.convert import Conversion
+from postproc.jobs.drawing import drawing_of
+from postproc.jobs.program_text import program_text
+from postproc.kinematics import build, wrist_distance
+from postproc.model import ToolPath
+from postproc.paths import Paths
+from postproc.planning import FailingPose, colliding_pose, plan_maps
+from postproc.report.pages.cell import Stance, cell_page
+from postproc.report.pages.program import program_page
+from postproc.report.pages.verify import MOST_ROWS, RunMaps, texts_by_motion, verify_page
+from postproc.units import DEG
+from postproc.verification import VerifyReport
+
+_SAMPLES = 60
+"""Configurations of a joint motion among which the colliding one is looked for."""
+
+
+def page_of_conversion(conversion: Conversion) -> bytes:
+    """Return the page of a converted program; one that failed shows its failing tags."""
+    cell, findings = conversion.cell, conversion.findings
+    scene = Scene.shared(cell, build(cell.robot))
+    files = conversion.files
+    return program_page(
+        conversion.plan,
+        drawing_of(cell, scene),
+        plan_maps(conversion.plan, cell, scene, findings),
+        findings,
+        program_text(files, conversion.name, cell) if files else None,
+    )
+
+
+def page_of_cell(checked: CellCheck) -> bytes:
+    """Return the page of a cell: the robot at home, or upright (A2 -90, A3 90) without one."""
+    cell = checked.cell
+    kinematics = build(cell.robot)
+    scene = Scene.shared(cell, kinematics)
+    home = cell.motion.home
+    q = _upright(cell) if home is None else np.asarray(home)
+    hits = scene.check(q[None])
+    hit = home is not None and bool(hits.hit[0])
+    T_robroot_tcp = kinematics.fk(q) @ cell.tool.T_flange_tcp
+    stance = Stance(q, T_robroot_tcp, hits.pairs[int(hits.pair[0])] if hit else ())
+    return cell_page(drawing_of(cell, scene), stance, checked.facts, checked.findings)
+
+
+def page_of_verification(
+    report: VerifyReport, cell: Cell, toolpath: ToolPath | None = None
+) -> bytes:
+    """Return the page of a verification.
+
+    Args:
+        report: with its run.
+        cell: the cell that the program was run in.
+        toolpath: the CAM file that it was compared with.
+
+    Raises:
+        ValueError: if the report has no run.
+    """
+    if report.run is None:
+        raise ValueError("a report without its run cannot be shown")
+    scene = Scene.shared(cell, build(cell.robot))
+    paths, texts = report.run.paths, texts_by_motion(report)
+    margin, wrist = _margins(paths, cell)
+    maps = RunMaps(margin, wrist, texts, _poses(paths, scene, texts))
+    return verify_page(report, drawing_of(cell, scene), maps, toolpath)
+
+
+def _upright(cell: Cell) -> FloatArray:
+    upright = np.array([0.0, -90.0, 90.0, 0.0, 0.0, 0.0]) * DEG
+    inside = np.all((upright >= cell.robot.q_min) & (upright <= cell.robot.q_max))
+    return upright if inside else np.zeros(6)
+
+
+def _margins(paths: Paths, cell: Cell) -> tuple[FloatArray, FloatArray]:
+    """Return the smallest way (m,) [rad] of each motion to a joint limit and to A5 = 0."""
+    robot = cell.robot
+    q = np.concatenate([paths.q, paths.q_sample])
+    row = np.concatenate([np.arange(len(paths)), paths.row])
+    known = np.isfinite(q).all(axis=1)
+    q, row = q[known], row[known]
+    limit = np.minimum(q - robot.q_min, robot.q_max - q).min(axis=1, initial=np.inf)
+    wrist = np.asarray(wrist_distance(build(robot), q))
+    return least_by(limit, row, len(paths)), least_by(wrist, row, len(paths))
+
+
+def _poses(paths: Paths, scene: Scene, texts: Mapping[int, list[str]]) -> dict[int, FailingPose]:
+    """Return a colliding configuration of each motion that collides."""
+    found = {}
+    for row in list(texts)[:MOST_ROWS]:
+        named = [text for text in texts[row] if text.startswith(f"{RunKind.COLLISION}: ")]
+        pose = _colliding(paths, row, scene, named[0]) if named else None
+        if pose is not None:
+            found[row] = pose
+    return found
+
+
+def _colliding(paths: Paths, row: int, scene: Scene, text: str) -> FailingPose | None:
+    q = paths.q_sample[paths.row == row]
+    if not len(q):
+        start = paths.q[max(row - 1, 0)]
+        q = start + np.linspace(0.0, 1.0, _SAMPLES)[:, None] * (paths.q[row] - start)
+    q = q[np.isfinite(q).all(axis=1)]
+    if not len(q):
+        return None
+    return colliding_pose(q, scene.check(q, np.full(len(q), bool(paths.trace.is_cp[row]))), text)

@@ -1,0 +1,51 @@
+"""What the page of a plan shows of its tags beside the plan itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from postproc.arrays import FloatArray, IndexArray
+from postproc.cell import Cell
+from postproc.collision import Scene
+from postproc.errors import Finding
+from postproc.model import Plan
+from postproc.planning.checks import grade_counts
+from postproc.planning.maps.failing_poses import FailingPose, failing_poses
+from postproc.planning.maps.spin_index import SpinIndex, spin_index
+from postproc.planning.maps.tags import moves_of_tags, tag_clearances
+
+
+@dataclass(frozen=True, slots=True)
+class PlanMaps:
+    """Tags of a plan in figures.
+
+    ``moves`` (n,) the move that works at each tag, -1 without any; ``clearance`` (n,) [m];
+    ``grades``: tags by criteria class; ``spins``: index over the spin; ``poses``: how the robot
+    would stand at failing tags.
+    """
+
+    moves: IndexArray
+    clearance: FloatArray
+    grades: Mapping[str, int]
+    spins: SpinIndex | None
+    poses: Mapping[int, FailingPose]
+
+
+def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding]) -> PlanMaps:
+    """Return the maps of a plan.
+
+    Args:
+        plan: the plan.
+        cell: its cell, with the objective of the call.
+        scene: the solids of the cell.
+        findings: all of the conversion; errors name the failing tags.
+    """
+    moves = moves_of_tags(plan)
+    return PlanMaps(
+        moves,
+        tag_clearances(plan, moves, scene),
+        grade_counts(plan, cell),
+        spin_index(plan, cell, moves, scene),
+        failing_poses(plan.toolpath, cell, scene, findings),
+    )
