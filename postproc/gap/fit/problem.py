@@ -15,16 +15,19 @@ from postproc.gap.effect import EFFECTS, Effect, Setting, registration_effects
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.registration import rows_on_the_arm
-from postproc.gap.robot_model import RobotModel, States, evaluate
+from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, in_robroot
 from postproc.model import ModelFile, Registration
+from postproc.units import MM
 
 WIDE = 20.0
 """Widening of the priors of the frames under registration: practically free."""
 LARGEST_SEARCH = 1500
 """Rows used for searching; more make it slower and no better."""
 _FEWEST = 12
+_FARTHEST = 50.0 * MM
+"""Usual gap beyond which the rows are of another frame."""
 _SEED = 5
 
 
@@ -103,30 +106,14 @@ def pose_problem(
     registration = None
     if registered:
         registration = register_loaded(samples, measured, given, rows_on_the_arm(samples, given))
-        arm = RobotModel.of(
-            kinematics, cell, ModelFile(registration=registration), measured_point=True
-        ).arm
-        samples = samples_of(arm, measurements)
-        measured = in_robroot(registration, measured)
-    elif model is not None and model.registration is not None:
-        registration = None
-        robot = RobotModel.of(kinematics, cell, model, measured_point=True)
-        samples = samples_of(robot.arm, measurements)
-        measured = in_robroot(model.registration, measured)
+    frame = registration or (model.registration if model is not None else None)
+    if frame is not None:
+        samples = samples_of(arm_of(kinematics, cell, frame), measurements)
+        measured = in_robroot(frame, measured)
     gap = measured - evaluate(samples, given)[0]
-    if float(np.median(np.linalg.norm(gap, axis=1))) > 0.05 and not registered:
-        raise DataError(
-            "GAP004",
-            "the measured points lie "
-            f"{1e3 * float(np.median(np.linalg.norm(gap, axis=1))):.0f} mm beside the simulated"
-            " ones: another frame or tool point?",
-            place,
-            hint="--register fits the measured frame and the reflector's place first",
-        )
-    effects, not_testable = _candidates(samples)
-    effects = tuple(
-        e for e in effects if e.name not in given or not e.is_fixed(given[e.name].setting)
-    )
+    if not registered:
+        _require_near(gap, place)
+    effects, not_testable = _candidates(samples, given)
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }
@@ -146,14 +133,29 @@ def pose_problem(
     )
 
 
-def _candidates(samples: Samples) -> tuple[tuple[Effect, ...], dict[str, tuple[str, ...]]]:
+def _require_near(gap: FloatArray, place: SourceRef) -> None:
+    usual = float(np.median(np.linalg.norm(gap, axis=1)))
+    if usual > _FARTHEST:
+        raise DataError(
+            "GAP004",
+            f"the measured points lie {usual / MM:.0f} mm beside the simulated ones: another frame"
+            " or tool point?",
+            place,
+            hint="--register fits the measured frame and the reflector's place first",
+        )
+
+
+def _candidates(
+    samples: Samples, given: States
+) -> tuple[tuple[Effect, ...], dict[str, tuple[str, ...]]]:
     """Return what can be tested, and for the rest the columns that are missing or constant."""
     effects: list[Effect] = []
     missing: dict[str, tuple[str, ...]] = {}
     for name, effect in EFFECTS:
         lacking = [column for column in effect.needs if not _informative(samples, column)]
         if not lacking:
-            effects.append(effect)
+            if name not in given or not effect.is_fixed(given[name].setting):
+                effects.append(effect)
         elif not effect.is_alternative:
             missing[name] = tuple(c for column in lacking for c in COLUMN_NAMES[column])
     return tuple(effects), missing
