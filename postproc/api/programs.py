@@ -124,6 +124,7 @@ def convert(
         source=toolpath.path,
         cell=known.path,
         name=name,
+        emitter=emitter,
         strategy=strategy,
         objective=objective,
         model=None if model is None else str(model),

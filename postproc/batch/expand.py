@@ -8,6 +8,10 @@ from dataclasses import dataclass, field
 from postproc.batch.jobs import Job
 from postproc.batch.sections import parse_rule, split_job
 from postproc.batch.worker import JobResult, attempt
+from postproc.cell import shared_cell
+from postproc.emitters import Program, emitter_of, with_emitter
+from postproc.errors import DataError, SourceRef
+from postproc.jobs.convert import ConvertRequest
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,11 +58,28 @@ def expand(jobs: Sequence[Job], split: str | None) -> Work:
     return work
 
 
+def caller_program(request: ConvertRequest, sections: Sequence[str]) -> Program:
+    """Return the program that runs those of the sections in order.
+
+    Raises:
+        DataError: BAT042 if the emitter has no such program.
+    """
+    cell = with_emitter(shared_cell(request.cell), request.emitter)
+    program = emitter_of(cell).caller(str(request.name), sections)
+    if program is None:
+        raise DataError(
+            "BAT042",
+            f"the emitter {cell.krl.emitter!r} has no program that runs others, needed by --split",
+            SourceRef(cell.path),
+        )
+    return program
+
+
 def _sections(job: Job, rule: tuple[str, float], taken: set[str]) -> list[Job]:
-    from postproc.cell import shared_cell
     from postproc.jobs.convert import read_toolpath
     from postproc.process import as_served
 
+    caller_program(job.request, ())  # before hours of work
     cell = shared_cell(job.request.cell)
     path = as_served(read_toolpath(job.request, cell), cell)
     return split_job(job, path, rule, taken)

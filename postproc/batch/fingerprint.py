@@ -1,4 +1,4 @@
-"""What a result depends on, as hashes: input, cell with its meshes, model, options, version."""
+"""What a result depends on, as hashes: input, cell with its meshes, model, options, versions."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from postproc.errors import PostprocError
 from postproc.files import read_bytes
+from postproc.registry import foreign
 from postproc.version import __version__
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ def fingerprint(job: Job) -> dict[str, str]:
         "cell": _cell(request.cell),
         "model": _file(request.model) if request.model else "",
         "options": digest(json.dumps(options, sort_keys=True).encode()),
-        "version": __version__,
+        "version": "; ".join((__version__, *foreign())),
     }
 
 

@@ -13,6 +13,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 from postproc.cell import Strategy
+from postproc.emitters import EMITTERS
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
-_OPTIONS |= {"recover", "strategy", "objective", "model", "partial"}
+_OPTIONS |= {"recover", "emitter", "strategy", "objective", "model", "partial"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,6 +194,8 @@ def _known(key: str) -> tuple[str, ...]:
     """Return what an option of ``batch.toml`` takes, nothing where any text will do."""
     if key == "format":
         return ("auto", *(name for name, _ in READERS))
+    if key == "emitter":
+        return tuple(name for name, _ in EMITTERS)
     if key == "units":
         return tuple(LENGTH_UNITS)
     return tuple(Strategy) if key == "strategy" else ()

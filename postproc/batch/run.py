@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from postproc.batch.executors import run_dask, run_local
-from postproc.batch.expand import Caller, Work, expand
+from postproc.batch.expand import Caller, Work, caller_program, expand
 from postproc.batch.fingerprint import digest, fingerprint, forget
 from postproc.batch.jobs import Job, source_of
 from postproc.batch.landing import Landing
 from postproc.batch.lock import folder_lock
 from postproc.batch.manifest import Manifest
-from postproc.batch.sections import caller_program
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
 
@@ -152,7 +151,8 @@ def called(caller: Caller, programs: list[str]) -> JobResult:
         line = f"{source}:1: error BAT015: {missing} of {len(programs)} sections failed"
         return JobResult(caller.job.key, "failed", errors=(f"{line}: no program calls them",))
     name = str(caller.job.request.name)
-    return JobResult(caller.job.key, "ok", name, caller_program(name, programs))
+    files = caller_program(caller.job.request, programs).files
+    return JobResult(caller.job.key, "ok", name, files)
 
 
 def _land_caller(landing: Landing, caller: Caller, outcome: BatchOutcome) -> None:

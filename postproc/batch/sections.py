@@ -230,13 +230,3 @@ def _led_in(path: ToolPath, rows: IndexArray, part: ToolPath) -> ToolPath:
     arc = np.array(part.arc)
     arc[0] = -1
     return replace(part, kind=kind, feed=feed, arc=arc)
-
-
-def caller_program(name: str, sections: list[str]) -> dict[str, bytes]:
-    """Return a program that calls the sections' programs in order; each sets itself up."""
-    from postproc.emitters import render_files
-    from postproc.krl import Call, KrlModule, Routine
-
-    routine = Routine(name, tuple(Call(section) for section in sections))
-    attributes = ("ACCESS RVP", "REL 1")
-    return render_files([KrlModule(name, (routine,), attributes=attributes)])

@@ -284,11 +284,13 @@ class Motion:
 class KrlOptions:
     """How programs are written.
 
-    ``advance``: motions planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s];
-    ``inertia`` (3,) [kg m^2] of the tool, principal, None where it is not known; ``hooks``: event
-    to the routine that the integrator defines.
+    ``emitter``: name of the registered emitter; the rest is for that of KUKA. ``advance``: motions
+    planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s]; ``inertia`` (3,)
+    [kg m^2] of the tool, principal, None where it is not known; ``hooks``: event to the routine
+    that the integrator defines.
     """
 
+    emitter: str
     template: str
     max_points_per_file: int
     split: Split

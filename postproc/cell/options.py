@@ -65,6 +65,7 @@ def motion_of(table: MotionTable) -> Motion:
 def krl_of(table: KrlTable) -> KrlOptions:
     """Return the options of ``[krl]``; the template as the file names it."""
     return KrlOptions(
+        emitter=table.emitter,
         template=table.template,
         max_points_per_file=table.max_points_per_file,
         split=table.split,

@@ -377,6 +377,9 @@ class HooksTable(Table):
 class KrlTable(Table):
     """How programs are written."""
 
+    emitter: Text = Field(
+        default="kuka_krl", description="what writes them; see `postproc plugins`"
+    )
     template: Text = Field(
         default="default", description="built-in template, or a folder relative to the cell file"
     )

@@ -169,6 +169,16 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     return function
 
 
+def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
+    """Add the option that names what writes programs."""
+    return click.option(
+        "--emitter",
+        metavar="NAME",
+        callback=registered("postproc.emitters", "EMITTERS"),
+        help="What writes the program, one of plugins; default: the cell's.",
+    )(function)
+
+
 def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that ``reading_options`` added."""
     return {name: options[name] for name in READING}

@@ -1,14 +1,13 @@
 """Commands moved so that the loaded real tool lands on the CAM points."""
 
 from postproc.compensation.compensate import LEFT_OF_MOTION, compensate, with_room
-from postproc.compensation.real_arm import RealArm, cell_with_model, displacement_of, left_out
+from postproc.compensation.real_arm import RealArm, cell_with_model, left_out
 
 __all__ = [
     "LEFT_OF_MOTION",
     "RealArm",
     "cell_with_model",
     "compensate",
-    "displacement_of",
     "left_out",
     "with_room",
 ]

@@ -23,13 +23,13 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out, real_point
-from postproc.emitters import emit
+from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
-from postproc.paths import Clock, Moments, joint_paths, moments_of, run_in_cell
+from postproc.paths import Clock, Moments, moments_of
 from postproc.process import operation_loads
 from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
@@ -239,35 +239,25 @@ def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> 
 
     Speeds count where the tool works: on other ways nobody minds how late the arm is.
     """
-    modules = emit(plan, cell)
-    trace = run_in_cell(modules, modules[0].name, cell, kinematics)
-    paths = joint_paths(trace, cell, kinematics)
-    motion = _motions_of(plan, trace.is_cp)
+    with EMITTERS.blame(cell.krl.emitter):
+        paths = emitter_of(cell).paths(plan, cell, kinematics)
+    if paths is None:
+        raise EmitError(
+            "CMP007",
+            f"the emitter {cell.krl.emitter!r} does not know how the joints move between the "
+            "points: effects that follow the motion cannot be compensated",
+            SourceRef(cell.path),
+        )
+    motion = motions_of(plan, paths.trace.is_cp, paths.q)
+    if motion is None:
+        raise EmitError(
+            "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
+        )
     ends: Moments = moments_of(paths, cell)[0].rows(motion)
     arcs = motion[rows.arc]
     middle = Clock.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
     qd = np.concatenate([ends.qd, middle]) * rows.working[:, None]
     return {"direction": np.concatenate([ends.direction, ends.direction[rows.arc]]), "qd": qd}
-
-
-def _motions_of(plan: Plan, is_cp: BoolArray) -> IntArray:
-    """Return the executed motion (m,) of each move.
-
-    A sub-program begins with a joint motion of no length where the plan has none: it is left out.
-    """
-    found = np.zeros(len(plan), dtype=np.int32)
-    motion = 0
-    runs = is_cp.tolist()
-    for move, kind in enumerate(np.asarray(plan.kind).tolist()):
-        while motion < len(runs) and kind != MoveKind.PTP and not runs[motion]:
-            motion += 1
-        if motion >= len(runs) or runs[motion] == (kind == MoveKind.PTP):
-            raise EmitError(
-                "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
-            )
-        found[move] = motion
-        motion += 1
-    return found
 
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:

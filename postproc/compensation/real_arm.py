@@ -18,7 +18,7 @@ from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
-from postproc.paths import Displacement, Moments, directions
+from postproc.paths import Moments, directions
 from postproc.process import weight_wrench
 
 _CHUNK = 4000
@@ -165,11 +165,6 @@ class RealArm:
         conditions = {"direction": moments.direction, "qd": moments.qd}
         real = real_point(self.model, moments.q, wrench, conditions)
         return np.asarray(real - self.model.nominal(moments.q))
-
-
-def displacement_of(cell: Cell, file: ModelFile) -> Displacement:
-    """Return the displacement of the real tool in a cell that a model expects."""
-    return RealArm.of(cell, file).displacement
 
 
 def expected_points(

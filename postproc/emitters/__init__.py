@@ -1,11 +1,29 @@
-"""A plan to the program text of one controller."""
+"""A plan to the program text of one controller, chosen by name, and the check of this text."""
 
-from postproc.emitters.base import EMITTERS, Emitter
-from postproc.emitters.kuka import emit, render_files
+from postproc.emitters.base import EMITTERS, Against, Emitter, Program, ReadBack
+from postproc.emitters.check import (
+    differences,
+    emit,
+    emitter_of,
+    is_checkable,
+    motions_of,
+    read_back,
+    with_emitter,
+    written,
+)
 
 __all__ = [
     "EMITTERS",
+    "Against",
     "Emitter",
+    "Program",
+    "ReadBack",
+    "differences",
     "emit",
-    "render_files",
+    "emitter_of",
+    "is_checkable",
+    "motions_of",
+    "read_back",
+    "with_emitter",
+    "written",
 ]

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from postproc.cell import shared_cell
-from postproc.errors import CellError, DataError, Finding, RunKind, Severity, SourceRef, fold
+from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM, N_PER_MM
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
+    from postproc.emitters import Against, Program, ReadBack
     from postproc.model import ModelFile, Plan, ToolPath
-    from postproc.verification import Expectation, VerifyReport
 
 
 REASONS = {
@@ -52,6 +52,7 @@ class ConvertRequest:
     task: str | None = None
     cycle_words: str | None = None
     recover: bool = False
+    emitter: str | None = None
     strategy: str | None = None
     objective: str | None = None
     model: str | None = None
@@ -65,9 +66,8 @@ class ConvertRequest:
 class Conversion:
     """A finished conversion: the plan, the program files by name, findings and times.
 
-    ``cell``: with the strategy and the objective of the call, and what a model knows of the arm.
-    ``expectation``: where the real tool and the commands are against the CAM points, None without
-    a model of the arm.
+    ``cell``: with the emitter, the strategy and the objective of the call, and what a model knows
+    of the arm. ``read``: what the program text says, None where none was written.
     """
 
     cell: Cell
@@ -77,7 +77,7 @@ class Conversion:
     name: str
     findings: tuple[Finding, ...]
     timing: Mapping[str, float] = field(default_factory=dict)
-    expectation: Expectation | None = None
+    read: ReadBack | None = None
 
     @property
     def good(self) -> bool:
@@ -105,11 +105,13 @@ def convert(
     Raises:
         PostprocError: if the input, the cell or an option is wrong.
     """
+    from postproc.emitters import emitter_of, with_emitter
     from postproc.planning import PlanOptions, settle
 
     clock = Clock()
     wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
-    cell = settle(cell or shared_cell(request.cell), wishes)[0]
+    cell = settle(with_emitter(cell or shared_cell(request.cell), request.emitter), wishes)[0]
+    emitter_of(cell)  # before hours of work
     if toolpath is None:
         toolpath = read_toolpath(request, cell)
     if not request.cam_lines:
@@ -126,9 +128,9 @@ def convert(
     clock.lap("read")
     plan = make_plan(toolpath, cell, request, progress, model)
     clock.lap("plan")
-    name, files, findings, checked = _emit_checked(plan, cell, request, clock, model)
-    expected = None if checked is None else checked.expectation
-    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), expected)
+    program, findings, read = _emit_checked(plan, cell, request, clock, model)
+    files, name = program.files, program.name
+    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read)
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -220,99 +222,41 @@ def _emit_checked(
     request: ConvertRequest,
     clock: Clock,
     model: ModelFile | None,
-) -> tuple[str, dict[str, bytes], tuple[Finding, ...], VerifyReport | None]:
-    """Return program name, files, all findings and the check; no files when it fails."""
-    from postproc.emitters import emit, render_files
-    from postproc.krl import NameAllocator
+) -> tuple[Program, tuple[Finding, ...], ReadBack | None]:
+    """Return the program, all findings and what the text says; no files when the check fails."""
+    from postproc.emitters import Program, emit, read_back
 
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.findings]
     if len(plan) == 0 or (plan.errors and not request.partial):
-        return plan.name, {}, fold(findings), None
-    names = NameAllocator()
-    modules = emit(plan, cell, names=names)
+        return Program(plan.name, {}), fold(findings), None
+    program = emit(plan, cell)
     findings += [
         Finding(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
-        for wanted, got in names.changes
+        for wanted, got in program.renamed
     ]
-    files = render_files(modules)
     clock.lap("emit")
-    name = modules[0].name
-    checks, report = check_text(files, name, cell, plan, model)
+    read = read_back(program, plan, cell, _against(plan, cell, model))
     clock.lap("check")
-    findings += checks
-    if any(finding.severity is Severity.ERROR for finding in checks):
-        files = {}
-    return name, files, fold(findings), report
+    if any(finding.is_error for finding in read.findings):
+        program = replace(program, files={})
+    return program, fold([*findings, *read.findings]), read
 
 
-def check_text(
-    files: Mapping[str, bytes],
-    name: str,
-    cell: Cell,
-    plan: Plan,
-    model: ModelFile | None = None,
-) -> tuple[list[Finding], VerifyReport]:
-    """Lint the program text, read it back, run it on the robot model, compare with the CAM path.
+def _against(plan: Plan, cell: Cell, model: ModelFile | None) -> Against:
+    """Return what the text has to do: a compensated one is judged by where the real tool goes."""
+    from postproc.emitters import Against
 
-    A compensated program is judged by where the real tool is expected. Collisions were proven by
-    the planner along the same motions and are not searched again.
-    """
-    from postproc.krl import lint, parse_files
-    from postproc.verification import verify_modules
-
-    modules = parse_files(files)
-    findings = [i for i in lint(modules) if i.severity is not Severity.NOTE]
-    displacement = None
-    if plan.compensation is not None and model is not None:
-        from postproc.compensation import displacement_of
-
-        displacement = displacement_of(cell, model)
-    report = verify_modules(
-        modules,
-        name,
-        cell,
-        toolpath=None if plan.errors else plan.toolpath,
-        collisions=False,
-        displacement=displacement,
-    )
-    excused = model is not None and _is_excused(cell, model, report)
-    for violation in report.violations:
-        if excused and violation.code in (RunKind.POSITION, RunKind.PATH):
-            continue
-        findings.append(
-            Finding(
-                Severity.ERROR,
-                "CNV002",
-                f"the program text fails its check: {violation.code}: {violation.message}",
-                source=violation.source,
-                hint="this is a fault of postproc, not of the input; please report it",
-            )
-        )
-    left = [v for v in report.violations if v.code in (RunKind.POSITION, RunKind.PATH)]
-    if excused and left:
-        findings.append(
-            Finding(
-                Severity.WARNING,
-                "CMP006",
-                f"at {len(left)} places what follows the motion is left: {left[0].message}",
-                source=left[0].source,
-                hint="lower the feed, or see verify --model for all of them",
-            )
-        )
-    return findings, report
-
-
-def _is_excused(cell: Cell, model: ModelFile, report: VerifyReport) -> bool:
-    """Return whether what the check finds may be the arm and not the text.
-
-    Effects that follow the motion change within a line, where no commanded point can answer. What
-    is left of them is small; more is a fault.
-    """
+    toolpath = None if plan.errors else plan.toolpath
+    if model is None:
+        return Against(toolpath)
     from postproc.compensation import LEFT_OF_MOTION, RealArm
 
-    expected = report.expectation
-    follows = RealArm.of(cell, model).follows_motion
-    return follows and expected is not None and expected.expected_max < LEFT_OF_MOTION
+    arm = RealArm.of(cell, model)
+    return Against(
+        toolpath,
+        None if plan.compensation is None else arm.displacement,
+        LEFT_OF_MOTION if arm.follows_motion else 0.0,
+    )
 
 
 def failures(conversion: Conversion) -> list[dict[str, Any]]:
@@ -384,7 +328,7 @@ def _compensation(conversion: Conversion) -> dict[str, Any] | None:
     if shift is None:
         return None
     largest = float(np.linalg.norm(shift, axis=1).max(initial=0.0))
-    expected = conversion.expectation
+    expected = None if conversion.read is None else conversion.read.expectation
     return {
         "note": conversion.plan.compensation_note,
         "max_shift_mm": round(largest / MM, 6),

@@ -5,19 +5,18 @@ Shared by the measuring plan of ``sample`` and the next measurements of ``diagno
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.collision import Scene
-from postproc.emitters import emit, render_files
+from postproc.emitters import written
 from postproc.geometry import inverse
 from postproc.jobs.ways import AreFree
 from postproc.kinematics import Kinematics, build
-from postproc.krl import Call, Halt, KrlModule, Statement
 from postproc.model import Event, EventKind, MotionKind, MoveKind, MoveRole, Plan, ToolPath
 
 IsFree = Callable[[FloatArray], BoolArray]
@@ -82,15 +81,16 @@ class Checks:
         return cls(is_free, are_free)
 
 
-def program_files(drive: Drive) -> dict[str, bytes]:
-    """Return the files of the program.
+def program_files(drive: Drive) -> Mapping[str, bytes]:
+    """Return the files of the program, checked.
 
-    A stop is a plain HALT: the program must run on a controller without the routines that a
-    machining cell defines.
+    A stop waits for the operator by itself: the program must run on a controller without the
+    routines that a machining cell defines.
+
+    Raises:
+        EmitError: as ``emitters.written``.
     """
-    modules = emit(motion_plan(drive), drive.cell)
-    stop = drive.cell.krl.hooks["stop"]
-    return render_files([_with_halts(module, stop) for module in modules])
+    return written(motion_plan(drive), drive.cell).files
 
 
 def motion_plan(drive: Drive) -> Plan:
@@ -133,14 +133,14 @@ def _events(drive: Drive) -> tuple[tuple[int, Event], ...]:
     if drive.halt:
         for move, line in zip(np.flatnonzero(drive.reads), drive.line, strict=True):
             after = int(move) + 1
-            stop = Event(after, EventKind.STOP, text="take the reading", line=int(line))
+            stop = Event(after, EventKind.HALT, text="take the reading", line=int(line))
             events.append((after, stop))
     # behind the halts: the last reading is taken before the load is changed
     for note in drive.notes:
         message = Event(note.move, EventKind.MESSAGE, text=note.text, line=note.line)
         events.append((note.move, message))
         if note.stop:
-            stop = Event(note.move, EventKind.STOP, text=note.text, line=note.line)
+            stop = Event(note.move, EventKind.HALT, text=note.text, line=note.line)
             events.append((note.move, stop))
     return tuple(sorted(events, key=lambda pair: pair[0]))
 
@@ -166,16 +166,3 @@ def _toolpath(drive: Drive, q: FloatArray, T_base_tcp: FloatArray) -> ToolPath:
         joints=q,
         names=drive.names,
     )
-
-
-def _with_halts(module: KrlModule, stop: str) -> KrlModule:
-    def halted(statement: Statement) -> Statement:
-        if isinstance(statement, Call) and statement.name == stop:
-            return Halt(comment=statement.comment)
-        return statement
-
-    routines = tuple(
-        replace(routine, statements=tuple(halted(line) for line in routine.statements))
-        for routine in module.routines
-    )
-    return replace(module, routines=routines)

@@ -9,11 +9,11 @@ import numpy as np
 from postproc.arrays import FloatArray, least_by
 from postproc.cell import Cell
 from postproc.collision import Scene
+from postproc.emitters import ReadBack
 from postproc.errors import RunKind
 from postproc.jobs.check_cell import CellCheck
 from postproc.jobs.convert import Conversion
 from postproc.jobs.drawing import drawing_of
-from postproc.jobs.program_text import program_text
 from postproc.kinematics import build, wrist_distance
 from postproc.model import ToolPath
 from postproc.paths import Paths
@@ -21,6 +21,7 @@ from postproc.planning import FailingPose, colliding_pose, plan_maps
 from postproc.report.pages.cell import Stance, cell_page
 from postproc.report.pages.program import program_page
 from postproc.report.pages.verify import MOST_ROWS, RunMaps, texts_by_motion, verify_page
+from postproc.report.parts import ProgramText, unix_text
 from postproc.units import DEG
 from postproc.verification import VerifyReport
 
@@ -32,14 +33,26 @@ def page_of_conversion(conversion: Conversion) -> bytes:
     """Return the page of a converted program; one that failed shows its failing tags."""
     cell, findings = conversion.cell, conversion.findings
     scene = Scene.shared(cell, build(cell.robot))
-    files = conversion.files
     return program_page(
         conversion.plan,
         drawing_of(cell, scene),
         plan_maps(conversion.plan, cell, scene, findings),
         findings,
-        program_text(files, conversion.name, cell) if files else None,
+        program_text(conversion.files, conversion.read),
     )
+
+
+def program_text(files: Mapping[str, bytes], read: ReadBack | None) -> ProgramText | None:
+    """Return the line and the target of every motion, None where the emitter does not tell them.
+
+    Args:
+        files: bytes by file name, as written.
+        read: what was read back from them.
+    """
+    if not files or read is None or read.file is None or read.line is None or read.point is None:
+        return None
+    texts = tuple(unix_text(files[name]) if name in files else "" for name in read.files)
+    return ProgramText(read.files, texts, read.file, read.line, read.point)
 
 
 def page_of_cell(checked: CellCheck) -> bytes:

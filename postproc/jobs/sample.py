@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -82,7 +83,7 @@ def _most_telling(
     return part.rows(travel_order(part.q, part.tag, kinematics))
 
 
-def program_files(sampling: Sampling) -> dict[str, bytes]:
+def program_files(sampling: Sampling) -> Mapping[str, bytes]:
     """Return the files of the program that drives the plan."""
     return drive.program_files(drive_of(sampling))
 

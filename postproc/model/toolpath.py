@@ -51,6 +51,8 @@ class EventKind(StrEnum):
     DWELL = "dwell"
     STOP = "stop"
     OPTIONAL_STOP = "optional_stop"
+    HALT = "halt"
+    """The program waits for the operator, without a routine of the integrator."""
     TOOL_CHANGE = "tool_change"
     MESSAGE = "message"
     UNKNOWN = "unknown"

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from postproc.cell import Cell, load_cell
+from postproc.cell import ArcMotion, Cell, load_cell
 from postproc.gap import RobotModel, Samples, make_samples
 from postproc.kinematics import Kinematics, build
-from postproc.planning import StateContext
+from postproc.model import Plan
+from postproc.planning import StateContext, plan
+from postproc.readers import read
 from postproc.units import DEG
 
 _LOW = np.array([-60.0, -115.0, 10.0, -170.0, -100.0, -170.0]) * DEG
@@ -27,6 +30,19 @@ def made_cell() -> Cell:
 def made_arm() -> Kinematics:
     """Return the arm of ``made_cell``."""
     return build(made_cell().robot)
+
+
+@cache
+def made_plan(arcs: bool = True) -> Plan:
+    """Return the plan of a small part in ``made_cell``: cuts, holes and an arc.
+
+    Args:
+        arcs: False: the arc is a row of short lines.
+    """
+    cell = made_cell()
+    if not arcs:
+        cell = replace(cell, motion=replace(cell.motion, arcs=ArcMotion.LIN))
+    return plan(read(Path(__file__).with_name("part.apt")), cell)
 
 
 def made_samples(rows: int = 80, spread: float = 1.0) -> Samples:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.compensation.real_arm import RealArm, cell_with_model, displacement_of, loads
+from postproc.compensation.real_arm import RealArm, cell_with_model, loads
 from postproc.gap import stiffness_tables
 from postproc.geometry.frames import rotation_about
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
@@ -439,7 +439,7 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
         path = read_toolpath(ConvertRequest(str(source), str(cell_path)), cell)
         report = verify(
             folder / f"{done.name}.src", cell, path,
-            displacement=None if model is None else displacement_of(cell, model),
+            displacement=None if model is None else RealArm.of(cell, model).displacement,
         )  # fmt: skip
         assert report.ok
         working = path.kind != 0

@@ -283,6 +283,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "motion.chord_mm": ({"motion.arcs": "lin"}, {"motion.chord_mm": 1.0}, MILL),
     "motion.arcs": ({}, {"motion.arcs": "lin"}, MILL),
     "motion.rapid_speed_m_s": ({}, {"motion.rapid_speed_m_s": 0.3}),
+    "krl.emitter": ({}, {"krl.emitter": "none"}),
     "krl.template": ({}, {"krl.template": "own"}),
     "krl.max_points_per_file": ({}, {"krl.max_points_per_file": 5}),
     "krl.split": ({}, {"krl.split": "operations"}, "two.csv"),
@@ -412,22 +413,39 @@ def test_every_key_of_the_cell_has_an_effect(outcome, key):
     after = outcome(cell_text(setup, change), source, more)
     assert before != after
     assert before.startswith("["), before
-    if key != "schema":
+    if key not in ("schema", "krl.emitter"):  # here nothing else is taken
         assert after.startswith("["), after
 
 
 PLAIN = {"source": "holes.csv", "--cell": "base.toml", "-o": "out"}
 BENT = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
 """No end of the file: strict reading refuses it."""
+CYCLE = """\
+UNITS/MM
+CYCLE/DRILL, 5.0, 3.0, 400.0, MMPM
+GOTO/0,0,0,0,0,1
+CYCLE/OFF
+FINI
+"""
+TASK = (
+    "<ActivityList Task='{}'><Activity ActivityType='DNBRobotMotionActivity' Operation='O' id='1'>"
+    "<MotionAttributes><MotionType>Linear</MotionType></MotionAttributes><Target><CartesianTarget>"
+    "<Position Units='m' X='{}' Y='0' Z='0'/>"
+    "<Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target></Activity>"
+    "</ActivityList>"
+)
 CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "source": ({}, {"source": "points.csv"}),
     "cell": ({}, {"--cell": "other.toml"}),
     "output": ({}, {"-o": "elsewhere"}),
     "name": ({}, {"--name": "OTHER"}),
-    "form": ({}, {"--format": "apt"}),
+    "format": ({}, {"--format": "apt"}),
     "dialect": ({"source": "plain.apt"}, {"--dialect": "nx"}),
     "units": ({}, {"--units": "inch"}),
     "columns": ({}, {"--columns": "id,y,x,z,i,j,k,depth"}),
+    "task": ({"source": "tasks.xml"}, {"--task": "B"}),
+    "cycle_words": ({"source": "cycle.apt"}, {"--cycle-words": "depth feed clearance"}),
+    "emitter": ({}, {"--emitter": "none"}),
     "recover": ({"source": "bent.apt"}, {"--recover": None}),
     "strategy": ({}, {"--strategy": "smooth"}),
     "objective": ({}, {"--objective": "radial"}),
@@ -440,6 +458,8 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "quiet": ({}, {"--quiet": None}),
 }
 """Option of ``convert`` to what else stands in the call, and the change."""
+FIRST = {"partial": 1, "recover": 2, "dialect": 2}
+"""Exit code of a call before the change, where it is not good."""
 
 
 @pytest.fixture
@@ -451,6 +471,9 @@ def called(folder, tmp_path, monkeypatch, capsys):
     (folder / "bent.apt").write_text(BENT)
     (folder / "far.csv").write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,1,5\n9000,0,0,0,0,1,5\n")
     (folder / "plain.apt").write_text(NO_UNITS)
+    (folder / "cycle.apt").write_text(CYCLE)
+    tasks = "".join(TASK.format(name, x) for name, x in (("A", 0.0), ("B", 0.1)))
+    (folder / "tasks.xml").write_text(f"<OLPData><Resource id='r'>{tasks}</Resource></OLPData>")
     inputs = ("source", "--cell", "--model", "--pins")
 
     def call(number, parts):
@@ -474,6 +497,7 @@ def test_every_option_of_convert_has_an_effect(called, name):
     assert name in CALLS, f"{name} is new: give it a case here"
     setup, change = CALLS[name]
     before, after = called(1, PLAIN | setup), called(2, PLAIN | setup | change)
+    assert before[0] == FIRST.get(name, 0), before
     if name == "quiet":
         assert before[1] == after[1]
         assert before[2]

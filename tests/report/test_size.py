@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
-from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.emitters import Against, emit, emitter_of
 from postproc.jobs.convert import Conversion, ConvertRequest, make_plan, read_toolpath
-from postproc.jobs.pages import page_of_conversion
-from postproc.jobs.program_text import program_text
+from postproc.jobs.pages import page_of_conversion, program_text
 from postproc.model import Plan
 from tests.places import PANEL, PANEL_CELL
 
@@ -30,11 +29,12 @@ def page(tmp_path_factory):
     n = len(plan.toolpath)
     whole = Plan.concat([plan.within(many, k * n) for k in range(COPIES)])
     big = replace(whole, name="many", events=(), clearance=np.full(n * COPIES, 0.01))
-    modules = emit(big, cell)
-    files, name = render_files(modules), modules[0].name
-    assert len(program_text(files, name, cell)) == len(big)
+    program = emit(big, cell)
+    files, name = program.files, program.name
+    read = emitter_of(cell).read_back(program, cell, Against())
+    assert len(program_text(files, read)) == len(big)
     path = folder / "many.html"
-    path.write_bytes(page_of_conversion(Conversion(cell, many, big, files, name, ())))
+    path.write_bytes(page_of_conversion(Conversion(cell, many, big, files, name, (), read=read)))
     return path
 
 

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading, reading_options, standard_options
+from postproc.cli.common import (
+    Session,
+    answer,
+    emitter_option,
+    reading,
+    reading_options,
+    standard_options,
+)
 from postproc.cli.ticker import ticker
 
 if TYPE_CHECKING:
@@ -33,6 +40,7 @@ Examples:
 @click.option("--dask", metavar="ADDRESS", help="Run on this Dask cluster instead.")
 @click.option("--split", metavar="RULE", help="region:MM, count:N or operation: large inputs.")
 @reading_options
+@emitter_option
 @click.option("--strategy", type=click.Choice(["smooth", "each", "global"]))
 @click.option("--objective", help="axial, normal, radial, process.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
@@ -66,6 +74,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         source="",
         cell=options["cell"] or "",
         **reading(options),
+        emitter=options["emitter"],
         strategy=options["strategy"],
         objective=options["objective"],
         model=options["model"],

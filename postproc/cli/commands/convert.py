@@ -7,7 +7,14 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, reading, reading_options, standard_options
+from postproc.cli.common import (
+    Session,
+    answer,
+    emitter_option,
+    reading,
+    reading_options,
+    standard_options,
+)
 from postproc.progress import Progress
 
 EPILOG = """\b
@@ -38,6 +45,7 @@ def _known_suffix(
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the program.")
 @click.option("--name", help="Program name; default: that of the input file.")
 @reading_options
+@emitter_option
 @click.option(
     "--strategy",
     type=click.Choice(["smooth", "each", "global"]),
@@ -73,6 +81,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         cell=options["cell"],
         name=options["name"],
         **reading(options),
+        emitter=options["emitter"],
         strategy=options["strategy"],
         objective=options["objective"],
         model=options["model"],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -31,18 +32,17 @@ def command(session: Session, /) -> int:
     """List readers, emitters, effects and objectives: name, origin, version.
 
     Installed packages add their own by the entry-point groups postproc.readers,
-    postproc.emitters, postproc.effects and postproc.objectives. One that cannot be loaded is
+    postproc.emitters, postproc.effects and postproc.objectives. One that cannot be used is
     listed with the cause and left out of all work.
     """
-    infos = [info for place in _REGISTRIES for info in _registry(*place).infos()]
+    infos = [_judged(info) for place in _REGISTRIES for info in _registry(*place).infos()]
     plugins = [_entry(info) for info in infos]
     session.document({"schema": "postproc.plugins/1", "plugins": plugins})
-    rows = [(i.group, i.name, i.origin, i.version, _state(i)) for i in infos]
-    session.table(("kind", "name", "origin", "version", "state"), rows)
+    rows = [(i.name, i.group, i.origin, i.version, i.problem or "none") for i in infos]
+    session.table(("name", "kind", "origin", "version", "problem"), rows)
     for info in infos:
         if info.problem:
-            name = f"{info.group} part {info.name!r} of {info.origin} {info.version}"
-            session.say(f"postproc: warning PLG003: {name} cannot be loaded: {info.problem}")
+            session.say(f"postproc: warning PLG003: {info} cannot be used: {info.problem}")
     return answer(good=True)
 
 
@@ -51,8 +51,14 @@ def _registry(module: str, name: str) -> Registry[Any]:
     return registry
 
 
-def _state(info: PluginInfo) -> str:
-    return "cannot be loaded" if info.problem else "good"
+def _judged(info: PluginInfo) -> PluginInfo:
+    """Return a part with what forbids its use, although it could be loaded."""
+    if info.problem or info.group != "emitters":
+        return info
+    from postproc.emitters import EMITTERS, is_checkable
+
+    good = is_checkable(EMITTERS.get(info.name))
+    return info if good else replace(info, problem="it cannot read its programs back")
 
 
 def _entry(info: PluginInfo) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     cell = load_cell(options["cell"])
     with session.progress() as progress:
         sampling = sample(cell, _request(options), progress)
-    files = program_files(sampling)
+    files = dict(program_files(sampling))
     files[f"{options['name']}.csv"] = csv_text(sampling)
     files[f"{options['name']}.html"] = sample_page(sampling, drawing_of(sampling.cell))
     folder = Path(options["output"])

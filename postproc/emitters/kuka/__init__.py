@@ -1,10 +1,5 @@
-"""Plan to KUKA KRL."""
+"""Plan to KUKA KRL and back."""
 
-from postproc.emitters.kuka import emitter
-from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.emitters.kuka.krl import KukaKrl
 
-__all__ = [
-    "emit",
-    "emitter",
-    "render_files",
-]
+__all__ = ["KukaKrl"]

@@ -32,6 +32,7 @@ STANDING = frozenset(
         EventKind.DWELL,
         EventKind.STOP,
         EventKind.OPTIONAL_STOP,
+        EventKind.HALT,
         EventKind.TOOL_CHANGE,
     }
 )

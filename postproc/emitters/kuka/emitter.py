@@ -15,7 +15,6 @@ from functools import cached_property
 from pathlib import PurePath
 
 from postproc.cell import Cell, KrlOptions, MotionStyle, Split
-from postproc.emitters.base import EMITTERS
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
@@ -77,12 +76,6 @@ def render_files(modules: Sequence[KrlModule]) -> dict[str, bytes]:
         if module.data is not None:
             files[f"{module.name}.dat"] = dat
     return files
-
-
-@EMITTERS.register("kuka_krl")
-def emit_files(plan: Plan, cell: Cell, names: NameAllocator | None = None) -> Mapping[str, bytes]:
-    """Return the files of a plan; errors as ``emit``."""
-    return render_files(emit(plan, cell, names=names))
 
 
 @dataclass

@@ -1,1 +1,1 @@
-"""Example plug-ins of postproc: a reader, an effect, an emitter."""
+"""Example plug-ins of postproc: a reader, an effect, an emitter, an objective."""

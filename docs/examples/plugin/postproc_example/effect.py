@@ -1,4 +1,4 @@
-"""An effect: the tracker reads all distances too long or too short by the same share.
+"""An effect: the tracker rides along X on a rail whose sections bow, and reads heights that wave.
 
 What an effect owes: plain words for the shop floor, parameters in SI with a typical size, and what
 one unit of each does to the tool point. Everything else (fit, selection, intervals, the model file)
@@ -7,26 +7,34 @@ follows; ``postproc.testing.check_effect`` holds it to that.
 
 from __future__ import annotations
 
+import numpy as np
+
 from postproc.gap import Basis, Effect, Kind, Parameter, Samples, Setting
 
+SECTION = 0.5
+"""Length of a section of the rail [m]."""
 
-class TrackerScale(Effect):
-    """Points move away from the robot root in proportion to their distance."""
 
-    name = "tracker_scale"
-    title = "the tracker's scale is off"
-    source = "a wrong refractive index scales all distances by the same share"
-    action = "enter air temperature and pressure at the tracker, and measure a scale bar"
+class RailWave(Effect):
+    """Heights wave along X with the sections of the rail."""
+
+    name = "rail_wave"
+    title = "the tracker's rail is not straight"
+    source = "dz = a sin(2 pi x / L) + b cos(2 pi x / L), L the length of a section"
+    action = "level the sections of the rail, or measure from one place"
     kind = Kind.MEASUREMENT
-    conditions = ("pose",)
-    layout = (("scale_ppm", 1),)
-    parameter_list = (Parameter("scale", 20.0),)
-    """The scale error in parts per million."""
+    conditions = ("position",)
+    layout = (("sine_mm", 1), ("cosine_mm", 1))
+    parameter_list = (Parameter("sine", 1e-4), Parameter("cosine", 1e-4))
+    """The two amplitudes [m]."""
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
-        """Move each point outward by a millionth of its distance per unit."""
+        """Lift each point by a metre of the wave per unit."""
         del setting
-        return Basis(point=1e-6 * samples.point[:, :, None])
+        phase = 2.0 * np.pi * samples.point[:, 0] / SECTION
+        point = np.zeros((len(samples), 3, 2))
+        point[:, 2] = np.column_stack([np.sin(phase), np.cos(phase)])
+        return Basis(point=point)
 
 
-TRACKER_SCALE = TrackerScale()
+RAIL_WAVE = RailWave()

@@ -1,7 +1,7 @@
 """A reader: lines ``PROBE x y z`` in mm, touched from above at 300 mm/min.
 
 What a reader owes: SI units, a source line for every tag, one clear error with file and line, and
-an honest ``sniff``.
+an honest ``sniff``. ``postproc.testing.check_reader`` holds it to that.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 
 from postproc.errors import ReadError, SourceRef
 from postproc.files import read_bytes
-from postproc.model.toolpath import MotionKind, ToolPath
-from postproc.readers.base import ReadOptions
+from postproc.model import MotionKind, ToolPath
+from postproc.readers import ReadOptions
 from postproc.units import MM, MM_PER_MIN
 
 FEED = 300.0 * MM_PER_MIN
@@ -21,6 +21,8 @@ FEED = 300.0 * MM_PER_MIN
 
 class ProbeReader:
     """Reads touch points."""
+
+    suffixes = (".probe",)
 
     def sniff(self, head: bytes) -> float:
         """Return how sure the reader is from the first bytes of the file."""

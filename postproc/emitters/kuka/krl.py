@@ -1,0 +1,129 @@
+"""KUKA KRL as an emitter: writes with ``emit``, reads back with lint, parser and interpreter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import Cell
+from postproc.controller import Trace, Way
+from postproc.emitters.base import EMITTERS, Against, Emitter, Program, ReadBack
+from postproc.emitters.kuka.emitter import emit, render_files
+from postproc.errors import Finding, RunKind, Severity
+from postproc.geometry import inverse
+from postproc.kinematics import Kinematics, build
+from postproc.krl import Call, KrlModule, NameAllocator, Routine, lint, parse_files
+from postproc.model import MoveKind, Plan
+from postproc.paths import Paths, joint_paths, run_in_cell
+from postproc.verification import VerifyReport, verify_modules
+
+_KINDS = {Way.PTP: MoveKind.PTP, Way.CIRC: MoveKind.CIRC}
+_REAL = (RunKind.POSITION, RunKind.PATH)
+"""Violations that may be those of the arm and not of the text."""
+
+
+class KukaKrl(Emitter):
+    """Programs for KUKA controllers KR C4 and KR C5."""
+
+    def emit(self, plan: Plan, cell: Cell) -> Program:
+        """Return .src and .dat files; errors as ``kuka.emitter.emit``."""
+        names = NameAllocator()
+        modules = emit(plan, cell, names=names)
+        return Program(modules[0].name, render_files(modules), names.changes)
+
+    def read_back(self, program: Program, cell: Cell, against: Against) -> ReadBack:
+        """Lint the text, run it on the robot model and compare it with the CAM points.
+
+        Collisions were proven by the planner along the same motions and are not searched again.
+        """
+        modules = parse_files(program.files)
+        report = verify_modules(
+            modules,
+            program.name,
+            cell,
+            toolpath=against.toolpath,
+            collisions=False,
+            displacement=against.displacement,
+        )
+        noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]
+        findings = (*noticed, *_violations(report, against.leeway))
+        return _read_back(report, findings)
+
+    def paths(self, plan: Plan, cell: Cell, kinematics: Kinematics) -> Paths:
+        """Return how the joints move, as the interpreter runs the program."""
+        modules = emit(plan, cell)
+        trace = run_in_cell(modules, modules[0].name, cell, kinematics)
+        return joint_paths(trace, cell, kinematics)
+
+    def caller(self, name: str, programs: Sequence[str]) -> Program:
+        """Return a program that calls others in order; each sets itself up."""
+        routine = Routine(name, tuple(Call(program) for program in programs))
+        module = KrlModule(name, (routine,), attributes=("ACCESS RVP", "REL 1"))
+        return Program(name, render_files([module]))
+
+
+EMITTERS.register("kuka_krl")(KukaKrl())
+
+
+def _violations(report: VerifyReport, leeway: float) -> Iterator[Finding]:
+    """Yield what the check finds against the text.
+
+    Effects that follow the motion change within a line, where no commanded point can answer. Where
+    what is left of them is within the leeway [m], one warning stands for all of it.
+    """
+    expected = report.expectation
+    is_excused = expected is not None and expected.expected_max < leeway
+    left = [violation for violation in report.violations if is_excused and violation.code in _REAL]
+    for violation in report.violations:
+        if violation not in left:
+            yield Finding(
+                Severity.ERROR,
+                "CNV002",
+                f"the program text fails its check: {violation.code}: {violation.message}",
+                source=violation.source,
+                hint="this is a fault of postproc, not of the input; please report it",
+            )
+    if left:
+        yield Finding(
+            Severity.WARNING,
+            "CMP006",
+            f"at {len(left)} places what follows the motion is left: {left[0].message}",
+            source=left[0].source,
+            hint="lower the feed, or see verify --model for all of them",
+        )
+
+
+def _read_back(report: VerifyReport, findings: tuple[Finding, ...]) -> ReadBack:
+    if report.run is None:
+        raise ValueError("a verification without its run")
+    paths = report.run.paths
+    trace = paths.trace
+    aux = np.full((len(trace), 3), np.nan)
+    for row, values in trace.auxiliary.items():
+        aux[row] = values[:3]
+    return ReadBack(
+        kind=np.array([_KINDS.get(Way(way), MoveKind.LIN) for way in trace.way.tolist()], int),
+        q=paths.q,
+        aux=aux,
+        external=paths.external,
+        point=_points(trace, paths),
+        file=trace.file,
+        line=trace.line,
+        files=trace.files,
+        findings=findings,
+        expectation=report.expectation,
+    )
+
+
+def _points(trace: Trace, paths: Paths) -> FloatArray:
+    """Return the TCP (m, 3) [m] at the end of each motion as the text says it, workpiece frame."""
+    point = np.array(trace.target[:, :3])
+    axes = np.asarray(trace.is_axes)
+    if axes.any():
+        cell, kinematics = paths.station.cell, build(paths.station.cell.robot)
+        tools = trace.tools[trace.column("tool").astype(np.int64)]
+        T_robroot_tcp = kinematics.fk(trace.target[axes]) @ tools[axes]
+        point[axes] = (inverse(cell.T_robroot_base) @ T_robroot_tcp)[:, :3, 3]
+    return point
