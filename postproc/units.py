@@ -24,9 +24,5 @@ NMM_PER_RAD = 1e-3
 """One N*mm/rad of joint stiffness in N*m/rad."""
 N_PER_MM = 1e3
 """One N/mm of Cartesian stiffness in N/m."""
-MILLISECOND = 1e-3
-"""One millisecond in seconds."""
-ZERO_CELSIUS = 273.15
-"""0 degrees Celsius in kelvin."""
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of free fall [m/s^2]."""

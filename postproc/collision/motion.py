@@ -16,7 +16,6 @@ is touched but by grazing contact in which no point moves farther than the resol
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,8 +30,6 @@ RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""
 _WORTH = 0.05
 """Share of a span that a cheap bound must prove, else the exact distance is taken."""
-_FINEST = 1e-6
-"""Share of a curve below which samples are not taken nearer together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -305,46 +302,3 @@ def _note(pair: IndexArray, share: FloatArray, found: _Found) -> None:
     is_better = (pair[motion] == NO_PAIR) | (found.pair[chosen] < pair[motion])
     pair[motion[is_better]] = found.pair[chosen[is_better]]
     share[motion[is_better]] = found.share[chosen[is_better]]
-
-
-def samples_of_curve(
-    engine: Engine,
-    q_at: Callable[[FloatArray], FloatArray],
-    count: int,
-    resolution: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return shares (k,) and configurations (k, 6) that follow a curve within the resolution.
-
-    Between two neighbours the joint-straight motion leaves the curve's middle by no more than the
-    resolution, measured as the farthest motion of any body. For smooth curves, such as LIN and
-    CIRC away from singularities, that is the largest deviation but for a factor near one.
-
-    Args:
-        engine: the scene.
-        q_at: shares (k,) in [0, 1] to configurations (k, 6) [rad] on the curve.
-        count: samples to begin with, at least 2.
-        resolution: [m].
-
-    A leap of the curve, such as a wrist that flips, ends the refinement there when the samples are
-    ``_FINEST`` of the whole apart; it is then checked as a straight joint motion.
-    """
-    share = np.linspace(0.0, 1.0, max(2, count))
-    q = q_at(share)
-    todo = np.ones(len(share) - 1, dtype=bool)
-    while (which := np.flatnonzero(todo & (np.diff(share) > _FINEST))).size:
-        middle = 0.5 * (share[which] + share[which + 1])
-        q_middle = q_at(middle)
-        straight = 0.5 * (q[which] + q[which + 1])
-        off = np.zeros(len(which))
-        for rows in chunks(len(which)):
-            placed = engine.place(q_middle[rows])
-            turn = np.abs(q_middle[rows] - straight[rows])
-            off[rows] = engine.sweep.of_pairs(placed, Sway(turn)).max(axis=0, initial=0.0)
-        added = off > resolution
-        where = which[added] + 1
-        share = np.insert(share, where, middle[added])
-        q = np.insert(q, where, q_middle[added], axis=0)
-        todo = np.zeros(len(share) - 1, dtype=bool)
-        new = where + np.arange(len(where))
-        todo[new - 1] = todo[new] = True
-    return share, q

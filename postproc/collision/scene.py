@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -186,30 +185,6 @@ class Scene:
         """
         joints = self._rows(q_path)
         return self.check_paths(joints[:-1], joints[1:], contact, resolution)
-
-    def check_curve(
-        self,
-        q_at: Callable[[FloatArray], FloatArray],
-        count: int = 2,
-        contact: bool = False,
-        resolution: float = RESOLUTION,
-    ) -> tuple[FloatArray, MotionHits]:
-        """Check a curve in joint space, such as a LIN or CIRC motion.
-
-        Args:
-            q_at: shares (k,) of the curve, 0 to 1, to configurations (k, 6) [rad].
-            count: samples to begin with; more are taken where the curve leaves the straight
-                joint motion by more than the resolution.
-            contact: whether cutting solids may touch the workpiece.
-            resolution: [m], as in ``check_paths``.
-
-        Returns:
-            Shares (k,) of the samples taken, and the answer for the k - 1 motions between them.
-        """
-        share, q = motion.samples_of_curve(
-            self._engine, lambda at: self._rows(q_at(at)), count, resolution
-        )
-        return share, self.check_motion(q, contact, resolution)
 
     def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
         """Return the nearest places on the workpiece: point, outward normal, distance.

@@ -53,11 +53,6 @@ class NextMeasurements:
     q: FloatArray
     reads: tuple[int, ...]
 
-    @property
-    def by_hand(self) -> tuple[NextPose, ...]:
-        """Poses that are read in motion, which the program does not drive."""
-        return tuple(p for k, p in enumerate(self.poses) if k not in self.reads)
-
 
 def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
     """Return what to measure next within the limits of a cell and free of collision.

@@ -121,7 +121,6 @@ class Checker:
     strokes: Strokes
     scene: Scene | None
     checked: int = field(default=0, init=False)
-    swept: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
 
     def states(
@@ -255,7 +254,6 @@ class Checker:
         verdict = Verdict.clean(len(q_from))
         if self.scene is not None and len(q_from):
             hits = self.scene.check_paths(q_from, q_to)
-            self.swept += len(q_from)
             self.pairs = hits.pairs
             rows = np.nonzero(hits.hit)[0]
             verdict.collide(rows, hits.pair[rows])
@@ -287,7 +285,6 @@ class Checker:
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
         hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion], track=motion)
-        self.swept += len(start)
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
 

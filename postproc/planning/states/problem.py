@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
-from postproc.geometry import angle_between, apply
+from postproc.geometry import angle_between
 from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes
@@ -119,8 +119,3 @@ def path_normals(toolpath: ToolPath, placement: Placement) -> FloatArray:
     normal = np.where(size > 1e-9, across / np.maximum(size, 1e-9), stand_in)
     turned: FloatArray = normal @ np.asarray(placement.T_robroot_base)[:3, :3].T
     return turned
-
-
-def robroot_points(problem: Problem) -> FloatArray:
-    """Return the tags' points (n, 3) [m] in robroot."""
-    return apply(problem.placement.T_robroot_base, problem.placement.p_base_tcp)
