@@ -37,7 +37,6 @@ class Hits:
 class Tally:
     """How much work a check was: pairs, those left by culling, exact tests."""
 
-    configurations: int = 0
     pairs: int = 0
     exact: int = 0
 
@@ -65,7 +64,6 @@ def check(
         entries = first_hits(engine, found)
         pair[rows.start + found.near.row[entries]] = found.near.pair[entries]
         if tally is not None:
-            tally.configurations += rows.stop - rows.start
             tally.pairs += len(engine.table) * (rows.stop - rows.start)
             tally.exact += len(found)
     return Hits(pair != NO_PAIR, pair, engine.names)

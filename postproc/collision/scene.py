@@ -167,25 +167,6 @@ class Scene:
         together = None if track is None else np.asarray(track, dtype=np.int64)
         return motion.MotionCheck(self._engine, resolution).run(start, end, touch, together)
 
-    def check_motion(
-        self,
-        q_path: ArrayLike,
-        contact: ArrayLike | None = None,
-        resolution: float = RESOLUTION,
-    ) -> MotionHits:
-        """Return for the motions between successive configurations whether anything collides.
-
-        Each motion is straight in joint space. For LIN and CIRC give configurations along the
-        motion, near enough together that straight joint motions between them stand for it.
-
-        Args:
-            q_path: (k, 6) [rad], at least two rows for an answer; gives k - 1 motions.
-            contact: (k - 1,) or bool, motions on which cutting solids may touch the workpiece.
-            resolution: [m], as in ``check_paths``.
-        """
-        joints = self._rows(q_path)
-        return self.check_paths(joints[:-1], joints[1:], contact, resolution)
-
     def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
         """Return the nearest places on the workpiece: point, outward normal, distance.
 

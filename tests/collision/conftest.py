@@ -60,6 +60,11 @@ def wavy_sheet(n: int = 24) -> Mesh:
     return Mesh(vertices, np.vstack([faces, faces[:, ::-1] + low, walls]))
 
 
+def motions_along(scene, q_path, contact=None):
+    """Check the straight joint motions between successive configurations (k, 6)."""
+    return scene.check_paths(q_path[:-1], q_path[1:], contact)
+
+
 def cell_of(
     tool=(),
     workpiece=(),

@@ -9,7 +9,7 @@ from postproc.collision.bodies import WORLD
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
 from postproc.geometry.frames import inverse
-from tests.collision.conftest import at, box_at, cell_of
+from tests.collision.conftest import at, box_at, cell_of, motions_along
 from tests.collision.oracle import CoalMesh, coal_collide, coal_distance, winding_number
 
 
@@ -131,7 +131,6 @@ def test_most_pairs_never_reach_the_exact_test(busy_cell, arm_of, random_q):
     scene = Scene.build(busy_cell, arm_of(busy_cell))
     tally = Tally()
     scene.check(random_q(500), tally=tally)
-    assert tally.configurations == 500
     assert tally.pairs == 500 * len(scene.pairs)
     assert 0 < tally.exact < 0.05 * tally.pairs
 
@@ -153,4 +152,4 @@ def test_a_solid_wholly_inside_another_collides(obstacle, pair, arm_of):
     assert hits.pairs[hits.pair[0]] == pair
     assert hits.name(0) == " and ".join(pair)
     assert scene.clearance(CANNON)[0] == 0.0
-    assert scene.check_motion(np.vstack([CANNON, CANNON + 1e-4])).hit[0]
+    assert motions_along(scene, np.vstack([CANNON, CANNON + 1e-4])).hit[0]

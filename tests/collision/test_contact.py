@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from postproc.collision.scene import Scene
-from tests.collision.conftest import at, box_at, cell_of
+from tests.collision.conftest import at, box_at, cell_of, motions_along
 
 CANNON = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
 # The flange stands at (1.815, 0, 2.29) and looks along +x; its x axis points down.
@@ -76,6 +76,6 @@ def test_contact_on_a_motion_belongs_to_the_motion(arm_of):
     away = CANNON.copy()
     away[1] -= 0.02  # lifts the arm
     path = np.stack([away, CANNON, away])
-    assert scene.check_motion(path, contact=[True, False]).hit.tolist() == [False, True]
-    assert scene.check_motion(path, contact=True).hit.tolist() == [False, False]
-    assert scene.check_motion(path).hit.tolist() == [True, True]
+    assert motions_along(scene, path, contact=[True, False]).hit.tolist() == [False, True]
+    assert motions_along(scene, path, contact=True).hit.tolist() == [False, False]
+    assert motions_along(scene, path).hit.tolist() == [True, True]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from postproc.collision.scene import Scene
 from postproc.collision.sweep import Sway
 from postproc.kinematics import build
-from tests.collision.conftest import at, box_at, cell_of
+from tests.collision.conftest import at, box_at, cell_of, motions_along
 
 CANNON = np.deg2rad([0.0, -90.0, 90.0, 0.0, 0.0, 0.0])
 
@@ -155,10 +155,10 @@ def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of):
     single = [scene.check_paths(a[None], b[None]) for a, b in zip(start, end, strict=True)]
     assert np.array_equal(whole.pair, np.concatenate([one.pair for one in single]))
     assert np.array_equal(whole.share, np.concatenate([one.share for one in single]), True)
-    path = scene.check_motion(np.vstack([start[0], end[0], start[1]]))
+    path = motions_along(scene, np.vstack([start[0], end[0], start[1]]))
     assert len(path.hit) == 2
     assert path.pair[0] == whole.pair[0]
-    assert not scene.check_motion(start[:1]).any
+    assert not motions_along(scene, start[:1]).any
     assert len(scene.check_paths(start[:0], end[:0]).hit) == 0
 
 
@@ -208,13 +208,13 @@ def test_a_thin_plate_between_free_ends_is_found(arm_of):
     start, end = CANNON.copy(), CANNON.copy()
     start[0], end[0] = -0.5, 0.55
     assert not scene.check(np.stack([start, end])).hit.any()
-    answer = scene.check_motion(np.stack([start, end]))
+    answer = motions_along(scene, np.stack([start, end]))
     assert answer.hit[0]
     assert answer.name(0) == "tool rod and obstacle plate"
     beside = cell_of(
         tool=cell.tool.meshes, obstacles=[box_at("plate", [0.6, 0.002, 0.6], at(2.65, 0.0, 2.2))]
     )
-    assert not Scene.build(beside, arm_of(beside)).check_motion(np.stack([start, end])).hit[0]
+    assert not motions_along(Scene.build(beside, arm_of(beside)), np.stack([start, end])).hit[0]
 
 
 @pytest.mark.parametrize(("gap", "hit"), [(2e-5, False), (-2e-5, True)])
@@ -226,7 +226,7 @@ def test_a_gap_finer_than_the_resolution_is_told_from_contact(gap, hit, arm_of):
     scene = Scene.build(cell, arm_of(cell))
     start, end = CANNON.copy(), CANNON.copy()
     start[0], end[0] = -0.05, 0.05
-    answer = scene.check_motion(np.stack([start, end]))
+    answer = motions_along(scene, np.stack([start, end]))
     assert answer.hit[0] == hit
     assert answer.name(0) == ("tool rod and obstacle ceiling" if hit else "")
 

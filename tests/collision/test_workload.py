@@ -8,6 +8,7 @@ import pytest
 from postproc.collision.check import Tally
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
+from tests.collision.conftest import motions_along
 from tools.bench import workload
 from tools.bench.collision import CoalModel
 
@@ -69,7 +70,7 @@ def test_dense_tags_in_front_of_the_panel_need_few_exact_tests():
         q = workload.candidates(arm, cell, point[None], normal[None])
         q = q[arm.slot(q) == slot]
         path.append(q[np.abs(q - path[-1]).max(axis=1).argmin()])
-    answer = scene.check_motion(np.array(path))
+    answer = motions_along(scene, np.array(path))
     assert not answer.any
     calls = count_distances(scene, np.array(path))
     assert calls < 0.1 * len(path)
@@ -85,6 +86,6 @@ def count_distances(scene, path):
         return original(first, *rest)
 
     exact.distance = counted
-    scene.check_motion(path)
+    motions_along(scene, path)
     exact.distance = original
     return count

@@ -291,7 +291,8 @@ def test_fixture_in_the_way(make_cell, make_path):
     from postproc.collision.scene import Scene
 
     scene = Scene.build(cell, build(cell.robot))
-    assert not scene.check_motion(result.q[result.role < 9]).hit.any()
+    q = result.q[result.role < 9]
+    assert not scene.check_paths(q[:-1], q[1:]).hit.any()
     T2 = np.eye(4)
     T2[:3, 3] = toolpath.points[1]
     block = MeshPlacement("block", T2, size=np.array([1.2, 0.9, 1.4]))
