@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from postproc.comparison.lines import Program, differences, program_of
+from postproc.controller import load_program
 from postproc.errors import KrlError, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.units import MM
@@ -143,23 +144,6 @@ def diff(old: str | Path, new: str | Path, tolerance: DiffTolerance | None = Non
     return _report(str(old), str(new), [(left, right)], limits)
 
 
-def diff_bytes(
-    old: bytes, new: bytes, name: str, tolerance: DiffTolerance | None = None
-) -> DiffReport:
-    """Compare two texts of one .src file.
-
-    Raises:
-        KrlError: if one is no KRL.
-    """
-    programs = []
-    for content in (old, new):
-        modules = parse_files({name: content})
-        require_sound(modules)
-        programs.append(program_of(modules, modules[0].name, inline=False))
-    limits = tolerance or DiffTolerance()
-    return _report(name, name, [(programs[0], programs[1])], limits)
-
-
 def diff_files(
     old: Mapping[str, bytes],
     new: Mapping[str, bytes],
@@ -178,8 +162,6 @@ def diff_files(
 
 
 def _program(path: str | Path) -> Program:
-    from postproc.controller import load_program
-
     modules = load_program(path)
     require_sound(modules)
     return program_of(modules, modules[0].name, inline=True)

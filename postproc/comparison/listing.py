@@ -9,6 +9,7 @@ text.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -155,7 +156,7 @@ class _Lister(Interpreter):
         super().__init__(modules, _NoKinematics(), world)  # type: ignore[arg-type]
         self.state.tool_data, self.state.base_data = _AnyFrame(), _AnyFrame()
         self._inline = inline
-        self._inlined: dict[int, int] = {}
+        self._inlined: Counter[tuple[str, str]] = Counter()
         self.motions = _ListedMotions(self)
         self._motions = self.motions
         self._control = _NoFlow(self)  # type: ignore[assignment]
@@ -185,8 +186,9 @@ class _Lister(Interpreter):
     def _call(self, statement: Call) -> None:
         found = None if statement.name.upper() == "BAS" else self._resolve(statement.name.upper())
         if found is not None:
-            count = self._inlined[id(found[1])] = self._inlined.get(id(found[1]), 0) + 1
-            if not self._inline or count > MAX_INLINED:
+            key = found[0].name, found[1].name
+            self._inlined[key] += 1
+            if not self._inline or self._inlined[key] > MAX_INLINED:
                 values = [self.evaluator.value(value) for value in statement.arguments]
                 text = ",".join("?" if v is UNKNOWN else _number_text(v) for v in values)
                 self.note(EventWord.HOOK, f"{statement.name.upper()}({text})")

@@ -120,7 +120,7 @@ class Interpreter:
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
         self._stack: list[Activation] = []
-        self._flows: dict[int, Flow] = {}
+        self._flows: dict[tuple[str, str, int], Flow] = {}
         self._global_routines: dict[str, tuple[KrlModule, Routine]] = {}
         self._line = 0
         self._searches = self._calls = 0
@@ -192,9 +192,10 @@ class Interpreter:
     def _execute(
         self, module: KrlModule, routine: Routine, arguments: tuple[tuple[str, Any], ...]
     ) -> Activation:
-        flow = self._flows.get(id(routine))
+        key = module.name, routine.name, routine.line
+        flow = self._flows.get(key)
         if flow is None:
-            flow = self._flows[id(routine)] = flow_of(routine)
+            flow = self._flows[key] = flow_of(routine)
         run = Activation(routine, module, flow, self.recorder.file_row(module.src_path))
         run.local.plain.update(arguments)
         self._stack.append(run)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from postproc.comparison.align import Lines, align
-from postproc.comparison.diff import DiffTolerance, diff, diff_bytes
+from postproc.comparison.diff import DiffTolerance, diff, diff_files
 from postproc.errors import PostprocError
 from postproc.krl.text.parse import parse_files
 from postproc.krl.text.render import render
@@ -45,7 +45,7 @@ END
 
 
 def compare(new, old=OLD, tolerance=None):
-    return diff_bytes(old.encode(), new.encode(), "JOB.src", tolerance)
+    return diff_files({"JOB.src": old.encode()}, {"JOB.src": new.encode()}, "JOB", tolerance)
 
 
 def change(old, new, count=1):
@@ -255,7 +255,8 @@ def test_programs_of_ours_are_the_same_after_reading_and_printing(emitted):
         _, _, files = emitted(*style)
         module = parse_files(files)[0]
         again = render(module)[0]
-        assert diff_bytes(files[f"{module.name}.src"], again, f"{module.name}.src").same
+        name = f"{module.name}.src"
+        assert diff_files({name: files[name]}, {name: again}, name).same
 
 
 # -------------------------------------------------------------------------------- alignment

@@ -235,7 +235,7 @@ def test_what_only_the_controller_knows_is_a_warning(lines, expected):
     result = trace("DECL INT i", first, *lines)
     assert xs(result)[1:] == expected
     assert result.findings
-    assert all(f.code == "condition" and not f.is_error for f in result.findings)
+    assert all(f.code == "condition" and f.severity == "warning" for f in result.findings)
 
 
 def test_known_values_decide_with_unknown_ones():
@@ -352,7 +352,9 @@ def test_forms_up_to_8_5():
     tools = {1: ZERO, 3: Pose(0.0, 0.0, 200.0, 0.0, 0.0, 0.0)}
     world = World(tools=tools, bases={5: ZERO}, points=WORLD.points)
     result = run(load_modules([FIXTURES / "forms85"]), "STACKER", KINEMATICS, world)
-    assert [f.code for f in result.findings if f.is_error] == ["frame"]  # FHOME is in $config.dat
+    assert [f.code for f in result.findings if f.severity == "error"] == [
+        "frame"
+    ]  # FHOME is in $config.dat
     assert len(result) == 5
     last = result.settings[result.setting[4]]
     assert (last.tool_number, last.base_number) == (3, 5)
@@ -380,7 +382,7 @@ def test_forms_of_8_6_and_spline_blocks():
 
 def test_a_milling_job():
     result = run(load_modules([FIXTURES / "milling"]), "POCKETS", KINEMATICS, WORLD)
-    assert not [f for f in result.findings if f.is_error]
+    assert not [f for f in result.findings if f.severity == "error"]
     holes = [e for e in result.events if e.word is EventWord.DWELL and e.value == 0.25]
     assert len(holes) == 3
     assert [e.name for e in result.events if e.word is EventWord.HOOK] == [

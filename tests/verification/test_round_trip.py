@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from postproc.comparison.diff import diff_bytes
+from postproc.comparison.diff import diff_files
 from postproc.errors import PostprocError
 from postproc.krl.lint import lint
 from postproc.krl.text.parse import parse_files
@@ -65,6 +65,6 @@ def test_broken_text_is_judged_or_refused_but_never_breaks_the_reader(emitted, s
             modules = parse_files({**files, name: text})
             lint(modules)
             verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
-            diff_bytes(files[name], text, name)
+            diff_files({name: files[name]}, {name: text}, name)
         except PostprocError as error:
             assert error.source is not None  # noqa: PT017 - most of them are refused

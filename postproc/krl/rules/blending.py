@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, number
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, key_of, number
 from postproc.krl.text import (
     Assign,
     Call,
@@ -75,7 +75,7 @@ def _behind(subject: Subject, part: Part, place: int) -> None:
             return
         if isinstance(statement, Call):
             target = subject.called(statement.name, part.module)
-            if target is not None and id(target[1]) in subject.moving:
+            if target is not None and key_of(*target) in subject.moving:
                 message = f"blended at the border to {target[1].name}: the blend may be lost"
                 subject.add(18, WARNING, part.path, step.move.line, message)
                 return

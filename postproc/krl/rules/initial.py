@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, key_of, number
 from postproc.krl.text import (
     Aggregate,
     Assign,
@@ -32,7 +32,7 @@ def _ini_places(subject: Subject, part: Part) -> None:
     lines = [s.line for s in part.routine.statements if bas(s)[0] == "INITMOV"]
     for line in lines[1:]:
         subject.add(9, ERROR, part.path, line, f"INI stands twice in {part.routine.name}")
-    if lines and id(part.routine) in subject.called_routines:
+    if lines and part.key in subject.called_routines:
         subject.add(
             9,
             ERROR,
@@ -184,14 +184,14 @@ def first_motions(subject: Subject) -> None:
     for part in subject.parts:
         if not part.steps:
             continue
-        is_called = id(part.routine) in subject.called_routines
+        is_called = part.key in subject.called_routines
         fresh, why = True, "the first motion of the program"
         if is_called:
             why = f"the first motion of {part.routine.name}"
         for statement in part.routine.statements:
             if isinstance(statement, Call):
                 target = subject.called(statement.name, part.module)
-                if target is not None and id(target[1]) in subject.moving:
+                if target is not None and key_of(*target) in subject.moving:
                     fresh, why = True, f"the first motion behind the call of {target[1].name}"
             elif isinstance(statement, Move) and fresh:
                 fresh = False

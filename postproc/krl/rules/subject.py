@@ -72,6 +72,14 @@ class Step:
     target: Pose | Axes | None
 
 
+RoutineKey = tuple[str, str, str, int]
+
+
+def key_of(module: KrlModule, routine: Routine) -> RoutineKey:
+    """Return what tells a routine from all others: file, module, name, line."""
+    return module.src_path, module.name, routine.name, routine.line
+
+
 @dataclass(slots=True)
 class Part:
     """One routine of one module."""
@@ -84,6 +92,11 @@ class Part:
     def path(self) -> str:
         """The .src file."""
         return self.module.src_path
+
+    @property
+    def key(self) -> RoutineKey:
+        """What tells the routine from all others."""
+        return key_of(self.module, self.routine)
 
     steps: tuple[Step, ...] = field(init=False)
     """Motions in the order of the text."""
@@ -188,10 +201,10 @@ class Subject:
         )
 
     @cached_property
-    def data(self) -> dict[int, dict[str, Value]]:
-        """Values of the data lists by name in upper case, by identity of the module."""
+    def data(self) -> dict[tuple[str, str], dict[str, Value]]:
+        """Values of the data lists by name in upper case, by path and name of the module."""
         return {
-            id(module): {
+            (module.dat_path, module.name): {
                 name.upper(): value
                 for name, value, _ in (module.data.values() if module.data is not None else ())
             }
@@ -217,7 +230,7 @@ class Subject:
         if not isinstance(value, Expr):
             return value
         name = value.text.upper()
-        own = self.data[id(module)].get(name)
+        own = self.data[module.dat_path, module.name].get(name)
         return own if own is not None else self.global_data.get(name)
 
     def point(self, value: Value | None, module: KrlModule) -> Pose | Axes | None:
@@ -245,28 +258,28 @@ class Subject:
         return (module, local) if local is not None else self.routines.get(name.upper())
 
     @cached_property
-    def called_routines(self) -> frozenset[int]:
-        """Identities of all routines that something here calls."""
+    def called_routines(self) -> frozenset[RoutineKey]:
+        """All routines that something here calls."""
         found = set()
         for part in self.parts:
             for call in calls_of(part.routine):
                 target = self.called(call.name, part.module)
                 if target is not None and target[1] is not part.routine:
-                    found.add(id(target[1]))
+                    found.add(key_of(*target))
         return frozenset(found)
 
     @cached_property
-    def moving(self) -> frozenset[int]:
-        """Identities of routines that move the robot, by themselves or by what they call."""
-        moving = {id(part.routine) for part in self.parts if part.steps}
+    def moving(self) -> frozenset[RoutineKey]:
+        """Routines that move the robot, by themselves or by what they call."""
+        moving = {part.key for part in self.parts if part.steps}
         while True:
             more = {
-                id(part.routine)
+                part.key
                 for part in self.parts
-                if id(part.routine) not in moving
+                if part.key not in moving
                 and any(
                     (target := self.called(call.name, part.module)) is not None
-                    and id(target[1]) in moving
+                    and key_of(*target) in moving
                     for call in calls_of(part.routine)
                 )
             }
@@ -277,16 +290,13 @@ class Subject:
     def entries(self) -> Iterator[tuple[KrlModule, Routine]]:
         """Yield what an operator selects: modules that move and that no other module calls."""
         for module in self.modules:
-            if (
-                module.routines
-                and id(module.main) in self.moving
-                and id(module.main) not in self.called_routines
-            ):
+            key = key_of(module, module.main) if module.routines else None
+            if key in self.moving and key not in self.called_routines:
                 yield module, module.main
 
     def walk(self, module: KrlModule, routine: Routine) -> Iterator[tuple[KrlModule, Statement]]:
         """Yield statements in the order of the text; what is called stands at its first call."""
-        seen = {id(routine)}
+        seen = {key_of(module, routine)}
         stack: list[tuple[KrlModule, Iterator[Statement]]] = [(module, iter(routine.statements))]
         while stack:
             here, statements = stack[-1]
@@ -297,8 +307,8 @@ class Subject:
             yield here, statement
             if isinstance(statement, Call):
                 target = self.called(statement.name, here)
-                if target is not None and id(target[1]) not in seen:
-                    seen.add(id(target[1]))
+                if target is not None and key_of(*target) not in seen:
+                    seen.add(key_of(*target))
                     stack.append((target[0], iter(target[1].statements)))
 
 

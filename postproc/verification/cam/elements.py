@@ -8,7 +8,6 @@ the tool axis, and go on from no further than where it left. What is not covered
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +24,6 @@ NEAR = 10.0
 """A motion within this many tolerances belongs to the element; its distance is measured."""
 ALONG_AXIS = 0.9999
 """Cosine to the tool axis from which on a motion is one along the axis."""
-Measure = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Points (n, 3) to their distance from the element and their way along it, both (n,) [m]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -170,8 +170,6 @@ def _pairs(
     wanted: FloatArray, visited: FloatArray, tolerance: float, case: IntArray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rows and visits of all pairs within the tolerance, by row, visits falling."""
-    from scipy.spatial import cKDTree
-
     near: list[list[int]] = [[] for _ in range(len(wanted))]
     left = MAX_PAIRS
     for load in np.unique(case).tolist():
@@ -180,13 +178,22 @@ def _pairs(
         if left < 0:
             # The path comes back to the same places over and over: keep the nearest in sequence.
             return _few_pairs(wanted, visited, tolerance, case)
-        tree, other = cKDTree(wanted[own]), cKDTree(visited[load])
-        for row, found in zip(own.tolist(), tree.query_ball_tree(other, tolerance), strict=True):
+        for row, found in zip(
+            own.tolist(), neighbours(wanted[own], visited[load], tolerance), strict=True
+        ):
             near[row] = found
     counts = np.array([len(item) for item in near])
     rows = np.repeat(np.arange(len(wanted)), counts)
     visits = np.array([v for item in near for v in sorted(item, reverse=True)], dtype=np.int64)
     return rows, visits
+
+
+def neighbours(wanted: FloatArray, visited: FloatArray, tolerance: float) -> list[list[int]]:
+    """Return for each wanted point (r, 3) the visited points (v, 3) within the tolerance."""
+    from scipy.spatial import cKDTree  # slow to load, and seldom needed
+
+    found: list[list[int]] = cKDTree(wanted).query_ball_tree(cKDTree(visited), tolerance)
+    return found
 
 
 def _meetings(wanted: FloatArray, visited: FloatArray) -> int:

@@ -21,7 +21,7 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
-from postproc.verification.cam.matching import Wanted, wanted_of
+from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.report import Result
 
@@ -100,14 +100,12 @@ class _Drilled:
     def __init__(
         self, wanted: Wanted, visited: FloatArray, case: IntArray, tolerance: float
     ) -> None:
-        from scipy.spatial import cKDTree
-
         self._wanted, self._visited, self._case = wanted, visited, case
         self._tolerance = tolerance
         self._motions: list[list[int]] = [[]] * len(case)
         for load, points in enumerate(visited):
             rows = np.flatnonzero(case == load)
-            near = cKDTree(wanted.point[rows]).query_ball_tree(cKDTree(points), tolerance)
+            near = neighbours(wanted.point[rows], points, tolerance)
             for row, motions in zip(rows.tolist(), near, strict=True):
                 self._motions[row] = _arrivals(sorted(motions))
 
