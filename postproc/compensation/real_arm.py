@@ -18,7 +18,7 @@ from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
-from postproc.paths import Moments, directions
+from postproc.paths import Moments
 from postproc.process import weight_wrench
 
 _CHUNK = 4000
@@ -165,25 +165,3 @@ class RealArm:
         conditions = {"direction": moments.direction, "qd": moments.qd}
         real = real_point(self.model, moments.q, wrench, conditions)
         return np.asarray(real - self.model.nominal(moments.q))
-
-
-def expected_points(
-    q: FloatArray,
-    cell: Cell,
-    file: ModelFile,
-    working: BoolArray,
-    process: FloatArray | None = None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return nominal and expected real tool points (n, 3) [m] of commanded angles, robroot.
-
-    Args:
-        q: (n, 6) commanded joint angles [rad], in order of time.
-        cell: the cell.
-        file: model of the real arm.
-        working: (n,) rows in which the process force acts.
-        process: (n, 6) process wrench in TCP axes; None: the cell's for all.
-    """
-    arm = RealArm.of(cell, file)
-    wrench = loads(q, cell, arm.kinematics, working, arm.dead, process)
-    conditions = {"direction": directions(np.asarray(q, dtype=np.float64))}
-    return arm.model.nominal(q), real_point(arm.model, q, wrench, conditions)

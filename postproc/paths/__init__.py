@@ -1,6 +1,6 @@
 """From executed motions to joint paths, moments and times."""
 
-from postproc.paths.moments import Clock, Displacement, Moments, directions, moments_of
+from postproc.paths.moments import Clock, Displacement, Moments, moments_of
 from postproc.paths.motion import Paths, Shift, joint_paths
 from postproc.paths.times import SLOWEST, cycle_time, durations, speed_shares
 from postproc.paths.world import run_in_cell
@@ -13,7 +13,6 @@ __all__ = [
     "Paths",
     "Shift",
     "cycle_time",
-    "directions",
     "durations",
     "joint_paths",
     "moments_of",

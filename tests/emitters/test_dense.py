@@ -263,7 +263,7 @@ def test_programs_of_a_batch_have_different_names():
     written = [emit(plans.milling(name="A b"), cell, names=names) for _ in range(3)]
     all_names = [module.name.upper() for modules in written for module in modules]
     assert len(set(all_names)) == len(all_names)
-    assert names.mapping == (("A b", "A_b"), ("A b", "A_b_2"), ("A b", "A_b_3"))
+    assert names.changes == (("A b", "A_b"), ("A b", "A_b_2"), ("A b", "A_b_3"))
 
 
 def test_moves_that_serve_no_tag_name_no_line():

@@ -8,7 +8,7 @@ import pytest
 
 from postproc.cell.cell import Process
 from postproc.compensation.compensate import compensate, solve
-from postproc.compensation.real_arm import expected_points, loads
+from postproc.compensation.real_arm import RealArm, loads
 from postproc.errors import DataError
 from postproc.gap import stiffness_tables
 from postproc.gap.robot_model import RobotModel
@@ -16,6 +16,7 @@ from postproc.geometry.frames import transform
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import MotionKind, ToolPath
+from postproc.paths.moments import Moments, directions
 from postproc.stiffness.field import ConstantField
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
@@ -159,7 +160,9 @@ def test_plan_is_shifted_and_says_so(cell, arm, postures, tmp_path):
     # the real tool lands on the CAM points
     working = np.isin(done.role, (MoveRole.CUT,))
     file = load_model(tmp_path / "model.toml")
-    _, landed = expected_points(done.q, cut, file, working)
+    still, process = np.zeros_like(done.q), working[:, None] * cut.process.wrench_tcp
+    moved = RealArm.of(cut, file).displacement(Moments(done.q, still, directions(done.q), process))
+    landed = real[:, :3, 3] + moved
     target = (cut.workpiece.T_robroot_base @ plan.T_base_tcp)[:, :3, 3]
     assert np.linalg.norm(landed - target, axis=1).max() < 1e-6
 

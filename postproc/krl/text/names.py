@@ -85,13 +85,8 @@ class NameAllocator:
         self._given: list[tuple[str, str]] = []
 
     @property
-    def mapping(self) -> tuple[tuple[str, str], ...]:
-        """(CAM name, KRL name) of every allocation, in order."""
-        return tuple(self._given)
-
-    @property
     def changes(self) -> tuple[tuple[str, str], ...]:
-        """The part of ``mapping`` where the name is another one."""
+        """(CAM name, KRL name) of every allocation that gave another name, in order."""
         return tuple(pair for pair in self._given if pair[0] != pair[1])
 
     def is_free(self, name: str) -> bool:
