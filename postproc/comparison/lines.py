@@ -13,7 +13,7 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.comparison.align import Lines, align
 from postproc.comparison.listing import listing, spaced
 from postproc.comparison.settings import setting_differences
-from postproc.controller import Blend, EventWord, Trace, TraceEvent, Way
+from postproc.controller import Blend, EventWord, Trace, TraceEvent
 from postproc.geometry import rotation_angle, rotation_from_abc
 from postproc.krl import KrlModule
 from postproc.units import DEG, MM
@@ -221,9 +221,9 @@ class _Comparer:
         otherwise = self._otherwise(i, j)
         moved = (off > self._position) | (turned > self._angle)
         columns = (left[motions], right[motions], i, j, off, turned, otherwise)
-        suspects = np.flatnonzero(moved | otherwise)
+        rows = np.flatnonzero(moved | otherwise)
         for line, other, a, b, way, angle, more in zip(
-            *(column[suspects].tolist() for column in columns), strict=True
+            *(column[rows].tolist() for column in columns), strict=True
         ):
             number = 2
             if way > self._position or angle > self._angle:
@@ -273,7 +273,7 @@ class _Comparer:
         """Return which pairs may differ in anything but their target."""
         old, new = self.old.trace, self.new.trace
         differ = (old.status[i] != new.status[j]) | (old.turn[i] != new.turn[j])
-        differ |= (old.blend[i] != new.blend[j]) | (old.way[i] != new.way[j])
+        differ |= (old.blend[i] != new.blend[j]) | (old.motion_type[i] != new.motion_type[j])
         e, f = old.external[i], new.external[j]
         differ |= ((np.isnan(e) != np.isnan(f)) | (np.abs(np.nan_to_num(e - f)) > 0.0)).any(axis=1)
         differ |= self._setting_differs(i, j)
@@ -289,7 +289,12 @@ class _Comparer:
     def _setting_differs(self, i: IndexArray, j: IndexArray) -> Any:  # noqa: ANN401
         """Return which pairs are run under settings that differ in anything that counts."""
         old, new = self.old.trace, self.new.trace
-        columns = (old.setting[i], new.setting[j], old.way[i] == Way.PTP, old.blend[i])
+        columns = (
+            old.setting[i],
+            new.setting[j],
+            ~old.is_cp[i],
+            old.blend[i],
+        )
         pairs, inverse = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
         answer = [bool(self._compare_settings(*(int(v) for v in pair))) for pair in pairs]
         return np.array(answer, dtype=np.bool_)[inverse.reshape(-1)]
@@ -324,7 +329,10 @@ class _Comparer:
             if np.abs(e - f).max() > self._position / MM:
                 yield _entry("external", _numbers(e), _numbers(f))
         settings = self._compare_settings(
-            int(old.setting[i]), int(new.setting[j]), int(old.way[i] == Way.PTP), int(old.blend[i])
+            int(old.setting[i]),
+            int(new.setting[j]),
+            not old.is_cp[i],
+            int(old.blend[i]),
         )
         for kind, detail in settings:
             yield {"kind": kind, "detail": detail}

@@ -29,7 +29,7 @@ from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
-from postproc.paths import Clock, Moments, moments_of
+from postproc.paths import Moments, Timeline, moments_of
 from postproc.process import operation_loads
 from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
@@ -255,7 +255,7 @@ def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> 
         )
     ends: Moments = moments_of(paths, cell)[0].rows(motion)
     arcs = motion[rows.arc]
-    middle = Clock.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
+    middle = Timeline.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
     qd = np.concatenate([ends.qd, middle]) * rows.working[:, None]
     return {"direction": np.concatenate([ends.direction, ends.direction[rows.arc]]), "qd": qd}
 

@@ -5,7 +5,7 @@ from postproc.controller.interpreter import Interpreter, World, run
 from postproc.controller.modules import load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
-from postproc.controller.trace import Blend, EventWord, Settings, Trace, TraceEvent, Way
+from postproc.controller.trace import Blend, EventWord, MotionType, Settings, Trace, TraceEvent
 
 __all__ = [
     "UNKNOWN",
@@ -13,11 +13,11 @@ __all__ = [
     "Blend",
     "EventWord",
     "Interpreter",
+    "MotionType",
     "Motions",
     "Settings",
     "Trace",
     "TraceEvent",
-    "Way",
     "World",
     "load_program",
     "pose_of",

@@ -8,27 +8,27 @@ from postproc.controller.recorder import Recorder
 from postproc.controller.runtime import Evaluator
 from postproc.controller.state import MotionState, Values
 from postproc.controller.targets import Targets, numbers_of
-from postproc.controller.trace import Blend, Way
+from postproc.controller.trace import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
 MAX_MOTIONS = 5_000_000
 """A program that makes more motions does not come to an end."""
-WAYS = {
-    MoveWord.PTP: Way.PTP,
-    MoveWord.SPTP: Way.PTP,
-    MoveWord.LIN: Way.LIN,
-    MoveWord.SLIN: Way.LIN,
-    MoveWord.CIRC: Way.CIRC,
-    MoveWord.SCIRC: Way.CIRC,
-    MoveWord.SPL: Way.SPL,
-    MoveWord.PTP_REL: Way.PTP,
-    MoveWord.SPTP_REL: Way.PTP,
-    MoveWord.LIN_REL: Way.LIN,
-    MoveWord.SLIN_REL: Way.LIN,
-    MoveWord.CIRC_REL: Way.CIRC,
-    MoveWord.SCIRC_REL: Way.CIRC,
-    MoveWord.SPL_REL: Way.SPL,
+MOTION_TYPES = {
+    MoveWord.PTP: MotionType.PTP,
+    MoveWord.SPTP: MotionType.PTP,
+    MoveWord.LIN: MotionType.LIN,
+    MoveWord.SLIN: MotionType.LIN,
+    MoveWord.CIRC: MotionType.CIRC,
+    MoveWord.SCIRC: MotionType.CIRC,
+    MoveWord.SPL: MotionType.SPL,
+    MoveWord.PTP_REL: MotionType.PTP,
+    MoveWord.SPTP_REL: MotionType.PTP,
+    MoveWord.LIN_REL: MotionType.LIN,
+    MoveWord.SLIN_REL: MotionType.LIN,
+    MoveWord.CIRC_REL: MotionType.CIRC,
+    MoveWord.SCIRC_REL: MotionType.CIRC,
+    MoveWord.SPL_REL: MotionType.SPL,
 }
 
 
@@ -119,12 +119,12 @@ class Motions:
     def _record(self, statement: Move, target: Pose | Axes) -> None:
         recorder = self._host.recorder
         is_axes = type(target) is Axes
-        way = WAYS[statement.word]
-        if is_axes and way is not Way.PTP:
+        motion_type = MOTION_TYPES[statement.word]
+        if is_axes and motion_type is not MotionType.PTP:
             self._host.finding(RunKind.TARGET, f"{statement.word.value} to joint angles")
             return
         row = recorder.motion(
-            way,
+            motion_type,
             numbers_of(target),
             is_axes,
             self._host.state.row(),

@@ -12,9 +12,9 @@ from postproc.controller.state import MotionState
 from postproc.controller.trace import (
     Blend,
     EventWord,
+    MotionType,
     Trace,
     TraceEvent,
-    Way,
 )
 from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
@@ -26,7 +26,7 @@ Numbers = tuple[float, float, float, float, float, float]
 class Recorder:
     """Rows of the trace while the program runs; targets in mm and degrees as written."""
 
-    ways: list[int] = field(default_factory=list)
+    motion_types: list[int] = field(default_factory=list)
     blends: list[int] = field(default_factory=list)
     settings: list[int] = field(default_factory=list)
     axes: list[bool] = field(default_factory=list)
@@ -45,7 +45,7 @@ class Recorder:
 
     def __len__(self) -> int:
         """Return the number of motions so far."""
-        return len(self.ways)
+        return len(self.motion_types)
 
     def file_row(self, path: str) -> int:
         """Return the row of a file, new or known."""
@@ -55,7 +55,7 @@ class Recorder:
 
     def motion(
         self,
-        way: Way,
+        motion_type: MotionType,
         target: Numbers,
         is_axes: bool,
         setting: int,
@@ -63,7 +63,7 @@ class Recorder:
         block: int,
     ) -> int:
         """Add a motion with an exact stop and return its index."""
-        self.ways.append(way)
+        self.motion_types.append(motion_type)
         self.blends.append(Blend.EXACT)
         self.settings.append(setting)
         self.axes.append(is_axes)
@@ -73,7 +73,7 @@ class Recorder:
         self.files.append(place[0])
         self.lines.append(place[1])
         self.blocks.append(block)
-        return len(self.ways) - 1
+        return len(self.motion_types) - 1
 
     def event(
         self,
@@ -85,7 +85,7 @@ class Recorder:
     ) -> None:
         """Add something that happens before the next motion."""
         self.events.append(
-            TraceEvent(len(self.ways), word, name, value, arguments, place[1], place[0])
+            TraceEvent(len(self.motion_types), word, name, value, arguments, place[1], place[0])
         )
 
     def finding(
@@ -102,7 +102,7 @@ class Recorder:
 
     def trace(self, state: MotionState) -> Trace:
         """Return everything recorded, in SI units."""
-        m = len(self.ways)
+        m = len(self.motion_types)
         is_axes = np.array(self.axes, dtype=np.bool_)
         target = np.array(self.targets, dtype=np.float64).reshape(m, 6)
         target[:, :3] *= np.where(is_axes, DEG, MM)[:, None]
@@ -111,7 +111,7 @@ class Recorder:
         for row, values in self.external.items():
             external[row, : len(values)] = values
         return Trace(
-            way=np.array(self.ways, dtype=np.int32),
+            motion_type=np.array(self.motion_types, dtype=np.int32),
             blend=np.array(self.blends, dtype=np.int32),
             setting=np.array(self.settings, dtype=np.int32),
             is_axes=is_axes,

@@ -18,7 +18,7 @@ from postproc.errors import Finding
 """Indices of motions or samples."""
 
 
-class Way(IntEnum):
+class MotionType(IntEnum):
     """How the robot gets to the target of a motion."""
 
     PTP = 0
@@ -37,9 +37,9 @@ class Blend(IntEnum):
     DISTANCE = 2
     """``C_DIS`` or ``C_SPL``: cut off within ``Settings.cdis``."""
     AXES = 3
-    """``C_PTP``: cut off within a share of the axis way."""
+    """``C_PTP``: cut off within a share of the axis travel."""
     OTHER = 4
-    """``C_ORI`` or ``C_VEL``: cut off by up to half of the way."""
+    """``C_ORI`` or ``C_VEL``: cut off by up to half of the segment."""
 
 
 class EventWord(StrEnum):
@@ -101,7 +101,7 @@ class Trace:
     """Executed motions in columns of length m.
 
     Args:
-        way: (m,) ``Way``; blend: (m,) ``Blend``; setting: (m,) row of ``settings``.
+        motion_type: (m,) ``MotionType``; blend: (m,) ``Blend``; setting: (m,) row of ``settings``.
         is_axes: (m,) the target is joint angles.
         target: (m, 6) joint angles [rad], or X, Y, Z [m] and A, B, C [rad] of the TCP in $BASE.
         status, turn: (m,) S and T of the target, -1 where not written.
@@ -115,7 +115,7 @@ class Trace:
         findings: what could not be run as written.
     """
 
-    way: IntArray
+    motion_type: IntArray
     blend: IntArray
     setting: IntArray
     is_axes: BoolArray
@@ -137,7 +137,7 @@ class Trace:
 
     def __len__(self) -> int:
         """Return the number of motions."""
-        return len(self.way)
+        return len(self.motion_type)
 
     def column(self, name: str) -> FloatArray:
         """Return a number of the settings per motion (m,)."""
@@ -147,7 +147,7 @@ class Trace:
     @property
     def is_cp(self) -> BoolArray:
         """(m,) motions along a path of the TCP."""
-        return np.asarray(self.way != Way.PTP)
+        return np.asarray(self.motion_type != MotionType.PTP)
 
     @property
     def is_exact(self) -> BoolArray:

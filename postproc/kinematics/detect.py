@@ -1,6 +1,6 @@
 """Recognising an ortho-parallel arm with spherical wrist among chains of six joints.
 
-The axes are looked at as lines in space at q = 0: axis 2 parallel to axis 3 and square to axis 1,
+The axes are taken as lines in space at q = 0: axis 2 parallel to axis 3 and square to axis 1,
 axis 4 square to axis 3, axes 4, 5, 6 through one point and square to each other in turn. Lengths,
 signs and offsets follow; what is left at both ends are the constant foot and flange transforms.
 """

@@ -1,17 +1,17 @@
 """From executed motions to joint paths, moments and times."""
 
-from postproc.paths.moments import Clock, Displacement, Moments, moments_of
+from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
 from postproc.paths.motion import Paths, Shift, joint_paths
 from postproc.paths.times import SLOWEST, cycle_time, durations, speed_shares
 from postproc.paths.world import run_in_cell
 
 __all__ = [
     "SLOWEST",
-    "Clock",
     "Displacement",
     "Moments",
     "Paths",
     "Shift",
+    "Timeline",
     "cycle_time",
     "durations",
     "joint_paths",

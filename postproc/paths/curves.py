@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
-from postproc.controller import Trace, Way
+from postproc.controller import MotionType, Trace
 from postproc.geometry import (
     Circles,
     around,
@@ -32,7 +32,7 @@ class Curves:
         trace: the motions.
         T_robroot_flange: (m, 4, 4) flange at the end [m].
         T_start, T_end: (m, 4, 4) TCP in $BASE; NaN start where there is no motion before.
-        axis, turn: (m, 3) and (m,) [rad]: by what the orientation turns from start to end.
+        axis, angle: (m, 3) and (m,) [rad] of the rotation from start to end.
         length: (m,) way of the TCP [m], straight for PTP.
         circle: (m,) row of ``circles``, -1 for none.
         circles: arcs in $BASE.
@@ -45,7 +45,7 @@ class Curves:
     T_start: FloatArray
     T_end: FloatArray
     axis: FloatArray
-    turn: FloatArray
+    angle: FloatArray
     length: FloatArray
     circle: AnyIntArray
     circles: Circles
@@ -59,7 +59,7 @@ class Curves:
         if not len(inner):
             return T
         i, s = row[inner], share[inner]
-        R = self.T_start[i, :3, :3] @ rotation_about(self.axis[i], self.turn[i] * s)
+        R = self.T_start[i, :3, :3] @ rotation_about(self.axis[i], self.angle[i] * s)
         start, end = self.T_start[i, :3, 3], self.T_end[i, :3, 3]
         p = start + s[:, None] * (end - start)
         number = self.circle[i]
@@ -67,7 +67,7 @@ class Curves:
         if len(bent):
             c, k = self.circles, number[bent]
             p[bent] = around(start[bent], c.centre[k], c.normal[k], c.sweep[k] * s[bent])
-        soft = np.flatnonzero(self.trace.way[i] == Way.SPL)
+        soft = np.flatnonzero(self.trace.motion_type[i] == MotionType.SPL)
         if len(soft):
             at_start, at_end = self.tangents
             j = i[soft]
@@ -117,10 +117,10 @@ def curves_of(
         T_end[joints] = T_base_robroot @ flange[joints] @ trace.tools[tools[joints]]
     T_start = _starts(trace, T_end, flange, tools, bases, external, externals)
     arcs, circle, bad = _arcs(trace, T_start, T_end, flange, T_robroot_base @ T_end)
-    axis, turn = np.zeros((len(trace), 3)), np.zeros(len(trace))
+    axis, angle = np.zeros((len(trace), 3)), np.zeros(len(trace))
     moving = np.flatnonzero(trace.is_cp & np.isfinite(T_start[:, 0, 3]))
     if len(moving):
-        axis[moving], turn[moving] = axis_angle(T_start[moving, :3, :3], T_end[moving, :3, :3])
+        axis[moving], angle[moving] = axis_angle(T_start[moving, :3, :3], T_end[moving, :3, :3])
     length = np.linalg.norm(T_end[:, :3, 3] - T_start[:, :3, 3], axis=1)
     bent = circle >= 0
     length[bent] = arcs.radius[circle[bent]] * arcs.sweep[circle[bent]]
@@ -131,7 +131,7 @@ def curves_of(
         T_start,
         T_end,
         axis,
-        turn,
+        angle,
         np.nan_to_num(length, nan=0.0),
         circle,
         arcs,
@@ -257,7 +257,7 @@ def _set_arc(
 def _tangents(
     trace: Trace, T_start: FloatArray, T_end: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    if not (trace.way == Way.SPL).any():
+    if not (trace.motion_type == MotionType.SPL).any():
         nothing = np.zeros((0, 3))
         return nothing, nothing
     same = (trace.block[1:] == trace.block[:-1]) & (trace.block[1:] >= 0)

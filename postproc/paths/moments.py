@@ -1,4 +1,4 @@
-"""What the real arm is asked at every moment of a run: pose, speed, direction, process load.
+"""Pose, speed, direction of every joint and process load at every moment of a run.
 
 The controller's own speed along the path is the programmed one; the joint speeds are central
 differences of the joint path over ``WINDOW`` to both sides, since no drive follows shorter changes.
@@ -68,14 +68,14 @@ def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
     """
     row, share, q, _ = paths.in_order()
     q = forward_filled(q)
-    clock = Clock.of(paths, cell)
-    every = Moments(q, clock.speed(row, share), directions(q), np.zeros_like(q))
+    timeline = Timeline.of(paths, cell)
+    every = Moments(q, timeline.speed(row, share), directions(q), np.zeros_like(q))
     sampled = paths.trace.is_cp[row]
     return every.rows(np.flatnonzero(share == 1.0)), every.rows(np.flatnonzero(sampled))
 
 
 @dataclass(frozen=True, slots=True)
-class Clock:
+class Timeline:
     """When a run is where: motions (m,) and joints q (k, 6) [rad] at ``time`` (k,) [s].
 
     A motion begins at ``start`` and runs for ``needed``. Behind the last of a chain the robot
@@ -89,8 +89,8 @@ class Clock:
     q: FloatArray
 
     @classmethod
-    def of(cls, paths: Paths, cell: Cell) -> Clock:
-        """Return the clock of a run at programmed speeds, without ramps."""
+    def of(cls, paths: Paths, cell: Cell) -> Timeline:
+        """Return the timeline of a run at programmed speeds, without ramps."""
         m = len(paths)
         needed = np.where(paths.trace.is_cp, motion_times(paths), durations(paths, cell))
         needed = np.where(np.isfinite(needed), needed, 0.0)

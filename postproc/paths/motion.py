@@ -220,7 +220,7 @@ class _Solver:
     def _samples(self, step_length: float, step_angle: float) -> tuple[AnyIntArray, FloatArray]:
         moving = np.flatnonzero(self.trace.is_cp)
         way = np.maximum(
-            self.curves.length[moving] / step_length, self.curves.turn[moving] / step_angle
+            self.curves.length[moving] / step_length, self.curves.angle[moving] / step_angle
         )
         way = np.where(np.isfinite(way), way, 1.0)
         total = float(way.sum())
@@ -242,13 +242,13 @@ class _Solver:
         trace = self.trace
         self.q[trace.is_axes] = trace.target[trace.is_axes]
         cartesian = np.flatnonzero(~trace.is_cp & ~trace.is_axes)
-        told = (trace.status[cartesian] >= 0) & (trace.turn[cartesian] >= 0)
-        rows = cartesian[told]
+        has_turn = (trace.status[cartesian] >= 0) & (trace.turn[cartesian] >= 0)
+        rows = cartesian[has_turn]
         if len(rows):
             slots, valid = self.kinematics.ik(self.curves.T_robroot_flange[rows])
             branch = trace.status[rows] & 0b111
             self._by_turn(rows, slots[np.arange(len(rows)), branch], valid)
-        return np.asarray(cartesian[~told])
+        return np.asarray(cartesian[~has_turn])
 
     def _by_turn(self, rows: AnyIntArray, q: FloatArray, valid: BoolArray) -> None:
         """Choose for each axis the value whose sign is that of its bit in T."""
@@ -338,7 +338,7 @@ class _Solver:
         return q
 
     def _branches(self, heads: AnyIntArray, q_start: FloatArray) -> AnyIntArray:
-        """Return the branch (r,) of each run: that of its start, or the one it runs on in."""
+        """Return the branch (r,) of each run: that of its start, or where it goes on."""
         slot = np.asarray(self.kinematics.slot(q_start)).astype(np.int64)
         T = self._flanges(heads)
         slots, valid = self.kinematics.ik(T)

@@ -27,7 +27,7 @@ def motion_times(paths: Paths) -> FloatArray:
     speed = np.maximum(np.minimum(trace.column("speed"), _reachable(paths)), SLOWEST)
     turning = np.maximum(trace.column("orientation_speed"), SLOWEST)
     way = np.where(curves.length > _TINY, curves.length / speed, 0.0)
-    turn = np.where(curves.turn > _TINY, curves.turn / turning, 0.0)
+    turn = np.where(curves.angle > _TINY, curves.angle / turning, 0.0)
     return np.where(trace.is_cp, np.maximum(way, turn), np.nan)
 
 

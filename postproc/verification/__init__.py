@@ -1,4 +1,4 @@
-"""The independent eye: runs program text on the robot model and compares programs."""
+"""Runs program text on the robot model and compares it with the CAM file."""
 
 from postproc.verification.cam import Tolerances
 from postproc.verification.report import Expectation, Run, VerifyReport

@@ -70,25 +70,25 @@ def _touches_path(paths: Paths) -> BoolArray:
 def _limits(
     result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
 ) -> None:
-    room = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
+    margin = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
     wanted = cell.limits.joint_margin
-    tightest = int(room.min(axis=1).argmin())
-    axis = int(room[tightest].argmin())
+    tightest = int(margin.min(axis=1).argmin())
+    axis = int(margin[tightest].argmin())
     result.measure(
         "joint_margin",
-        float(room[tightest, axis] / DEG),
+        float(margin[tightest, axis] / DEG),
         "deg",
         int(motion[tightest]),
         f"A{axis + 1}",
     )
     for axis in range(6):
-        bad = room[:, axis] < wanted - SLACK
+        bad = margin[:, axis] < wanted - SLACK
         if not bad.any():
             continue
-        row = int(np.argmin(room[:, axis]))
+        row = int(np.argmin(margin[:, axis]))
         count = len(np.unique(motion[bad]))
         what = (
-            "beyond its limit" if room[row, axis] < 0.0 else "nearer to its limit than the margin"
+            "beyond its limit" if margin[row, axis] < 0.0 else "nearer to its limit than the margin"
         )
         result.finding(
             RunKind.JOINT_LIMIT,

@@ -45,21 +45,21 @@ def check_collisions(
     if len(q) < 2:
         return True
     touch = trace.is_cp if is_cut is None else _with_way_out(is_cut, trace.is_cp)
-    told = _Told(result)
+    reported = _Reported(result)
     for here, rows in _standing(result, cell, motion):
         scene = Scene.build(here, kinematics)
         hits = scene.check_paths(q[rows], q[rows + 1], touch[motion[rows + 1]])
         found = np.flatnonzero(hits.hit)
         for row in found.tolist():
-            told.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
+            reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
     for here, row, pose in _travelling(result, cell, q, motion, share):
         hit = Scene.build(here, kinematics).check(pose[None])
         if hit.hit[0]:
-            told.add(int(motion[row + 1]), hit.pairs[int(hit.pair[0])])
+            reported.add(int(motion[row + 1]), hit.pairs[int(hit.pair[0])])
     return True
 
 
-class _Told:
+class _Reported:
     """Reports each pair once a motion, and not more than a few in all."""
 
     def __init__(self, result: Result) -> None:

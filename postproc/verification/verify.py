@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.cell import Cell
-from postproc.controller import Trace, Way, load_program
+from postproc.controller import MotionType, Trace, load_program
 from postproc.errors import RunKind, Severity
 from postproc.geometry import rotation_angle
 from postproc.kinematics import build
@@ -194,7 +194,7 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
 def _check_circles(result: Result) -> None:
     """Report motions whose curve the text does not fix: bad circles, half turns of the tool."""
     curves = result.paths.curves
-    half = np.flatnonzero(result.paths.trace.is_cp & (curves.turn > HALF_TURN))
+    half = np.flatnonzero(result.paths.trace.is_cp & (curves.angle > HALF_TURN))
     for row in half[:20].tolist():
         result.finding(
             RunKind.HALF_TURN,
@@ -203,6 +203,8 @@ def _check_circles(result: Result) -> None:
         )
     for row in curves.bad_circles[:20].tolist():
         result.finding(RunKind.CIRCLE, int(row), "start, auxiliary point and end are on no circle")
-    missing = np.flatnonzero((result.paths.trace.way == Way.CIRC) & (curves.circle < 0))
+    missing = np.flatnonzero(
+        (result.paths.trace.motion_type == MotionType.CIRC) & (curves.circle < 0)
+    )
     for row in np.setdiff1d(missing, curves.bad_circles)[:20].tolist():
         result.finding(RunKind.CIRCLE, int(row), "a circular motion without an auxiliary point")

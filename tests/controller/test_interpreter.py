@@ -8,7 +8,7 @@ import pytest
 
 from postproc.cell.robotfile import load_robot
 from postproc.controller.interpreter import World, run
-from postproc.controller.trace import Blend, EventWord, Way
+from postproc.controller.trace import Blend, EventWord, MotionType
 from postproc.kinematics import build
 from postproc.krl.text.parse import load_modules, parse_files
 from postproc.krl.text.program import Axes, Pose
@@ -44,7 +44,12 @@ def test_columns_of_motions():
         "CIRC {X 4.0,Y 5.0,Z 6.0},{X 7.0,Y 8.0,Z 9.0,A 0.0,B 0.0,C 0.0},CA 45.0",
         "LIN {X 1.0} C_VEL",
     )
-    assert list(result.way) == [Way.PTP, Way.LIN, Way.CIRC, Way.LIN]
+    assert list(result.motion_type) == [
+        MotionType.PTP,
+        MotionType.LIN,
+        MotionType.CIRC,
+        MotionType.LIN,
+    ]
     assert list(result.blend) == [Blend.AXES, Blend.DISTANCE, Blend.EXACT, Blend.OTHER]
     assert list(result.line) == [2, 3, 4, 5]
     assert np.allclose(np.degrees(result.target[0]), [10, -80, 90, 0, 30, -20])
@@ -368,7 +373,7 @@ def test_forms_up_to_8_5():
 def test_forms_of_8_6_and_spline_blocks():
     result = run(load_modules([FIXTURES / "forms86"]), "TRIMMER", KINEMATICS, WORLD)
     assert not result.findings
-    assert list(result.way) == [0, 1, 1, 3, 3, 1, 2, 0]
+    assert list(result.motion_type) == [0, 1, 1, 3, 3, 1, 2, 0]
     first = result.settings[result.setting[0]]
     assert (first.tool_number, first.base_number, first.ptp) == (2, 4, (0.2,) * 6)
     assert result.settings[result.setting[1]].speed == 0.3
@@ -388,7 +393,7 @@ def test_a_milling_job():
     assert [e.name for e in result.events if e.word is EventWord.HOOK] == [
         "SPINDLE_RUN", "SPINDLE_STOP"
     ]  # fmt: skip
-    depth = result.target[result.way == Way.LIN][2]
+    depth = result.target[result.motion_type == MotionType.LIN][2]
     assert depth[2] == pytest.approx(-5e-3 + 7.5e-3)  # tool Z points down: -7.5 along it is up
 
 

@@ -167,7 +167,7 @@ def _last_motions(subject: Subject) -> None:
 def advance_stops(subject: Subject) -> None:
     """Row 20: inputs, outputs and positions stop the advance run: the tool marks the part.
 
-    Looked at between two path motions where the first is blended or made at feed.
+    Checked between two path motions where the first is blended or made at feed.
     """
     for part in subject.parts:
         speeds = _speeds(part)

@@ -117,10 +117,10 @@ def _check_uses(
         if isinstance(item, External) and (found := _EXTERNAL.match(item.text)):
             external.add(found.group(1).upper())
     used: set[str] = set()
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, is_call, line in _uses(routine.statements):
         used.add(name)
-        if name in told or name.startswith("$"):
+        if name in reported or name.startswith("$"):
             continue
         if is_call:
             ok = name in known_calls or name in external or name in known
@@ -128,7 +128,7 @@ def _check_uses(
         else:
             ok = name in known
         if not ok:
-            told.add(name)
+            reported.add(name)
             _undeclared(subject, module, name, is_call, line)
     return used
 
@@ -238,4 +238,4 @@ def _names_of_text(text: str, line: int) -> Iterator[tuple[str, bool, int]]:
         for name, is_call in names_in(parse_expression(text)):
             yield name, is_call, line
     except KrlSyntaxError:
-        return  # row 1 has told
+        return  # row 1 has it

@@ -1,4 +1,4 @@
-"""What the checks look at: modules, their names, and the motions of each routine in order."""
+"""What is checked: modules, their names, and the motions of each routine in order."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Literals in statements, for the checks that look at every point."""
+"""Literals in statements, for the checks of every point."""
 
 from __future__ import annotations
 

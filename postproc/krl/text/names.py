@@ -112,15 +112,15 @@ class NameAllocator:
             EmitError: EMT301 if prefix and suffix leave less than eight characters.
         """
         endings = tuple(suffixes)
-        room = NAME_LENGTH - len(prefix) - max((len(ending) for ending in endings), default=0)
-        if room < 8:
+        length = NAME_LENGTH - len(prefix) - max((len(ending) for ending in endings), default=0)
+        if length < 8:
             raise EmitError("EMT301", f"no room for a name beside prefix {prefix!r} and suffixes")
-        base = legal_name(wanted, room, fallback)
+        base = legal_name(wanted, length, fallback)
         name, count = base, 1
         while not self._all_free(name, endings):
             count += 1
             tail = f"_{count}"
-            name = base[: room - len(tail)].rstrip("_") + tail
+            name = base[: length - len(tail)].rstrip("_") + tail
         self._taken.update((name.upper(), *((name + ending).upper() for ending in endings)))
         self._given.append((wanted, name))
         return name

@@ -1,4 +1,4 @@
-"""Read KRL modules: the independent eye on what any post has written.
+"""Read KRL modules: whatever post has written them.
 
 Files that cannot be KRL at all raise one ``KrlError``. Inside a file the reader goes on after a
 line that is no KRL: the line is kept as ``Raw`` and stands in ``KrlModule.problems``, so that lint

@@ -83,8 +83,8 @@ def render_statement(statement: Statement) -> str:
 def _encode(lines: list[str], name: str) -> bytes:
     """Return the file; a text that carries a line end or other controls is refused here."""
     content = "\r\n".join([*lines, ""]).encode("ascii", "replace")
-    stray = content.translate(None, _PRINTABLE)
-    if stray != b"\r\n" * len(lines) or any(not line.isascii() for line in lines):
+    rest = content.translate(None, _PRINTABLE)
+    if rest != b"\r\n" * len(lines) or any(not line.isascii() for line in lines):
         number, line = next(
             (i, text)
             for i, text in enumerate(lines, 1)

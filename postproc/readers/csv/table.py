@@ -186,8 +186,8 @@ def parse_rows(
     numbers, good = values.reshape(shape), valid.reshape(shape)
     too_large = np.abs(numbers) > LARGEST
     empty = np.zeros(shape, dtype=np.bool_)
-    suspect = np.flatnonzero((~good | too_large).any(axis=1))
-    for row in suspect.tolist():
+    faulty = np.flatnonzero((~good | too_large).any(axis=1))
+    for row in faulty.tolist():
         for at, column in enumerate(numeric):
             if good[row, at] and not too_large[row, at]:
                 continue

@@ -27,7 +27,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.controller import Way
+from postproc.controller import MotionType
 from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
@@ -283,7 +283,7 @@ def _elements(
     rows = rows[kind[rows - 1] != MotionKind.HOLE]
     step = served[rows] - served[rows - 1]
     direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
-    direct &= result.paths.trace.way[served[rows]] == Way.LIN
+    direct &= result.paths.trace.motion_type[served[rows]] == MotionType.LIN
     comparison.is_cut[served[rows[direct]]] = True
     feeds.expect_rows(rows[direct], served[rows[direct]])
     worst = _bent(result, comparison, toolpath, rows[direct], tolerance)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.controller import Way
+from postproc.controller import MotionType
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Paths
 from postproc.units import MM
@@ -202,7 +202,7 @@ def _trail(element: Line | Arc, points: FloatArray, reached: float) -> tuple[flo
 
 def curve_points(paths: Paths, motion: int) -> FloatArray:
     """Return points (8, 3) [m] along a path motion, in the part, the end included."""
-    if paths.trace.way[motion] == Way.LIN and paths.shift is None:
+    if paths.trace.motion_type[motion] == MotionType.LIN and paths.shift is None:
         start, end = paths.end_point[motion - 1], paths.end_point[motion]
         return np.asarray(start + _SHARES[:, None] * (end - start))
     return paths.points_at(np.full(len(_SHARES), motion), _SHARES)

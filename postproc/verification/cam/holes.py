@@ -63,7 +63,7 @@ def _dwells(result: Result) -> dict[int, float]:
 
 
 class _Holes:
-    """Looks at the motions around the bottom of one hole after the other."""
+    """Checks the motions around the bottom of one hole after the other."""
 
     def __init__(
         self, result: Result, real: RealPaths, wanted: Wanted, served: IntArray, near: float
@@ -77,7 +77,7 @@ class _Holes:
         self._points = self._all_points[0]
         self._is_cp = result.paths.trace.is_cp.tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
-        self._told: dict[RunKind, int] = {}
+        self._reported: dict[RunKind, int] = {}
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -186,6 +186,6 @@ class _Holes:
             self._tell(RunKind.DWELL, int(self._served[row]), text)
 
     def _tell(self, kind: RunKind, motion: int, text: str) -> None:
-        self._told[kind] = self._told.get(kind, 0) + 1
-        if self._told[kind] <= _LISTED:
+        self._reported[kind] = self._reported.get(kind, 0) + 1
+        if self._reported[kind] <= _LISTED:
             self._result.finding(kind, motion, text)
