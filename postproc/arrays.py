@@ -6,6 +6,7 @@ tables that may be a million rows long.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields
 from typing import Any, Self
@@ -56,6 +57,24 @@ def _freeze(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...])
         raise ValueError(f"{type(owner).__name__}.{name}: shape {array.shape}, expected {shape}")
     array.flags.writeable = False
     object.__setattr__(owner, name, array)
+
+
+def longest_rising(values: Sequence[int]) -> list[int]:
+    """Return the places of the longest chain of values that rises strictly, in order."""
+    tails: list[int] = []
+    ends: list[int] = []
+    before = [-1] * len(values)
+    for place, value in enumerate(values):
+        at = bisect_left(tails, value)
+        tails[at : at + 1] = [value]
+        ends[at : at + 1] = [place]
+        before[place] = ends[at - 1] if at else -1
+    chain = []
+    place = ends[-1] if ends else -1
+    while place >= 0:
+        chain.append(place)
+        place = before[place]
+    return chain[::-1]
 
 
 def forward_filled(rows: FloatArray) -> FloatArray:

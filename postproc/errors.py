@@ -100,6 +100,11 @@ class Finding:
     hint: str = ""
 
     @property
+    def is_error(self) -> bool:
+        """Whether it forbids the program."""
+        return self.severity is Severity.ERROR
+
+    @property
     def place(self) -> tuple[str, int]:
         """File and line, no file and line 1 where no line is to blame."""
         return (self.source.path, self.source.line) if self.source else ("", 1)

@@ -7,14 +7,13 @@ diagonal, where two motions cost the more the farther apart their targets are.
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray, longest_rising
 
 GAP = 1.0
 """Cost of a line that the other program has not."""
@@ -108,28 +107,9 @@ def _unique_chain(old: IndexArray, new: IndexArray) -> list[tuple[int, int]]:
     i = first_old[once_old][at_old]
     j = first_new[once_new][at_new]
     order = np.argsort(i, kind="stable")
-    return _rising(i[order].tolist(), j[order].tolist())
-
-
-def _rising(i: list[int], j: list[int]) -> list[tuple[int, int]]:
-    """Return the longest chain that rises in j as well; i rises already."""
-    tails: list[int] = []
-    ends: list[int] = []
-    before = [-1] * len(j)
-    for place, value in enumerate(j):
-        at = bisect_left(tails, value)
-        if at == len(tails):
-            tails.append(value)
-            ends.append(place)
-        else:
-            tails[at], ends[at] = value, place
-        before[place] = ends[at - 1] if at else -1
-    chain = []
-    place = ends[-1] if ends else -1
-    while place >= 0:
-        chain.append((i[place], j[place]))
-        place = before[place]
-    return chain[::-1]
+    i, j = i[order], j[order]
+    chain = longest_rising(j.tolist())
+    return list(zip(i[chain].tolist(), j[chain].tolist(), strict=True))
 
 
 def _gap_pairs(

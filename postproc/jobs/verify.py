@@ -6,6 +6,7 @@ from pathlib import Path
 
 from postproc.cell import Cell
 from postproc.compensation import RealArm, left_out
+from postproc.controller import load_program
 from postproc.model import ModelFile, ToolPath
 from postproc.progress import Progress
 from postproc.verification import Tolerances, VerifyReport
@@ -37,7 +38,17 @@ def verify(
         ReadError: if a file is missing.
     """
     displacement = None if model is None else RealArm.of(cell, model).displacement
-    return verify_text(program, cell, toolpath, tolerances, collisions, progress, displacement)
+    modules = load_program(program)
+    return verify_text(
+        modules,
+        modules[0].name,
+        cell,
+        toolpath,
+        tolerances,
+        collisions,
+        progress,
+        displacement=displacement,
+    )
 
 
 def uncounted(cell: Cell, model: ModelFile) -> dict[str, tuple[str, ...]]:

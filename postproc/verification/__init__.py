@@ -2,7 +2,7 @@
 
 from postproc.verification.cam import Tolerances
 from postproc.verification.report import Expectation, Run, VerifyReport
-from postproc.verification.verify import verify, verify_modules
+from postproc.verification.verify import verify
 
 __all__ = [
     "Expectation",
@@ -10,5 +10,4 @@ __all__ = [
     "Tolerances",
     "VerifyReport",
     "verify",
-    "verify_modules",
 ]

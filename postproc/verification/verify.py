@@ -15,12 +15,11 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from postproc.cell import Cell
-from postproc.controller import MotionType, Trace, load_program
+from postproc.controller import MotionType, Trace
 from postproc.errors import RunKind, Severity
 from postproc.geometry import rotation_angle
 from postproc.kinematics import build
@@ -52,45 +51,6 @@ HALF_TURN = 179.5 * DEG
 
 
 def verify(
-    src_path: str | Path,
-    cell: Cell,
-    toolpath: ToolPath | None = None,
-    tolerances: Tolerances | None = None,
-    collisions: bool = True,
-    progress: Progress | None = None,
-    displacement: Displacement | None = None,
-) -> VerifyReport:
-    """Verify a program on disk with the modules beside it that it calls.
-
-    Args:
-        src_path: the .src file to start.
-        cell: robot, tool, workpiece, solids, margins.
-        toolpath: the CAM file it was made from; None: only what the program says by itself.
-        tolerances: of the comparison.
-        collisions: search for collisions along the motions, if the cell has solids.
-        progress: called with (done, total, what).
-        displacement: of the real tool point against the commanded one; with it the CAM file is
-            compared with where the real tool is expected to go.
-
-    Raises:
-        KrlError: if a file is no KRL that could run.
-        ReadError: if the file is missing.
-        DataError: VER001 if a tag of the CAM file has no point.
-    """
-    modules = load_program(src_path)
-    return verify_modules(
-        modules,
-        modules[0].name,
-        cell,
-        toolpath,
-        tolerances,
-        collisions,
-        progress,
-        displacement=displacement,
-    )
-
-
-def verify_modules(
     modules: Sequence[KrlModule],
     name: str,
     cell: Cell,
@@ -101,10 +61,22 @@ def verify_modules(
     *,
     displacement: Displacement | None = None,
 ) -> VerifyReport:
-    """Verify modules that have been read; arguments as ``verify``, ``name``: the one to start.
+    """Verify a program.
+
+    Args:
+        modules: the program and what it calls.
+        name: the module to start.
+        cell: robot, tool, workpiece, solids, margins.
+        toolpath: the CAM file it was made from; None: only what the program says by itself.
+        tolerances: of the comparison.
+        collisions: search for collisions along the motions, if the cell has solids.
+        progress: called with (done, total, what).
+        displacement: of the real tool point against the commanded one; with it the CAM file is
+            compared with where the real tool is expected to go.
 
     Raises:
         KrlError: if a module could not be loaded by a controller.
+        DataError: VER001 if a tag of the CAM file has no point.
     """
     require_sound(modules)
     report = progress or (lambda done, total, what: None)

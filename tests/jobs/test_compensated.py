@@ -11,13 +11,13 @@ from postproc.compensation.real_arm import RealArm, cell_with_model, loads
 from postproc.gap import stiffness_tables
 from postproc.geometry.frames import rotation_about
 from postproc.jobs.convert import ConvertRequest, convert, read_toolpath
+from postproc.jobs.verify import verify
 from postproc.kinematics import build
 from postproc.model.modelfile import ModelFile, load_model, save_model
 from postproc.stiffness.identify.cases import load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.units import NMM_PER_RAD
-from postproc.verification.verify import verify
 from tests.cells import JOINT_STIFFNESS, STIFFNESS, twin_text
 from tools.dev.hidden_twin import Twin
 
@@ -437,10 +437,7 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
         for file, content in files.items():
             (folder / file).write_bytes(content)
         path = read_toolpath(ConvertRequest(str(source), str(cell_path)), cell)
-        report = verify(
-            folder / f"{done.name}.src", cell, path,
-            displacement=None if model is None else RealArm.of(cell, model).displacement,
-        )  # fmt: skip
+        report = verify(folder / f"{done.name}.src", cell, path, model=model)
         assert report.ok
         working = path.kind != 0
         real = twin_under_loads(twin, arm, tool, report.run.paths.q[report.run.served], working)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from postproc.kinematics import build
-from postproc.verification.verify import verify_modules
+from postproc.verification.verify import verify
 from tests.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
 
 DEG = np.pi / 180.0
@@ -17,7 +17,7 @@ def cell(tmp_path_factory):
 
 
 def check(cell, *lines, toolpath=None, collisions=False):
-    return verify_modules(modules(*HEAD, *lines), "T", cell, toolpath, collisions=collisions)
+    return verify(modules(*HEAD, *lines), "T", cell, toolpath, collisions=collisions)
 
 
 def kinds(report):
@@ -154,7 +154,7 @@ def test_tool_and_base_are_compared_with_the_cell(cell):
 def test_a_set_up_module_tells_what_the_controller_has(cell):
     setup = "DEF T_SETUP( )\nTOOL_DATA[1]={X 107.0,Y 0.0,Z 350.0,A 0.0,B 0.0,C 0.0}\nEND\n"
     found = modules(*HEAD, START, at(0, 0, 0), T_SETUP=setup)
-    report = verify_modules(found, "T", cell, collisions=False)
+    report = verify(found, "T", cell, collisions=False)
     assert kinds(report) == {"frame"}
 
 

@@ -8,7 +8,7 @@ import pytest
 from postproc.model.toolpath import Arcs, Cycle, Event, EventKind
 from postproc.verification.cam.compare import Tolerances
 from postproc.verification.cam.matching import match
-from postproc.verification.verify import verify_modules
+from postproc.verification.verify import verify
 from tests.samples import AT_PART, DRILL, HEAD, START, at, cell_in, modules, path_of
 
 SQUARE = [(-50, 0, 0), (0, 0, 0), (0, 40, 0), (0, 40, 40), (0, 0, 40)]
@@ -21,7 +21,7 @@ def cell(tmp_path_factory):
 
 def check(cell, toolpath, *lines, tolerances=None, **others):
     head = (*HEAD, START)
-    return verify_modules(
+    return verify(
         modules(*head, *lines, **others), "T", cell, toolpath, tolerances, collisions=False
     )
 
@@ -116,7 +116,7 @@ def test_a_closed_contour_with_a_lost_point_is_not_skipped_whole(cell):
 
 
 def test_no_motion_at_all(cell):
-    report = verify_modules(modules("HALT"), "T", cell, path_of(SQUARE), collisions=False)
+    report = verify(modules("HALT"), "T", cell, path_of(SQUARE), collisions=False)
     assert kinds(report) == {"missed"}
     document = json.loads(json.dumps(report.to_dict(), allow_nan=False))
     assert document["max_position_error_mm"] is None

@@ -9,7 +9,7 @@ from postproc.krl.lint import lint
 from postproc.krl.text.parse import parse_files
 from postproc.planning.planner import plan
 from postproc.readers.base import ReadOptions, read
-from postproc.verification.verify import verify_modules
+from postproc.verification.verify import verify
 from tests.places import SHARED
 
 CORPUS = SHARED / "corpus" / "apt"
@@ -47,7 +47,7 @@ def test_real_files_come_back_from_the_text(name, tmp_path):
     toolpath = read(str(CORPUS / name), "auto", options)
     modules = parse_files(render_files(emit(plan(toolpath, cell), cell)))
     assert [i for i in lint(modules) if i.severity is Severity.ERROR] == []
-    report = verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
+    report = verify(modules, modules[0].name, cell, toolpath, collisions=False)
     assert report.violations == ()
     assert report.matched == len(toolpath)
     assert report.position_error < 0.01e-3

@@ -10,7 +10,7 @@ import pytest
 from postproc.errors import KrlError, Severity
 from postproc.krl.lint import lint
 from postproc.krl.text.parse import parse_files
-from postproc.verification.verify import verify_modules
+from postproc.verification.verify import verify
 
 
 def noticed(files, cell, toolpath):
@@ -21,7 +21,7 @@ def noticed(files, cell, toolpath):
         return {error.code}
     found = {i.code for i in lint(modules) if i.severity is Severity.ERROR}
     try:
-        report = verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
+        report = verify(modules, modules[0].name, cell, toolpath, collisions=False)
     except KrlError as error:
         return found | {error.code}
     return found | {violation.code for violation in report.violations}
@@ -297,7 +297,7 @@ def test_every_style_is_good(emitted, style):
     cell, toolpath, files = emitted(*style)
     modules = parse_files(files)
     assert [i for i in lint(modules) if i.severity is not Severity.NOTE] == []
-    report = verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
+    report = verify(modules, modules[0].name, cell, toolpath, collisions=False)
     assert report.violations == ()
     assert report.matched == report.tags == len(toolpath)
     assert report.position_error < 0.001e-3

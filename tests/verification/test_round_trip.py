@@ -8,7 +8,7 @@ from postproc.errors import PostprocError
 from postproc.krl.lint import lint
 from postproc.krl.text.parse import parse_files
 from postproc.krl.text.render import render
-from postproc.verification.verify import verify_modules
+from postproc.verification.verify import verify
 
 STYLES = [
     ("dense", "inline", "8.6", 15),
@@ -64,7 +64,7 @@ def test_broken_text_is_judged_or_refused_but_never_breaks_the_reader(emitted, s
         try:
             modules = parse_files({**files, name: text})
             lint(modules)
-            verify_modules(modules, modules[0].name, cell, toolpath, collisions=False)
+            verify(modules, modules[0].name, cell, toolpath, collisions=False)
             diff_files({name: files[name]}, {name: text}, name)
         except PostprocError as error:
             assert error.source is not None  # noqa: PT017 - most of them are refused

@@ -7,6 +7,7 @@ import pytest
 
 from postproc.cell.cell import TiltRange
 from postproc.cell.file import load_cell
+from postproc.controller import load_program
 from postproc.geometry.frames import rotation_about
 from postproc.model.toolpath import Arcs, Cycle, MotionKind, ToolPath
 from postproc.units import DEG
@@ -112,7 +113,8 @@ def judged(tmp_path, body, lead, toolpath=LINE):
     src = tmp_path / "p.src"
     src.write_text(PROGRAM % body, newline="\r\n")
     (tmp_path / "p.dat").write_text("&ACCESS RVP\nDEFDAT P\nENDDAT\n", newline="\r\n")
-    return verify(src, cell_of(tmp_path, lead), toolpath, collisions=False)
+    modules = load_program(src)
+    return verify(modules, "P", cell_of(tmp_path, lead), toolpath, collisions=False)
 
 
 def axis_findings(report):

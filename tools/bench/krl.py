@@ -19,7 +19,7 @@ from postproc.emitters import emit, render_files
 from postproc.geometry import rotation_from_abc, transform
 from postproc.krl import LintOptions, lint, parse_files
 from postproc.model import MoveKind, MoveRole, Plan
-from postproc.verification import verify_modules
+from postproc.verification import verify
 from tests.cells import cell_text
 from tools.bench.harness import told
 from tools.bench.paths import bare_path
@@ -106,7 +106,7 @@ def reading(n: int) -> None:
     print(f"           {len(findings)} findings")
     report = told(
         "verify against the path, no collisions",
-        lambda: verify_modules(modules, "SPIRAL", cell, toolpath, collisions=False),
+        lambda: verify(modules, "SPIRAL", cell, toolpath, collisions=False),
     )
     print(f"           {len(report.violations)} violations, {report.matched} of {n} matched")
     points[n // 2, 1] += 0.5

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
-from postproc.controller import Trace, Way
+from postproc.controller import MotionType, Trace
 from postproc.emitters.base import EMITTERS, Against, Emitter, Program, ReadBack
 from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.errors import Finding, RunKind, Severity
@@ -17,9 +17,9 @@ from postproc.kinematics import Kinematics, build
 from postproc.krl import Call, KrlModule, NameAllocator, Routine, lint, parse_files
 from postproc.model import MoveKind, Plan
 from postproc.paths import Paths, joint_paths, run_in_cell
-from postproc.verification import VerifyReport, verify_modules
+from postproc.verification import VerifyReport, verify
 
-_KINDS = {Way.PTP: MoveKind.PTP, Way.CIRC: MoveKind.CIRC}
+_KINDS = {MotionType.PTP: MoveKind.PTP, MotionType.CIRC: MoveKind.CIRC}
 _REAL = (RunKind.POSITION, RunKind.PATH)
 """Violations that may be those of the arm and not of the text."""
 
@@ -39,7 +39,7 @@ class KukaKrl(Emitter):
         Collisions were proven by the planner along the same motions and are not searched again.
         """
         modules = parse_files(program.files)
-        report = verify_modules(
+        report = verify(
             modules,
             program.name,
             cell,
@@ -104,7 +104,9 @@ def _read_back(report: VerifyReport, findings: tuple[Finding, ...]) -> ReadBack:
     for row, values in trace.auxiliary.items():
         aux[row] = values[:3]
     return ReadBack(
-        kind=np.array([_KINDS.get(Way(way), MoveKind.LIN) for way in trace.way.tolist()], int),
+        kind=np.array(
+            [_KINDS.get(MotionType(code), MoveKind.LIN) for code in trace.motion_type.tolist()], int
+        ),
         q=paths.q,
         aux=aux,
         external=paths.external,

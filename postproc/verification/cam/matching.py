@@ -9,12 +9,11 @@ longest chain that is in order on both sides; what is left over is missing or ou
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
 from postproc.model import MotionKind, ToolPath
 
 SAME = 1e-9
@@ -146,23 +145,10 @@ def _longest_chain(
 ) -> IntArray:
     """Return the visits of the longest common subsequence of points within the tolerance."""
     rows, visits = _pairs(wanted, visited, tolerance, case)
-    tails: list[int] = []
-    tail_pairs: list[int] = []
-    before = np.full(len(rows), -1, dtype=np.int64)
-    # Within a row visits fall, so that no two pairs of a row can stand in one chain.
-    for pair, visit in enumerate(visits.tolist()):
-        place = bisect_left(tails, visit)
-        if place == len(tails):
-            tails.append(visit)
-            tail_pairs.append(pair)
-        else:
-            tails[place], tail_pairs[place] = visit, pair
-        before[pair] = tail_pairs[place - 1] if place else -1
     found = np.full(len(wanted), -1, dtype=np.int32)
-    pair = tail_pairs[-1] if tail_pairs else -1
-    while pair >= 0:
-        found[rows[pair]] = visits[pair]
-        pair = int(before[pair])
+    # Within a row visits fall, so that no two pairs of a row can stand in one chain.
+    chain = longest_rising(visits.tolist())
+    found[rows[chain]] = visits[chain]
     return found
 
 
