@@ -113,9 +113,13 @@ def motions_of(plan: Plan, is_path: BoolArray, q: FloatArray) -> IntArray | None
     if len(paths) - start == len(plan) and np.array_equal(is_path[start:], wanted):
         return np.arange(start, len(paths), dtype=np.int32)
     found = np.zeros(len(plan), dtype=np.int32)
+    standing = ~is_path & (np.abs(np.diff(q, axis=0, prepend=np.inf)).max(axis=1) < ANGLE)
     motion = start
     for move, is_cp in enumerate(wanted.tolist()):
-        while motion < len(paths) and is_cp and not paths[motion]:
+        while motion < len(paths) and not paths[motion]:
+            is_other = standing[motion] and np.abs(q[motion] - plan.q[move]).max() > POSTURE
+            if not (is_cp or is_other):
+                break
             motion += 1
         if motion >= len(paths) or paths[motion] != is_cp:
             return None

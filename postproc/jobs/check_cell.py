@@ -11,7 +11,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, Provenance
 from postproc.collision import Scene
-from postproc.errors import CellError, Finding, Severity, SourceRef
+from postproc.emitters import emitter_of
+from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
@@ -215,6 +216,14 @@ def _robot(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")
 
 
+def _emitter(context: _Context) -> Iterator[Finding]:
+    try:
+        emitter_of(context.cell)
+    except EmitError as problem:
+        text = problem.message
+        yield context.finding(Severity.ERROR, problem.code, text, "krl", "emitter")
+
+
 _LOOKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
     _tool,
@@ -223,6 +232,7 @@ _LOOKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _workpiece,
     _home,
     _options,
+    _emitter,
 )
 
 

@@ -186,6 +186,7 @@ FINDINGS = [
     ("CEL115", 1, [('"axial"', '"process"')], "force_N is zero"),
     ("CEL116", 0, [("feed_mm_min = 600\n", "")], "without a feed are refused"),
     ("PLN202", 1, [('"axial"', '"axal"')], "axal"),
+    ("EMT340", 1, [("[krl]\n", '[krl]\nemitter = "fanuc"\n')], "known are kuka_krl"),
 ]
 
 

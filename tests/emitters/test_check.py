@@ -118,8 +118,13 @@ def test_a_motion_too_many_is_found(plan, read):
     assert words(plan, inserted(read, 5, LIN, plan.q[5])) != ""
 
 
-def test_a_joint_motion_of_no_length_is_let_pass(plan, read):
-    assert words(plan, inserted(read, 5, PTP, plan.q[4])) == ""
+@pytest.mark.parametrize("place", [5, 7, 13])
+def test_a_joint_motion_of_no_length_is_let_pass(plan, read, place):
+    """Before a line, before a joint motion, and behind all."""
+    longer = inserted(read, place, PTP, plan.q[place - 1])
+    assert words(plan, longer) == ""
+    motion = motions_of(plan, longer.kind != PTP, longer.q)
+    assert motion.tolist() == [*range(place), *range(place + 1, 14)]
 
 
 def test_ways_from_and_to_a_home_of_a_template_are_let_pass(plan, read):

@@ -42,7 +42,7 @@ Examples:
 @reading_options
 @emitter_option
 @click.option("--strategy", type=click.Choice(["smooth", "each", "global"]))
-@click.option("--objective", help="axial, normal, radial, process.")
+@click.option("--objective", help="As of convert.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--timeout", type=click.FloatRange(min=0.1), help="Seconds per input.")
 @click.option("--memory", type=click.FloatRange(min=0.5), help="GiB per worker.")

@@ -51,7 +51,10 @@ def _known_suffix(
     type=click.Choice(["smooth", "each", "global"]),
     help="How the turn about the tool axis is chosen; default: the cell's.",
 )
-@click.option("--objective", help="axial, normal, radial, process; default: the cell's.")
+@click.option(
+    "--objective",
+    help="axial, normal, radial, process or another one of plugins; default: the cell's.",
+)
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Turns that tags must have: tag,spin_deg.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
