@@ -226,10 +226,10 @@ class OptimizeTable(Table):
         description="1/(n^T C n), or the ellipsoid index of Jiao et al. 2022",
     )
     step_deg: Annotated[float, Field(gt=0.0, le=360.0)] = Field(
-        default=10.0, description="step of the turn about the tool axis [deg]"
+        default=10.0, description="step of the spin about the tool axis [deg]"
     )
     range_deg: AngleRange = Field(
-        default=[-180.0, 180.0], description="range of the turn about the tool axis [deg]"
+        default=[-180.0, 180.0], description="range of the spin about the tool axis [deg]"
     )
     strategy: Annotated[Strategy, _Choice] = Field(
         default=Strategy.GLOBAL,
@@ -258,7 +258,7 @@ class OptimizeTable(Table):
         default=False, description="the order of holes is not binding: take the quickest one found"
     )
     pins: dict[str, Angle] = Field(
-        default={}, description="tag id to the turn about the tool axis it must have [deg]"
+        default={}, description="tag id to the spin about the tool axis it must have [deg]"
     )
 
     lead_deg: TiltAngles = Field(

@@ -1,6 +1,6 @@
 """Commands moved so that the loaded real tool lands on the CAM points."""
 
-from postproc.compensation.compensate import LEFT_OF_MOTION, compensate, with_room
+from postproc.compensation.compensate import LEFT_OF_MOTION, compensate, with_shift_margin
 from postproc.compensation.real_arm import RealArm, cell_with_model, left_out
 
 __all__ = [
@@ -9,5 +9,5 @@ __all__ = [
     "cell_with_model",
     "compensate",
     "left_out",
-    "with_room",
+    "with_shift_margin",
 ]

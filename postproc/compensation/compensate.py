@@ -48,7 +48,7 @@ STRAIGHT = 5.0 * UM
 """Largest bend of a straight cut between its compensated points."""
 LEFT_OF_MOTION = 0.5 * MM
 """More than this of backlash and lag that is left over at a point is a fault of the program."""
-ROOM = 0.25 * DEG
+SHIFT_MARGIN = 0.25 * DEG
 """What compensation may take of a joint's margins [rad]: plans to be compensated keep more."""
 FAR = 0.5
 """From this share of extrapolation of the stiffness field on, a pose is far from the measured."""
@@ -69,11 +69,13 @@ class Compensated:
     reached: BoolArray
 
 
-def with_room(cell: Cell) -> Cell:
+def with_shift_margin(cell: Cell) -> Cell:
     """Return the cell for a plan that will be compensated: shifted poses keep its margins."""
     limits = cell.limits
     more = replace(
-        limits, joint_margin=limits.joint_margin + ROOM, singularity=limits.singularity + ROOM
+        limits,
+        joint_margin=limits.joint_margin + SHIFT_MARGIN,
+        singularity=limits.singularity + SHIFT_MARGIN,
     )
     return replace(cell, limits=more)
 

@@ -18,10 +18,10 @@ from postproc.kinematics import Kinematics
 from postproc.model import MoveKind, MoveRole, Plan
 from postproc.units import DEG, MM
 
-LOOK = 20.0 * MM
-LOOK_TURN = 1.0 * DEG
-"""A line is looked at in steps no longer than ``LOOK`` [m], in which the tool turns by no more than
-``LOOK_TURN`` [rad]; lines below both stay whole."""
+SAMPLE_STEP = 20.0 * MM
+SAMPLE_ANGLE = 1.0 * DEG
+"""A line is sampled in steps no longer than ``SAMPLE_STEP`` [m], in which the tool turns by no more
+than ``SAMPLE_ANGLE`` [rad]; lines below both stay whole."""
 SHORTEST = 1.0 * MM
 """No piece [m] is much shorter."""
 MOST = 256
@@ -50,20 +50,20 @@ def in_pieces(
     turn = np.zeros(len(plan))
     R = plan.T_base_tcp[:, :3, :3]
     turn[1:] = rotation_angle(R[:-1], R[1:])
-    steps = np.maximum(way / LOOK, turn / LOOK_TURN)
+    steps = np.maximum(way / SAMPLE_STEP, turn / SAMPLE_ANGLE)
     is_cut = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
     long = np.flatnonzero(is_cut & (steps > 1.0) & (way > SHORTEST))
     if not len(long):
         return plan
-    looks = np.minimum(steps[long], np.maximum(way[long] / SHORTEST, 2.0))
-    looks = np.minimum(2 ** np.ceil(np.log2(looks)).astype(np.int64), MOST)
-    _, q, reached = _between(plan, cell, kinematics, long, looks)
-    moved = displacement(q, np.repeat(long, looks).astype(np.int32))
+    samples = np.minimum(steps[long], np.maximum(way[long] / SHORTEST, 2.0))
+    samples = np.minimum(2 ** np.ceil(np.log2(samples)).astype(np.int64), MOST)
+    _, q, reached = _between(plan, cell, kinematics, long, samples)
+    moved = displacement(q, np.repeat(long, samples).astype(np.int32))
     pieces = np.ones(len(plan), dtype=np.int64)
-    first = np.cumsum(looks) - looks
+    first = np.cumsum(samples) - samples
     at_start = displacement(np.asarray(plan.q)[long - 1], long.astype(np.int32))
     for row, move in enumerate(long.tolist()):
-        own = slice(int(first[row]), int(first[row] + looks[row]))
+        own = slice(int(first[row]), int(first[row] + samples[row]))
         if reached[own].all():
             pieces[move] = _needed(np.vstack([at_start[row], moved[own]]), tolerance)
     if not bool((pieces > 1).any()):
@@ -73,11 +73,11 @@ def in_pieces(
 
 def _needed(moved: FloatArray, tolerance: float) -> int:
     """Return the least pieces, a power of two, between which ``moved`` (k + 1, 3) is straight."""
-    looks = len(moved) - 1
-    at = np.arange(looks + 1)
+    samples = len(moved) - 1
+    at = np.arange(samples + 1)
     pieces = 1
-    while pieces < looks:
-        knots = at[:: looks // pieces]
+    while pieces < samples:
+        knots = at[:: samples // pieces]
         straight = np.stack([np.interp(at, knots, column[knots]) for column in moved.T], axis=1)
         if float(np.linalg.norm(moved - straight, axis=1).max()) <= tolerance:
             break
@@ -121,13 +121,13 @@ def _divided(plan: Plan, cell: Cell, kinematics: Kinematics, pieces: AnyIntArray
     length[1:] = np.where(
         pieces[row[1:]] > 1, np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1), np.inf
     )
-    room = BLEND_SHARE * np.minimum(length, np.r_[length[1:], np.inf])
+    most = BLEND_SHARE * np.minimum(length, np.r_[length[1:], np.inf])
     blend = np.where(is_last, np.asarray(plan.blend)[row], cell.motion.approximation)
     return replace(
         plan.rows(row),
         T_base_tcp=T,
         q=q,
-        blend=np.minimum(blend, room),
+        blend=np.minimum(blend, most),
         dwell=np.where(is_last, np.asarray(plan.dwell)[row], 0.0),
         duration=(np.asarray(plan.duration) / pieces)[row],
     )

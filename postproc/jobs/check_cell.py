@@ -52,7 +52,7 @@ def check_cell(cell: Cell) -> CellCheck:
         load_toml(cell.path, CellError, "CEL001"),
         _reachable_directions(cell, kinematics),
     )
-    findings = [finding for look in _LOOKS for finding in look(context)]
+    findings = [finding for check in _CHECKS for finding in check(context)]
     order = list(Severity)
     findings.sort(key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
     return CellCheck(cell, _facts(context), tuple(findings))
@@ -224,7 +224,7 @@ def _emitter(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.ERROR, problem.code, text, "krl", "emitter")
 
 
-_LOOKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
+_CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
     _tool,
     _solids,

@@ -203,12 +203,12 @@ def make_plan(
     from postproc.planning import plan as plan_toolpath
 
     options = PlanOptions(partial=request.partial, name=request.name)
-    room = cell
+    kept = cell
     if model is not None:
-        from postproc.compensation import with_room
+        from postproc.compensation import with_shift_margin
 
-        room = with_room(cell)
-    result = plan_toolpath(toolpath, room, options, progress)
+        kept = with_shift_margin(cell)
+    result = plan_toolpath(toolpath, kept, options, progress)
     if model is not None and len(result) and (request.partial or not result.errors):
         from postproc.compensation import compensate
 

@@ -53,7 +53,7 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
         axes[here] = -(R[here] @ np.asarray(cell.tool.axis)) + 0.0
         text = (
             f"{len(here)} targets by joint angles were placed by the cell's arm: the {proof.sum()} "
-            "targets that give a pose as well agree with it; the turn about the tool axis is free"
+            "targets that give a pose as well agree with it; the spin about the tool axis is free"
         )
         placed.append(
             Finding(Severity.WARNING, "CNV011", text, source=toolpath.source(int(here[0])))

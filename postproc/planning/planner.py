@@ -13,7 +13,13 @@ from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
 from postproc.planning.route import Route, route
-from postproc.planning.search import choose, ordered, ordered_by_place, plan_stations, step_rules
+from postproc.planning.search import (
+    choose,
+    ordered,
+    ordered_by_place,
+    plan_with_external_axes,
+    step_rules,
+)
 from postproc.planning.states import (
     TRAVEL,
     UPRIGHT,
@@ -70,7 +76,7 @@ def plan(
     if cell.optimize.free_order:
         toolpath = reordered(toolpath, ordered_by_place(toolpath))
         cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
-    return plan_stations(
+    return plan_with_external_axes(
         toolpath,
         cell,
         settings,
@@ -205,9 +211,9 @@ def _notes(checker: Checker) -> list[Finding]:
             Finding(
                 Severity.WARNING,
                 "PLN303",
-                "the tool axis lies on the axis of A6: turning the tool about it moves A6 only and "
-                "gains no stiffness",
-                hint="an angle head or a tool across the flange makes the turn worth something",
+                "the tool axis lies on the axis of A6: a spin of the tool moves A6 only and gains "
+                "no stiffness",
+                hint="an angle head or a tool across the flange makes the spin worth something",
             )
         )
     return notes + list(checker.scene.findings if checker.scene is not None else ())

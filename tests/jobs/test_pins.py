@@ -84,7 +84,7 @@ def test_a_pin_that_cannot_be_kept_is_named(tmp_path, cell, capsys):
     assert failure["tag"] == 7
     assert failure["line"] == 9
     assert f"tag H7: {failure['reason'].replace('_', ' ')}" in failure["detail"]
-    assert f"pinned to a turn of {spin} deg: none of 8 poses" in failure["detail"]
+    assert f"pinned to a spin of {spin} deg: none of 8 poses" in failure["detail"]
 
 
 @pytest.mark.parametrize(

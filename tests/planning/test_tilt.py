@@ -13,7 +13,7 @@ from postproc.errors import CellError
 from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
 from postproc.planning.planner import checker_of, plan, problem_of
-from postproc.planning.search.hunt import Hunt
+from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.planning.states.tilt import MOST_TILTS, feed_directions, tilt_grid
 from postproc.units import DEG
@@ -113,8 +113,8 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
     )
     toolpath = make_path([[0, 0, 0], [0.05, 0, 0], [0.1, 0.04, 0]], UP, [RAPID, LINEAR, LINEAR])
     checker = checker_of(toolpath, *settle(cell, PlanOptions()))
-    hunt = Hunt.of(checker, np.arange(3), each=False)
-    path = hunt.run(steps=False).path
+    search = PoseSearch.of(checker, np.arange(3), each=False)
+    path = search.run(steps=False).path
     problem = checker.problem
     forward = np.array([[1, 0, 0], [1, 0, 0], [0.05, 0.04, 0]])
     forward[1] = [1, 0, 0] + np.array([5, 4, 0]) / np.sqrt(41)
@@ -134,9 +134,9 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
         + steps[0][:, :, None]
         + steps[1][None]
     )
-    assert hunt.ladder.total(path) == pytest.approx(float(total.min()), abs=2e-5)
+    assert search.ladder.total(path) == pytest.approx(float(total.min()), abs=2e-5)
     if weight == 0.0:
-        assert (hunt.states.attitude_of(path)[:, 1:] != 0.0).any()
+        assert (search.states.attitude_of(path)[:, 1:] != 0.0).any()
 
 
 def states_by_hand(problem, tag, forward, weight):

@@ -148,7 +148,7 @@ def test_the_page_stands_alone_and_says_what_the_csv_says(blocked_maps):
     code = re.search(rb'src="data:image/png;base64,([^"]+)"', page)[1]
     assert base64.b64decode(code) == (blocked_maps / "map.png").read_bytes()
     barred = int((data["classes"] != 0).all(axis=1).sum())
-    assert f"{barred} of 5 tags have no free turn".encode() in page
+    assert f"{barred} of 5 tags have no free spin".encode() in page
 
 
 def test_same_bytes_every_time(blocked_maps, tmp_path):

@@ -109,7 +109,7 @@ def _search_in(arguments: argparse.Namespace, panel: Path) -> None:
                 "errors": len(result.errors),
                 "rounds": record["rounds"],
                 "checked": record["checked"],
-                "grid_rad2": record["travel_rad2_grid"],
+                "grid_rad2": record.get("travel_rad2_grid"),
                 "refined_rad2": record["travel_rad2"],
             }
         )
@@ -187,7 +187,7 @@ def line_cell(
 
     Args:
         head: its TCP below and ahead of the flange [mm], the flange down at spin 0.
-        objective: of the turn about the tool axis.
+        objective: of the spin about the tool axis.
         index: of the stiffness.
         origin: CAM coordinates in the robot root [mm].
     """

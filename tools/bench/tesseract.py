@@ -135,7 +135,7 @@ def _text(values: Any) -> str:  # noqa: ANN401 - tuples and arrays
 
 
 def program(path: Path, info: Any) -> Any:  # noqa: ANN401 - the package has no types
-    """Return the holes of a workload as a program; the turn about the tool axis is free."""
+    """Return the holes of a workload as a program; the spin about the tool axis is free."""
     from tesseract_robotics import tesseract_command_language as language
     from tesseract_robotics.tesseract_common import Isometry3d
 

@@ -49,14 +49,14 @@ def _known_suffix(
 @click.option(
     "--strategy",
     type=click.Choice(["smooth", "each", "global"]),
-    help="How the turn about the tool axis is chosen; default: the cell's.",
+    help="How the spin about the tool axis is chosen; default: the cell's.",
 )
 @click.option(
     "--objective",
     help="axial, normal, radial, process or another one of plugins; default: the cell's.",
 )
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
-@click.option("--pins", metavar="FILE.csv", help="Turns that tags must have: tag,spin_deg.")
+@click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
 @click.option("--report", metavar="FILE.html", help="Write a page that shows the program.")
 @click.option(
@@ -65,7 +65,7 @@ def _known_suffix(
     multiple=True,
     metavar="FILE",
     callback=_known_suffix,
-    help="Write what every turn about the tool axis would mean at every tag: .html, .png or .csv; "
+    help="Write what every spin about the tool axis would mean at every tag: .html, .png or .csv; "
     "also when tags fail.",
 )
 @standard_options

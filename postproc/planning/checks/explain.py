@@ -116,7 +116,7 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
     reasons = evidence.reason[low:high]
     first = np.flatnonzero(np.diff(evidence.states.config[low:high], prepend=-1))
     pin, same = pinned(checker.problem, tag), 1
-    if pin:  # all columns hold the one turn; the first of them was looked at
+    if pin:  # all columns hold the one spin; the first of them was checked
         same = evidence.states.spins.shape[-1]
         first = first[evidence.states.column[low:high][first] % same == 0]
     counts = dict(zip(COUNTED, (evidence.states.refused[row] // same).tolist(), strict=True))
@@ -136,9 +136,9 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
 
 
 def pinned(problem: Problem, tag: int) -> str:
-    """Return ``pinned to a turn of ... deg: `` for a pinned tag, else nothing."""
+    """Return ``pinned to a spin of ... deg: `` for a pinned tag, else nothing."""
     spin = problem.cell.optimize.pins.get(problem.toolpath.tag_name(tag))
-    return "" if spin is None else f"pinned to a turn of {spin / DEG:g} deg: "
+    return "" if spin is None else f"pinned to a spin of {spin / DEG:g} deg: "
 
 
 def _most_frequent(checker: Checker, pairs: IndexArray) -> str:

@@ -32,7 +32,7 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
         best = spins[free][np.argmin(np.abs(spins[free]))]
         name = checker.problem.toolpath.tag_name(tag)
         how = "pin it there" if name in checker.problem.cell.optimize.pins else "widen range_deg"
-        return f"a turn of {best / DEG:.0f} deg about the tool axis would do: {how}"
+        return f"a spin of {best / DEG:.0f} deg about the tool axis would do: {how}"
     if text := _lead_or_side(checker, tag):
         return text
     first, second = cross_axes(checker.problem.placement.tool_axis)
@@ -50,7 +50,7 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
 
 
 def _lead_or_side(checker: Checker, tag: int) -> str:
-    """Return the smallest lead or side tilt that helps a milling tag, in its turns."""
+    """Return the smallest lead or side tilt that helps a milling tag, at its spins."""
     problem = checker.problem
     place, spins, allowed = problem.placement, problem.settings.spins, problem.cell.optimize.tilt
     feed = feed_directions(problem.toolpath, place.axis_base(np.arange(len(place))))

@@ -15,9 +15,9 @@ from postproc.planning.route.connect import free_way
 from postproc.units import DEG
 
 MakeChecker = Callable[[Cell], Checker]
-_LOOKS = 80
-SMALLEST_LOOK = 0.02
-"""The external axes move at least this [m] between two looks."""
+_MOST_STEPS = 80
+SMALLEST_STEP = 0.02
+"""The external axes move at least this [m] between two checks."""
 LARGEST_RADIUS = 3.0
 """No part of a workpiece is farther from its positioner's axis [m]; assumed."""
 
@@ -55,7 +55,7 @@ def travel_between(
     places: tuple[FloatArray, FloatArray],
     make_checker: MakeChecker,
 ) -> Travel | None:
-    """Return a pose that is free all the way between stations, with free ways to and from it."""
+    """Return a pose that is free while the external axes move, with free ways to and from it."""
     low, high = np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)
     folded = [
         np.clip([a1, -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0], low, high)
@@ -79,7 +79,7 @@ def _slides_free(
     """Return whether the arm is free in a pose while the external axes move.
 
     By conservative advancement: nothing moves farther than the smallest distance before the next
-    look.
+    check.
     """
     way = places[1] - places[0]
     radius = np.array(
@@ -87,7 +87,7 @@ def _slides_free(
     )
     length = float((np.abs(way) * radius).sum())
     share = 0.0
-    for _ in range(_LOOKS):
+    for _ in range(_MOST_STEPS):
         scene = make_checker(cell_at(cell, places[0] + share * way)).scene
         if scene is None:
             return True
@@ -95,6 +95,6 @@ def _slides_free(
             return False
         if share >= 1.0:
             return True
-        room = float(scene.clearance(q[None], most=length + 1.0)[0])
-        share = min(1.0, share + max(0.95 * room, SMALLEST_LOOK) / length)
+        clearance = float(scene.clearance(q[None], most=length + 1.0)[0])
+        share = min(1.0, share + max(0.95 * clearance, SMALLEST_STEP) / length)
     return False

@@ -1,9 +1,9 @@
 """The best sequence of states."""
 
-from postproc.planning.search.hunt import step_rules
+from postproc.planning.search.external_axes import plan_with_external_axes
 from postproc.planning.search.keytags import arc_length, key_tags
+from postproc.planning.search.pose_search import step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
-from postproc.planning.search.station import plan_stations
 from postproc.planning.search.strategy import choose
 
 __all__ = [
@@ -12,6 +12,6 @@ __all__ = [
     "key_tags",
     "ordered",
     "ordered_by_place",
-    "plan_stations",
+    "plan_with_external_axes",
     "step_rules",
 ]

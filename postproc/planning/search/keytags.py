@@ -1,6 +1,6 @@
 """Which tags are key tags: ends, corners, every so often, or as named.
 
-Between key tags the turn about the tool axis is interpolated (``smooth``), so a stretch ends
+Between key tags the spin about the tool axis is interpolated (``smooth``), so a stretch ends
 wherever that would make no sense: at the ends of operations and where rapids, cuts and holes meet.
 """
 

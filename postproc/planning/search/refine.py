@@ -23,7 +23,7 @@ _ENOUGH = 1e-7
 
 
 @dataclass(slots=True)
-class Course:
+class TagPoses:
     """An attitude and a branch for each of n tags, with the joints that follow [rad].
 
     ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
@@ -46,8 +46,8 @@ class Course:
 
 
 @dataclass(slots=True)
-class Room:
-    """Where the tags of a course may move: ``free`` (n, 3), ``low`` and ``high`` (n, 3) [rad].
+class Bounds:
+    """Where the poses of tags may move: ``free`` (n, 3), ``low`` and ``high`` (n, 3) [rad].
 
     One column for each angle of the attitude.
     """
@@ -71,58 +71,58 @@ class _Angle:
         return result
 
 
-def refine(problem: Problem, course: Course, room: Room) -> Course:
-    """Return the course with the attitudes of free tags moved to a local optimum.
+def refine(problem: Problem, poses: TagPoses, bounds: Bounds) -> TagPoses:
+    """Return the poses with the attitudes of free tags moved to a local optimum.
 
     One angle after the other, the spin last: it mostly ends at a bound of reach, where tags would
     no longer tilt together.
 
     Args:
         problem: what is asked.
-        course: a course on the grid.
-        room: which tags may move, and how far.
+        poses: on the grid.
+        bounds: which tags may move, and how far.
     """
     wishes = problem.cell.optimize
-    bounds = (wishes.step, wishes.tilt.step, wishes.tilt.step)
-    angles = [_Angle(column, 0.5 * bound) for column, bound in enumerate(bounds)]
-    tilts = [angle for angle in angles[1:] if room.free[:, angle.column].any()]
+    steps = (wishes.step, wishes.tilt.step, wishes.tilt.step)
+    angles = [_Angle(column, 0.5 * step) for column, step in enumerate(steps)]
+    tilts = [angle for angle in angles[1:] if bounds.free[:, angle.column].any()]
     for angle in [*tilts, angles[0]]:
-        course = _refined(problem, course, room, angle)
-    return course
+        poses = _refined(problem, poses, bounds, angle)
+    return poses
 
 
-def _refined(problem: Problem, course: Course, room: Room, angle: _Angle) -> Course:
-    """Return the course with one angle of the attitudes moved to a local optimum."""
-    attitude, q, at = course.attitude.copy(), course.q.copy(), angle.column
-    free, low, high = room.free[:, at], room.low[:, at], room.high[:, at]
-    cost = _costs(problem, course, attitude, q)
-    total = float(cost.sum()) + course.travel(q)
+def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -> TagPoses:
+    """Return the poses with one angle of the attitudes moved to a local optimum."""
+    attitude, q, at = poses.attitude.copy(), poses.q.copy(), angle.column
+    free, low, high = bounds.free[:, at], bounds.low[:, at], bounds.high[:, at]
+    cost = _costs(problem, poses, attitude, q)
+    total = float(cost.sum()) + poses.travel(q)
     for _ in range(_ROUNDS):
-        step = _newton(problem, course, angle, (attitude, q, cost), free)
+        step = _newton(problem, poses, angle, (attitude, q, cost), free)
         step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
-        taken = _descend(problem, course, angle, (attitude, q), step, total)
+        taken = _descend(problem, poses, angle, (attitude, q), step, total)
         if taken is None:
             break
         gain = total - taken[3]
         attitude, q, cost, total = taken
         if gain < _ENOUGH * max(1.0, abs(total)):
             break
-    rounded = course.attitude.copy()
+    rounded = poses.attitude.copy()
     fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
     rounded[:, at] = np.clip(fine, low, high)
-    solved, good = _joints(problem, course, rounded, q)
-    return Course(
-        course.tags,
-        np.where(good[:, None], rounded, course.attitude),
-        course.branch,
-        np.where(good[:, None], solved, course.q),
-        course.weight,
+    solved, good = _joints(problem, poses, rounded, q)
+    return TagPoses(
+        poses.tags,
+        np.where(good[:, None], rounded, poses.attitude),
+        poses.branch,
+        np.where(good[:, None], solved, poses.q),
+        poses.weight,
     )
 
 
 def _descend(
     problem: Problem,
-    course: Course,
+    poses: TagPoses,
     angle: _Angle,
     now: tuple[FloatArray, FloatArray],
     step: FloatArray,
@@ -132,11 +132,11 @@ def _descend(
     attitude, q = now
     for share in (1.0, 0.5, 0.25, 0.1, 0.03):
         moved = angle.moved(attitude, share * step)
-        solved, good = _joints(problem, course, moved, q)
+        solved, good = _joints(problem, poses, moved, q)
         moved = np.where(good[:, None], moved, attitude)
         solved = np.where(good[:, None], solved, q)
-        cost = _costs(problem, course, moved, solved)
-        new = float(cost.sum()) + course.travel(solved)
+        cost = _costs(problem, poses, moved, solved)
+        new = float(cost.sum()) + poses.travel(solved)
         if new < total:
             return moved, solved, cost, new
     return None
@@ -144,23 +144,23 @@ def _descend(
 
 def _newton(
     problem: Problem,
-    course: Course,
+    poses: TagPoses,
     angle: _Angle,
     now: tuple[FloatArray, FloatArray, FloatArray],
     movable: BoolArray,
 ) -> FloatArray:
     """Return the Newton step (n,) [rad], 0 where a tag cannot move."""
     attitude, q, cost = now
-    sides = [_joints(problem, course, angle.moved(attitude, d), q) for d in (-_PROBE, _PROBE)]
+    sides = [_joints(problem, poses, angle.moved(attitude, d), q) for d in (-_PROBE, _PROBE)]
     moving = movable & sides[0][1] & sides[1][1]
     below, above = (np.where(moving[:, None], solved, q) for solved, _ in sides)
-    cost_below = _costs(problem, course, angle.moved(attitude, -_PROBE), below)
-    cost_above = _costs(problem, course, angle.moved(attitude, _PROBE), above)
+    cost_below = _costs(problem, poses, angle.moved(attitude, -_PROBE), below)
+    cost_above = _costs(problem, poses, angle.moved(attitude, _PROBE), above)
     slope = np.where(moving, (cost_above - cost_below) / (2.0 * _PROBE), 0.0)
     bend = np.where(moving, (cost_above - 2.0 * cost + cost_below) / _PROBE**2, 0.0)
     rate = (above - below) / (2.0 * _PROBE)
     leap = np.diff(q, axis=0)
-    w = course.weight[1:]
+    w = poses.weight[1:]
     gradient = slope
     gradient[1:] += 2.0 * w * np.einsum("ij,ij->i", leap, rate[1:])
     gradient[:-1] -= 2.0 * w * np.einsum("ij,ij->i", leap, rate[:-1])
@@ -177,16 +177,16 @@ def _newton(
 
 
 def _joints(
-    problem: Problem, course: Course, attitude: FloatArray, q: FloatArray
+    problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    solved, reached = problem.solve(course.tcp(problem, attitude), course.branch, q)
+    solved, reached = problem.solve(poses.tcp(problem, attitude), poses.branch, q)
     solved = np.where(reached[:, None], solved, q)
     return solved, reached & problem.within(solved) & problem.regular(solved)
 
 
-def _costs(problem: Problem, course: Course, attitude: FloatArray, q: FloatArray) -> FloatArray:
-    T_base_tcp = course.tcp(problem, attitude)
-    return evaluate(problem, course.tags, attitude[:, 0], T_base_tcp, q)[0]
+def _costs(problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray) -> FloatArray:
+    T_base_tcp = poses.tcp(problem, attitude)
+    return evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)[0]
 
 
 def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:

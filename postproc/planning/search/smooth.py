@@ -1,10 +1,10 @@
-"""The smoothing of Jiao et al. 2022: key tags optimised, the turn of the others interpolated.
+"""The smoothing of Jiao et al. 2022: key tags optimised, the spin of the others interpolated.
 
 With ``refine`` off the key tags take the best spin of the grid each, as in the paper; with it they
 are chosen together, travel counted, so that the way between two of them rarely crosses a trough.
 
 The paper interpolates the first roll angle of the inverse rotation (Eqs. 28-37), which fails where
-that angle wraps, where the tool is vertical, and by the signs printed. Here the turn is measured
+that angle wraps, where the tool is vertical, and by the signs printed. Here the spin is measured
 against a cross direction that is carried along the path by the smallest rotation from tool axis to
 tool axis (parallel transport), unwrapped, and interpolated over arc length: the same where the
 paper's holds, free of singularities elsewhere. Where the cell allows a tilt of the tool axis, lead
@@ -25,8 +25,14 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.planning.checks import Checker, Reason, explained, failure
-from postproc.planning.search.hunt import TIE_TRAVEL, Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length, key_tags, stretches
+from postproc.planning.search.pose_search import (
+    TIE_TRAVEL,
+    PoseSearch,
+    check_chain,
+    step_rules,
+    travel,
+)
 from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
@@ -67,12 +73,12 @@ def smooth(
         step(int(keys.sum()), n, "smooth")
         tags = np.nonzero(keys)[0]
         released |= round_ >= _FREE
-        hunt = _hunt(checker, tags, np.where(released, np.nan, best))
-        found = hunt.run()
-        key = hunt.chosen(found)
+        search = _search_of_keys(checker, tags, np.where(released, np.nan, best))
+        found = search.run()
+        key = search.chosen(found)
         chosen, failing = _filled(checker, key, tags, last=round_ == _ROUNDS - 1)
         loss = _loss(problem, chosen, best)
-        stuck = _stuck(hunt, key, failing, released)
+        stuck = _stuck(search, key, failing, released)
         if stuck.any():
             released |= stuck
             continue
@@ -85,19 +91,19 @@ def smooth(
             break
         keys |= added
     record = {
-        **hunt.record(found, key),
+        **search.record(found, key),
         "key_tags": tags.tolist(),
         "loss": np.where(chosen.good, loss, np.nan).tolist(),
         "travel_rad2": travel(chosen),
     }
-    findings = [*explained(checker, hunt.evidence(key)), _report(problem, loss, tags)]
+    findings = [*explained(checker, search.evidence(key)), _report(problem, loss, tags)]
     findings += _given_up(problem, chosen, findings)
     if len(tags) > first_keys:
         record["key_tags_added"] = len(tags) - first_keys
     return chosen, findings, record
 
 
-def _hunt(checker: Checker, tags: IndexArray, best: FloatArray) -> Hunt:
+def _search_of_keys(checker: Checker, tags: IndexArray, best: FloatArray) -> PoseSearch:
     """Return the search over the key tags (k,).
 
     Key tags are chosen together, travel counted, and would pay any stiffness for it. So poses that
@@ -109,26 +115,26 @@ def _hunt(checker: Checker, tags: IndexArray, best: FloatArray) -> Hunt:
         best: (n,) best index of each tag [N/m]; NaN: nothing is ruled out.
     """
     problem = checker.problem
-    hunt = Hunt.of(checker, tags, each=not problem.cell.optimize.refine)
+    search = PoseSearch.of(checker, tags, each=not problem.cell.optimize.refine)
     if not problem.cell.optimize.refine:
-        hunt.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
-    hunt.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
-    owner = hunt.states.tag_of(np.arange(len(hunt.states.q)))
+        search.ladder.weight[:] = TIE_TRAVEL / TRAVEL_UNIT**2
+    search.ladder.rule[1:] = np.where(_same_stretch(problem, tags), Rule.CHAIN, Rule.FREE)
+    owner = search.states.tag_of(np.arange(len(search.states.q)))
     least = (1.0 - problem.cell.optimize.loss_bound - _ROUNDING) * best[tags]
-    ruled_out = ~hunt.pinned[owner] & (hunt.states.index < least[owner])
-    hunt.ladder.cost[ruled_out] = np.inf
-    return hunt
+    ruled_out = ~search.pinned[owner] & (search.states.index < least[owner])
+    search.ladder.cost[ruled_out] = np.inf
+    return search
 
 
-def _stuck(hunt: Hunt, key: Chosen, failing: BoolArray, released: BoolArray) -> BoolArray:
+def _stuck(search: PoseSearch, key: Chosen, failing: BoolArray, released: BoolArray) -> BoolArray:
     """Return (n,) key tags, not released yet, between which no cut can be run.
 
     Those on both sides of such a cut; where they were released before, the next ones beyond.
     """
-    tags = hunt.tags
+    tags = search.tags
     result = np.zeros_like(released)
     adjacent = np.append(False, np.diff(tags) == 1)
-    chain = hunt.ladder.rule == Rule.CHAIN
+    chain = search.ladder.rule == Rule.CHAIN
     bad = chain & (key.entry | ~key.good | (adjacent & failing[tags]))
     held = np.flatnonzero(~released[tags])
     for k in np.flatnonzero(bad[1:]) + 1:
@@ -202,12 +208,12 @@ def _filled(
             continue
         span = np.arange(a, b + 1)
         known = np.isin(span, (a, b))
-        turn = interpolated_spin(problem.placement, span, way[span], attitude[span, 0], known)
+        spin = interpolated_spin(problem.placement, span, way[span], attitude[span, 0], known)
         branch[inner] = key.branch[k]
         share = (way[inner] - way[a]) / max(way[b] - way[a], 1e-12)
         tilt = attitude[a, 1:] + share[:, None] * (attitude[b, 1:] - attitude[a, 1:])
         tilt[~problem.placement.may_tilt[inner]] = 0.0
-        attitude[inner] = np.column_stack([turn[1:-1], tilt])
+        attitude[inner] = np.column_stack([spin[1:-1], tilt])
         q[inner] = q[a] + share[:, None] * (q[b] - q[a])
         good[inner] = True
     inner = np.setdiff1d(np.nonzero(good)[0], tags)
@@ -253,11 +259,11 @@ def _best_index(checker: Checker) -> FloatArray:
     best = np.full(len(problem), np.nan)
     if problem.settings.weights.main is None:
         return best
-    hunt = Hunt.of(checker, np.arange(len(problem)), each=True)
-    hunt.ladder.rule[:] = Rule.FREE
-    path = hunt.run(steps=False).path
+    search = PoseSearch.of(checker, np.arange(len(problem)), each=True)
+    search.ladder.rule[:] = Rule.FREE
+    path = search.run(steps=False).path
     good = path != NONE
-    best[good] = hunt.states.index[path[good]]
+    best[good] = search.states.index[path[good]]
     return best
 
 

@@ -10,9 +10,9 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Strategy
 from postproc.errors import Finding
 from postproc.planning.checks import Checker, explained
-from postproc.planning.search.hunt import Hunt, check_chain, step_rules, travel
 from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.refine import Course, Room, refine
+from postproc.planning.search.pose_search import PoseSearch, check_chain, step_rules, travel
+from postproc.planning.search.refine import Bounds, TagPoses, refine
 from postproc.planning.states import Chosen, Problem, Rule
 from postproc.process import feeds_of
 
@@ -31,16 +31,16 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
     tags = np.arange(len(checker.problem))
     step(0, len(tags), "search")
     wishes = checker.problem.cell.optimize
-    hunt = Hunt.of(checker, tags, each=wishes.strategy is Strategy.EACH)
-    found = hunt.run()
-    chosen = hunt.chosen(found)
-    record = hunt.record(found, chosen)
+    search = PoseSearch.of(checker, tags, each=wishes.strategy is Strategy.EACH)
+    found = search.run()
+    chosen = search.chosen(found)
+    record = search.record(found, chosen)
     if wishes.refine and wishes.strategy is Strategy.GLOBAL:
         step(0, len(tags), "refine")
-        chosen = refined(checker, chosen, hunt.weight)
-        record["travel_rad2"] = travel(chosen)
+        chosen = refined(checker, chosen, search.weight)
+        record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     step(len(tags), len(tags), "search")
-    return chosen, explained(checker, hunt.evidence(chosen)), record
+    return chosen, explained(checker, search.evidence(chosen)), record
 
 
 def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
@@ -50,28 +50,28 @@ def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
     if len(tags) == 0:
         return chosen
     linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
-    grid = Course(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
+    grid = TagPoses(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
     names = problem.toolpath.tag_name
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
-    room = _room(problem, grid, free)
+    bounds = _bounds(problem, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
     for _ in range(_REVERTS):
-        course = _slowed(problem, refine(problem, grid, room), room)
-        passed &= (course.attitude == known.attitude).all(axis=1)
-        passed &= (course.q == known.q).all(axis=1)
-        bad = _failing(checker, course, np.asarray(room.free.any(axis=1)), passed)
+        poses = _slowed(problem, refine(problem, grid, bounds), bounds)
+        passed &= (poses.attitude == known.attitude).all(axis=1)
+        passed &= (poses.q == known.q).all(axis=1)
+        bad = _failing(checker, poses, np.asarray(bounds.free.any(axis=1)), passed)
         if not bad.any():
             break
-        room.free &= ~bad[:, None]
-        known, passed = course, ~bad
+        bounds.free &= ~bad[:, None]
+        known, passed = poses, ~bad
     else:
-        course = grid
+        poses = grid
     attitude, q = chosen.attitude.copy(), chosen.q.copy()
-    attitude[tags], q[tags] = course.attitude, course.q
+    attitude[tags], q[tags] = poses.attitude, poses.q
     return Chosen(attitude, chosen.branch, q, chosen.good, chosen.entry)
 
 
-def _room(problem: Problem, grid: Course, free: BoolArray) -> Room:
+def _bounds(problem: Problem, grid: TagPoses, free: BoolArray) -> Bounds:
     """Return where the tags may move: ``free`` (n,) in spin, and in tilt where a cut has any."""
     low, high = problem.cell.optimize.range
     if high - low >= 2.0 * np.pi - 1e-9:
@@ -82,66 +82,66 @@ def _room(problem: Problem, grid: Course, free: BoolArray) -> Room:
     cut = np.cumsum(~chain)
     tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
     tilted &= problem.placement.may_tilt[grid.tags]
-    return Room(
+    return Bounds(
         np.column_stack([free, tilted & any(allowed.lead), tilted & any(allowed.side)]),
         np.minimum(limits[:, 0], grid.attitude),
         np.maximum(limits[:, 1], grid.attitude),
     )
 
 
-def _slowed(problem: Problem, course: Course, room: Room) -> Course:
-    """Return the course with its turns spread where an axis would be too fast at the feed.
+def _slowed(problem: Problem, poses: TagPoses, bounds: Bounds) -> TagPoses:
+    """Return the poses with their spins spread where an axis would be too fast at the feed.
 
-    The weight of travel is raised on the steps that are too fast, so that the turn spreads over
+    The weight of travel is raised on the steps that are too fast, so that the spin spreads over
     the tags around them.
     """
-    time = _feed_times(problem, course)
+    time = _feed_times(problem, poses)
     speed = np.asarray(problem.cell.robot.qd_max)
     for _ in range(_SPREADS):
-        need = np.abs(np.diff(course.q, axis=0) / speed).max(axis=1, initial=0.0)
+        need = np.abs(np.diff(poses.q, axis=0) / speed).max(axis=1, initial=0.0)
         fast = np.append(False, need > time)
         if not fast.any():
             break
-        heavier = np.where(fast, _HEAVIER * course.weight, course.weight)
-        heavy = Course(course.tags, course.attitude, course.branch, course.q, heavier)
-        course = refine(problem, heavy, room)
-    return course
+        heavier = np.where(fast, _HEAVIER * poses.weight, poses.weight)
+        heavy = TagPoses(poses.tags, poses.attitude, poses.branch, poses.q, heavier)
+        poses = refine(problem, heavy, bounds)
+    return poses
 
 
-def _feed_times(problem: Problem, course: Course) -> FloatArray:
+def _feed_times(problem: Problem, poses: TagPoses) -> FloatArray:
     """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
-    toolpath, b = problem.toolpath, course.tags[1:]
+    toolpath, b = problem.toolpath, poses.tags[1:]
     feed = feeds_of(toolpath, problem.cell)[b]
-    step = np.diff(arc_length(toolpath)[course.tags])
-    is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (course.weight[1:] > 0.0)
+    step = np.diff(arc_length(toolpath)[poses.tags])
+    is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (poses.weight[1:] > 0.0)
     timed = is_cut & np.isfinite(feed) & (step > 1e-6)
     return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
 
 
-def _failing(checker: Checker, course: Course, free: BoolArray, passed: BoolArray) -> BoolArray:
-    """Return (n,) the tags of a course that fail, by themselves or by a cut into or out of them.
+def _failing(checker: Checker, poses: TagPoses, free: BoolArray, passed: BoolArray) -> BoolArray:
+    """Return (n,) the tags that fail, by themselves or by a cut into or out of them.
 
     ``free`` (n,): tags that may have been moved off the grid; ``passed`` (n,): tags that stand as
     they did when they were found good, as were the cuts between two of them.
     """
     moved = np.nonzero(free & ~passed)[0]
-    bad = np.zeros(len(course.tags), dtype=np.bool_)
+    bad = np.zeros(len(poses.tags), dtype=np.bool_)
     verdict = checker.states(
-        course.tags[moved], course.q[moved], course.attitude[moved], course.branch[moved]
+        poses.tags[moved], poses.q[moved], poses.attitude[moved], poses.branch[moved]
     )
     bad[moved[~verdict.good]] = True
-    rule = step_rules(checker.problem)[course.tags]
-    b = np.nonzero((rule == Rule.CHAIN) & (course.weight > 0.0))[0]
+    rule = step_rules(checker.problem)[poses.tags]
+    b = np.nonzero((rule == Rule.CHAIN) & (poses.weight > 0.0))[0]
     b = b[(b > 0)]
     b = b[(free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])]
     if len(b):
         a = b - 1
         verdict = check_chain(
             checker,
-            (course.tags[a], course.tags[b]),
-            (course.attitude[a], course.attitude[b]),
-            (course.q[a], course.q[b]),
-            course.branch[b],
+            (poses.tags[a], poses.tags[b]),
+            (poses.attitude[a], poses.attitude[b]),
+            (poses.q[a], poses.q[b]),
+            poses.branch[b],
         )
         fails = ~verdict.good
         bad[a[fails]] = True

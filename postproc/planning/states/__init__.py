@@ -24,7 +24,7 @@ from postproc.planning.states.tilt import (
     UPRIGHT,
     beside_in_grid,
     feed_directions,
-    strays,
+    leaves_tilt_range,
     tilt_grid,
 )
 
@@ -56,6 +56,7 @@ __all__ = [
     "feed_directions",
     "has_pose",
     "in_order",
+    "leaves_tilt_range",
     "moves",
     "path_normals",
     "pecks",
@@ -68,7 +69,6 @@ __all__ = [
     "spin_values",
     "stand_ins",
     "stiffness_of",
-    "strays",
     "strokes_of",
     "tilt_grid",
     "transported",

@@ -62,10 +62,10 @@ class States:
 
     def spin_of(self, states: IndexArray) -> FloatArray:
         """Return the spin (m,) [rad] of states (m,)."""
-        turn = self.column[states] % self.spins.shape[-1]
+        spin = self.column[states] % self.spins.shape[-1]
         if self.spins.ndim == 1:
-            return np.asarray(self.spins[turn])
-        return np.asarray(self.spins[self.tag_of(states), turn])
+            return np.asarray(self.spins[spin])
+        return np.asarray(self.spins[self.tag_of(states), spin])
 
     def attitude_of(self, states: IndexArray) -> FloatArray:
         """Return spin, lead and side tilt (m, 3) [rad] of states (m,)."""
@@ -197,13 +197,13 @@ def _chunk(
 def _attitudes(
     problem: Problem, tags: IndexArray, spins: FloatArray, tilts: FloatArray
 ) -> tuple[IndexArray, IndexArray, FloatArray]:
-    """Return row of ``tags`` (m,), column (m,) and attitude (m, 3) of all poses to look at."""
-    n, turns = len(tags), spins.shape[-1]
-    use = np.ones((n, len(tilts), turns), dtype=np.bool_)
+    """Return row of ``tags`` (m,), column (m,) and attitude (m, 3) of all poses to try."""
+    n, width = len(tags), spins.shape[-1]
+    use = np.ones((n, len(tilts), width), dtype=np.bool_)
     use[:, 1:] = problem.placement.may_tilt[tags][:, None, None]
-    row, tilt, turn = np.nonzero(use)
-    spin = np.broadcast_to(spins, (n, turns))[row, turn]
-    return row, tilt * turns + turn, np.column_stack([spin, tilts[tilt]])
+    row, tilt, column = np.nonzero(use)
+    spin = np.broadcast_to(spins, (n, width))[row, column]
+    return row, tilt * width + column, np.column_stack([spin, tilts[tilt]])
 
 
 def n_of(rows: IndexArray, n: int) -> IndexArray:

@@ -68,7 +68,7 @@ class Ladder:
     _solved: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
-        """Make room for the values of the search."""
+        """Allocate the values of the search."""
         states = len(self.position)
         self.cost = np.array(self.cost, dtype=np.float64)
         self.value = np.full(states, np.inf)

@@ -27,7 +27,7 @@ class Chosen:
 
     @property
     def spin(self) -> FloatArray:
-        """(n,) turn about the CAM tool axis [rad]."""
+        """(n,) spin about the CAM tool axis [rad]."""
         return self.attitude[:, 0]
 
 

@@ -1,4 +1,4 @@
-"""Where the tool stands at each tag: the tool axis is given, the turn about it (spin) is free.
+"""Where the tool stands at each tag: the tool axis is given, the spin about it is free.
 
 A pose of a tag is a function of its *attitude* (3,) [rad]: spin, lead, side tilt. The tip stays on
 the CAM point whatever the attitude; the spin counts about the CAM axis, then the tool is tilted.

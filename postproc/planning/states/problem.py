@@ -44,11 +44,6 @@ class Problem:
         return len(self.toolpath)
 
     @property
-    def is_hole(self) -> BoolArray:
-        """(n,) tags that are reached by a stroke along the tool axis."""
-        return np.asarray(self.toolpath.kind == MotionKind.HOLE)
-
-    @property
     def is_contact(self) -> BoolArray:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)

@@ -56,7 +56,7 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
     if wishes is not cell.optimize:
         cell = replace(cell, optimize=wishes)
     spins = spin_values(wishes.step, *wishes.range)
-    _require_room(cell, len(spins))
+    _require_columns(cell, len(spins))
     return cell, Settings(weights_of(cell), spins)
 
 
@@ -67,13 +67,13 @@ def _strategy(name: str, cell: Cell) -> Strategy:
     return Strategy(name)
 
 
-def _require_room(cell: Cell, spins: int) -> None:
+def _require_columns(cell: Cell, spins: int) -> None:
     tilts = coarsest(cell.optimize.tilt)
     if tilts > 1 and spins * tilts > MOST_COLUMNS:
         raise CellError(
             "PLN207",
-            f"[optimize] step_deg = {cell.optimize.step / DEG:g} gives {spins} turns times at "
+            f"[optimize] step_deg = {cell.optimize.step / DEG:g} gives {spins} spins times at "
             f"least {tilts} tilts at every milling tag, expected at most {MOST_COLUMNS} in all",
             SourceRef(cell.path),
-            hint="raise step_deg: turns between the steps are found by refine",
+            hint="raise step_deg: spins between the steps are found by refine",
         )

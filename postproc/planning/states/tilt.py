@@ -1,4 +1,4 @@
-"""Tilt of the tool axis: where the path allows it, which tilts are searched, where a line strays.
+"""Tilt of the tool axis: where the path allows it, which are tried, where a line leaves its range.
 
 Lead and side tilt are measured against the feed direction at a tag, as ``model.tilt`` says.
 """
@@ -23,9 +23,9 @@ BETWEEN = 0.4 * DEG
 the tool about one axis, while the feed direction goes from that of one tag to that of the next."""
 MOST_TILTS = 25
 MOST_COLUMNS = 2000
-"""Most turns times tilts at a tag: 32 arm configurations each must fit into one rung."""
+"""Most spins times tilts at a tag: 32 arm configurations each must fit into one rung."""
 MOST_POSES = 1_000_000
-"""Most turns times tilts of all tags that tilt, unless the coarsest grid has more."""
+"""Most spins times tilts of all tags that tilt, unless the coarsest grid has more."""
 _CUTS = (MotionKind.LINEAR, MotionKind.ARC)
 
 
@@ -115,7 +115,7 @@ def lead_and_side(axis: FloatArray, holder: FloatArray, feed: FloatArray) -> Flo
     return np.stack([lead, side], axis=-1)
 
 
-def strays(
+def leaves_tilt_range(
     axis: FloatArray,
     share: FloatArray,
     holder: tuple[FloatArray, FloatArray],
@@ -159,7 +159,7 @@ def tilt_grid(allowed: TiltRange, spins: int, tags: int) -> FloatArray:
 
     Args:
         allowed: ranges and step.
-        spins: how many turns about the tool axis are searched.
+        spins: how many spins are searched.
         tags: how many tags may tilt.
     """
     most = min(MOST_TILTS, MOST_COLUMNS // spins, MOST_POSES // max(1, spins * tags))

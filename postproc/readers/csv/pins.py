@@ -1,4 +1,4 @@
-"""Pins from a file: tags whose turn about the tool axis is given, as CSV ``tag,spin_deg``.
+"""Pins from a file: tags whose spin about the tool axis is given, as CSV ``tag,spin_deg``.
 
 UTF-8, comma, header row, ``#`` comment lines. ``tag`` is the name of a tag as messages print it:
 the id of the input, else its index from 0.
@@ -20,7 +20,7 @@ _LARGEST = 360.0
 
 @dataclass(frozen=True, slots=True)
 class Pin:
-    """A tag's name, its turn about the tool axis [deg], and the line that says so."""
+    """A tag's name, its spin about the tool axis [deg], and the line that says so."""
 
     tag: str
     spin_deg: float

@@ -49,7 +49,7 @@ export function showSpins(map, tag, name, spin, stiffness) {
   const text = `chosen ${spin.toFixed(0)} deg`;
   lineChart(host, {
     series: map.lines(tag, name),
-    xLabel: "turn about the tool axis [deg]",
+    xLabel: "spin about the tool axis [deg]",
     yLabel: "N/mm",
     marks: Number.isFinite(spin) ? [{ x: spin, y: stiffness, text, colour: CHOSEN }] : [],
     height: 230,

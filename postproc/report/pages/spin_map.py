@@ -28,7 +28,7 @@ def spin_map_page(spins: SpinMap, cell_name: str) -> bytes:
     page.data |= _data(spins, picture)
     code = base64.b64encode(picture.png).decode("ascii")
     page.section(
-        "Turn about the tool axis by tag",
+        "Spin about the tool axis by tag",
         f'<img id="map" alt="spin map" style="max-width:100%;height:auto" '
         f'width="{picture.size[0]}" height="{picture.size[1]}" src="data:image/png;base64,{code}">'
         '<p id="under" class="soft">point at a cell to read it</p>',
@@ -41,14 +41,14 @@ def spin_map_page(spins: SpinMap, cell_name: str) -> bytes:
 
 def _lead(spins: SpinMap, picture: Picture) -> list[str]:
     n = len(spins)
-    barred = int((spins.classes != SpinClass.FREE).all(axis=1).sum())
+    blocked = int((spins.classes != SpinClass.FREE).all(axis=1).sum())
     through = spins.spins[(spins.classes == SpinClass.FREE).all(axis=0)] / DEG
-    lead = [f"{barred} of {n} tags have no free turn." if barred else f"All {n} tags can be run."]
+    lead = [f"{blocked} of {n} tags have no free spin." if blocked else f"All {n} tags can be run."]
     if len(through):
         names = ", ".join(f"{value:+.0f}" for value in through.tolist())
         lead.append(f"Free at every tag, in some posture: {names} deg.")
-    elif not barred:
-        lead.append("No single turn is free at every tag.")
+    elif not blocked:
+        lead.append("No single spin is free at every tag.")
     size = int(picture.columns.last[0] - picture.columns.first[0]) + 1
     if size > 1:
         lead.append(
@@ -99,8 +99,10 @@ def _grades(spins: SpinMap) -> str:
         Grade.INVALID: "cannot be run",
     }
     rows = [(grade.name.lower(), int(count[grade]), words[grade]) for grade in Grade]
-    head = ("class", "tags", "room beyond the margins")
-    return table(head, rows) + "<p>room of every joint to its limit, and of the wrist</p>"
+    head = ("class", "tags", "distance beyond the margins")
+    return (
+        table(head, rows) + "<p>of every joint from its limit, and of the wrist from straight</p>"
+    )
 
 
 def _care(spins: SpinMap) -> str:
@@ -130,7 +132,7 @@ def _care(spins: SpinMap) -> str:
         "tag",
         "CAM line",
         "class",
-        "free turns",
+        "free spins",
         "chosen [deg]",
         "stiffest free [deg]",
         "loss [%]",

@@ -27,7 +27,7 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
     if curves.coaxial:
         lead.append(
             "The tool axis lies on axis 6: the rotation turns axis 6 alone and changes no "
-            "stiffness. Turning the tool gains nothing here."
+            "stiffness. Spinning the tool gains nothing here."
         )
     page = Page(f"Stiffness of {title}", lead)
     page.section("Best rotation by tag", _best(curves))

@@ -1,4 +1,4 @@
-"""The spin map as a picture: turn about the tool axis by tag, the chosen line on it.
+"""The spin map as a picture: spin about the tool axis by tag, the chosen line on it.
 
 Free cells are coloured by stiffness, the others by what stands against them. A map of more tags
 than the picture has columns is drawn in columns of several tags; a column shows what is hardest
@@ -194,14 +194,14 @@ class _Pen:
         return self.box[1] + self.box[3] * (1.0 - share)
 
     def spin_axis(self, spins: FloatArray) -> None:
-        """Label the turns at the left."""
+        """Label the spins at the left."""
         low, high = float(spins[0]) / DEG, float(spins[-1]) / DEG
         step = next((s for s in (1, 5, 10, 15, 30, 45, 90) if (high - low) / s <= 13.0), 90)
         for value in range(int(np.ceil(low / step - 1e-9)) * step, int(high + 1e-9) + 1, step):
             at = self.y(value * DEG, spins)
             self.draw.line((self.box[0] - 6, at, self.box[0] - 1, at), fill=_SOFT)
             self.text(self.box[0] - 10, at, f"{value}", "rm")
-        self.text(8, 20, "turn about the tool axis [deg]", "lm")
+        self.text(8, 20, "spin about the tool axis [deg]", "lm")
 
     def tag_axis(self, columns: Columns, spins: SpinMap) -> None:
         """Name some tags below the cells."""
@@ -235,7 +235,7 @@ class _Pen:
             at = self._key(at, row, CLASS_COLOURS[kind], CLASS_WORDS[kind])
         self.draw.line((at, row, at + 18, row), fill=_INK, width=2)
         self.text(at + 24, row, "chosen", "lm")
-        above = self.text(float(self.box[0]) + 260.0, 20, "room to limits:", "lm") + 14
+        above = self.text(float(self.box[0]) + 260.0, 20, "margin to limits:", "lm") + 14
         for grade in Grade:
             above = self._key(above, 20, GRADE_COLOURS[grade], grade.name.lower())
 

@@ -32,9 +32,9 @@ def singularity(context: StateContext) -> FloatArray:
 
 @objective("spin")
 def spin(context: StateContext) -> FloatArray:
-    """Return the squared turn about the tool axis against the reference, in units of 10 degrees."""
-    turn = np.mod(context.spin + np.pi, 2.0 * np.pi) - np.pi
-    return np.asarray((turn / TRAVEL_UNIT) ** 2)
+    """Return the squared spin against the reference, in units of 10 degrees."""
+    off = np.mod(context.spin + np.pi, 2.0 * np.pi) - np.pi
+    return np.asarray((off / TRAVEL_UNIT) ** 2)
 
 
 @objective("tilt", is_of_pose=True)

@@ -1,4 +1,4 @@
-"""The best way whose states and steps are free, checking as little as possible.
+"""The best way whose states and steps are free, checking as little as possible (LazySP).
 
 Checking whether a state collides costs a thousand times more than its place in the search. So
 the search runs as if nothing collided, only the best way is checked, what fails is taken out,
@@ -32,7 +32,7 @@ class Found:
     forbidden: int
 
 
-def search(
+def free_path(
     ladder: Ladder,
     check_states: CheckStates,
     check_steps: CheckSteps | None = None,

@@ -1,10 +1,10 @@
 """External axes: where the rail stands and how the positioner is turned for every tag.
 
-The axes are indexed: they stand still while the tool works and move between stations with the
-arm in a pose that is free all along. Which station serves which tags is the best sequence over all
-of them: stiffness (or reach) of each tag at each station of a grid, and a price for every change;
-a cut keeps its station. Each run of tags at one station is then planned as a job of its own in the
-cell as it stands there.
+The axes are indexed: they stand still while the tool works and move between positions with the
+arm in a pose that is free all along. Which position serves which tags is the best sequence over
+all of them: stiffness (or reach) of each tag at each position of a grid, and a price for every
+change; a cut keeps its position. Each run of tags at one position is then planned as a job of its
+own in the cell as it stands there.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.planning.checks import Reason
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
-from postproc.planning.search.hunt import step_rules
+from postproc.planning.search.pose_search import step_rules
 from postproc.planning.states import Rule, Settings, sample
 from postproc.timing import joint_move_time
 from postproc.units import DEG
 
 RAIL_STEP = 0.25
-"""Distance [m] between stations on a rail."""
+"""Distance [m] between positions on a rail."""
 TURN_STEP = 30.0 * DEG
-"""Angle between stations of a positioner."""
-MOST_STATIONS = 400
+"""Angle between positions of a positioner."""
+MOST_POSITIONS = 400
 CHANGE = 3.0
-"""Price of a change of station, in the units of the objectives: 100 % of stiffness is about 1."""
+"""Price of a change of position, in the units of the objectives: 100 % of stiffness is about 1."""
 UNREACHED = 1e6
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
@@ -42,10 +42,10 @@ _ROUNDS = 12
 PlanHere = Callable[[ToolPath, Cell], Plan]
 
 
-def stations_of(cell: Cell) -> FloatArray:
-    """Return the grid of stations (g, k): 0 among each axis' values where its range holds it."""
+def position_grid(cell: Cell) -> FloatArray:
+    """Return the grid of positions (g, k): 0 among each axis' values where its range holds it."""
     columns = []
-    share = MOST_STATIONS ** (1.0 / len(cell.external_axes))
+    share = MOST_POSITIONS ** (1.0 / len(cell.external_axes))
     for axis in cell.external_axes:
         step = RAIL_STEP if axis.kind == "rail" else TURN_STEP
         step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
@@ -56,8 +56,8 @@ def stations_of(cell: Cell) -> FloatArray:
 
 
 @dataclass(slots=True)
-class _Stations:
-    """The search for stations: costs of units (u, g), and what failed."""
+class _PositionSearch:
+    """The search for positions: costs of units (u, g), and what failed."""
 
     toolpath: ToolPath
     cell: Cell
@@ -67,14 +67,14 @@ class _Stations:
     done: dict[tuple[int, int, int], Plan] = field(default_factory=dict)
 
     def runs(self) -> list[tuple[int, int, int]]:
-        """Return runs of tags [low, high) with their station, at least total cost."""
+        """Return runs of tags [low, high) with their position, at least total cost."""
         chosen = _cheapest(self.cost, self._change())
         runs: list[tuple[int, int, int]] = []
-        for (low, high), station in zip(self.units, chosen.tolist(), strict=True):
-            if runs and runs[-1][2] == station:
-                runs[-1] = (runs[-1][0], high, station)
+        for (low, high), position in zip(self.units, chosen.tolist(), strict=True):
+            if runs and runs[-1][2] == position:
+                runs[-1] = (runs[-1][0], high, position)
             else:
-                runs.append((low, high, station))
+                runs.append((low, high, position))
         return runs
 
     def _change(self) -> FloatArray:
@@ -83,21 +83,21 @@ class _Stations:
         return np.where(gap.max(axis=2) > 0.0, CHANGE + gap.sum(axis=2), 0.0)
 
     def blame(self, run: tuple[int, int, int], result: Plan) -> bool:
-        """Close stations to the units that failed there; return whether there is another."""
-        low, _, station = run
+        """Close positions to the units that failed there; return whether there is another."""
+        low, _, position = run
         again = False
         for finding in result.errors:
             if finding.tag_index is None:
                 continue
             tag = low + finding.tag_index
             unit = next(i for i, (a, b) in enumerate(self.units) if a <= tag < b)
-            if self.cost[unit, station] < UNREACHED:
-                self.cost[unit, station] = UNREACHED
+            if self.cost[unit, position] < UNREACHED:
+                self.cost[unit, position] = UNREACHED
                 again |= bool((self.cost[unit] < UNREACHED).any())
         return again
 
 
-def plan_stations(
+def plan_with_external_axes(
     toolpath: ToolPath,
     cell: Cell,
     settings: Settings,
@@ -113,9 +113,9 @@ def plan_stations(
         make_checker: cell without external axes to the checks of the whole toolpath in it.
         plan_here: part of the toolpath and such a cell to a plan.
     """
-    values = stations_of(cell)
+    values = position_grid(cell)
     units, cost, reach = _costs(toolpath, cell, settings, values, make_checker)
-    search = _Stations(toolpath, cell, values, units, cost)
+    search = _PositionSearch(toolpath, cell, values, units, cost)
     for _ in range(_ROUNDS):
         runs, again = search.runs(), False
         for run in runs:
@@ -137,7 +137,7 @@ def _costs(
     values: FloatArray,
     make_checker: MakeChecker,
 ) -> tuple[list[tuple[int, int]], FloatArray, BoolArray]:
-    """Return units of tags that keep a station, their cost (u, g), and reach (n, g) of the tags."""
+    """Return units of tags that keep a position, their cost (u, g), and the tags' reach (n, g)."""
     n, tags = len(toolpath), np.arange(len(toolpath))
     quality = np.full((n, len(values)), -np.inf)
     rule = np.zeros(n, dtype=np.int64)
@@ -162,7 +162,7 @@ def _costs(
 def _told(
     result: Plan, cell: Cell, units: list[tuple[int, int]], reach: BoolArray
 ) -> tuple[Finding, ...]:
-    """Return the findings; those of a cut that no single station reaches all along say so."""
+    """Return the findings; those of a cut that no single position reaches all along say so."""
     names = " or ".join(axis.name for axis in cell.external_axes)
     hint = f"cuts keep their place of {names}: lift the tool somewhere on the way"
     told = list(result.findings)
@@ -179,7 +179,7 @@ def _told(
 
 
 def _cheapest(cost: FloatArray, change: FloatArray) -> IndexArray:
-    """Return the station (u,) of every unit by dynamic programming."""
+    """Return the position (u,) of every unit by dynamic programming."""
     value, back = cost[0].copy(), []
     for row in cost[1:]:
         steps = value[:, None] + change
@@ -203,8 +203,8 @@ def _joined(
     pieces: list[Plan] = []
     findings: list[Finding] = []
     before: Plan | None = None
-    for (low, _, station), part in zip(runs, plans, strict=True):
-        external = np.tile(values[station], (len(part), 1))
+    for (low, _, position), part in zip(runs, plans, strict=True):
+        external = np.tile(values[position], (len(part), 1))
         here = replace(part.within(toolpath, low), external=external)
         findings += here.findings
         if before is not None and len(here):
@@ -223,7 +223,7 @@ def _between(
     make_checker: MakeChecker,
     findings: list[Finding],
 ) -> Plan:
-    """Return the moves from one station to the next: to a travel pose, the axes, and on."""
+    """Return the moves from one position to the next: to a travel pose, the axes, and on."""
     places = before.external[-1], after.external[0]
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
     travel = travel_between(cell, q_from, q_to, places, make_checker)

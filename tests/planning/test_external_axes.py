@@ -1,4 +1,4 @@
-"""Rails and positioners: what the arm alone cannot reach, done from stations."""
+"""Rails and positioners: what the arm alone cannot reach, done from positions of external axes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
-from postproc.planning.search.station import stations_of
+from postproc.planning.search.external_axes import position_grid
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
@@ -105,10 +105,10 @@ def test_rail_is_a_shift_of_the_base(make_cell, step):
     assert np.allclose(here.robot.T_world_robroot[:3, 3], [0, step, 0])
 
 
-def test_grid_of_stations():
+def test_grid_of_positions():
     from types import SimpleNamespace
 
-    values = stations_of(SimpleNamespace(external_axes=(RAIL,)))
+    values = position_grid(SimpleNamespace(external_axes=(RAIL,)))
     assert values[0, 0] == -3.5
     assert values[-1, 0] == 3.5
     assert 0.0 in values

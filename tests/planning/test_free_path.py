@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.planning.search.lazy import search
+from postproc.planning.search.free_path import free_path
 from postproc.planning.states.ladder import NONE, Ladder
 from tests.planning.test_ladder import random_ladder
 
@@ -31,7 +31,7 @@ def test_lazy_equals_eager(seed, share):
         asked.extend(states.tolist())
         return ~bad[states]
 
-    found = search(ladder, check)
+    found = free_path(ladder, check)
     assert ladder.total(found.path) == pytest.approx(eager.total(eager.path()), abs=1e-9)
     assert np.array_equal(ladder.broken, eager.broken)
     assert len(asked) == len(set(asked)) == found.checked
@@ -44,8 +44,8 @@ def test_known_failures_change_the_work_not_the_answer(seed):
     ladder = random_ladder(rng, rungs=30, most=20, dead=0.05, chain=0.4, least=5)
     bad = rng.uniform(size=len(ladder.position)) < 0.3
     plain, told = copy(ladder), copy(ladder)
-    one = search(plain, lambda s: ~bad[s])
-    two = search(told, lambda s: ~bad[s], beside=lambda s: np.nonzero(bad)[0][:: 1 + len(s)])
+    one = free_path(plain, lambda s: ~bad[s])
+    two = free_path(told, lambda s: ~bad[s], beside=lambda s: np.nonzero(bad)[0][:: 1 + len(s)])
     assert plain.total(one.path) == pytest.approx(told.total(two.path), abs=1e-9)
     assert two.rounds <= one.rounds
 
@@ -65,7 +65,7 @@ def test_failing_steps_are_avoided(seed):
         step = ladder.weight[i] * (leap**2).sum(-1)
         step[~verdict[before][:, now].T] = np.inf
         best = (best[None, :] + step).min(axis=1) + ladder.cost[now]
-    found = search(ladder, lambda s: np.ones(len(s), bool), lambda a, b: verdict[a, b])
+    found = free_path(ladder, lambda s: np.ones(len(s), bool), lambda a, b: verdict[a, b])
     if np.isfinite(best.min()):
         assert ladder.total(found.path) == pytest.approx(best.min(), abs=1e-9)
     else:

@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import MotionKind
 from postproc.planning.checks import Checker, Evidence, Lines, Reason, Verdict, poses_between
-from postproc.planning.search.lazy import Found, search
+from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
@@ -19,8 +19,8 @@ from postproc.planning.states import (
     Rule,
     States,
     beside_in_grid,
+    leaves_tilt_range,
     sample,
-    strays,
 )
 
 TIE_TRAVEL = 1e-7
@@ -30,13 +30,13 @@ _CHAIN_TRAVEL = 3e-3
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
 _TIE_SPIN = 1e-5
 _WIDEST = 8
-"""How many spins and tags around a failing pose are looked at, at most."""
+"""How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
 _NARROW = 3
-"""How often steps into a tag may fail before those between other tilts are looked at too."""
-_LOOKS = np.arange(1.0, 8.0) / 8.0
-"""Where on a cut the tilt of the tool is looked at."""
+"""How often steps into a tag may fail before those between other tilts are checked too."""
+_TILT_SHARES = np.arange(1.0, 8.0) / 8.0
+"""Where on a cut the tilt of the tool is checked."""
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -61,7 +61,7 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, BoolAr
 
 
 @dataclass(slots=True)
-class Hunt:
+class PoseSearch:
     """A search over tags: their states, the graph, and why states and steps failed."""
 
     checker: Checker
@@ -80,7 +80,7 @@ class Hunt:
     fanned: dict[int, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> Hunt:
+    def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> PoseSearch:
         """Return the search over tags (n,) in this order.
 
         Args:
@@ -120,7 +120,7 @@ class Hunt:
     def run(self, *, steps: bool = True) -> Found:
         """Search; without ``steps`` only states are checked, not the motions between them."""
         check_steps = self.check_steps if steps else None
-        return search(self.ladder, self.check_states, check_steps, self.beside, self.fan)
+        return free_path(self.ladder, self.check_states, check_steps, self.beside, self.fan)
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run, strokes and all; keeps the reasons."""
@@ -224,19 +224,19 @@ class Hunt:
 
         Those with the same tilt, of tags and spins near by, and those of the tilts next to it.
         """
-        turns, n = self.states.spins.shape[-1], len(self.tags)
+        width, n = self.states.spins.shape[-1], len(self.tags)
         if self.cells is None:
             self.cells = self._cell(np.arange(len(self.states.q)))
         along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)
         rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
-        tilt, turn = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], turns)
+        tilt, spin = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], width)
         inside = (rung >= 0) & (rung < n)
         branch = self.states.branch[states].astype(np.int64)[:, None, None]
-        column = tilt * turns + (turn + around[None, None, :]) % turns
+        column = tilt * width + (spin + around[None, None, :]) % width
         places = self._place(np.clip(rung, 0, n - 1), column, branch)
         near = [places[np.broadcast_to(inside, places.shape)]]
         which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt[:, 0, 0]])
-        rung, column = self.states.tag_of(states)[which], other * turns + turn[which, 0, 0]
+        rung, column = self.states.tag_of(states)[which], other * width + spin[which, 0, 0]
         near.append(self._place(rung, column, branch[which, 0, 0]))
         wanted = np.unique(np.concatenate(near))
         found = np.minimum(np.searchsorted(self.cells, wanted), len(self.cells) - 1)
@@ -267,8 +267,8 @@ class Hunt:
         near = np.abs(self.states.q[states] - self.states.q[end]).max(axis=1) <= np.pi
         near &= np.isfinite(self.ladder.cost[states])
         if like is not None:
-            turns = self.states.spins.shape[-1]
-            near &= self.states.column[states] // turns == self.states.column[like] // turns
+            width = self.states.spins.shape[-1]
+            near &= self.states.column[states] // width == self.states.column[like] // width
         return np.asarray(near & (self.states.branch[states] == branch))
 
     def _cell(self, states: IndexArray) -> IndexArray:
@@ -303,7 +303,6 @@ class Hunt:
             "checked": found.checked,
             "rounds": found.rounds,
             "cost": self.ladder.total(found.path),
-            "travel_rad2_grid": travel(chosen),
             "travel_rad2": travel(chosen),
         }
 
@@ -341,14 +340,14 @@ def check_chain(
         lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
         lines.radius = arcs.radius[number]
         lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
-    stray = _strays(problem, tags, attitudes, lines)
+    leaves = _leaves_tilt_range(problem, tags, attitudes, lines)
     verdict = checker.lines(lines)[0]
     # As for a turn that could go either way round: the tool cannot turn so on this way.
-    verdict.refuse(np.flatnonzero(stray), Reason.SINGULAR)
+    verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
     return verdict
 
 
-def _strays(
+def _leaves_tilt_range(
     problem: Problem,
     tags: tuple[IndexArray, IndexArray],
     attitudes: tuple[FloatArray, FloatArray],
@@ -356,28 +355,28 @@ def _strays(
 ) -> BoolArray:
     """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
     place = problem.placement
-    stray = np.zeros(len(lines), dtype=np.bool_)
+    leaves = np.zeros(len(lines), dtype=np.bool_)
     tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
     if not tilted.any():
-        return stray
+        return leaves
     lines.tilts = tilts[0], tilts[1]
-    rows, k = np.flatnonzero(tilted), len(_LOOKS)
-    T = poses_between(lines, np.repeat(rows, k), np.tile(_LOOKS, len(rows)))
+    rows, k = np.flatnonzero(tilted), len(_TILT_SHARES)
+    T = poses_between(lines, np.repeat(rows, k), np.tile(_TILT_SHARES, len(rows)))
     axis = -(T[:, :3, :3] @ place.tool_axis).reshape(len(rows), k, 3)
     around = np.zeros((len(rows), 3))
     if lines.normal is not None and lines.sweep is not None:
         around = lines.normal[rows] * lines.sweep[rows, None]
     first, last = tags[0][rows], tags[1][rows]
-    stray[rows] = strays(
+    leaves[rows] = leaves_tilt_range(
         axis,
-        _LOOKS,
+        _TILT_SHARES,
         (-place.axis_base(first), -place.axis_base(last)),
         (place.feed[first], place.feed[last]),
         around,
         problem.cell.optimize.tilt,
     )
-    return stray
+    return leaves
 
 
 def travel(chosen: Chosen) -> float:

@@ -13,8 +13,8 @@ from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
 from postproc.planning.search import strategy
-from postproc.planning.search.hunt import Hunt
-from postproc.planning.search.refine import Course
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.refine import TagPoses
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.planning.states.stroke import strokes_of
 from postproc.units import DEG
@@ -49,9 +49,9 @@ def crowded(make_cell, make_path, seed):
 def test_lazy_equals_eager(make_cell, make_path, seed):
     checker = crowded(make_cell, make_path, seed)
     tags = np.arange(5)
-    lazy = Hunt.of(checker, tags, each=False)
+    lazy = PoseSearch.of(checker, tags, each=False)
     found = lazy.run()
-    eager = Hunt.of(checker, tags, each=False)
+    eager = PoseSearch.of(checker, tags, each=False)
     every = np.arange(len(eager.states.q))
     bad = ~eager.check_states(every)
     eager.ladder.cost[every[bad]] = np.inf
@@ -83,20 +83,20 @@ def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
 
 def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_path):
     checker = crowded(make_cell, make_path, 3)
-    hunt = Hunt.of(checker, np.arange(5), each=False)
-    every = np.arange(len(hunt.states.q))
-    bad = every[~hunt.check_states(every)]
-    tags = hunt.states.tag_of(bad)
+    search = PoseSearch.of(checker, np.arange(5), each=False)
+    every = np.arange(len(search.states.q))
+    bad = every[~search.check_states(every)]
+    tags = search.states.tag_of(bad)
     first = bad[np.unique(tags, return_index=True)[1]]
-    tags = hunt.states.tag_of(first)
+    tags = search.states.tag_of(first)
     assert len(tags) > 2
-    course = Course(
+    poses = TagPoses(
         tags,
-        hunt.states.attitude_of(first),
-        hunt.states.branch[first].astype(np.int64),
-        hunt.states.q[first].astype(np.float64),
+        search.states.attitude_of(first),
+        search.states.branch[first].astype(np.int64),
+        search.states.q[first].astype(np.float64),
         np.zeros(len(tags)),
     )
     passed = np.arange(len(tags)) % 2 == 0
     free = np.ones(len(tags), dtype=np.bool_)
-    assert np.array_equal(strategy._failing(checker, course, free, passed), ~passed)
+    assert np.array_equal(strategy._failing(checker, poses, free, passed), ~passed)
