@@ -6,6 +6,7 @@ An error carries its values as attributes, so that the command line prints
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 
@@ -186,11 +187,17 @@ class PluginError(PostprocError):
     """A plug-in cannot be loaded or breaks its contract."""
 
 
-def fold(findings: list[Finding] | tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """Fold findings of equal severity, code and message into the first of them with a count."""
+_URGENCY = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
+
+
+def fold(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Fold findings of equal severity, code and message into the first of them with a count.
+
+    What forbids a program stands first, then warnings, then notes; each in the order found.
+    """
     first: dict[tuple[str, str, str], Finding] = {}
     for finding in findings:
         key = (finding.severity, finding.code, finding.message)
         known = first.get(key)
         first[key] = replace(known, count=known.count + finding.count) if known else finding
-    return tuple(first.values())
+    return tuple(sorted(first.values(), key=lambda finding: _URGENCY[finding.severity]))

@@ -27,5 +27,13 @@ def test_equal_findings_fold_into_the_first():
     two = Finding(Severity.WARNING, "APT020", "unknown word", source=SourceRef("a", 9))
     other = Finding(Severity.ERROR, "APT020", "unknown word", source=SourceRef("a", 9))
     folded = fold([one, two, other, two])
-    assert [(i.severity, i.count) for i in folded] == [("warning", 3), ("error", 1)]
-    assert str(folded[0]) == "a:1: warning APT020: unknown word (3 times)"
+    assert [(i.severity, i.count) for i in folded] == [("error", 1), ("warning", 3)]
+    assert str(folded[1]) == "a:1: warning APT020: unknown word (3 times)"
+
+
+def test_errors_come_first_and_equal_findings_are_one_with_a_count():
+    same = [Finding(Severity.WARNING, "PLN301", "slow", source=SourceRef("a", n)) for n in (3, 9)]
+    error = Finding(Severity.ERROR, "PLN101", "unreachable")
+    folded = fold([*same, error])
+    assert [(f.code, f.count) for f in folded] == [("PLN101", 1), ("PLN301", 2)]
+    assert folded[1].source == SourceRef("a", 3)

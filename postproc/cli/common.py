@@ -7,20 +7,23 @@ import importlib
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
 
-from postproc.errors import ExitCode, Finding
+from postproc.errors import ExitCode, Finding, Severity, fold
 from postproc.progress import Progress
 
 if TYPE_CHECKING:
     from postproc.cell import Cell
     from postproc.model import ToolPath
     from postproc.registry import Registry
+
+_SHOWN = {Severity.ERROR: 20, Severity.WARNING: 3, Severity.NOTE: 3}
+_MOST_LINES = 12
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -63,14 +66,23 @@ class Session:
         for line in _aligned(head, cells, right):
             click.echo(line)
 
-    def findings(self, findings: tuple[Finding, ...] | list[Finding], at_most: int = 20) -> None:
-        """Print findings on stderr, what would help on a following line; severities in colour."""
-        for finding in findings[:at_most]:
-            self.say(_coloured(str(finding), str(finding.severity)))
-            if finding.hint:
-                self.say(f"    hint: {finding.hint}")
-        if len(findings) > at_most:
-            self.say(f"... and {len(findings) - at_most} more")
+    def findings(self, findings: Iterable[Finding]) -> None:
+        """Print findings on stderr, errors first, what would help on a following line.
+
+        Of one code at most ``_SHOWN`` are printed, the others counted with their lines, so that
+        many equal warnings hide nothing.
+        """
+        groups: dict[tuple[Severity, str], list[Finding]] = {}
+        for finding in fold(findings):
+            groups.setdefault((finding.severity, finding.code), []).append(finding)
+        for (severity, code), group in groups.items():
+            most = _SHOWN[severity]
+            for finding in group[:most]:
+                self.say(_coloured(str(finding), str(severity)))
+                if finding.hint:
+                    self.say(f"    hint: {finding.hint}")
+            if len(group) > most:
+                self.say(f"... and {len(group) - most} more of {code}{_lines(group[most:])}")
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:
@@ -88,6 +100,15 @@ class Session:
                 bar.update(task, completed=done, total=total, description=what)
 
             yield report
+
+
+def _lines(findings: Sequence[Finding]) -> str:
+    """Return the lines that findings are about, in brackets; nothing where they have none."""
+    lines = sorted({finding.source.line for finding in findings if finding.source})
+    if not lines:
+        return ""
+    shown = ", ".join(str(line) for line in lines[:_MOST_LINES])
+    return f" (lines {shown}{', ...' if len(lines) > _MOST_LINES else ''})"
 
 
 def _is_number(text: str) -> bool:

@@ -45,7 +45,7 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
         {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}
     )
     session.show(_summary(checked.facts))
-    session.findings(checked.findings, at_most=len(checked.findings))
+    session.findings(checked.findings)
     return answer(checked.is_good)
 
 
