@@ -121,4 +121,4 @@ def path_of(points, kind=None, feed=0.01, cycles=(), arcs=None, events=(), axes=
     )
 
 
-DRILL = Cycle("DRILL", depth=8e-3, clearance=3e-3, retract=30e-3, dwell=0.5, feed=0.0025)
+DRILL = Cycle("drill", depth=8e-3, clearance=3e-3, retract=30e-3, dwell=0.5, feed=0.0025)

@@ -61,7 +61,7 @@ def _update(seen: Any, value: Any) -> None:  # noqa: ANN401 - hashlib's type has
         seen.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
     elif hasattr(value, "__dataclass_fields__"):
         for item in fields(value):
-            if item.name != "line":
+            if item.name not in {"line", "lines"}:
                 _update(seen, getattr(value, item.name))
     elif isinstance(value, dict):
         for key in sorted(value):

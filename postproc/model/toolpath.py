@@ -73,6 +73,29 @@ class Event:
     line: int = 1
 
 
+class CycleKind(StrEnum):
+    """What a drill cycle does at depth and on its way out."""
+
+    DRILL = "drill"
+    FACE = "face"
+    """Spot facing: as drilling, with a dwell."""
+    CSINK = "csink"
+    DEEP = "deep"
+    """Pecks with full retracts."""
+    BRKCHP = "brkchp"
+    """Pecks with short retracts that break the chip."""
+    REAM = "ream"
+    """Feed in and out with the spindle running."""
+    BORE = "bore"
+    """Feed in, spindle stopped, feed out."""
+    BORE_RAPID = "bore_rapid"
+    """Feed in, spindle stopped, rapid out."""
+    TAP = "tap"
+    TAP_LEFT = "tap_left"
+    RIGID_TAP = "rigid_tap"
+    RIGID_TAP_LEFT = "rigid_tap_left"
+
+
 @dataclass(frozen=True, slots=True)
 class Cycle:
     """A drilling stroke along the tool axis; heights and depths from the hole's tag, all >= 0.
@@ -80,10 +103,13 @@ class Cycle:
     ``clearance``: height above the tag where the feed starts; ``retract``: height above the tag
     where the tool ends; ``depth``: how far below the tag the tip goes; ``peck_first`` and ``peck``:
     pecking steps, 0 = none; ``break_chip``: short retracts instead of full ones; ``feed`` [m/s]
-    or NaN for the modal feed; ``dwell`` [s] at the bottom.
+    or NaN for the modal feed; ``dwell`` [s] at the bottom; ``pitch`` [m] of a thread, NaN = not
+    given; ``orient`` [rad] angle at which the spindle is to stand, NaN = any; ``shift`` [m] off the
+    wall before the way out; ``repeat``: how often the hole is made; ``feed_per_turn`` [m] where
+    the file gives the feed so, NaN else (``feed`` then holds at the speed of that line).
     """
 
-    kind: str
+    kind: CycleKind
     depth: float
     clearance: float
     retract: float
@@ -93,6 +119,61 @@ class Cycle:
     dwell: float = 0.0
     feed: float = float("nan")
     diameter: float = float("nan")
+    pitch: float = float("nan")
+    orient: float = float("nan")
+    shift: float = 0.0
+    repeat: int = 1
+    feed_per_turn: float = float("nan")
+
+    def __post_init__(self) -> None:
+        """Take the kind also as text."""
+        object.__setattr__(self, "kind", CycleKind(self.kind))
+
+
+class WordClass(StrEnum):
+    """What a word of a CAM file can change."""
+
+    GEOMETRY = "geometry"
+    COORDINATES = "coordinates"
+    TOOL = "tool"
+    PROCESS = "process"
+    COMMENT = "comment"
+
+
+@dataclass(frozen=True, slots=True)
+class WordUse:
+    """A word that is not carried out as it stands, with all lines where it stands so.
+
+    ``word``: the word as a user would name it to accept it, ``CUTCOM`` or ``MODE/INCR``;
+    ``reason``: what it asks for and why that is not done; ``refused``: whether it forbids a program
+    until the user accepts it, else it is a note; ``hint``: the option that would settle it.
+    """
+
+    word: str
+    word_class: WordClass
+    lines: tuple[int, ...]
+    reason: str
+    refused: bool
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class CamSetup:
+    """A machining coordinate system that the file names, and where the file says it lies.
+
+    It holds for the tags of later lines, up to the next one. ``matrix``: three rows of four
+    numbers, p_part = R p_setup + t [m]; None where the file gives only a name. The points of the
+    toolpath are NOT moved by it.
+    """
+
+    name: str
+    line: int
+    matrix: tuple[tuple[float, ...], ...] | None = None
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the file places it where the part's own coordinates lie."""
+        return self.matrix is not None and np.allclose(self.matrix, np.eye(3, 4), atol=1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +245,9 @@ class ToolPath:
         extra: further columns by name (diameter, ...), each of length n.
         unknown_words: words that the reader does not know, with their count.
         words: all major words of the file with their count, where the format has words.
+        word_uses: words that are not carried out as they stand, refused ones among them.
+        setups: coordinate systems that the file names, in the order of their lines.
+        start: (3,) where FROM puts the tool before the first motion [m], None where nothing says.
         warnings: findings; ``recovered``: faults that ``--recover`` fixed.
     """
 
@@ -192,12 +276,16 @@ class ToolPath:
     extra: Mapping[str, Any] = field(default_factory=dict, metadata=column("tag", dtype=None))
     unknown_words: Mapping[str, int] = field(default_factory=dict)
     words: Mapping[str, int] = field(default_factory=dict)
+    word_uses: tuple[WordUse, ...] = ()
+    setups: tuple[CamSetup, ...] = ()
+    start: FloatArray | None = None
     warnings: tuple[Finding, ...] = ()
     recovered: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
         freeze_columns(self, tag=len(self.points))
+        frozen_floats(self, "start", (3,))
 
     def __len__(self) -> int:
         """Return the number of tags."""
@@ -241,7 +329,7 @@ class ToolPath:
             if name != "arc":
                 changes[f"{name}s"] = tuple(row for table in tables for row in table)
         changes["arcs"] = Arcs.concat([part.arcs for part in parts])
-        for name in ("warnings", "recovered"):
+        for name in ("word_uses", "setups", "warnings", "recovered"):
             changes[name] = tuple(row for part in parts for row in getattr(part, name))
         for name in ("words", "unknown_words"):
             changes[name] = dict(sum((Counter(getattr(part, name)) for part in parts), Counter()))

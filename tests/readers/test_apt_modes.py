@@ -107,7 +107,7 @@ def test_nx_cycles_are_signed_and_change_on_the_way(fixtures):
     toolpath = read(fixtures / "nx_cycles.clsf")
     depths = [toolpath.cycles[i].depth for i in toolpath.cycle[:3]]
     np.testing.assert_allclose(depths, [0.072, 0.0745, 0.005])
-    assert [c.kind for c in toolpath.cycles] == ["peck", "peck", "drill"]
+    assert [c.kind for c in toolpath.cycles] == ["deep", "deep", "drill"]
     assert [c.retract for c in toolpath.cycles] == pytest.approx([0.003, 0.003, 0.025])
     assert toolpath.cycles[2].dwell == 0.2
     assert toolpath.kind.tolist() == [3, 3, 3, 1]

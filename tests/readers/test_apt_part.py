@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from postproc.model.toolpath import EventKind, MotionKind
+from postproc.model.toolpath import CycleKind, EventKind, MotionKind
 from postproc.readers import ReadOptions, read
 
 R, L, A, H = MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE
@@ -64,7 +64,7 @@ def test_arcs_turn_the_way_the_part_was_cut(toolpath):
 def test_one_drill_cycle_for_all_holes(toolpath):
     (cycle,) = toolpath.cycles
     assert toolpath.cycle.tolist() == [0 if row[3] is H else -1 for row in PART]
-    assert cycle.kind == "peck"
+    assert cycle.kind is CycleKind.DEEP
     heights = (cycle.depth, cycle.clearance, cycle.retract, cycle.peck_first, cycle.peck)
     np.testing.assert_allclose(heights, (8e-3, 3e-3, 12e-3, 2e-3, 2e-3), rtol=1e-12)
     assert cycle.dwell == 0.5

@@ -84,7 +84,7 @@ def test_heights_of_a_hole(read_text):
     ).cycles[0]
     values = (given.clearance, given.retract, given.peck, given.peck_first, given.dwell)
     assert values == pytest.approx((1e-3, 30e-3, 2e-3, 2e-3, 0.5))
-    assert given.kind == "peck"
+    assert given.kind == "deep"
 
 
 @pytest.mark.parametrize("tool_axis", [(1, 0, 0), (0, 0, 1), (0, -1, 0)])

@@ -273,7 +273,7 @@ def test_blended_bottom(cell):
 
 
 def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
-    cycle = Cycle("DEEP", depth=12e-3, clearance=3e-3, retract=30e-3, peck=4e-3, feed=0.0025)
+    cycle = Cycle("deep", depth=12e-3, clearance=3e-3, retract=30e-3, peck=4e-3, feed=0.0025)
 
     def deep(y, back=0.5):
         lines = ["$VEL.CP=1.0", at(-30, y, 0), at(-3, y, 0)]
@@ -288,7 +288,7 @@ def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
 
 
 def test_nothing_moves_sideways_in_a_hole(cell):
-    cycle = Cycle("DEEP", depth=12e-3, clearance=3e-3, retract=30e-3, peck=6e-3, feed=0.0025)
+    cycle = Cycle("deep", depth=12e-3, clearance=3e-3, retract=30e-3, peck=6e-3, feed=0.0025)
 
     def deep(lift):
         pecks = ["$VEL.CP=0.0025", at(6, 40, 0), "$VEL.CP=1.0", *lift, at(5.5, 40, 0)]

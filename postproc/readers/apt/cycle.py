@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 from math import isnan
 
-from postproc.model import Cycle
+from postproc.model import Cycle, CycleKind
 from postproc.readers.apt.dialect import CycleGrammar, DepthRule
 from postproc.readers.apt.feed import FEED_UNITS, PER_TURN, feed_value
 from postproc.readers.apt.state import AptState
@@ -22,11 +22,12 @@ DEFAULT_CLEARANCE = 2.0 * MM
 NAN = float("nan")
 
 _KINDS = {
-    "DRILL": "drill", "FACE": "drill", "CSINK": "countersink", "DEEP": "peck", "DEEP2": "peck",
-    "BRKCHP": "break_chip", "BREAKCHIP": "break_chip", "THRU": "drill", "TAP": "tap",
-    "BORE": "bore",
-    "BORE5": "bore", "BORE6": "bore", "BORE7": "bore", "BORE8": "bore", "BORE9": "bore",
-    "REAM": "ream", "MILL": "mill", "SPOT": "drill",
+    "DRILL": CycleKind.DRILL, "FACE": CycleKind.FACE, "CSINK": CycleKind.CSINK,
+    "DEEP": CycleKind.DEEP, "DEEP2": CycleKind.DEEP, "BRKCHP": CycleKind.BRKCHP,
+    "BREAKCHIP": CycleKind.BRKCHP, "THRU": CycleKind.DRILL, "TAP": CycleKind.TAP,
+    "BORE": CycleKind.BORE, "BORE5": CycleKind.BORE, "BORE6": CycleKind.BORE,
+    "BORE7": CycleKind.BORE, "BORE8": CycleKind.BORE_RAPID, "BORE9": CycleKind.BORE,
+    "REAM": CycleKind.REAM, "MILL": CycleKind.DRILL, "SPOT": CycleKind.DRILL,
 }  # fmt: skip
 """Cycle words and the kind of the model."""
 _ACTIONS = frozenset({"INIT", "ON", "OFF", "CLEAR", "NOMORE"})
@@ -75,7 +76,8 @@ def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
         found = _by_words(state, words, line, statement)
     if changed:
         found = {**state.cycle_words, **found}
-        kind = state.cycles[int(state.cycle.value)].kind if state.cycle.value >= 0 else "drill"
+        number = int(state.cycle.value)
+        kind = state.cycles[number].kind if number >= 0 else CycleKind.DRILL
     state.cycle_words = found
     _begin(state, _cycle(state, kind, found, line, statement), line)
     if not changed and not PER_TURN & set(words):
@@ -104,11 +106,11 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
     depth = relative if not isnan(relative) else reference - absolute
     found = {"depth": abs(depth) if not isnan(relative) else depth, "clearance": abs(safety),
              "retract": retract - reference}  # fmt: skip
-    kind = "drill"
+    kind = CycleKind.DRILL
     if statement.word == "CYCLE82":
         found["dwell"] = values[5]
     if statement.word == "CYCLE83":
-        kind = "peck"
+        kind = CycleKind.DEEP
         first_depth, first_relative, degression = values[5], values[6], values[7]
         first = first_relative if not isnan(first_relative) else reference - first_depth
         found |= {"peck_first": abs(first), "peck": abs(first) - max(degression, 0.0)
@@ -119,17 +121,17 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
     _begin(state, _cycle(state, kind, found, line, statement, signed=False), line)
 
 
-def _kind(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> str:
+def _kind(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> CycleKind:
     first = words[0] if words else ""
     if first not in _KINDS and first not in _ACTIONS:
         raise state.faults.error(
             "APT042", f"unknown drill cycle {first[:20]!r}", line, statement.text
         )
     if "DEEP" in words[1:]:
-        return "peck"
+        return CycleKind.DEEP
     if "BRKCHP" in words[1:]:
-        return "break_chip"
-    return _KINDS.get(first, "drill")
+        return CycleKind.BRKCHP
+    return _KINDS.get(first, CycleKind.DRILL)
 
 
 def _is_positional(words: tuple[str, ...]) -> bool:
@@ -245,7 +247,7 @@ def _camworks(
 
 def _cycle(
     state: AptState,
-    kind: str,
+    kind: CycleKind,
     found: dict[str, float],
     line: int,
     statement: Statement,
@@ -284,7 +286,7 @@ def _cycle(
         retract=retract * scale,
         peck_first=abs(found.get("peck_first", peck)) * scale,
         peck=peck * scale,
-        break_chip=kind == "break_chip",
+        break_chip=kind is CycleKind.BRKCHP,
         dwell=max(found.get("dwell", 0.0), 0.0),
         feed=found.get("feed", NAN),
         diameter=found.get("diameter", NAN) * scale,
@@ -293,8 +295,8 @@ def _cycle(
 
 def _begin(state: AptState, cycle: Cycle, line: int) -> None:
     """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
-    if cycle.peck > 0.0 and cycle.kind == "drill":
-        cycle = replace(cycle, kind="peck")
+    if cycle.peck > 0.0 and cycle.kind is CycleKind.DRILL:
+        cycle = replace(cycle, kind=CycleKind.DEEP)
     known = state.cycle_index.setdefault(repr(cycle), len(state.cycles))
     if known == len(state.cycles):
         state.cycles.append(cycle)

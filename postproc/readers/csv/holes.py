@@ -8,7 +8,7 @@ from itertools import groupby
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
-from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import CamTool, Cycle, CycleKind, Event, EventKind, MotionKind, Operation
 from postproc.readers.text import Faults
 from postproc.units import MM
 
@@ -127,7 +127,7 @@ def _parameters(columns: HoleColumns, holes: IndexArray, depth: FloatArray) -> F
 def _cycle(row: list[float]) -> Cycle:
     depth, clearance, retract, peck, dwell, diameter = row
     return Cycle(
-        kind="peck" if peck > 0.0 else "drill",
+        kind=CycleKind.DEEP if peck > 0.0 else CycleKind.DRILL,
         depth=depth,
         clearance=clearance,
         retract=retract,
