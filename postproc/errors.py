@@ -73,6 +73,7 @@ class RunKind(StrEnum):
     RETRACT = "retract"
     DWELL = "dwell"
     EVENT = "event"
+    WORD = "word"
 
 
 @dataclass(frozen=True, slots=True)

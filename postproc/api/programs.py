@@ -54,21 +54,30 @@ def read(
     path: Source,
     cell: Cell,
     *,
-    format: str = "auto",
+    format: str | None = None,
     dialect: str | None = None,
     units: str | None = None,
     columns: str | None = None,
+    cycle_words: str | None = None,
+    task: str | None = None,
+    accept_words: Sequence[str] | str = (),
     recover: bool = False,
 ) -> ToolPath:
     """Return the toolpath of a CAM file, in the CAM file's own coordinates.
 
+    What is left open is read as ``[import]`` of the cell says.
+
     Args:
         path: APT/CL, CSV or DELMIA file, or whatever a registered reader reads.
         cell: tells the tool axis, and the surface where a CSV gives no normals.
-        format: ``auto`` or the name of a reader.
+        format: ``auto`` or the name of a reader; None: the cell's, else ``auto``.
         dialect: APT dialect: ``nx``, ``solidworks``, ``creo``, ``catia``, ``camworks``, ``apt``.
         units: ``mm`` or ``inch`` where the file names none.
         columns: columns of a CSV, such as ``id,x,y,z,i,j,k,-,depth``.
+        cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
+        task: DELMIA task to read instead of all that no other one calls.
+        accept_words: words of the file that are harmless, besides those that the cell accepts; a
+            text has commas between.
         recover: mend faults that have one possible meaning; each is listed in ``recovered``.
 
     Raises:
@@ -82,6 +91,9 @@ def read(
         dialect=dialect,
         units=units,
         columns=columns,
+        cycle_words=cycle_words,
+        task=task,
+        accept_words=accept_words if isinstance(accept_words, str) else tuple(accept_words),
         recover=recover,
     )
     return read_toolpath(request, cell)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
-_OPTIONS |= {"recover", "emitter", "strategy", "objective", "model", "partial"}
+_OPTIONS |= {"accept_words", "recover", "emitter", "strategy", "objective", "model", "partial"}
 
 
 @dataclass(frozen=True, slots=True)

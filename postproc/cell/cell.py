@@ -281,6 +281,22 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """How the CAM files of this cell are read where a call does not say; None: as the file says.
+
+    ``format``: ``auto`` or the name of a reader; ``accept_words``: words that are harmless here.
+    """
+
+    format: str = "auto"
+    dialect: str | None = None
+    units: str | None = None
+    columns: str | None = None
+    cycle_words: str | None = None
+    task: str | None = None
+    accept_words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class KrlOptions:
     """How programs are written.
 
@@ -335,6 +351,7 @@ class Cell:
     process: Process
     motion: Motion
     krl: KrlOptions
+    reading: Reading = Reading()
     external_axes: tuple[ExternalAxis, ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     joint_compliance: Callable[[FloatArray], FloatArray] | None = field(

@@ -25,7 +25,7 @@ from postproc.cell.cell import (
     Tool,
     Workpiece,
 )
-from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of
+from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
 from postproc.cell.robotfile import load_robot
 from postproc.cell.schema import (
     CellFile,
@@ -108,6 +108,7 @@ class _Builder:
             process=_process(file),
             motion=self._motion(robot),
             krl=replace(krl_of(file.krl), template=self._template()),
+            reading=reading_of(file.reading),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
             origins=_origins(file, robot),
         )
@@ -270,12 +271,12 @@ def _origins(file: CellFile, robot: Robot) -> dict[str, Origin]:
     given = Origin(Provenance.USER, "cell file")
     default = Origin(Provenance.ASSUMED, "default of postproc, not in the cell file")
     origins: dict[str, Origin] = {}
-    for table_name in CellFile.model_fields:
+    for table_name, field in CellFile.model_fields.items():
         table = getattr(file, table_name)
         if isinstance(table, Table):
             for key in type(table).model_fields:
                 is_given = table_name in file.model_fields_set and key in table.model_fields_set
-                origins[f"{table_name}.{key}"] = given if is_given else default
+                origins[f"{field.alias or table_name}.{key}"] = given if is_given else default
     if "joint_stiffness" in robot.origins:
         origins["stiffness.joint_Nmm_per_rad"] = robot.origins["joint_stiffness"]
     return origins
@@ -338,7 +339,8 @@ def _known_keys(location: Location) -> set[str]:
     """Return the keys of the table at a location of the file."""
     table: type[BaseModel] = CellFile
     for part in location:
-        field = table.model_fields.get(str(part))
+        names = {field.alias or name: field for name, field in table.model_fields.items()}
+        field = names.get(str(part))
         inner = _tables_in(field.annotation) if field else []
         table = inner[0] if inner else table
     return {field.alias or name for name, field in table.model_fields.items()}

@@ -6,8 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, TiltRange
-from postproc.cell.schema import KrlTable, LimitsTable, MotionTable, OptimizeTable
+from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, Reading, TiltRange
+from postproc.cell.schema import (
+    ImportTable,
+    KrlTable,
+    LimitsTable,
+    MotionTable,
+    OptimizeTable,
+)
 from postproc.units import DEG, MM, MM_PER_MIN, PERCENT
 
 
@@ -60,6 +66,11 @@ def motion_of(table: MotionTable) -> Motion:
         chord=table.chord_mm * MM,
         arcs=table.arcs,
     )
+
+
+def reading_of(table: ImportTable) -> Reading:
+    """Return the options of ``[import]``."""
+    return Reading(**{**table.model_dump(), "accept_words": tuple(table.accept_words)})
 
 
 def krl_of(table: KrlTable) -> KrlOptions:

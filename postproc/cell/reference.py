@@ -42,7 +42,7 @@ def _tables(
         inner = _inner_table(field.annotation)
         if inner is not None:
             is_list = "list" in _type_words(field.annotation, ())
-            here = (*path, key)
+            here = (*path, field.alias or key)
             yield ".".join(here), inner, is_list
             yield from _tables(inner, here)
 

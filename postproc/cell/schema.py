@@ -358,6 +358,33 @@ class MotionTable(Table):
     )
 
 
+class ImportTable(Table):
+    """How CAM files are read where the call does not say; the same keys as its options."""
+
+    format: Text = Field(
+        default="auto", description="auto, apt, csv, delmia or another one of plugins"
+    )
+    dialect: Text | None = Field(
+        default=None, description="APT dialect; default: as the file shows"
+    )
+    units: Literal["mm", "inch", "m"] | None = Field(
+        default=None, description="unit of length where the CAM file names none"
+    )
+    columns: Text | None = Field(
+        default=None, description="columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none"
+    )
+    cycle_words: Text | None = Field(
+        default=None,
+        description="meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
+    )
+    task: Text | None = Field(
+        default=None, description="DELMIA task to read instead of all that no other one calls"
+    )
+    accept_words: list[Text] = Field(
+        default=[], description="words of CAM files that are known to be harmless; others stop"
+    )
+
+
 class HooksTable(Table):
     """Routines that the integrator defines and programs call."""
 
@@ -475,6 +502,9 @@ class CellFile(Table):
     process: ProcessTable = Field(default=ProcessTable(), description="load while working")
     stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
     motion: MotionTable = Field(default=MotionTable(), description="speeds")
+    reading: ImportTable = Field(
+        default=ImportTable(), alias="import", description="how CAM files are read"
+    )
     krl: KrlTable = Field(default=KrlTable(), description="program text")
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
         default=[], description="rails and positioners"

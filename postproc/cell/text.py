@@ -29,8 +29,9 @@ def cell_text(values: Values) -> str:
     """
     lines = ['schema = "postproc.cell/1"']
     lines += _keys({"name": CellFile.model_fields["name"]}, values)
-    for name, field in CellFile.model_fields.items():
+    for key, field in CellFile.model_fields.items():
         kind = _table_of(field)
+        name = field.alias or key
         if kind is not None:
             lines += _table(name, kind, field, values.get(name))
     return "\n".join(lines) + "\n"

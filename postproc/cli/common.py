@@ -155,7 +155,9 @@ def _coloured(line: str, severity: str) -> str:
     return line.replace(severity, click.style(severity, fg=_COLOURS[severity]), 1)
 
 
-READING = ("format", "dialect", "units", "columns", "task", "cycle_words", "recover")
+READING = (
+    "format", "dialect", "units", "columns", "task", "cycle_words", "accept_words", "recover"
+)  # fmt: skip
 """Options that say how a CAM file is to be read, alike in all commands that read one."""
 
 
@@ -164,11 +166,10 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
     options = (
         click.option(
             "--format",
-            default="auto",
-            show_default=True,
             metavar="NAME",
             callback=registered("postproc.readers", "READERS", "auto"),
-            help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins.",
+            help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins; "
+            "default: the cell's, else auto.",
         ),
         click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt."),
         click.option(
@@ -182,6 +183,12 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--cycle-words",
             metavar="WORDS",
             help="Meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed.",
+        ),
+        click.option(
+            "--accept-words",
+            metavar="W1,W2",
+            default="",
+            help="Words of the CAM file that are known to be harmless; others stop the program.",
         ),
         click.option("--recover", is_flag=True, help="Mend faults that have one possible meaning."),
     )

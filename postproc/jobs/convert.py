@@ -45,12 +45,14 @@ class ConvertRequest:
     source: str
     cell: str
     name: str | None = None
-    format: str = "auto"
+    format: str | None = None
     dialect: str | None = None
     units: str | None = None
     columns: str | None = None
     task: str | None = None
     cycle_words: str | None = None
+    accept_words: tuple[str, ...] | str = ()
+    """Words of the CAM file that are harmless, besides those of the cell."""
     recover: bool = False
     emitter: str | None = None
     strategy: str | None = None
@@ -106,7 +108,9 @@ def convert(
         PostprocError: if the input, the cell or an option is wrong.
     """
     from postproc.emitters import emitter_of, with_emitter
+    from postproc.model import Plan
     from postproc.planning import PlanOptions, settle
+    from postproc.process import word_findings
 
     clock = Clock()
     wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
@@ -125,8 +129,13 @@ def convert(
 
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
+    words = word_findings(toolpath)
     clock.lap("read")
-    plan = make_plan(toolpath, cell, request, progress, model)
+    if any(finding.is_error for finding in words):
+        plan = Plan.nothing(toolpath, request.name or toolpath.name, words)
+    else:
+        plan = make_plan(toolpath, cell, request, progress, model)
+        plan = replace(plan, findings=(*words, *plan.findings))
     clock.lap("plan")
     program, findings, read = _emit_checked(plan, cell, request, clock, model)
     files, name = program.files, program.name
@@ -134,21 +143,28 @@ def convert(
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
-    """Read the CAM file with what the cell knows: tool axis, surface for missing normals."""
+    """Read the CAM file with what the cell knows: tool axis, surface for missing normals.
+
+    What the request leaves open is read as ``[import]`` of the cell says; words that either
+    accepts are accepted.
+    """
     from postproc.jobs.joint_targets import with_joint_targets
     from postproc.readers import ReadOptions, read
 
+    habits = cell.reading
+    given = ReadOptions(accept_words=request.accept_words).accepted_words
     options = ReadOptions(
-        units=request.units,
-        dialect=request.dialect,
-        columns=request.columns,
-        task=request.task,
+        units=request.units or habits.units,
+        dialect=request.dialect or habits.dialect,
+        columns=request.columns or habits.columns,
+        task=request.task or habits.task,
         recover=request.recover,
-        cycle_words=request.cycle_words,
+        cycle_words=request.cycle_words or habits.cycle_words,
+        accept_words=(*habits.accept_words, *given),
         tool_axis=tuple(float(v) for v in cell.tool.axis),
         surface_normals=_surface_normals(cell),
     )
-    return with_joint_targets(read(request.source, request.format, options), cell)
+    return with_joint_targets(read(request.source, request.format or habits.format, options), cell)
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:

@@ -102,6 +102,34 @@ class Plan:
         """Check shapes and freeze."""
         freeze_columns(self, move=len(self.kind), tag=len(self.toolpath))
 
+    @classmethod
+    def nothing(cls, toolpath: ToolPath, name: str, findings: tuple[Finding, ...]) -> Plan:
+        """Return a plan without a move: what was read cannot be run as it stands."""
+        tags = np.full(len(toolpath), np.nan)
+        none, kinds = np.zeros(0), np.zeros(0, dtype=np.int32)
+        return cls(
+            name=name,
+            toolpath=toolpath,
+            kind=kinds,
+            role=kinds,
+            tag=kinds,
+            T_base_tcp=np.zeros((0, 4, 4)),
+            aux=np.zeros((0, 3)),
+            q=np.zeros((0, 6)),
+            spin=none,
+            branch=kinds,
+            speed=none,
+            ptp_fraction=none,
+            blend=none,
+            dwell=none,
+            duration=none,
+            external=np.zeros((0, 0)),
+            stiffness=tags,
+            stiffness_initial=tags,
+            clearance=tags,
+            findings=findings,
+        )
+
     def __len__(self) -> int:
         """Return the number of moves."""
         return len(self.kind)

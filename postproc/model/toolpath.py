@@ -7,7 +7,7 @@ Units: SI. Arcs stay arcs, drill cycles stay cycles; nothing here knows a robot.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
@@ -138,6 +138,8 @@ class WordClass(StrEnum):
     TOOL = "tool"
     PROCESS = "process"
     COMMENT = "comment"
+    UNKNOWN = "unknown"
+    """In no table: it may change anything."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +157,15 @@ class WordUse:
     reason: str
     refused: bool
     hint: str = ""
+
+    def is_named_by(self, words: Collection[str]) -> bool:
+        """Return whether one of these words, in upper case, names it: ``MODE`` is all of MODE."""
+        parts = self.word.upper().split("/")
+        return any("/".join(parts[: k + 1]) in words for k in range(len(parts)))
+
+    def accepted(self) -> WordUse:
+        """Return it as a note: the user knows it to be harmless."""
+        return replace(self, refused=False, reason=f"accepted by the user: {self.reason}", hint="")
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,6 +301,15 @@ class ToolPath:
     def __len__(self) -> int:
         """Return the number of tags."""
         return len(self.points)
+
+    def accepting(self, words: Collection[str]) -> ToolPath:
+        """Return it with the refused words that these name, in any case, as notes."""
+        known = {word.strip().upper() for word in words}
+        uses = tuple(
+            use.accepted() if use.refused and use.is_named_by(known) else use
+            for use in self.word_uses
+        )
+        return replace(self, word_uses=uses)
 
     def rows(self, index: Rows) -> ToolPath:
         """Return the tags ``index`` (k,) in this order; tables stay whole.

@@ -1,10 +1,11 @@
-"""What the process asks of planning and verification alike: feeds, loads, order, points, tilt."""
+"""What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
 from postproc.process.feeds import feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.tilt import PLUNGING, SHARPEST
+from postproc.process.words import lines_text, refusals, word_findings
 
 __all__ = [
     "PLUNGING",
@@ -12,8 +13,11 @@ __all__ = [
     "as_served",
     "feeds_of",
     "hole_runs",
+    "lines_text",
     "load_cases",
     "operation_loads",
+    "refusals",
     "reordered",
     "weight_wrench",
+    "word_findings",
 ]

@@ -47,6 +47,8 @@ class ReadOptions:
             ``CYCLE_WORDS``; ``-`` leaves a number out. A text has commas or blanks between; None:
             ``CATIA_WORDS``.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
+        accept_words: words that the user knows to be harmless; a text has commas between. What the
+            reader refuses of them becomes a note.
     """
 
     units: str | None = None
@@ -59,6 +61,7 @@ class ReadOptions:
     chord_tolerance: float = 1e-5
     cycle_words: tuple[str, ...] | str | None = None
     task: str | None = None
+    accept_words: tuple[str, ...] | str = ()
 
     def __post_init__(self) -> None:
         """Check the names.
@@ -79,6 +82,12 @@ class ReadOptions:
         """Meaning of the positional numbers of a drill cycle, in order."""
         words = CATIA_WORDS if self.cycle_words is None else self.cycle_words
         return tuple(words.replace(",", " ").split()) if isinstance(words, str) else words
+
+    @property
+    def accepted_words(self) -> tuple[str, ...]:
+        """Words that the user knows to be harmless."""
+        words = self.accept_words
+        return tuple(words.split(",")) if isinstance(words, str) else words
 
 
 @runtime_checkable
@@ -121,8 +130,9 @@ def read(path: str | Path, format: str = "auto", options: ReadOptions | None = N
     head = _head(name)
     chosen, left_out = (format, ()) if format != "auto" else _sniffed(name, head)
     reader = READERS.get(chosen)
+    options = options or ReadOptions()
     with READERS.blame(chosen):
-        toolpath = reader.read(name, options or ReadOptions())
+        toolpath = reader.read(name, options).accepting(options.accepted_words)
     if len(toolpath) == 0:
         raise ReadError(
             "IO014", "no motion in this file, expected at least one point", SourceRef(name)

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import Finding
-from postproc.model import EventKind, MotionKind, ToolPath
+from postproc.model import EventKind, MotionKind, ToolPath, WordUse
 from postproc.units import MM, MM_PER_MIN
 
 SCHEMA = "postproc.inspect/1"
@@ -46,6 +46,7 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "operations": [operation.name for operation in toolpath.operations],
         "words": dict(toolpath.words),
         "unknown_words": dict(toolpath.unknown_words),
+        "word_uses": [_word_use(use) for use in toolpath.word_uses],
         "warnings": [_warning(finding) for finding in toolpath.warnings],
         "recovered": [_warning(finding) for finding in toolpath.recovered],
     }
@@ -139,6 +140,16 @@ def _box_mm(points: FloatArray) -> list[list[float]] | None:
 def _feeds_mm_min(feed: FloatArray) -> list[float]:
     known = feed[~np.isnan(feed)]
     return [float(v) for v in np.unique(np.round(known / MM_PER_MIN, _FEED_DIGITS))]
+
+
+def _word_use(use: WordUse) -> dict[str, Any]:
+    return {
+        "word": use.word,
+        "class": str(use.word_class),
+        "refused": use.refused,
+        "lines": list(use.lines),
+        "reason": use.reason,
+    }
 
 
 def _warning(finding: Finding) -> dict[str, Any]:

@@ -7,7 +7,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
-  ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``.
+  ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``word``: what the CAM file
+  asks for and no program does.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
 """
@@ -26,7 +27,7 @@ from postproc.kinematics import build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
-from postproc.process import as_served
+from postproc.process import as_served, refusals
 from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.cam import (
@@ -94,6 +95,7 @@ def verify(
     report(2, 4, "comparison")
     comparison = None
     if toolpath is not None:
+        result.findings += refusals(toolpath)
         toolpath = as_served(toolpath, cell)
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement

@@ -19,18 +19,19 @@ from postproc.cli.common import Session, answer, reading, reading_options, stand
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Show what was read from INPUT: points, arcs, holes, tools, feeds, axes, box, lengths.
 
-    Words that the reader does not know are listed with their count; nothing is written.
+    Words that convert would refuse are listed with their lines; nothing is written.
     """
+    from postproc.process import word_findings
     from postproc.readers import ReadOptions, read
     from postproc.report.inspection import inspection, text_lines
 
     given = reading(options)
-    form = given.pop("format")
+    form = given.pop("format") or "auto"
     toolpath = read(options["source"], form, ReadOptions(points_only=True, **given))
     if session.json:
         session.document(inspection(toolpath))
     else:
         for line in text_lines(toolpath):
             session.show(line)
-    session.findings([*toolpath.warnings, *toolpath.recovered])
+    session.findings([*word_findings(toolpath), *toolpath.warnings, *toolpath.recovered])
     return answer(True)

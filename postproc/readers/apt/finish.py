@@ -67,6 +67,7 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         events=_events(state, shift),
         unknown_words=dict(sorted(state.unknown.items())),
         words=dict(sorted(state.words.items())),
+        word_uses=state.uses.all(),
         warnings=state.faults.warnings,
         recovered=state.faults.fixes,
     )

@@ -15,6 +15,7 @@ from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, TiltedTable
 from postproc.readers.apt.tools import ToolTable
+from postproc.readers.apt.uses import WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
 
@@ -100,6 +101,9 @@ class AptState:
         self.events: list[EventRecord] = []
         self.splines: list[SplineRecord] = []
         self.unknown: dict[str, int] = {}
+        self.uses = WordUses()
+        self.centre_points = False
+        """Whether the file says that its points are those of the tool centre."""
         self.words: Counter[str] = Counter()
         self.feed = Modal(NAN)
         self.operation = Modal(-1)

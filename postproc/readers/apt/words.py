@@ -1,49 +1,35 @@
 """What each word of a CL file means, apart from motions, cycles, feeds and frames.
 
-A word that is in no table is kept as an event ``UNKNOWN`` with its text and counted. Two kinds of
-words are refused instead, because leaving them out would change the path: those one letter away
-from a word that moves the tool, and those of the APT language that compute or transform motions.
+``word_classes`` has the table of all words; a word without a handler here is refused, noted or
+kept as it says, one in no table is refused (``refused``).
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
-from postproc.model import EventKind
+from postproc.model import EventKind, WordClass
 from postproc.readers.apt import cycle as apt_cycle
 from postproc.readers.apt import feed as apt_feed
 from postproc.readers.apt import frames as apt_frames
 from postproc.readers.apt import nurbs as apt_nurbs
+from postproc.readers.apt.refused import refuse, unhandled
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.readers.text import shortened
 
 Handler = Callable[[AptState, Statement, int], None]
-
-IGNORED = frozenset(
-    {
-        "PAINT", "TRNTYP", "MACHIN", "BOX", "CSI_SET_FLUTE_LENGTH", "CSI_SET_EXTENSION_LENGTH",
-        "MOVE_ATTRIB", "INTOL", "OUTTOL", "TOLER", "AUTOPS", "PLABEL", "SEQNO", "LEADER", "REWIND",
-        "SELECT", "SWITCH", "CHANNEL", "CLPRNT", "NOPOST", "MULTAX", "RESERV", "MODE", "CUT",
-        "DNTCUT", "OPFEATEND", "ISTOP",
-    }
-)  # fmt: skip
-"""Known words without a meaning for a robot's path. MULTAX: the axis rule needs no mode."""
-_REFUSED = frozenset(
-    {
-        "COPY", "INDEX", "TRACUT", "MACRO", "CALL", "LOOPST", "JUMPTO", "IF", "GOFWD", "GOLFT",
-        "GORGT", "GOBACK", "GOUP", "GODOWN", "GO", "TRANS", "MATRIX", "REFSYS", "POCKET", "SCURV",
-        "ROTHED", "THREAD", "TLLFT", "TLRGT", "OFFSET", "SURF",
-    }
-)  # fmt: skip
-"""Words that compute or move motions; this reader takes the computed result, CL data."""
-_MOVING = (
-    "GOTO", "CIRCLE", "RAPID", "FEDRAT", "CYCLE", "GODLTA", "MSYS", "TLAXIS", "ORIGIN", "UNITS",
-    "UNIT", "NURBS", "CNTRL", "KNOT", "ROTABL", "INDIRV", "CSYS", "FROM", "END-OF-PATH", "FINI",
-    "CYCLE81", "CYCLE82", "CYCLE83", "SPINDL", "COOLNT", "LOADTL", "TOOLNO", "DELAY", "OPSTOP",
-)  # fmt: skip
-"""Words that must not get lost by a slip of one letter."""
-_NEAR_LENGTH = 4
+_NX_CENTRE = "CENTERLINE DATA"
+"""Comment of NX: the points of this path are those of the tool centre."""
+_LATHE = "turning, which no robot with a spindle does"
+_MODES = {
+    "INCR": "points as increments, at least for the control",
+    "LATHE": _LATHE,
+    "TURN": _LATHE,
+    "TOOL": "another tool axis than that of the points",
+    "AXIS": "another tool axis than that of the points",
+}
+_CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
 
 
 def handle(state: AptState, statement: Statement, line: int) -> None:
@@ -55,11 +41,7 @@ def handle(state: AptState, statement: Statement, line: int) -> None:
         state.table.check(state.faults)
     if state.matrix.is_open:
         state.matrix.check_closed(state.faults)
-    handler = _HANDLERS.get(word)
-    if handler is not None:
-        handler(state, statement, line)
-    elif word not in IGNORED:
-        _unknown(state, statement, line)
+    _HANDLERS.get(word, unhandled)(state, statement, line)
 
 
 def comment(state: AptState, text: str, line: int) -> None:
@@ -86,46 +68,8 @@ def _creo_comment(state: AptState, body: str, line: int) -> None:
         apt_frames.csys_statement(state, statement, line)
     elif word == "FEATNO" and args:
         state.add_operation(f"FEATNO {args[0]}", line)
-
-
-def _unknown(state: AptState, statement: Statement, line: int) -> None:
-    word = statement.word
-    if not word or word[0] in "+-.0123456789":
-        raise state.faults.error(
-            "APT003", "numbers without a word; is a $ missing on the line before?", line,
-            statement.text,
-        )  # fmt: skip
-    first = word.split(" ")[0].split(",")[0]
-    if first in _REFUSED or word in _REFUSED:
-        raise state.faults.error(
-            "APT007", f"{first} computes motions, expected CL data, its result", line,
-            statement.text, "write a CL file from the CAM system instead of APT source",
-        )  # fmt: skip
-    near = next((known for known in _MOVING if _is_near(first, known)), None)
-    if near is not None:
-        raise state.faults.error(
-            "APT005", f"{word[:30]!r} is no word; is it {near}?", line, statement.text
-        )
-    _keep_unknown(state, statement, line)
-
-
-def _keep_unknown(state: AptState, statement: Statement, line: int) -> None:
-    shown = shortened(statement.word)
-    state.unknown[shown] = state.unknown.get(shown, 0) + 1
-    state.add_event(EventKind.UNKNOWN, line, 0.0, statement.text)
-
-
-def _is_near(word: str, known: str) -> bool:
-    """Return whether ``word`` is ``known`` with one letter changed, missing, doubled or swapped."""
-    if len(known) < _NEAR_LENGTH or abs(len(word) - len(known)) > 1:
-        return False
-    same = 0
-    while same < min(len(word), len(known)) and word[same] == known[same]:
-        same += 1
-    rest, other = word[same:], known[same:]
-    if len(word) == len(known):
-        return rest[1:] == other[1:] or (rest[:2] == other[1::-1] and rest[2:] == other[2:])
-    return rest[1:] == other if len(word) > len(known) else rest == other[1:]
+    elif word == "CUTCOM_GEOMETRY_TYPE":
+        state.centre_points = statement.upper == ("OUTPUT_ON_CENTER",)
 
 
 def _units(state: AptState, statement: Statement, line: int) -> None:
@@ -153,10 +97,33 @@ def _table(state: AptState, statement: Statement, line: int) -> None:
     if state.dialect.setup_plane and statement.word == "ROTABL":
         apt_frames.table_statement(state, statement, line)
         return
-    state.faults.warn(
-        "APT161", f"{statement.word} turns a table that the robot does not have: left out", line
-    )
-    _keep_unknown(state, statement, line)
+    refuse(
+        state, statement, line, WordClass.COORDINATES,
+        "turns a table that the robot does not have",
+    )  # fmt: skip
+
+
+def _mode(state: AptState, statement: Statement, line: int) -> None:
+    """MODE/MILL says what the file is for; other modes change points, axes or the process."""
+    mode = statement.upper[0] if statement.upper else ""
+    if mode == "MILL":
+        state.uses.note("MODE/MILL", WordClass.PROCESS, line, "the process is milling")
+        return
+    lathe = mode in ("LATHE", "TURN")
+    reason = _MODES.get(mode, "a mode in no table")
+    kind = WordClass.PROCESS if lathe else WordClass.COORDINATES
+    refuse(state, statement, line, kind, reason, mode)
+
+
+def _translate(state: AptState, statement: Statement, line: int) -> None:
+    """TRANS/x,y,z: a shift of the points by the postprocessor."""
+    if any(statement.numbers()) or None in statement.numbers() or not statement.args:
+        reason = "a shift of the points that this reader does not know to be made already or not"
+        refuse(state, statement, line, WordClass.COORDINATES, reason)
+
+
+def _nothing(state: AptState, statement: Statement, line: int) -> None:
+    """MULTAX: how many numbers a GOTO has shows at the GOTO."""
 
 
 def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
@@ -166,8 +133,14 @@ def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
 
 def _load(state: AptState, statement: Statement, line: int) -> None:
     """LOAD/TOOL,n[,...], LOADTL/n[,...], TOOLNO/n[,...]: a tool change."""
+    first = statement.upper[0] if statement.upper else ""
     if statement.word == "LOAD" and "TOOL" not in statement.upper:
-        _unknown(state, statement, line)
+        reason = "loads something else than a tool, for which there is no hook"
+        refuse(state, statement, line, WordClass.TOOL, reason, first)
+        return
+    if statement.word == "TOOLNO" and first == "ADJUST":
+        reason = "number of a length offset of the control; the points are those of the tip"
+        state.uses.note("TOOLNO/ADJUST", WordClass.TOOL, line, reason)
         return
     words = [word for word in statement.upper if word != "TOOL"]
     number = bounded(words[0]) if words else None
@@ -215,6 +188,7 @@ def _tool_path(state: AptState, statement: Statement, line: int) -> None:
     """TOOL PATH/name,TOOL,tool name (NX): a new operation; the tool axis begins at (0, 0, 1)."""
     args = statement.args
     state.last_open = line
+    state.centre_points = False
     state.add_operation(args[0] if args else "", line)
     if len(args) > 2 and args[1].upper() == "TOOL":
         state.add_tool(line, name=args[2])
@@ -228,6 +202,10 @@ def _insert(state: AptState, statement: Statement, line: int) -> None:
     if text.upper().startswith("STOP"):
         state.add_event(EventKind.STOP, line, 0.0, text)
     elif text.upper().startswith("STOCK SIZE"):
+        state.add_event(EventKind.MESSAGE, line, 0.0, text)
+    elif _CODE.match(text):
+        reason = "text for the control that looks like code; it is not sent"
+        state.uses.note("INSERT", WordClass.PROCESS, line, reason)
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
     else:
         state.add_tool(line, name=text)
@@ -266,13 +244,29 @@ def _optional_stop(state: AptState, statement: Statement, line: int) -> None:
 
 
 def _compensation(state: AptState, statement: Statement, line: int) -> None:
-    """CUTCOM: a controller would shift the path by the tool radius; a robot does not."""
-    if not {"OFF", "ON"} & set(statement.upper[:1]):
-        state.faults.warn(
-            "APT120",
-            "CUTCOM: a robot has no cutter compensation, the path is driven as it stands",
-            line,
+    """CUTCOM: a control would shift the path by the tool radius; a robot has to be told no."""
+    words = statement.upper
+    if words[:1] == ("OFF",):
+        return
+    if "ADJUST" in words:
+        reason = (
+            "the number of a work offset of the control: coordinates that the file does not give"
         )
+        refuse(state, statement, line, WordClass.COORDINATES, reason, "ADJUST")
+    elif "LENGTH" in words:
+        reason = "a length offset of the control, which nothing says is in the points already"
+        refuse(state, statement, line, WordClass.TOOL, reason, "LENGTH")
+    elif state.centre_points:
+        reason = (
+            "the file says that its points are the tool centre: the path is driven as it stands"
+        )
+        state.uses.note("CUTCOM", WordClass.TOOL, line, reason)
+    else:
+        reason = (
+            "a control would shift the path by the tool radius, a robot does not, and nothing says "
+            "that the points are the tool centre already"
+        )
+        state.uses.refuse("CUTCOM", WordClass.TOOL, line, reason)
 
 
 def _from(state: AptState, statement: Statement, line: int) -> None:
@@ -327,6 +321,8 @@ _HANDLERS: dict[str, Handler] = {
     "LOAD": _load,
     "LOADTL": _load,
     "TOOLNO": _load,
+    "TOOL": _load,
+    "TURRET": _load,
     "CUTTER": _cutter,
     "TLDATA": _tool_data,
     "TOOL PATH": _tool_path,
@@ -346,6 +342,9 @@ _HANDLERS: dict[str, Handler] = {
     "TLAXIS": apt_frames.tool_axis_statement,
     "ROTABL": _table,
     "ROTATE": _table,
+    "MODE": _mode,
+    "TRANS": _translate,
+    "MULTAX": _nothing,
     "OPFEATSTART": _operation,
     "SETUP": _setup,
     "NURBS": apt_nurbs.open_spline,

@@ -1,0 +1,101 @@
+"""Whether a CAM file asks for what a program does not do: its words, and its tools."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from postproc.errors import Finding, RunKind, Severity, SourceRef
+from postproc.model import CamTool, EventKind, MotionKind, ToolPath, WordUse
+from postproc.units import MM
+
+_MOST_LINES = 12
+
+
+def word_findings(toolpath: ToolPath) -> tuple[Finding, ...]:
+    """Return one finding for each word that is not carried out as it stands, with its lines.
+
+    A refused one is an error WRD001, another a note WRD003; several tools are an error WRD002; a
+    spindle that is never named is a note WRD004.
+    """
+    found = [_use(toolpath, use) for use in toolpath.word_uses]
+    return (*found, *_several_tools(toolpath), *_no_spindle(toolpath))
+
+
+def refusals(toolpath: ToolPath) -> tuple[Finding, ...]:
+    """Return those that forbid a program, of the kind ``word``."""
+    return tuple(
+        Finding(Severity.ERROR, RunKind.WORD, item.message, source=item.source, hint=item.hint)
+        for item in word_findings(toolpath)
+        if item.is_error
+    )
+
+
+def lines_text(lines: Sequence[int]) -> str:
+    """Return line numbers as text, at most a dozen of them."""
+    shown = ", ".join(str(line) for line in lines[:_MOST_LINES])
+    more = len(lines) - _MOST_LINES
+    return f"{shown} and {more} more" if more > 0 else shown
+
+
+def _use(toolpath: ToolPath, use: WordUse) -> Finding:
+    source = SourceRef(toolpath.path, use.lines[0] if use.lines else 1)
+    also = f" (also in lines {lines_text(use.lines[1:])})" if len(use.lines) > 1 else ""
+    text = f"{use.word} ({use.word_class}): {use.reason}{also}"
+    if not use.refused:
+        return Finding(Severity.NOTE, "WRD003", text, source=source, hint=use.hint)
+    accept = (
+        f"where you know it to be harmless: --accept-words {_quoted(use.word)}, "
+        f'or [import] accept_words = ["{use.word}"] in the cell'
+    )
+    hint = f"{use.hint}; {accept}" if use.hint else accept
+    return Finding(Severity.ERROR, "WRD001", text, source=source, hint=hint)
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"' if not word.replace("/", "").replace("-", "").isalnum() else word
+
+
+def _several_tools(toolpath: ToolPath) -> list[Finding]:
+    """Return the error that the file changes the tool: the cell knows the TCP of one only."""
+    tools = toolpath.tools
+    if len(tools) < 2:
+        return []
+    shown = ", ".join(f"{_tool_text(tool)} in line {tool.line}" for tool in tools[:_MOST_LINES])
+    more = f" and {len(tools) - _MOST_LINES} more" if len(tools) > _MOST_LINES else ""
+    return [
+        Finding(
+            Severity.ERROR,
+            "WRD002",
+            f"the file works with {len(tools)} tools, the cell has one: {shown}{more}",
+            source=SourceRef(toolpath.path, tools[1].line),
+            hint="post one file for each tool, with a cell for each: TCP, load and solids of "
+            "another tool are not those of the cell",
+        )
+    ]
+
+
+def _tool_text(tool: CamTool) -> str:
+    number = f"tool {tool.number}" if tool.number else "tool"
+    name = f" {tool.name}" if tool.name else ""
+    size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
+    return f"{number}{name}{size}"
+
+
+def _no_spindle(toolpath: ToolPath) -> list[Finding]:
+    """Return the note that the spindle is left to the integrator."""
+    named = any(
+        event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF) for event in toolpath.events
+    )
+    works = np.isin(toolpath.kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)).any()
+    if named or not works:
+        return []
+    return [
+        Finding(
+            Severity.NOTE,
+            "WRD004",
+            "the file never names the spindle: the program neither starts nor stops it",
+            source=SourceRef(toolpath.path),
+        )
+    ]
