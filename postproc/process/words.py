@@ -16,11 +16,11 @@ _MOST_LINES = 12
 def word_findings(toolpath: ToolPath) -> tuple[Finding, ...]:
     """Return one finding for each word that is not carried out as it stands, with its lines.
 
-    A refused one is an error WRD001, another a note WRD003; several tools are an error WRD002; a
-    spindle that is never named is a note WRD004.
+    A refused one is an error WRD001, those left out for the same reason are one note WRD003;
+    several tools are an error WRD002; a spindle that is never named is a note WRD004.
     """
-    found = [_use(toolpath, use) for use in toolpath.word_uses]
-    return (*found, *_several_tools(toolpath), *_no_spindle(toolpath))
+    refused = [_refused(toolpath, use) for use in toolpath.word_uses if use.refused]
+    return (*refused, *_several_tools(toolpath), *_notes(toolpath), *_no_spindle(toolpath))
 
 
 def refusals(toolpath: ToolPath) -> tuple[Finding, ...]:
@@ -39,18 +39,36 @@ def lines_text(lines: Sequence[int]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _use(toolpath: ToolPath, use: WordUse) -> Finding:
-    source = SourceRef(toolpath.path, use.lines[0] if use.lines else 1)
+def _refused(toolpath: ToolPath, use: WordUse) -> Finding:
     also = f" (also in lines {lines_text(use.lines[1:])})" if len(use.lines) > 1 else ""
-    text = f"{use.word} ({use.word_class}): {use.reason}{also}"
-    if not use.refused:
-        return Finding(Severity.NOTE, "WRD003", text, source=source, hint=use.hint)
     accept = (
         f"where you know it to be harmless: --accept-words {_quoted(use.word)}, "
         f'or [import] accept_words = ["{use.word}"] in the cell'
     )
-    hint = f"{use.hint}; {accept}" if use.hint else accept
-    return Finding(Severity.ERROR, "WRD001", text, source=source, hint=hint)
+    return Finding(
+        Severity.ERROR,
+        "WRD001",
+        f"{use.word} ({use.word_class}): {use.reason}{also}",
+        source=SourceRef(toolpath.path, use.lines[0]),
+        hint=f"{use.hint}; {accept}" if use.hint else accept,
+    )
+
+
+def _notes(toolpath: ToolPath) -> list[Finding]:
+    groups: dict[tuple[str, str], list[WordUse]] = {}
+    for use in toolpath.word_uses:
+        if not use.refused:
+            groups.setdefault((use.reason, use.hint), []).append(use)
+    return [
+        Finding(
+            Severity.NOTE,
+            "WRD003",
+            f"{', '.join(use.word for use in uses)}: {reason}",
+            source=SourceRef(toolpath.path, uses[0].lines[0]),
+            hint=hint,
+        )
+        for (reason, hint), uses in groups.items()
+    ]
 
 
 def _quoted(word: str) -> str:

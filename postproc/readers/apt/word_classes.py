@@ -32,7 +32,7 @@ class Action(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class WordRule:
-    """``reason``: why a refused word cannot be kept, or why a noted one is harmless."""
+    """``reason``: why a word cannot be kept, or why it need not."""
 
     word_class: WordClass
     action: Action
@@ -53,19 +53,16 @@ _KEPT = (
 )
 
 _NOTED = {
-    (GEOMETRY, "a tolerance or look-ahead of the target control, which only splits its moves"): (
-        "LINTOL INTOL OUTTOL TOLER MCHTOL PPTOL SMOOTH SLOWDN ALIGN"
-    ),
-    (GEOMETRY, "names the surface of an arc, which its own numbers give"): "AUTOPS",
-    (TOOL, "names the next tool and changes none"): "SELECT SELCTL NEXTTL",
-    (TOOL, "a length of the cutter or its holder"): (
-        "CSI_SET_FLUTE_LENGTH CSI_SET_EXTENSION_LENGTH"
-    ),
-    (PROCESS, "describes the stock, the table or the control's own output"): (
-        "MATERL TABLE TCP APPLY BOX SEQNO LEADER CLPRNT NOPOST RESERV CUT"
-    ),
-    (COMMENT, "display and bookkeeping of the CAM system"): "PAINT TRNTYP MOVE_ATTRIB PLABEL",
+    # names the surface of an arc that its own numbers give; tolerances of the target control
+    GEOMETRY: "AUTOPS LINTOL INTOL OUTTOL TOLER MCHTOL PPTOL SMOOTH SLOWDN ALIGN",
+    # the next tool, lengths of the cutter and its holder
+    TOOL: "SELECT SELCTL NEXTTL CSI_SET_FLUTE_LENGTH CSI_SET_EXTENSION_LENGTH",
+    # stock and table, output of the control
+    PROCESS: "MATERL TABLE TCP APPLY BOX SEQNO LEADER CLPRNT NOPOST RESERV CUT",
+    # display and bookkeeping of the CAM system
+    COMMENT: "PAINT TRNTYP MOVE_ATTRIB PLABEL",
 }
+HARMLESS = "has no meaning for a robot's path"
 
 _REFUSED = {
     (GEOMETRY, "computes motions; expected is CL data, its result"): (
@@ -98,12 +95,15 @@ NOT_DONE = "is not carried out"
 def _rules() -> dict[str, WordRule]:
     rules = {word: WordRule(COMMENT, Action.KEEP) for word in _KEPT.split()}
     rules["TOOL PATH"] = WordRule(COMMENT, Action.KEEP)
-    for action, table in ((Action.EXECUTE, _EXECUTED), (Action.HOOK, _HOOKED)):
+    for action, table, reason in (
+        (Action.EXECUTE, _EXECUTED, NOT_DONE),
+        (Action.HOOK, _HOOKED, NOT_DONE),
+        (Action.NOTE, _NOTED, HARMLESS),
+    ):
         for word_class, words in table.items():
-            rules |= {word: WordRule(word_class, action, NOT_DONE) for word in words.split()}
-    for action, reasons in ((Action.NOTE, _NOTED), (Action.REFUSE, _REFUSED)):
-        for (word_class, reason), words in reasons.items():
             rules |= {word: WordRule(word_class, action, reason) for word in words.split()}
+    for (word_class, reason), words in _REFUSED.items():
+        rules |= {word: WordRule(word_class, Action.REFUSE, reason) for word in words.split()}
     return rules
 
 

@@ -19,7 +19,17 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.geometry import circles, inverse
-from postproc.model import Arcs, CamTool, Event, EventKind, MotionKind, Operation, ToolPath
+from postproc.model import (
+    Arcs,
+    CamTool,
+    Event,
+    EventKind,
+    MotionKind,
+    Operation,
+    ToolPath,
+    WordClass,
+    WordUse,
+)
 from postproc.readers.base import READERS, ReadOptions
 from postproc.readers.delmia.records import N_JOINTS, Document, Motion, OtherActivity, pose
 from postproc.readers.delmia.tasks import expanded
@@ -45,7 +55,8 @@ class _Path:
     operation: list[int] = field(default_factory=list)
     operations: list[Operation] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
-    unknown: dict[str, int] = field(default_factory=dict)
+    unknown: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of activities that are not carried out, by type."""
 
 
 class DelmiaReader:
@@ -80,7 +91,7 @@ def _collected(document: Document, options: ReadOptions, faults: Faults) -> _Pat
             result.events.append(
                 Event(len(result.motions), EventKind.UNKNOWN, 0.0, text, item.line)
             )
-            result.unknown[item.kind] = result.unknown.get(item.kind, 0) + 1
+            result.unknown.setdefault(item.kind, []).append(item.line)
             continue
         if not result.operations or result.operations[-1].name != name:
             result.operations.append(Operation(name, document.task_lines[name]))
@@ -152,7 +163,13 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
             "blend": np.array([blends.get(m.accuracy_profile, 0.0) for m in motions]),
             "tag_group": tuple(m.group for m in motions),
         },
-        unknown_words=dict(sorted(path.unknown.items())),
+        unknown_words={kind: len(lines) for kind, lines in sorted(path.unknown.items())},
+        word_uses=tuple(
+            WordUse(
+                kind, WordClass.PROCESS, tuple(lines), "an activity that is not carried out", True
+            )
+            for kind, lines in path.unknown.items()
+        ),
         warnings=faults.warnings,
         recovered=faults.fixes,
     )
