@@ -63,7 +63,6 @@ STOP
 OPSTOP
 COOLNT/OFF
 SPINDL/OFF
-LOADTL/2
 RAPID
 GOTO/0,0,80
 FINI
@@ -71,11 +70,24 @@ FINI
     "line.apt": "PARTNO/LINE\nUNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,-300,0,0,0,1\n"
     + "".join(f"GOTO/{5 * (i % 2)},{-300 + 50 * i},0\n" for i in range(1, 13))
     + "FINI\n",
+    "shifted.apt": "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nCUTCOM/LEFT\nGOTO/100,0,0\nFINI\n",
+    "cycle.apt": "UNITS/MM\nCYCLE/DRILL, 5.0, 3.0, 400.0, MMPM\nGOTO/0,0,0,0,0,1\n"
+    "CYCLE/OFF\nFINI\n",
+    "plain.apt": "PARTNO/X\nFEDRAT/600\nGOTO/0,0,0,0,0,1\nGOTO/5,0,0\nFINI\n",
+    "tasks.xml": "<OLPData><Resource id='r'>"
+    + "".join(
+        f"<ActivityList Task='{name}'><Activity ActivityType='DNBRobotMotionActivity' "
+        f"Operation='{name}' id='{x}'><MotionAttributes><MotionType>Linear</MotionType>"
+        f"</MotionAttributes><Target><CartesianTarget><Position Units='m' X='0.{x}' Y='0' Z='0'/>"
+        "<Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target>"
+        "</Activity></ActivityList>"
+        for name, x in (("A", 1), ("B", 2))
+    )
+    + "</Resource></OLPData>",
     "apart.csv": "x,y,z,i,j,k,depth\n0,-4000,0,0,0,1,5\n0,4000,0,0,0,1,5\n",
     "two.csv": "x,y,z,i,j,k,feed,operation\n"
     + "".join(f"{30 * i},0,0,0,0,1,600,{'ROUGH' if i < 3 else 'FINE'}\n" for i in range(6)),
 }
-NO_UNITS = "PARTNO/X\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\nFINI\n"
 SMOOTH = {"optimize.strategy": "smooth", "optimize.loss_bound_percent": 100.0}
 BLOCK = {"box": {"size_mm": [300.0, 300.0, 300.0]}, "xyz_mm": [1800.0, 40.0, 760.0]}
 ROD = {"cylinder": {"radius_mm": 150.0, "length_mm": 300.0}, "xyz_mm": [1800.0, 40.0, 760.0]}
@@ -283,6 +295,17 @@ CASES: dict[str, tuple[Any, ...]] = {
     "motion.chord_mm": ({"motion.arcs": "lin"}, {"motion.chord_mm": 1.0}, MILL),
     "motion.arcs": ({}, {"motion.arcs": "lin"}, MILL),
     "motion.rapid_speed_m_s": ({}, {"motion.rapid_speed_m_s": 0.3}),
+    "import.format": ({}, {"import.format": "apt"}),
+    "import.dialect": ({}, {"import.dialect": "nx"}, MILL),
+    "import.units": ({"import.units": "mm"}, {"import.units": "inch"}, "plain.apt"),
+    "import.columns": ({}, {"import.columns": "id,y,x,z,i,j,k,depth"}),
+    "import.cycle_words": (
+        {"import.cycle_words": "depth clearance feed"},
+        {"import.cycle_words": "clearance depth feed"},
+        "cycle.apt",
+    ),
+    "import.task": ({"import.task": "A"}, {"import.task": "B"}, "tasks.xml"),
+    "import.accept_words": ({}, {"import.accept_words": ["CUTCOM"]}, "shifted.apt"),
     "krl.emitter": ({}, {"krl.emitter": "none"}),
     "krl.template": ({}, {"krl.template": "own"}),
     "krl.max_points_per_file": ({}, {"krl.max_points_per_file": 5}),
@@ -413,27 +436,13 @@ def test_every_key_of_the_cell_has_an_effect(outcome, key):
     after = outcome(cell_text(setup, change), source, more)
     assert before != after
     assert before.startswith("["), before
-    if key not in ("schema", "krl.emitter"):  # here nothing else is taken
+    if key not in ("schema", "krl.emitter", "import.format"):  # here nothing else is taken
         assert after.startswith("["), after
 
 
 PLAIN = {"source": "holes.csv", "--cell": "base.toml", "-o": "out"}
 BENT = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
 """No end of the file: strict reading refuses it."""
-CYCLE = """\
-UNITS/MM
-CYCLE/DRILL, 5.0, 3.0, 400.0, MMPM
-GOTO/0,0,0,0,0,1
-CYCLE/OFF
-FINI
-"""
-TASK = (
-    "<ActivityList Task='{}'><Activity ActivityType='DNBRobotMotionActivity' Operation='O' id='1'>"
-    "<MotionAttributes><MotionType>Linear</MotionType></MotionAttributes><Target><CartesianTarget>"
-    "<Position Units='m' X='{}' Y='0' Z='0'/>"
-    "<Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target></Activity>"
-    "</ActivityList>"
-)
 CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "source": ({}, {"source": "points.csv"}),
     "cell": ({}, {"--cell": "other.toml"}),
@@ -441,6 +450,7 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "name": ({}, {"--name": "OTHER"}),
     "format": ({}, {"--format": "apt"}),
     "dialect": ({"source": "plain.apt"}, {"--dialect": "nx"}),
+    "accept_words": ({"source": "shifted.apt"}, {"--accept-words": "CUTCOM"}),
     "units": ({}, {"--units": "inch"}),
     "columns": ({}, {"--columns": "id,y,x,z,i,j,k,depth"}),
     "task": ({"source": "tasks.xml"}, {"--task": "B"}),
@@ -458,7 +468,7 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "quiet": ({}, {"--quiet": None}),
 }
 """Option of ``convert`` to what else stands in the call, and the change."""
-FIRST = {"partial": 1, "recover": 2, "dialect": 2}
+FIRST = {"partial": 1, "accept_words": 1, "recover": 2, "dialect": 2}
 """Exit code of a call before the change, where it is not good."""
 
 
@@ -470,10 +480,6 @@ def called(folder, tmp_path, monkeypatch, capsys):
     (folder / "pins.csv").write_text("tag,spin_deg\nH3,-12\n")
     (folder / "bent.apt").write_text(BENT)
     (folder / "far.csv").write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,1,5\n9000,0,0,0,0,1,5\n")
-    (folder / "plain.apt").write_text(NO_UNITS)
-    (folder / "cycle.apt").write_text(CYCLE)
-    tasks = "".join(TASK.format(name, x) for name, x in (("A", 0.0), ("B", 0.1)))
-    (folder / "tasks.xml").write_text(f"<OLPData><Resource id='r'>{tasks}</Resource></OLPData>")
     inputs = ("source", "--cell", "--model", "--pins")
 
     def call(number, parts):

@@ -9,6 +9,7 @@ import pytest
 from postproc.cli.app import run
 from postproc.errors import ReadError
 from postproc.model.toolpath import MotionKind
+from postproc.process import word_findings
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.arcs import tangency
 from postproc.readers.apt.finish import straight_neighbours
@@ -27,6 +28,52 @@ REASONS = {
     "robodk__Example-Import-CSV-XYZWPR.csv": "CSV013",
 }
 """Why a file cannot be read as it is: no orientation, or columns that only a person can name."""
+
+
+TOOLS, CUTCOM = "several tools", "--accept-words CUTCOM"
+NEEDS = {
+    "az__Dem-target1.apt": (),
+    "az__Dem-target2.apt": (CUTCOM, TOOLS),
+    "az__Leg-holder-thick.apt": (CUTCOM, TOOLS),
+    "az__METIS-506-7-5-D-4-Collimator-support.apt": (CUTCOM, TOOLS),
+    "az__Paralelipipedo-furos.apt": (TOOLS,),
+    "az__Paralelipipedo.apt": (CUTCOM,),
+    "az__RotateThick.apt": (CUTCOM, TOOLS),
+    "az__Sacrifice-Board.apt": (CUTCOM, TOOLS),
+    "az__SlewMachine.apt": (CUTCOM, TOOLS),
+    "az__Suporte-parede-side-drill.apt": (),
+    "az__Suporte-parede-top.apt": (CUTCOM, TOOLS),
+    "az__Suporte-paredeH-edge.apt": (CUTCOM, TOOLS),
+    "az__Suporte-paredeH-middle-drill.apt": (CUTCOM, TOOLS),
+    "az__Suporte-paredeTrava-Direita.apt": (CUTCOM, TOOLS),
+    "az__Suporte-paredeTrava.Esquerda.apt": (CUTCOM, TOOLS),
+    "az__Teflon-gasket.apt": (CUTCOM, TOOLS),
+    "az__Telemecanique-Tilt-Support.apt": (CUTCOM, TOOLS),
+    "az__Telemecanique-Tilt-Support2.apt": (CUTCOM, TOOLS),
+    "az__basemach.apt": (CUTCOM, TOOLS),
+    "az__lateral-leg-holder.apt": (CUTCOM,),
+    "az__manufacture3-bottom.apt": (CUTCOM, TOOLS),
+    "azhist__Interface-glue2.apt": (CUTCOM,),
+    "creo__bohren_1.ncl.8": (),
+    "creo__profilfr_sen_2.ncl.1": (),
+    "nx__TORETC_250_BOK.cls": (),
+    "nx___10_KONTUR_125_N2_162.cls": (),
+    "nx___1_KONTUR_NAR_40_N2.cls": (),
+    "nx___2_KONTUR_VNUT_40_N2.cls": (),
+    "nx___4_SVERL_63_N2.cls": (),
+    "nx___6_KONTUR_125_N2_46.cls": (),
+    "nx__standart_drill.clsf": (),
+    "nx__ust_a.cls": (),
+}
+"""What each file needs before a program is made of it.
+
+CUTCOM: SolidWorks CAM writes CUTCOM/LEFT and says nowhere whether its points are the tool centre or
+the edge of the part; Creo (OUTPUT_ON_CENTER) and NX (centerline data) do. Several tools: one file
+for each tool is needed, nothing else helps. Units: none, the NX files have no record but feeds in
+MMPM.
+"""
+NO_SPINDLE = {name for name in NEEDS if name.startswith("nx__")}
+"""They never name the spindle, which is a note."""
 
 
 def expectations(corpus):
@@ -52,6 +99,38 @@ def test_inspect_agrees_with_the_counts_of_every_file(corpus, capsys):
         assert facts["tools"] <= max(changes, 1)
         assert facts["unknown_words"] == {}
         assert facts["units"] == "mm"
+
+
+def test_what_each_file_needs_to_pass(corpus):
+    assert sorted(NEEDS) == sorted(path.name for path in (corpus / "apt").iterdir())
+    for name, needs in NEEDS.items():
+        toolpath = read(corpus / "apt" / name)
+        found = word_findings(toolpath)
+        errors = [finding for finding in found if finding.is_error]
+        assert [finding.code for finding in errors] == [
+            {CUTCOM: "WRD001", TOOLS: "WRD002"}[need] for need in needs
+        ], name
+        for need, finding in zip(needs, errors, strict=True):
+            assert need in finding.hint or need is TOOLS
+        notes = [finding.code for finding in found if not finding.is_error]
+        assert ("WRD004" in notes) == (name in NO_SPINDLE), name
+        accepted = word_findings(toolpath.accepting(["CUTCOM"]))
+        left = [finding.code for finding in accepted if finding.is_error]
+        assert left == (["WRD002"] if TOOLS in needs else []), name
+
+
+@pytest.mark.parametrize("name", ["az__Dem-target2.apt", "az__lateral-leg-holder.apt"])
+def test_a_finding_names_every_line_of_the_word(corpus, name):
+    """The lines are those that a plain search for the word finds; a dozen are named."""
+    text = (corpus / "apt" / name).read_text()
+    lines = [i for i, line in enumerate(text.splitlines(), 1) if line == "CUTCOM/LEFT"]
+    (use,) = (use for use in read(corpus / "apt" / name).word_uses if use.refused)
+    assert list(use.lines) == lines
+    (finding,) = (f for f in word_findings(read(corpus / "apt" / name)) if f.code == "WRD001")
+    assert finding.source.line == lines[0]
+    shown = ", ".join(map(str, lines[1:13]))
+    more = f" and {len(lines) - 13} more" if len(lines) > 13 else ""
+    assert f"(also in lines {shown}{more})" in finding.message
 
 
 def test_no_arc_goes_against_the_cuts_beside_it(corpus):

@@ -1,5 +1,8 @@
 """The loop closed on real CAM files: read, plan, write, read the text back, run it, compare."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
@@ -43,8 +46,19 @@ FILES = [
 def test_real_files_come_back_from_the_text(name, tmp_path):
     (tmp_path / "cell.toml").write_text(CELL)
     cell = load_cell(tmp_path / "cell.toml")
-    options = ReadOptions(units="mm", tool_axis=(0.0, 0.0, 1.0))
-    toolpath = read(str(CORPUS / name), "auto", options)
+    options = ReadOptions(units="mm", tool_axis=(0.0, 0.0, 1.0), accept_words="CUTCOM")
+    for toolpath in one_tool_each(read(str(CORPUS / name), "auto", options)):
+        comes_back(toolpath, cell)
+
+
+def one_tool_each(toolpath):
+    """The stretches of a toolpath by their tool, as files of one tool each."""
+    for index in np.unique(toolpath.tool):
+        part = toolpath.rows(toolpath.tool == index)
+        yield replace(part, tools=toolpath.tools[index : index + 1], tool=0 * part.tool)
+
+
+def comes_back(toolpath, cell):
     modules = parse_files(render_files(emit(plan(toolpath, cell), cell)))
     assert [i for i in lint(modules) if i.severity is Severity.ERROR] == []
     report = verify(modules, modules[0].name, cell, toolpath, collisions=False)

@@ -55,6 +55,8 @@ def comment(state: AptState, text: str, line: int) -> None:
             state.set_frame(frame[0], frame[1] * state.scale)
     elif body.startswith("->"):
         _creo_comment(state, body[2:], line)
+    elif body.upper() == _NX_CENTRE:
+        state.centre_points = True
 
 
 def _creo_comment(state: AptState, body: str, line: int) -> None:
