@@ -5,7 +5,7 @@ from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.tilt import PLUNGING, SHARPEST
-from postproc.process.words import lines_text, refusals, word_findings
+from postproc.process.words import refusals, word_findings
 
 __all__ = [
     "PLUNGING",
@@ -13,7 +13,6 @@ __all__ = [
     "as_served",
     "feeds_of",
     "hole_runs",
-    "lines_text",
     "load_cases",
     "operation_loads",
     "refusals",

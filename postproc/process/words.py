@@ -32,15 +32,17 @@ def refusals(toolpath: ToolPath) -> tuple[Finding, ...]:
     )
 
 
-def lines_text(lines: Sequence[int]) -> str:
-    """Return line numbers as text, at most a dozen of them."""
+def _lines_text(lines: Sequence[int]) -> str:
+    """Return ``line 7``, or ``lines 7, 9 and 3 more`` with at most a dozen numbers."""
     shown = ", ".join(str(line) for line in lines[:_MOST_LINES])
     more = len(lines) - _MOST_LINES
-    return f"{shown} and {more} more" if more > 0 else shown
+    word = "line" if len(lines) == 1 else "lines"
+    return f"{word} {shown} and {more} more" if more > 0 else f"{word} {shown}"
 
 
 def _refused(toolpath: ToolPath, use: WordUse) -> Finding:
-    also = f" (also in lines {lines_text(use.lines[1:])})" if len(use.lines) > 1 else ""
+    others = use.lines[1:]
+    also = f" (also in {_lines_text(others)})" if others else ""
     accept = (
         f"where you know it to be harmless: --accept-words {_quoted(use.word)}, "
         f'or [import] accept_words = ["{use.word}"] in the cell'

@@ -226,7 +226,7 @@ MUTANTS = {
     ),
     "stop lost": (lambda t: t.drop(r"PP_STOP"), "event"),
     "coolant lost": (lambda t: t.drop(r"PP_COOLANT_ON"), "event"),
-    "wrong tool called": (lambda t: t.sub(r"PP_TOOL_CHANGE\(2", "PP_TOOL_CHANGE(3"), "event"),
+    "wrong tool called": (lambda t: t.sub(r"PP_TOOL_CHANGE\(1", "PP_TOOL_CHANGE(3"), "event"),
     # --- text
     "24 characters exceeded": (
         lambda t: t.sub(r"^DEF demo", "DEF demo567890123456789012345"),

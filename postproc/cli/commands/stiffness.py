@@ -32,15 +32,19 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """Show the stiffness index over the rotation about the tool axis, per key tag.
 
     True stiffness along the tool axis, across the path and across the tool axis, and the paper's
-    indices kx, ky, kz, kv beside them. Exit code 1 if a tag cannot be reached at any rotation.
+    indices kx, ky, kz, kv beside them. Exit code 1 if a tag cannot be reached at any rotation, or
+    if the file asks for what convert refuses.
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
     from postproc.planning import spin_curves
+    from postproc.process import word_findings
     from postproc.units import DEG
 
     cell = load_cell(options["cell"])
     toolpath = read_cam(options["source"], options, cell)
+    found = word_findings(toolpath)
+    session.findings(found)
     cell, words = _with_model(options["model"], cell)
     curves = spin_curves(
         toolpath,
@@ -65,7 +69,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         session.show(f"{tag['name']:>12}  {value}")
     if curves.coaxial:
         session.say("the tool axis lies on axis 6: turning the tool changes no stiffness")
-    return answer(all(tag["best"]["axial"] is not None for tag in content["tags"]))
+    reached = all(tag["best"]["axial"] is not None for tag in content["tags"])
+    return answer(reached and not any(finding.is_error for finding in found))
 
 
 def _with_model(path: str | None, cell: Any) -> tuple[Any, str]:  # noqa: ANN401 - imported lazily
