@@ -21,7 +21,9 @@ from postproc.units import INCH, MM
 
 LENGTH_UNITS = {"mm": MM, "inch": INCH, "m": 1.0}
 """Metres per unit of length, by the names that ``--units`` takes."""
-CYCLE_WORDS = ("depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "-")
+CYCLE_WORDS = (
+    "depth", "clearance", "retract", "peck", "peck_first", "dwell", "feed", "shift", "-",
+)  # fmt: skip
 """What a number of a positional drill cycle can mean."""
 CATIA_WORDS = ("depth", "clearance", "feed", "dwell")
 HEAD_BYTES = 1 << 16
@@ -43,9 +45,11 @@ class ReadOptions:
         points_only: a list without orientations is read all the same, with axes NaN and a warning
             (to look at it; no robot can run it).
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
-        cycle_words: meaning of the positional numbers of a CATIA drill cycle, in order, out of
+        cycle_words: meaning of the positional numbers of a drill cycle, in order, out of
             ``CYCLE_WORDS``; ``-`` leaves a number out. A text has commas or blanks between; None:
             ``CATIA_WORDS``.
+        feed_units: ``mm`` or ``inch`` per minute for feeds whose unit contradicts that of the
+            file; None: such a file is asked back.
         task: DELMIA task to read; None: every task that no other one calls, in file order.
         accept_words: words that the user knows to be harmless; a text has commas between. What the
             reader refuses of them becomes a note.
@@ -60,6 +64,7 @@ class ReadOptions:
     points_only: bool = False
     chord_tolerance: float = 1e-5
     cycle_words: tuple[str, ...] | str | None = None
+    feed_units: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] | str = ()
 
@@ -72,6 +77,8 @@ class ReadOptions:
         if self.units is not None and self.units not in LENGTH_UNITS:
             known = ", ".join(LENGTH_UNITS)
             raise UsageError("IO020", f"no unit of length {self.units!r}, known are {known}")
+        if self.feed_units not in (None, "mm", "inch"):
+            raise UsageError("IO020", f"no unit of feed {self.feed_units!r}, known are mm, inch")
         wrong = [word for word in self.cycle_numbers if word not in CYCLE_WORDS]
         if wrong:
             known = ", ".join(CYCLE_WORDS)

@@ -82,7 +82,7 @@ TABLE = [
     ("feedword.apt", MM + "FEDRAT/100,PARSEC\nFINI\n", "APT051", "PARSEC"),
     ("spindle.apt", MM + "SPINDL/CLW\nFINI\n", "APT053", "no speed"),
     ("twoarcs.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nCIRCLE/0,0,0,0,0,1\nGOTO/0,1,0\nFINI\n",
-     "APT035", "two CIRCLE"),
+     "APT035", "two arcs"),
     ("arcend.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nFINI\n", "APT030", "no end point"),
     ("arcstart.apt", MM + "CIRCLE/0,0,0,0,0,1\nGOTO/1,0,0\nFINI\n", "APT036", "no point before"),
     ("arcplane.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,0\nGOTO/0,1,0\nFINI\n", "APT037", "plane"),
@@ -96,7 +96,13 @@ TABLE = [
     ("nodepth.apt", MM + "CYCLE/DRILL,RAPTO,2\nGOTO/1,0,0\nFINI\n", "APT046", "without a depth"),
     ("upwards.cls", NX + "CYCLE/DRILL,FEDTO,5.,RAPTO,2.,MMPM,9.\nGOTO/1,0,0\nEND-OF-PATH\n",
      "APT047", "above the hole"),
-    ("cycle.apt", MM + "CYCLE/SPIRAL,FEDTO,5\nGOTO/1,0,0\nFINI\n", "APT042", "unknown drill cycle"),
+    ("movarc.apt", MM + "GOTO/1,0,0\nMOVARC/0,0,0,0,0,1,1\nGOTO/0,1,0\nFINI\n", "APT084", "ANGLE"),
+    ("sweep.apt", MM + "GOTO/1,0,0\nMOVARC/0,0,0,0,0,1,1,ANGLE,80\nGOTO/0,1,0\nFINI\n",
+     "APT085", "80.0000 deg"),
+    ("rise.apt", MM + "GOTO/1,0,0\nARCSLP/2\nMOVARC/CENTER,0,0,0,AXIS,0,0,1,RADIUS,1\nGOTO/0,1,0\n"
+     "FINI\n", "APT086", "rise of 2.0000 mm"),
+    ("plane.apt", MM + "GOTO/1,0,0\nINDIRP/1,1,0\nTLON,GOFWD/(CIRCLE/CANON,0,0,0,0,0,1,1),ON,"
+     "(PLANE/1,0,0,5)\nFINI\n", "APT087", "does not meet"),
     ("cycleon.apt", MM + "CYCLE/ON,FEDTO,5\nGOTO/1,0,0\nFINI\n", "APT040", "no cycle before"),
     ("cyclenum.apt", MM + "CYCLE/DRILL,FEDTO,RAPTO,2\nGOTO/1,0,0\nFINI\n", "APT043", "no number"),
     ("siemens.apt", MM + "CYCLE81/10,0\nGOTO/1,0,0\nFINI\n", "APT041", "RTP"),

@@ -1,4 +1,4 @@
-"""CIRCLE records to arcs of the model: start from the point before, end at the point after.
+"""Arc records to arcs of the model: start from the point before, end at the point after.
 
 NX's ``TIMES,n`` counts the turns that are begun: the arc to the end point and n - 1 full turns. So
 read, the helical leads of real files slope by exactly the round ramp angles that were asked for
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray, Table
+from postproc.arrays import BoolArray, FloatArray, IntArray, Table
 from postproc.geometry import angle_about
 from postproc.model import Arcs
 from postproc.readers.text import Faults
@@ -23,6 +23,8 @@ RADIUS_GAP = 0.02 * MM
 """How far [m] the radii at start, at end and as written may differ, plus 1e-4 of the radius."""
 _RELATIVE_GAP = 1e-4
 TURN = 2.0 * np.pi
+_SAME_GAP = 1e-3 * MM
+"""Two senses that miss the end point by distances so alike [m] cannot be told apart by it."""
 _TANGENT_COSINE = 0.999
 """Cosine of 2.6 degrees: closer than this two directions count as tangent."""
 
@@ -32,9 +34,10 @@ class ArcRecords(Table):
     """m arcs as read, in the part frame [m].
 
     ``tag`` (m,) index of the tag an arc ends at; ``line`` (m,); ``centre`` (m, 3); ``normal``
-    (m, 3) ccw, any length; ``tangent`` (m, 3) start direction that stands in for the normal, NaN
-    else; ``radius`` (m,) NaN where not written; ``turns`` (m,) turns begun: TIMES,n
-    of NX, 0 or 1 for a plain arc.
+    (m, 3) ccw, any length; ``tangent`` (m, 3) start direction that decides which way round the
+    normal stands, NaN else; ``radius`` (m,) NaN where not written; ``turns`` (m,) turns begun:
+    TIMES,n of NX, 0 or 1 for a plain arc; ``sweep`` (m,) [rad] and ``rise`` (m,) [m] as written,
+    NaN else; ``free`` (m,) whether the record leaves the sense open.
     """
 
     tag: IntArray
@@ -44,6 +47,9 @@ class ArcRecords(Table):
     tangent: FloatArray
     radius: FloatArray
     turns: IntArray
+    sweep: FloatArray
+    rise: FloatArray
+    free: BoolArray
 
     @classmethod
     def joined(cls, parts: list[ArcRecords]) -> ArcRecords:
@@ -56,12 +62,21 @@ class ArcRecords(Table):
             np.zeros((0, 3)),
             np.zeros(0),
             np.zeros(0, dtype=np.int32),
+            np.zeros(0),
+            np.zeros(0),
+            np.zeros(0, dtype=np.bool_),
         )
         return cls.concat([empty, *parts])
 
 
-def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults) -> Arcs:
+def arcs_between(
+    records: ArcRecords, starts: FloatArray, ends: FloatArray, faults: Faults
+) -> tuple[Arcs, BoolArray]:
     """Return the arcs of the model, normals turned so that every motion is counterclockwise.
+
+    Where the record leaves the sense open, the start is turned by the written sweep both ways: one
+    of them meets the end. If both do, as half turns and full circles do, the arc goes
+    counterclockwise about the written vector and is marked.
 
     Args:
         records: m arcs as read.
@@ -69,9 +84,13 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
         ends: (m, 3) where each arc ends [m].
         faults: for the errors.
 
+    Returns:
+        the arcs, and (m,) which of them may as well go the other way.
+
     Raises:
         ReadError: APT036 without a start point, APT037 for a zero vector or radius, APT038 if
-            start and end do not lie on one circle.
+            start and end do not lie on one circle, APT085 if the written sweep does not lead from
+            start to end, APT086 for another rise than written.
     """
     missing = np.flatnonzero(np.isnan(starts).any(axis=1))
     if len(missing):
@@ -82,15 +101,76 @@ def arcs_between(records: ArcRecords, starts: FloatArray, ends: FloatArray, faul
     to_start = _in_plane(starts - records.centre, normal)
     to_end = _in_plane(ends - records.centre, normal)
     radius = _checked_radius(records, to_start, to_end, faults)
-    sweep = angle_about(normal, to_start, to_end)
+    _check_rise(records, np.einsum("ni,ni->n", ends - starts, normal), faults)
+    backwards, either = _senses(records, to_start, to_end, normal, faults)
+    normal[backwards] *= -1.0
+    angle = angle_about(normal, to_start, to_end)
     closed = np.linalg.norm(to_end - to_start, axis=1) <= FULL_CIRCLE_GAP
-    sweep = np.where(closed, TURN, sweep) + TURN * np.maximum(records.turns - 1, 0)
-    return Arcs(records.centre, normal, radius, sweep)
+    sweep = np.where(closed, TURN, angle) + TURN * np.maximum(records.turns - 1, 0)
+    written = ~np.isnan(records.sweep)
+    said = np.abs(records.sweep[written])
+    whole = angle[written] + TURN * np.rint((said - angle[written]) / TURN)
+    sweep[written] = np.where(whole > 0.0, whole, said)
+    return Arcs(records.centre, normal + 0.0, radius, sweep), either
+
+
+def _senses(
+    records: ArcRecords,
+    to_start: FloatArray,
+    to_end: FloatArray,
+    normal: FloatArray,
+    faults: Faults,
+) -> tuple[BoolArray, BoolArray]:
+    """Return which arcs (m,) go clockwise about the written vector, and which may go either way."""
+    across = np.cross(normal, to_start)
+    cosine, sine = np.cos(records.sweep)[:, None], np.sin(records.sweep)[:, None]
+    forth = np.linalg.norm(cosine * to_start + sine * across - to_end, axis=1)
+    back = np.linalg.norm(cosine * to_start - sine * across - to_end, axis=1)
+    back[~records.free] = np.inf
+    gap = np.minimum(forth, back)
+    bad = np.flatnonzero(gap > RADIUS_GAP + _RELATIVE_GAP * np.linalg.norm(to_end, axis=1))
+    if len(bad):
+        i = int(bad[0])
+        angle = np.degrees(angle_about(normal, to_start, to_end)[i])
+        raise faults.error(
+            "APT085",
+            f"an arc of {np.degrees(records.sweep[i]):.4f} deg does not lead from its start to its "
+            f"end, which lie {angle:.4f} deg apart: it misses by {gap[i] / MM:.4f} mm",
+            int(records.line[i]),
+        )
+    with np.errstate(invalid="ignore"):
+        either = records.free & ~(np.abs(forth - back) > _SAME_GAP)
+        return records.free & (back < forth) & ~either, either
+
+
+def _check_rise(records: ArcRecords, rise: FloatArray, faults: Faults) -> None:
+    """Compare the rise of a helix with the written one; its sign goes with the sense."""
+    bad = np.flatnonzero(np.abs(np.abs(rise) - np.abs(records.rise)) > RADIUS_GAP)
+    if len(bad):
+        i = int(bad[0])
+        raise faults.error(
+            "APT086",
+            f"ARCSLP says a rise of {records.rise[i] / MM:.4f} mm, start and end of the arc say "
+            f"{rise[i] / MM:.4f} mm",
+            int(records.line[i]),
+        )
+
+
+def other_way(arcs: Arcs, rows: BoolArray) -> Arcs:
+    """Return the arcs with some (m,) turned round: same start, same end, the other side."""
+    normal, sweep = np.array(arcs.normal), np.array(arcs.sweep)
+    normal[rows] *= -1.0
+    before = np.ceil(sweep[rows] / TURN - 1e-9) - 1.0
+    part = sweep[rows] - TURN * before
+    is_whole = part > TURN - 1e-9
+    sweep[rows] = np.where(is_whole, TURN, TURN - part) + TURN * before
+    return Arcs(arcs.centre, normal + 0.0, arcs.radius, sweep)
 
 
 def _unit_normals(records: ArcRecords, starts: FloatArray, faults: Faults) -> FloatArray:
     by_tangent = np.cross(starts - records.centre, records.tangent)
-    normal = np.where(np.isnan(records.tangent), records.normal, by_tangent)
+    along = np.einsum("ni,ni->n", by_tangent, records.normal)
+    normal = np.where(np.isnan(along), 1.0, np.sign(along))[:, None] * records.normal
     length = np.linalg.norm(normal, axis=1)
     bad = np.flatnonzero(~(length > 0.0))
     if len(bad):

@@ -1,87 +1,144 @@
-"""Drill cycles: each grammar to the same parameters, and those to a ``Cycle`` of the model.
+"""Drill cycles: begun, changed, suspended and ended; their parameters to a ``Cycle`` of the model.
 
-Heights count from the GOTO point along the tool axis. Where a file leaves a height open: the feed
-starts at ``RAPTO``, else at ``CLEAR``, else 2 mm above the point (with a warning); the tool ends at
-``RTRCTO``, else (``RTRCTO,AUTO``, nothing) at the height where the feed starts.
+Where a file leaves a height open: the feed starts 2 mm above the point (with a warning); the tool
+ends at the height where the feed starts.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from math import isnan
+from math import isnan, nan, radians
 
-from postproc.model import Cycle, CycleKind
-from postproc.readers.apt.dialect import CycleGrammar, DepthRule
-from postproc.readers.apt.feed import FEED_UNITS, PER_TURN, feed_value
+from postproc.model import Cycle, CycleKind, WordClass
+from postproc.readers.apt.cycletext import Found, is_hsm_order, parameters
+from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
+from postproc.readers.apt.feed import PER_TURN
+from postproc.readers.apt.heights import (
+    DEFAULT_CLEARANCE,
+    Heights,
+    doubts,
+    reading,
+    with_levels,
+)
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
-from postproc.units import MM
 
-DEFAULT_CLEARANCE = 2.0 * MM
-"""Height [m] above the hole where the feed starts if the file does not say."""
-NAN = float("nan")
+NAN = nan
 
 _KINDS = {
-    "DRILL": CycleKind.DRILL, "FACE": CycleKind.FACE, "CSINK": CycleKind.CSINK,
-    "DEEP": CycleKind.DEEP, "DEEP2": CycleKind.DEEP, "BRKCHP": CycleKind.BRKCHP,
-    "BREAKCHIP": CycleKind.BRKCHP, "THRU": CycleKind.DRILL, "TAP": CycleKind.TAP,
+    "DRILL": CycleKind.DRILL, "SPOT": CycleKind.DRILL, "FACE": CycleKind.FACE,
+    "CSINK": CycleKind.CSINK, "DEEP": CycleKind.DEEP, "DEEP2": CycleKind.DEEP,
+    "THRU": CycleKind.DRILL, "BRKCHP": CycleKind.BRKCHP, "BREAKCHIP": CycleKind.BRKCHP,
+    "TAP": CycleKind.TAP, "REVERS": CycleKind.TAP_LEFT, "RIGID": CycleKind.RIGID_TAP,
     "BORE": CycleKind.BORE, "BORE5": CycleKind.BORE, "BORE6": CycleKind.BORE,
     "BORE7": CycleKind.BORE, "BORE8": CycleKind.BORE_RAPID, "BORE9": CycleKind.BORE,
-    "REAM": CycleKind.REAM, "MILL": CycleKind.DRILL, "SPOT": CycleKind.DRILL,
+    "SHIFT": CycleKind.BORE, "REAM": CycleKind.REAM,
 }  # fmt: skip
 """Cycle words and the kind of the model."""
-_ACTIONS = frozenset({"INIT", "ON", "OFF", "CLEAR", "NOMORE"})
-_FIELDS = {
-    "FEDTO": "depth", "DEPTH": "depth", "RAPTO": "clearance", "CLEAR": "clear",
-    "RTRCTO": "retract", "STEP": "peck", "INCR": "peck", "1STPECK": "peck_first",
-    "SUBPECK": "peck", "DWELL": "dwell", "CSINK": "ignored", "CSKDIA": "diameter",
-    "ORIENT": "ignored", "OFFSET": "ignored", "LEAD": "ignored",
-}  # fmt: skip
-"""Minor words of the parameters; each is followed by one number."""
+_REFUSED = {
+    "BORE7": "the tool is to be taken out by hand",
+    "BORE9": "back boring: the tool works on its way out",
+    "SHIFT": "the spindle is to stand at an angle and the tool to move off the wall",
+}
+_LEFT = {CycleKind.TAP: CycleKind.TAP_LEFT, CycleKind.RIGID_TAP: CycleKind.RIGID_TAP_LEFT}
 _SIEMENS = {"CYCLE81": 5, "CYCLE82": 6, "CYCLE83": 12}
 """Siemens drill cycles and how many numbers each has at most: RTP, RFP, SDIS, DP, DPR, ..."""
+_READINGS = "--dialect NAME of the seat, or --cycle-words with the order of the numbers"
 
 
 def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
-    """Handle CYCLE/...: begin, change or end a drill cycle."""
+    """Handle CYCLE/...: begin, change, resume or end a drill cycle."""
     words = statement.upper
     first = words[0] if words else ""
     if first in _SIEMENS:
         siemens_statement(state, Statement(first, statement.args[1:], statement.text), line)
-        return
-    if first in {"OFF", "NOMORE"}:
+    elif first in {"OFF", "NOMORE"}:
         state.cycle.set(state.at, -1)
-        return
-    if first in {"INIT", "CLEAR"} or (first == "ON" and len(words) == 1):
+    elif first in {"INIT", "CLEAR"}:
         state.cycle.set(state.at, -1)
-        state.cycle_words = {}
+        state.drill.words, state.drill.last = {}, -1
+    elif first == "ON":
+        _resume(state, statement, line)
+    elif first == "MILL" or first not in _KINDS:
+        _no_hole(state, statement, first, line)
+    else:
+        _drill(state, statement, line)
+
+
+def _resume(state: AptState, statement: Statement, line: int) -> None:
+    """CYCLE/ON brings the last cycle back; with parameters, these change it."""
+    if len(statement.args) == 1:
+        state.cycle.set(state.at, state.drill.last)
         return
-    known = state.cycle_memo.get(statement.text)
-    if known is not None:
-        index, state.cycle_words = known
-        state.cycle.set(state.at, index)
-        return
-    changed = first == "ON"
-    if changed and not state.cycle_words:
+    if not state.drill.words:
         raise state.faults.error(
             "APT040", "CYCLE/ON with parameters but no cycle before it", line, statement.text
         )
-    kind = _kind(state, words, line, statement)
-    grammar = state.dialect.cycle_grammar
-    if grammar is CycleGrammar.CAMWORKS:
-        found = _camworks(state, words, line, statement)
-    elif _is_positional(words) and grammar is CycleGrammar.WORDS_OR_NUMBERS:
-        found = _positional(state, words, line, statement)
+    kind = state.cycles[state.drill.last].kind
+    found = {**state.drill.words, **parameters(state, statement, line)}
+    _begin(state, kind, found, line, statement)
+
+
+def _no_hole(state: AptState, statement: Statement, first: str, line: int) -> None:
+    """Take the points of a cycle that makes no hole, or an unknown one, as plain moves."""
+    state.cycle.set(state.at, -1)
+    name = f"CYCLE/{first[:20]}"
+    if first == "MILL" and len(statement.args) == 1:
+        state.uses.note(name, WordClass.PROCESS, line, "only positions; its point is no hole")
+        return
+    why = {
+        "MILL": "only positions; its depth is not driven",
+        "CIRCUL": "mills a circular pocket, which is not driven",
+    }.get(first, "is not a drill cycle that is known; its points are read as plain moves")
+    state.uses.refuse(name, WordClass.GEOMETRY, line, f"{first[:20]} {why}")
+
+
+def _drill(state: AptState, statement: Statement, line: int) -> None:
+    """Begin a cycle; equal texts are parsed once."""
+    known = state.drill.memo.get(statement.text)
+    if known is not None:
+        index, state.drill.words, said = known
+        state.uses.repeat(said, line)
+        state.drill.last = index
+        state.cycle.set(state.at, index)
+        return
+    before = len(state.uses.log)
+    words = statement.upper
+    found = parameters(state, statement, line)
+    _ask_order(state, statement, line)
+    _begin(state, _kind(state, words, found, line), found, line, statement)
+    depends = bool({"REV", "TPI", "PITCH", *PER_TURN} & set(words)) or "TAP" in words[0]
+    if not depends:
+        said = state.uses.log[before:]
+        state.drill.memo[statement.text] = int(state.cycle.value), found, said
+
+
+def _ask_order(state: AptState, statement: Statement, line: int) -> None:
+    """Ask back what the numbers of a cycle mean where the seat is not known."""
+    words = statement.upper
+    if (
+        state.options.cycle_words is not None
+        or state.dialect.cycle_grammar is not CycleGrammar.UNKNOWN
+        or len(words) < 2
+        or bounded(words[1]) is None
+    ):
+        return
+    if is_hsm_order(words):
+        what = (
+            "Fusion (GOTO at the bottom of the hole, clearance an absolute height) or HSMWorks of "
+            "2011 (GOTO at its top, clearance from the bottom); read with GOTO and clearance at "
+            "and above the top"
+        )
+        hint = f"--dialect fusion or --dialect hsmworks, or {_READINGS}"
     else:
-        found = _by_words(state, words, line, statement)
-    if changed:
-        found = {**state.cycle_words, **found}
-        number = int(state.cycle.value)
-        kind = state.cycles[number].kind if number >= 0 else CycleKind.DRILL
-    state.cycle_words = found
-    _begin(state, _cycle(state, kind, found, line, statement), line)
-    if not changed and not PER_TURN & set(words):
-        state.cycle_memo[statement.text] = int(state.cycle.value), found
+        what = (
+            "depth, feed, clearance (SURFCAM, read so) or depth, clearance, feed (CATIA) or the "
+            "order of another table"
+        )
+        hint = f"--dialect surfcam or --dialect catia, or {_READINGS}"
+    state.uses.refuse(
+        f"CYCLE/{words[0]}", WordClass.GEOMETRY, line,
+        f"the numbers have no words and the seat is not known: {what}", hint,
+    )  # fmt: skip
 
 
 def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -118,142 +175,74 @@ def siemens_statement(state: AptState, statement: Statement, line: int) -> None:
                   "dwell": values[8]}  # fmt: skip
     found = {name: value for name, value in found.items() if not isnan(value)}
     found.setdefault("depth", NAN)
-    _begin(state, _cycle(state, kind, found, line, statement, signed=False), line)
+    _begin(state, kind, found, line, statement, signed=False)
 
 
-def _kind(state: AptState, words: tuple[str, ...], line: int, statement: Statement) -> CycleKind:
-    first = words[0] if words else ""
-    if first not in _KINDS and first not in _ACTIONS:
-        raise state.faults.error(
-            "APT042", f"unknown drill cycle {first[:20]!r}", line, statement.text
-        )
+def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> CycleKind:
+    """Return what a cycle does, by the seat's meaning of the words."""
+    first = words[0]
+    kind = _KINDS[first]
+    if first in _REFUSED:
+        state.uses.refuse(f"CYCLE/{first}", WordClass.PROCESS, line, _REFUSED[first])
     if "DEEP" in words[1:]:
-        return CycleKind.DEEP
+        kind = CycleKind.DEEP
     if "BRKCHP" in words[1:]:
-        return CycleKind.BRKCHP
-    return _KINDS.get(first, CycleKind.DRILL)
+        kind = CycleKind.BRKCHP
+    if "REVERS" in words[1:]:
+        kind = CycleKind.TAP_LEFT
+    if kind is CycleKind.DEEP and state.dialect.cycle_rule.deep_breaks:
+        kind = CycleKind.BRKCHP
+    elif kind is CycleKind.DEEP and state.dialect.cycle_grammar is CycleGrammar.UNKNOWN:
+        state.uses.note(
+            "CYCLE/DEEP", WordClass.PROCESS, line,
+            "full retracts after each peck; some systems mean chip breaking",
+        )  # fmt: skip
+    if kind in _LEFT and state.spindle_sign < 0.0:
+        kind = _LEFT[kind]
+    if kind is CycleKind.BORE and ("orient" in found or "shift" in found):
+        state.uses.refuse(
+            "CYCLE/ORIENT", WordClass.PROCESS, line,
+            "the spindle is to stand at an angle before the tool leaves the bore",
+        )  # fmt: skip
+    return kind
 
 
-def _is_positional(words: tuple[str, ...]) -> bool:
-    return len(words) > 1 and bounded(words[1]) is not None
-
-
-def _by_words(
-    state: AptState, words: tuple[str, ...], line: int, statement: Statement
-) -> dict[str, float]:
-    """Return the parameters of minor words, each followed by its number."""
-    found: dict[str, float] = {}
-    position = 1
-    while position < len(words):
-        word = words[position]
-        follower = words[position + 1] if position + 1 < len(words) else ""
-        value = bounded(follower)
-        position += 1
-        if word in FEED_UNITS and value is not None:
-            found["feed"] = feed_value(state, value, word, line)
-            position += 1
-        elif word in _FIELDS and value is not None:
-            found[_FIELDS[word]] = value
-            position += 1
-        elif word == "RTRCTO" and follower in {"AUTO", "NONE"}:
-            position += 1
-        elif word in {"DEEP", "BRKCHP"} or (word in {"DWELL", "ORIENT"} and value is None):
-            continue
-        elif word in _FIELDS:
-            raise state.faults.error(
-                "APT043", f"{word} of a drill cycle has no number", line, statement.text
-            )
-        elif value is not None and bounded(word) is None:
-            state.faults.warn("APT140", f"drill cycle: {word} is not known and left out", line)
-            position += 1
-        else:
-            raise state.faults.error(
-                "APT044",
-                f"drill cycle: {word[:20]!r} where a minor word was expected",
-                line,
-                statement.text,
-            )
-    return found
-
-
-def _positional(
-    state: AptState, words: tuple[str, ...], line: int, statement: Statement
-) -> dict[str, float]:
-    """Return the parameters of CATIA's numbers, named by ``ReadOptions.cycle_words``."""
-    found: dict[str, float] = {}
-    names = list(state.options.cycle_numbers)
-    unit = next((word for word in words[1:] if word in FEED_UNITS), "")
-    for i, word in enumerate(word for word in words[1:] if word not in FEED_UNITS):
-        value = bounded(word)
-        if value is None or i >= len(names):
-            raise state.faults.error(
-                "APT045",
-                f"drill cycle: the meaning of {word[:20]!r} is not known",
-                line,
-                statement.text,
-                "name the positions with --cycle-words",
-            )
-        if names[i] == "feed":
-            found["feed"] = feed_value(state, value, unit or "PERMIN", line)
-        elif names[i] != "-":
-            found[names[i]] = value
-    return found
-
-
-def _camworks(
-    state: AptState, words: tuple[str, ...], line: int, statement: Statement
-) -> dict[str, float]:
-    """Return the parameters of CAMWorks' order; the comma between two heights may be missing.
-
-    G98, depth[, PECKING, first, next], MMPM, feed, rapid height, retract height, initial height,
-    DWELL, time.
-    """
-    tokens = [part for word in words[1:] for part in word.split()]
-    found: dict[str, float] = {}
-    bare: list[float] = []
-    heights: list[float] = []
-    position = 0
-    while position < len(tokens):
-        word = tokens[position]
-        value = bounded(word)
-        following = [bounded(token) for token in tokens[position + 1 : position + 3]]
-        position += 1
-        if value is not None:
-            (heights if "feed" in found else bare).append(value)
-        elif word == "PECKING" and len(following) == 2 and None not in following:
-            found["peck_first"], found["peck"] = (v or 0.0 for v in following)
-            position += 2
-        elif word in FEED_UNITS and following and following[0] is not None:
-            found["feed"] = feed_value(state, following[0], word, line)
-            position += 1
-        elif word == "DWELL" and following and following[0] is not None:
-            found["dwell"] = following[0]
-            position += 1
-        elif word not in {"G98", "G99"}:
-            raise state.faults.error(
-                "APT044",
-                f"drill cycle: {word[:20]!r} where a minor word was expected",
-                line,
-                statement.text,
-            )
-    if bare:
-        found["depth"] = bare[0]
-    if heights:
-        found["clearance"] = heights[0]
-    if len(heights) > 1:
-        found["retract"] = heights[0] if "G99" in tokens else heights[1]
-    return found
-
-
-def _cycle(
+def _begin(
     state: AptState,
     kind: CycleKind,
-    found: dict[str, float],
+    found: Found,
     line: int,
     statement: Statement,
     signed: bool = True,
-) -> Cycle:
-    """Return the cycle [m, m/s, s] from parameters in file units (feed already in m/s)."""
+) -> None:
+    """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
+    state.drill.words = found
+    depth = _depth(state, found, line, statement, signed)
+    cycle = _cycle(state, kind, depth, found, line)
+    if cycle.repeat > 1:
+        state.uses.refuse(
+            "CYCLE/REPEAT", WordClass.PROCESS, line, f"each hole is to be made {cycle.repeat} times"
+        )
+    heights = _heights(state, depth, found, signed)
+    if not heights.needs_level:
+        cycle = _levelled(state, cycle, heights, line, statement)
+    known = state.drill.index.setdefault(f"{cycle!r}{heights!r}", len(state.cycles))
+    if known == len(state.cycles):
+        state.cycles.append(cycle)
+        state.drill.heights[known] = heights, _word(statement), line
+    state.cycle.set(state.at, known)
+    state.drill.last = known
+    if cycle.depth == 0.0:
+        state.faults.warn("APT142", "a drill cycle with depth 0: the tool only touches", line)
+
+
+def _word(statement: Statement) -> str:
+    """Return a cycle's word as a user would name it."""
+    return f"CYCLE/{statement.upper[0]}" if statement.word == "CYCLE" else statement.word
+
+
+def _depth(state: AptState, found: Found, line: int, statement: Statement, signed: bool) -> float:
+    """Return the depth in units of the file, positive into the part."""
     depth = found.get("depth", NAN)
     if isnan(depth):
         raise state.faults.error("APT046", "a drill cycle without a depth", line, statement.text)
@@ -266,40 +255,92 @@ def _cycle(
             line,
             statement.text,
         )
-    clearance = found.get("clearance", found.get("clear", NAN))
-    if isnan(clearance):
-        clearance = DEFAULT_CLEARANCE / state.scale
-        state.faults.warn(
-            "APT141", "a drill cycle without RAPTO or CLEAR: its feed starts 2 mm above", line
-        )
-    retract = found.get("retract", clearance)
-    if clearance < 0.0 or retract < 0.0:
-        raise state.faults.error(
-            "APT048", "a drill cycle whose heights lie below the hole", line, statement.text
-        )
-    peck = abs(found.get("peck", 0.0))
+    return depth + 0.0
+
+
+def _cycle(state: AptState, kind: CycleKind, depth: float, found: Found, line: int) -> Cycle:
+    """Return the cycle [m, m/s, s] without its levels, from parameters in file units."""
     scale = state.scale
+    peck = abs(found.get("peck", 0.0))
+    if peck > 0.0 and kind is CycleKind.DRILL:
+        kind = CycleKind.DEEP
+    pitch = found.get("pitch", NAN) * scale
+    feed = found.get("feed", NAN)
+    if isnan(feed) and not isnan(pitch):
+        feed = pitch * state.spindle
     return Cycle(
         kind=kind,
-        depth=depth * scale + 0.0,
-        clearance=clearance * scale,
-        retract=retract * scale,
+        depth=depth * scale,
+        clearance=0.0,
+        retract=0.0,
         peck_first=abs(found.get("peck_first", peck)) * scale,
         peck=peck * scale,
         break_chip=kind is CycleKind.BRKCHP,
         dwell=max(found.get("dwell", 0.0), 0.0),
-        feed=found.get("feed", NAN),
+        feed=feed,
         diameter=found.get("diameter", NAN) * scale,
+        pitch=pitch,
+        orient=radians(found.get("orient", NAN)),
+        shift=found.get("shift", 0.0) * scale,
+        repeat=max(int(found.get("repeat", 1.0)), 1),
+        feed_per_turn=found.get("feed_per_turn", NAN),
     )
 
 
-def _begin(state: AptState, cycle: Cycle, line: int) -> None:
-    """Let a cycle hold from the next point on; equal cycles share one entry of the table."""
-    if cycle.peck > 0.0 and cycle.kind is CycleKind.DRILL:
-        cycle = replace(cycle, kind=CycleKind.DEEP)
-    known = state.cycle_index.setdefault(repr(cycle), len(state.cycles))
-    if known == len(state.cycles):
-        state.cycles.append(cycle)
-    state.cycle.set(state.at, known)
-    if cycle.depth == 0.0:
-        state.faults.warn("APT142", "a drill cycle with depth 0: the tool only touches", line)
+def _heights(state: AptState, depth: float, found: Found, signed: bool) -> Heights:
+    """Return what is said about the levels [m]; named positions count from the top of the hole."""
+    scale = state.scale
+    own = state.options.cycle_words is not None or not signed
+    rule = state.dialect.cycle_rule if "clearance" not in found or not own else CycleRule()
+    names = ("clearance", "clear", "rapto", "retract", "return")
+    clearance, clear, rapto, retract, back = (found.get(name, NAN) * scale for name in names)
+    return Heights(rule, depth * scale, clearance, clear, rapto, retract, back)
+
+
+def _levelled(
+    state: AptState, cycle: Cycle, heights: Heights, line: int, statement: Statement
+) -> Cycle:
+    """Return the cycle with levels that do not depend on where its holes lie."""
+    feed, ends = heights.above(0.0)
+    if isnan(feed):
+        state.faults.warn(
+            "APT141", "a drill cycle without RAPTO or CLEAR: its feed starts 2 mm above", line
+        )
+        feed = DEFAULT_CLEARANCE
+        ends = feed if isnan(ends) else ends
+    proven = state.dialect.cycle_rule.proven or not heights.rule.safe
+    if (feed < 0.0 or ends < 0.0) and proven:
+        raise state.faults.error(
+            "APT048", "a drill cycle whose heights lie below the hole", line, statement.text
+        )
+    show(state, cycle, feed, ends, _word(statement), line)
+    return with_levels(cycle, feed, ends)
+
+
+def show(
+    state: AptState,
+    cycle: Cycle,
+    feed: float,
+    ends: float,
+    word: str,
+    line: int,
+    top: float = NAN,
+) -> None:
+    """Ask a doubtful reading of a cycle back, and note one that no real file has proven.
+
+    Args:
+        state: of the reading.
+        cycle: as read; its levels do not count.
+        feed: level where feed begins, above the top of the hole [m].
+        ends: level where the tool ends [m].
+        word: of the cycle.
+        line: of the cycle.
+        top: height of the top of the first hole along the tool axis [m], NaN = not known.
+    """
+    text = reading(cycle, feed, ends, top)
+    doubt = doubts(cycle, feed, ends)
+    if doubt and state.options.cycle_words is None:
+        what = ", ".join(doubt)
+        state.uses.refuse(word, WordClass.GEOMETRY, line, f"{what}: {text}", _READINGS)
+    elif not state.dialect.cycle_rule.proven:
+        state.uses.note(word, WordClass.PROCESS, line, text, _READINGS)

@@ -1,4 +1,4 @@
-"""The dialects of APT/CL data as small declared differences, and how a file's dialect is found.
+"""What may differ between dialects of APT/CL data.
 
 Source of each rule: measured on files of the systems named, and NX's own description of the CIRCLE
 record ("assuming a clockwise direction").
@@ -10,8 +10,6 @@ import re
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from postproc.errors import UsageError
-
 
 class ArcSense(Enum):
     """Which way a CIRCLE record turns about its written vector."""
@@ -20,6 +18,16 @@ class ArcSense(Enum):
     CLOCKWISE = auto()
     WORD = auto()
     """As the record's last word says."""
+
+
+class EighthField(Enum):
+    """What field 8 of a CIRCLE record of 11 numbers is."""
+
+    TOLERANCE = auto()
+    SWEEP = auto()
+    """The sweep in degrees."""
+    EITHER = auto()
+    """A sweep where it is too large for a tolerance."""
 
 
 class AxisRule(Enum):
@@ -45,10 +53,45 @@ class CycleGrammar(Enum):
 
     WORDS = auto()
     """Minor words, each before its number."""
-    WORDS_OR_NUMBERS = auto()
+    CATIA = auto()
     """As WORDS, or numbers alone, whose meaning a table of the postprocessor gives."""
+    HSM = auto()
+    """As WORDS, or depth, unit, feed, clearance; minor words between."""
+    SURFCAM = auto()
+    """As WORDS, or depth, feed, unit, clearance."""
+    UNKNOWN = auto()
+    """As WORDS, or numbers in whatever order."""
     CAMWORKS = auto()
     """G98 or G99, then numbers in a fixed order."""
+
+
+class Clear(Enum):
+    """What the number of CLEAR in a drill cycle counts from."""
+
+    ABOVE = auto()
+    """The top of the hole."""
+    ABSOLUTE = auto()
+    """The origin, along the tool axis."""
+    FROM_BOTTOM = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class CycleRule:
+    """What the levels of a drill cycle mean.
+
+    ``goto_bottom``: the GOTO is the bottom of the hole, not its top. ``clear``: what CLEAR (and
+    RETURN) count from. ``rapto_below``: RAPTO counts down from the clearance level, not up from the
+    hole. ``safe``: without RTRCTO and RETURN the tool goes back to the clearance level.
+    ``deep_breaks``: DEEP breaks chips and THRU retracts fully. ``proven``: the meaning is that of
+    real files, not of posts and manuals alone.
+    """
+
+    goto_bottom: bool = False
+    clear: Clear = Clear.ABOVE
+    rapto_below: bool = False
+    safe: bool = False
+    deep_breaks: bool = False
+    proven: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,101 +108,14 @@ class Dialect:
     name: str
     marks: tuple[tuple[re.Pattern[bytes], float], ...]
     arc_sense: ArcSense = ArcSense.COUNTERCLOCKWISE
+    eighth_field: EighthField = EighthField.TOLERANCE
     axis_rule: AxisRule = AxisRule.KEEP
     depth_rule: DepthRule = DepthRule.BELOW
     cycle_grammar: CycleGrammar = CycleGrammar.WORDS
+    cycle_rule: CycleRule = CycleRule()
     implied_units: str | None = None
     ends: frozenset[str] = field(default_factory=lambda: frozenset({"FINI", "END"}))
     setup_plane: bool = False
     feed_cancels_rapid: bool = False
     blank_separates: bool = False
     axis_reset: frozenset[str] = frozenset()
-
-
-def _marks(*pairs: tuple[bytes, float]) -> tuple[tuple[re.Pattern[bytes], float], ...]:
-    flags = re.MULTILINE | re.IGNORECASE
-    return tuple((re.compile(pattern, flags), weight) for pattern, weight in pairs)
-
-
-_SLASH = rb"[ \t]*/"
-
-DIALECTS = {
-    dialect.name: dialect
-    for dialect in (
-        Dialect(
-            "nx",
-            _marks(
-                (rb"^[ \t]*TOOL PATH" + _SLASH, 3.0),
-                (rb"^[ \t]*(TLDATA|MSYS)" + _SLASH, 2.0),
-                (rb"^[ \t]*(PAINT" + _SLASH + rb"|END-OF-PATH)", 2.0),
-            ),
-            arc_sense=ArcSense.CLOCKWISE,
-            depth_rule=DepthRule.SIGNED,
-            implied_units="mm",
-            ends=frozenset({"END-OF-PATH", "FINI"}),
-            feed_cancels_rapid=True,
-            axis_reset=frozenset({"TOOL PATH"}),
-        ),
-        Dialect(
-            "solidworks",
-            _marks(
-                (rb"^[ \t]*CSI_", 4.0),
-                (rb"^[ \t]*TRNTYP" + _SLASH, 2.0),
-                (rb"^[ \t]*CSYS" + _SLASH, 1.0),
-                (rb"^[ \t]*UNIT" + _SLASH, 0.5),
-            ),
-            axis_rule=AxisRule.SETUP,
-        ),
-        Dialect(
-            "creo",
-            _marks((rb"^\$\$\*[ \t]*PRO/CLFILE", 5.0), (rb"^\$\$->", 3.0)),
-        ),
-        Dialect(
-            "catia",
-            _marks(
-                (rb"^\$\$\*CATIA", 5.0),
-                (rb"CATIA", 1.0),
-                (rb"^[ \t]*TLON[ \t]*,", 2.0),
-                (rb"^[ \t]*(MULTAX|TPRINT|LOADTL)", 0.5),
-            ),
-            cycle_grammar=CycleGrammar.WORDS_OR_NUMBERS,
-            implied_units="mm",
-        ),
-        Dialect(
-            "camworks",
-            _marks(
-                (rb"^[ \t]*OPFEAT(START|END)" + _SLASH, 4.0),
-                (rb"^[ \t]*MOVE_ATTRIB" + _SLASH, 3.0),
-                (rb"^[ \t]*ROTABL" + _SLASH, 0.5),
-                (rb"(COUNTER)?CLOCKWISE[ \t]*\r?$", 2.0),
-                (rb"^[ \t]*CYCLE" + _SLASH + rb"[ \t]*ON[ \t]*\r?$", 1.0),
-            ),
-            arc_sense=ArcSense.WORD,
-            cycle_grammar=CycleGrammar.CAMWORKS,
-            setup_plane=True,
-            blank_separates=True,
-        ),
-        Dialect("apt", (), cycle_grammar=CycleGrammar.WORDS_OR_NUMBERS),
-    )
-}
-"""All dialects by name; ``apt`` is the plain language, used where no mark of a system is found."""
-
-
-def dialect_of(head: bytes, forced: str | None) -> Dialect:
-    """Return the dialect that was asked for, else the one whose marks the head holds.
-
-    Raises:
-        UsageError: APT090 if the dialect asked for is unknown.
-    """
-    if forced is not None:
-        if forced not in DIALECTS:
-            known = ", ".join(sorted(DIALECTS))
-            raise UsageError("APT090", f"no APT dialect {forced!r}, known are {known}")
-        return DIALECTS[forced]
-    best = DIALECTS["apt"]
-    best_score = 0.9
-    for dialect in DIALECTS.values():
-        score = sum(weight for mark, weight in dialect.marks if mark.search(head))
-        if score > best_score:
-            best, best_score = dialect, score
-    return best

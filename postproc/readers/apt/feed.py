@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan, pi
 
-from postproc.model import EventKind
+from postproc.model import EventKind, WordClass
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.units import INCH, INCH_PER_MIN, MM, MM_PER_MIN, RPM
@@ -21,6 +21,22 @@ PER_TURN = frozenset({"MMPR", "IPR", "PERREV", "UPR"})
 _SURFACE_SPEEDS = {"SFM": _FOOT, "SMM": 1.0}
 _MINUTE = 1.0 / RPM
 """Seconds."""
+_FEED_REFUSED = {
+    "INVERS": "a feed in inverse time; the last feed stays in force",
+    "LOCK": "an override that is to be locked",
+    "MAXIPM": "a limit of the feed is not watched",
+    "MAXMPM": "a limit of the feed is not watched",
+}
+_NO_SPEED = frozenset({"ORIENT", "MAXRPM", "RANGE", "RADIUS", "DIAMTR"})
+"""Words of SPINDL whose number is no speed."""
+_SPINDLE_REFUSED = {
+    "ORIENT": "the spindle is to stand at an angle",
+    "LOCK": "the spindle is to be locked",
+    "SFM": "a constant surface speed; the speed of the tool's diameter is kept",
+    "SMM": "a constant surface speed; the speed of the tool's diameter is kept",
+    "MAXRPM": "a limit of the speed is not watched",
+}
+_SPINDLE_NOTED = frozenset({"BOTH", "LOW", "MEDIUM", "HIGH", "AUTO", "RANGE"})
 
 
 def feed_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -30,19 +46,9 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
         state.feed.set(state.at, known)
         state.revolution_feed = None
         return
-    value: float | None = None
-    unit = "PERMIN"
-    for word in statement.upper:
-        number = bounded(word)
-        if number is not None and value is None:
-            value = number
-        elif word in FEED_UNITS:
-            unit = word
-        elif word:
-            raise state.faults.error(
-                "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM",
-                line, statement.text,
-            )  # fmt: skip
+    value, unit = _feed_words(state, statement, line)
+    if "INVERS" in statement.upper:
+        return
     if value is None:
         raise state.faults.error(
             "APT050", "FEDRAT has no number", line, statement.text, _last_feed(state)
@@ -55,8 +61,28 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
     state.revolution_feed = None
     if unit in PER_TURN:
         state.revolution_feed = value * _turn_length(state, unit)
-    else:
+    elif not state.contradicts(unit):
         state.feed_memo[statement.text] = state.feed.value
+
+
+def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float | None, str]:
+    """Return the number and the unit of FEDRAT/."""
+    value: float | None = None
+    unit = "PERMIN"
+    for word in statement.upper:
+        number = bounded(word)
+        if number is not None and value is None:
+            value = number
+        elif word in FEED_UNITS:
+            unit = word
+        elif word in _FEED_REFUSED:
+            state.uses.refuse(f"FEDRAT/{word}", WordClass.PROCESS, line, _FEED_REFUSED[word])
+        elif word and (number is None or "MAXIPM" not in statement.upper):
+            raise state.faults.error(
+                "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM",
+                line, statement.text,
+            )  # fmt: skip
+    return value, unit
 
 
 def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
@@ -64,14 +90,37 @@ def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
     if unit in PER_TURN:
         if isnan(state.spindle):
             state.faults.warn("APT150", "a feed per turn without a spindle speed", line)
+            state.uses.refuse(
+                "FEDRAT", WordClass.PROCESS, line,
+                f"{unit} is a feed per turn, and no spindle speed is known here",
+            )  # fmt: skip
         return value * _turn_length(state, unit) * state.spindle
     if unit in _PER_MINUTE:
         return value * _PER_MINUTE[unit] / _MINUTE
     if unit in _FACTORS:
-        if (unit == "IPM") != (state.units == "inch"):
-            state.faults.warn("APT151", f"feeds in {unit} in a file in {state.units}", line)
-        return value * _FACTORS[unit]
+        return value * (_contradicted(state, unit, line) or _FACTORS[unit])
     return value * state.scale / _MINUTE
+
+
+def feed_per_turn(state: AptState, value: float, unit: str) -> float:
+    """Return a feed per turn [m]."""
+    return value * _turn_length(state, unit)
+
+
+def _contradicted(state: AptState, unit: str, line: int) -> float | None:
+    """Return the factor that the user names where the feed's unit contradicts UNITS, else None."""
+    if not state.contradicts(unit):
+        return None
+    state.faults.warn("APT151", f"feeds in {unit} in a file in {state.units}", line)
+    chosen = state.options.feed_units
+    if chosen is not None:
+        return INCH_PER_MIN if chosen == "inch" else MM_PER_MIN
+    state.uses.refuse(
+        "FEDRAT", WordClass.PROCESS, line,
+        f"the feed is in {unit}, but the file is in {state.units}; one of the two is wrong, and "
+        "the feed by a factor of 25.4", "--feed-units mm or --feed-units inch",
+    )  # fmt: skip
+    return None
 
 
 def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -80,18 +129,39 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
     if "OFF" in words:
         state.add_event(EventKind.SPINDLE_OFF, line)
         return
-    sign = -1.0 if "CCLW" in words or "CCW" in words else 1.0
-    numbers = [number for word in words if (number := bounded(word)) is not None]
-    if numbers:
-        state.spindle = abs(_turns_per_second(state, words, numbers[0], line))
+    value = _speed(state, words, line)
+    if value is not None:
+        state.spindle = abs(_turns_per_second(state, words, value, line))
+    elif {"ORIENT", "LOCK"} & set(words):
+        return
     elif isnan(state.spindle):
         raise state.faults.error(
             "APT053", "SPINDL has no speed and none was given before", line, statement.text
         )
+    if {"CCLW", "CCW"} & set(words) or (value is not None and value < 0.0):
+        state.spindle_sign = -1.0
+    elif {"CLW", "CW"} & set(words):
+        state.spindle_sign = 1.0
     if state.revolution_feed is not None:
         state.set_feed(state.revolution_feed * state.spindle)
     known = 0.0 if isnan(state.spindle) else state.spindle
-    state.add_event(EventKind.SPINDLE_ON, line, sign * known, ",".join(words))
+    state.add_event(EventKind.SPINDLE_ON, line, state.spindle_sign * known, ",".join(words))
+
+
+def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:
+    """Return the number of a SPINDL that is a speed, None if there is none."""
+    found = None
+    for before, word in zip(("", *words), words, strict=False):
+        number = bounded(word)
+        if number is not None and before not in _NO_SPEED and found is None:
+            found = number
+        elif word in _SPINDLE_REFUSED:
+            state.uses.refuse(f"SPINDL/{word}", WordClass.PROCESS, line, _SPINDLE_REFUSED[word])
+        elif word in _SPINDLE_NOTED:
+            state.uses.note(
+                f"SPINDL/{word}", WordClass.PROCESS, line, "a gear or range of the target machine"
+            )
+    return found
 
 
 def _turns_per_second(state: AptState, words: tuple[str, ...], value: float, line: int) -> float:

@@ -11,7 +11,9 @@ from postproc.arrays import FloatArray, IndexArray, IntArray, Table
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
+from postproc.readers.apt.levels import check_approaches, settle_levels
 from postproc.readers.apt.nurbs import discretised
+from postproc.readers.apt.senses import settled_senses
 from postproc.readers.apt.state import AptState, Columns
 
 _NONE = -1
@@ -36,6 +38,8 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     table = _joined(state)
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
+    settle_levels(state, table)
+    check_approaches(state, table)
     shift: IndexArray = np.zeros(len(state.splines) + 1, dtype=np.int64)
     if state.splines:
         table, shift = _with_splines(state, table)
@@ -68,6 +72,8 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         unknown_words=dict(sorted(state.unknown.items())),
         words=dict(sorted(state.words.items())),
         word_uses=state.uses.all(),
+        setups=tuple(state.setups),
+        start=state.start,
         warnings=state.faults.warnings,
         recovered=state.faults.fixes,
     )
@@ -152,7 +158,10 @@ def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
     if state.start is not None:
         starts[~later] = state.start
     ends = table.points[records.tag]
-    arcs = arcs_between(records, starts, ends, state.faults)
+    arcs, either = arcs_between(records, starts, ends, state.faults)
+    if either.any():
+        cuts = straight_neighbours(table.points, table.kind, records.tag)
+        arcs = settled_senses(arcs, either, records, (starts, ends), cuts, state.faults, state.uses)
     if state.dialect.arc_sense is ArcSense.WORD:
         cut_before, cut_after = straight_neighbours(table.points, table.kind, records.tag)
         against = tangency(arcs, starts, ends, cut_before, cut_after).sum(axis=1) == -2

@@ -2,64 +2,86 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import isnan
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.readers.apt.dialect import ArcSense, Dialect
-from postproc.readers.apt.scan import CIRCLE, CIRCLE_FIELDS, GOTO, RAPID, SKIP, Scan
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.model import WordClass
+from postproc.readers.apt import arctext
+from postproc.readers.apt.arctext import FREE, NAN, WrittenArc, numbers_of
+from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
+from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
+from postproc.readers.apt.uses import WordUses
 from postproc.readers.text import Faults
 
-_TLON = re.compile(
-    r"TLON\s*,\s*GO(?:FWD|LFT|RGT|BACK)\s*/\s*\(\s*CIRCLE\s*/([^)]*)\)\s*,.*"
-    r"\(\s*LINE\s*/([^)]*)\)\s*$",
-    re.IGNORECASE,
-)
-_POINT, _POINT_AXIS, _ARC = 3, 6, 6
-_MOST_TURNS = 10_000
-_TAKEN = frozenset({"GOTO", "CIRCLE", "RAPID", "GODLTA", "INDIRV"})
+_POINT, _POINT_AXIS = 3, 6
+_TOLERANCE = 1.0
+"""Field 8 of a CIRCLE record up to this is a tolerance [mm or inch], above it a sweep [deg]."""
+_NORMALS = {"XYPLAN": (0.0, 0.0, 1.0), "YZPLAN": (1.0, 0.0, 0.0), "ZXPLAN": (0.0, 1.0, 0.0)}
+
+
+@dataclass(slots=True)
+class MotionArcs(Table):
+    """m arcs of a block, numbers as written in the file.
+
+    ``target`` (m,) index of the point at which each ends, k = the first of the next block;
+    ``line`` (m,); ``numbers`` (m, 7) centre, vector, radius; ``sign`` (m,) +1 counterclockwise
+    about the written vector, -1 clockwise, 0 not in the record; ``turns`` (m,) turns begun;
+    ``sweep`` (m,) [rad] and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction
+    that decides the sense, ``towards`` (m, 3) a point in that direction, NaN else.
+    """
+
+    target: IndexArray
+    line: IndexArray
+    numbers: FloatArray
+    sign: FloatArray
+    turns: IndexArray
+    sweep: FloatArray
+    rise: FloatArray
+    tangent: FloatArray
+    towards: FloatArray
 
 
 @dataclass(slots=True)
 class Motions:
-    """Motions of a block with k points and m arcs, numbers as written in the file.
+    """Motions of a block with k points, numbers as written in the file.
 
-    ``lines`` (k,) line indices; ``points`` (k, 6), axis NaN where not given; ``relative`` indices
-    of points given as increments; ``rapid`` (k,). ``arc_target`` (m,) index of the point at which
-    each arc ends, k = the first of the next block; ``arc_line`` (m,); ``arcs`` (m, 7);
-    ``arc_sign`` (m,) +1 counterclockwise about the written vector, -1 clockwise; ``arc_turns``
-    (m,); ``arc_tangent`` (m, 3) start direction that stands in for the vector, NaN else.
+    ``lines`` (k,) line indices; ``points`` (k, 6), axis NaN where not given; ``rapid`` (k,);
+    ``arcs`` those that end in this block. Points to be computed from the one before, by index:
+    ``relative`` given as increments, ``lifted`` up to a plane i, j, k, d along the tool axis,
+    ``crossed`` where the arc that ends there meets its plane.
     """
 
     lines: IndexArray
     points: FloatArray
-    relative: list[int]
     rapid: BoolArray
-    arc_target: IndexArray
-    arc_line: IndexArray
-    arcs: FloatArray
-    arc_sign: FloatArray
-    arc_turns: IndexArray
-    arc_tangent: FloatArray
+    arcs: MotionArcs
+    relative: list[int] = field(default_factory=list)
+    lifted: dict[int, list[float]] = field(default_factory=dict)
+    crossed: dict[int, WrittenArc] = field(default_factory=dict)
 
 
 class MotionReader:
     """Turns scanned blocks into motions; carries RAPID, tangents and arcs over block borders."""
 
-    def __init__(self, dialect: Dialect, faults: Faults) -> None:
+    def __init__(self, dialect: Dialect, faults: Faults, uses: WordUses) -> None:
         self._dialect = dialect
         self._faults = faults
+        self._uses = uses
         self._rapid = False
         self._tangent: list[float] | None = None
-        self._pending: tuple[int, FloatArray, float, int, FloatArray] | None = None
+        self._towards: list[float] | None = None
+        self._rise = NAN
+        self._clearance: list[float] | None = None
+        self._pending: MotionArcs | None = None
         self._scan: Scan
         self._points: dict[int, list[float]] = {}
         self._relative: set[int] = set()
-        self._arcs: dict[int, tuple[list[float], float, int]] = {}
-        self._tangents: dict[int, list[float]] = {}
+        self._lifted: dict[int, list[float]] = {}
+        self._arcs: dict[int, WrittenArc] = {}
         self._feeds: list[int] = []
 
     def read(self, scan: Scan) -> Motions:
@@ -67,14 +89,24 @@ class MotionReader:
         self._scan = scan
         bulk_points = np.flatnonzero(scan.code == GOTO)
         bulk_arcs = np.flatnonzero(scan.code == CIRCLE)
-        self._points, self._relative, self._arcs, self._tangents = {}, set(), {}, {}
+        self._points, self._relative, self._arcs, self._lifted = {}, set(), {}, {}
         self._feeds = []
         scan.others = [item for item in scan.others if not self._take(*item)]
         lines = np.flatnonzero(scan.code == GOTO)
-        points = self._merged(lines, bulk_points, scan.goto, self._points, 6)
-        relative = [int(np.searchsorted(lines, line)) for line in sorted(self._relative)]
-        rapid = self._rapids(lines)
-        return self._with_arcs(lines, points, relative, rapid, bulk_arcs)
+        points = self._merged(lines, bulk_points)
+        motions = Motions(lines, points, self._rapids(lines), self._all_arcs(lines, bulk_arcs))
+        self._carry_arc(motions)
+        self._check_targets(motions.arcs)
+        motions.relative = [int(np.searchsorted(lines, line)) for line in sorted(self._relative)]
+        for line, plane in self._lifted.items():
+            motions.lifted[int(np.searchsorted(lines, line))] = plane
+            motions.rapid[motions.lines == line] = True
+        motions.crossed = {
+            int(np.searchsorted(lines, line)): arc
+            for line, arc in self._arcs.items()
+            if arc.plane is not None
+        }
+        return motions
 
     def finish(self) -> None:
         """Check that nothing waits for a point that never came.
@@ -84,7 +116,7 @@ class MotionReader:
         """
         if self._pending is not None:
             raise self._faults.error(
-                "APT030", "an arc has no end point: no GOTO follows", self._pending[0]
+                "APT030", "an arc has no end point: no GOTO follows", int(self._pending.line[0])
             )
 
     def _take(self, index: int, statement: Statement) -> bool:
@@ -92,60 +124,35 @@ class MotionReader:
         word = statement.word
         if word == "FEDRAT":
             self._feeds.append(index)
-        if word not in _TAKEN and not word.startswith("TLON"):
-            return False
         line = self._scan.line(index)
-        if word == "GOTO":
-            self._points[index] = self._point(statement, line)
-            self._scan.code[index] = GOTO
-        elif word == "CIRCLE":
-            self._arcs[index] = self._arc(statement, line)
-            self._scan.code[index] = CIRCLE
-        elif word == "RAPID":
-            self._scan.code[index] = RAPID
-        elif word == "GODLTA":
-            self._points[index] = self._increment(statement, line)
-            self._relative.add(index)
-            self._scan.code[index] = GOTO
-        elif word == "INDIRV":
-            self._tangent = self._three(statement, line)
-            self._scan.code[index] = SKIP
-        else:
+        if word.startswith("TLON"):
             self._tool_on(index, statement, line)
-        return True
+            return True
+        if word in {"CIRCLE", "ARC", "MOVARC"}:
+            self._arc(index, statement, line)
+            return True
+        handler = {
+            "GOTO": self._goto, "RAPID": self._set_rapid, "GODLTA": self._increment,
+            "INDIRV": self._direction, "INDIRP": self._direction, "PSIS": self._skip,
+            "ARCSLP": self._slope, "CLEARP": self._clearance_plane,
+            "CLRSRF": self._clearance_plane, "RETRCT": self._retract,
+        }.get(word)  # fmt: skip
+        return handler is not None and handler(index, statement, line)
 
     def _values(self, statement: Statement, line: int) -> list[float]:
-        """Return the leading numbers of a motion statement, with the fixes of ``--recover``."""
-        args = [arg for arg in statement.args]
-        while args and not args[-1]:
-            args.pop()
-            self._faults.fix(
-                "APT020", "empty field at the end", "it is left out", line, statement.text
-            )
-        if any(" " in arg for arg in args):
-            if not self._dialect.blank_separates:
-                self._faults.fix(
-                    "APT021",
-                    "two numbers without a comma between them",
-                    "the blank separates them",
-                    line,
-                    statement.text,
-                )
-            args = [part for arg in args for part in arg.split()]
-        values = []
-        for arg in args:
-            value = bounded(arg)
-            if value is None:
-                raise self._faults.error(
-                    "APT022",
-                    f"{statement.word} has {arg[:20]!r} where a number of at most 1e9 was expected",
-                    line,
-                    statement.text,
-                )
-            values.append(value)
-        return values
+        return numbers_of(
+            statement, statement.args, self._faults, line, self._dialect.blank_separates
+        )
 
-    def _point(self, statement: Statement, line: int) -> list[float]:
+    def _set_rapid(self, index: int, statement: Statement, line: int) -> bool:
+        self._scan.code[index] = RAPID
+        return True
+
+    def _skip(self, index: int, statement: Statement, line: int) -> bool:
+        self._scan.code[index] = SKIP
+        return True
+
+    def _goto(self, index: int, statement: Statement, line: int) -> bool:
         values = self._values(statement, line)
         if len(values) not in (_POINT, _POINT_AXIS):
             raise self._faults.error(
@@ -154,100 +161,119 @@ class MotionReader:
                 line,
                 statement.text,
             )
-        return values + [np.nan] * (6 - len(values))
+        self._place(index, values)
+        return True
 
-    def _increment(self, statement: Statement, line: int) -> list[float]:
+    def _place(self, index: int, values: list[float]) -> None:
+        self._points[index] = values + [NAN] * (6 - len(values))
+        self._scan.code[index] = GOTO
+
+    def _increment(self, index: int, statement: Statement, line: int) -> bool:
         values = self._values(statement, line)
         if len(values) not in (1, _POINT, _POINT_AXIS):
             raise self._faults.error(
                 "APT023",
-                f"GODLTA has {len(values)} numbers, expected 3 (or 1, along the tool axis)",
+                f"GODLTA has {len(values)} numbers, expected 3 (increments) or 6 (and tool axis)",
                 line,
                 statement.text,
             )
         if len(values) == 1:
-            values = [np.nan, np.nan, values[0]]
-        return values + [np.nan] * (6 - len(values))
+            self._uses.refuse(
+                "GODLTA", WordClass.GEOMETRY, line,
+                "one number alone has no settled meaning; read as a way along the tool axis",
+            )  # fmt: skip
+            values = [NAN, NAN, values[0]]
+        self._place(index, values)
+        self._relative.add(index)
+        return True
 
-    def _three(self, statement: Statement, line: int) -> list[float]:
+    def _direction(self, index: int, statement: Statement, line: int) -> bool:
+        """INDIRV/i,j,k: a direction; INDIRP/x,y,z: a point in that direction."""
         values = self._values(statement, line)
-        if len(values) != _POINT or not any(values):
+        vector = statement.word == "INDIRV"
+        if len(values) != _POINT or (vector and not any(values)):
             raise self._faults.error(
-                "APT024", "INDIRV needs a direction of 3 numbers", line, statement.text
-            )
-        return values
-
-    def _arc(self, statement: Statement, line: int) -> tuple[list[float], float, int]:
-        """Return the 7 numbers, the sign by the record's word (0: by the dialect), extra turns."""
-        words = [arg.upper() for arg in statement.args]
-        turns = 0
-        if "TIMES" in words:
-            at = words.index("TIMES")
-            count = bounded(words[at + 1]) if at + 1 < len(words) else None
-            if count is None or count != int(count) or not 0 <= count <= _MOST_TURNS:
-                raise self._faults.error(
-                    "APT031", "TIMES needs a whole number of turns", line, statement.text
-                )
-            turns, words = int(count), words[:at]
-        sign = 0.0
-        for name, value in (("COUNTERCLOCKWISE", 1.0), ("CCLW", 1.0), ("CLOCKWISE", -1.0),
-                            ("CLW", -1.0)):  # fmt: skip
-            if words and words[-1] == name:
-                sign, words = value, words[:-1]
-        values = self._values(Statement("CIRCLE", tuple(words), statement.text), line)
-        if len(values) < _ARC:
-            raise self._faults.error(
-                "APT032",
-                f"CIRCLE has {len(values)} numbers, expected centre, vector and perhaps radius",
+                "APT024",
+                f"{statement.word} needs a {'direction' if vector else 'point'} of 3 numbers",
                 line,
                 statement.text,
             )
-        values = values[:CIRCLE_FIELDS]
-        return values + [np.nan] * (CIRCLE_FIELDS - len(values)), sign, turns
+        self._tangent, self._towards = (values, None) if vector else (None, values)
+        return self._skip(index, statement, line)
+
+    def _slope(self, index: int, statement: Statement, line: int) -> bool:
+        """ARCSLP/dz: the arc that follows is a helix and ends so much higher or lower."""
+        values = self._values(statement, line)
+        if len(values) != 1:
+            raise self._faults.error(
+                "APT086", "ARCSLP needs one number, the rise", line, statement.text
+            )
+        self._rise = values[0]
+        return self._skip(index, statement, line)
+
+    def _clearance_plane(self, index: int, statement: Statement, line: int) -> bool:
+        """CLEARP/XYPLAN,z and CLRSRF/z or /i,j,k,d: the plane that RETRCT lifts to."""
+        words = [word for word in statement.upper if word != "NORMAL"]
+        normal = _NORMALS.get(words[0] if words else "")
+        values = [bounded(word) for word in (words[1:] if normal else words)]
+        numbers = [value for value in values if value is not None]
+        self._clearance = None
+        if len(numbers) == len(values) == 1:
+            self._clearance = [*(normal or _NORMALS["XYPLAN"]), numbers[0]]
+        elif len(numbers) == len(values) == 4 and normal is None:
+            self._clearance = numbers
+        else:
+            self._uses.refuse(
+                statement.word, WordClass.GEOMETRY, line, "a clearance plane that is not understood"
+            )
+        return self._skip(index, statement, line)
+
+    def _retract(self, index: int, statement: Statement, line: int) -> bool:
+        """RETRCT: along the tool axis to the clearance plane, in rapid."""
+        words = [word for word in statement.upper if word not in {"TO", "TOOL", ""}]
+        if words or self._clearance is None:
+            what = "the clearance plane is not known" if not words else f"{words[0]} is not done"
+            self._uses.refuse(
+                "RETRCT", WordClass.GEOMETRY, line, f"{what}; the tool stays where it is"
+            )
+            return self._skip(index, statement, line)
+        self._place(index, [NAN] * 3)
+        self._lifted[index] = self._clearance
+        return True
+
+    def _arc(self, index: int, statement: Statement, line: int) -> None:
+        """CIRCLE and MOVARC end at the next GOTO, ARC at its own end."""
+        if statement.word == "MOVARC":
+            arc = arctext.movarc(statement, self._faults, line)
+        elif statement.word == "ARC":
+            arc = arctext.arc_with_end(statement, self._faults, line)
+            if self._dialect.name == "apt" and isnan(arc.eighth):
+                arc.sign = FREE
+        else:
+            blanks = self._dialect.blank_separates
+            arc = arctext.circle(statement, self._faults, line, blanks)
+        arc.rise, self._rise = self._rise, NAN
+        self._arcs[index] = arc
+        if arc.end is not None:
+            self._place(index, arc.end)
+        else:
+            self._scan.code[index] = CIRCLE
 
     def _tool_on(self, index: int, statement: Statement, line: int) -> None:
-        """Take CATIA's arc: a circle, a start direction by INDIRV, and the line to the end."""
-        match = _TLON.match(statement.text)
-        if match is None:
-            raise self._faults.error(
-                "APT033",
-                "TLON is read as an arc only, (CIRCLE/x,y,z,r),ON,(LINE/x,y,z,x,y,z)",
-                line,
-                statement.text,
-            )
-        circle = [bounded(text) for text in match.group(1).split(",")]
-        ray = [bounded(text) for text in match.group(2).split(",")]
-        if None in circle or None in ray or len(circle) != 4 or len(ray) not in (4, 6):
-            raise self._faults.error(
-                "APT033", "TLON needs CIRCLE/x,y,z,r and LINE/x,y,z,x,y,z", line, statement.text
-            )
-        if self._tangent is None:
-            raise self._faults.error(
-                "APT034", "TLON without INDIRV before it: no start direction", line, statement.text
-            )
-        numbers = [float(v) for v in circle if v is not None]
-        end = [float(v) for v in ray if v is not None]
-        end = end[3:6] if len(end) == 6 else [*end[2:4], numbers[2]]
-        self._points[index] = [*end, np.nan, np.nan, np.nan]
-        self._arcs[index] = ([*numbers[:3], 0.0, 0.0, 1.0, numbers[3]], 1.0, 0)
-        self._tangents[index] = self._tangent
-        self._tangent = None
-        self._scan.code[index] = GOTO
+        """TLON,GOFWD/(circle),ON,(what ends it): the arcs of CATIA and NCL."""
+        arc = arctext.tool_on(statement, self._tangent, self._towards, self._faults, line)
+        self._tangent = self._towards = None
+        self._arcs[index] = arc
+        self._place(index, arc.end or [NAN] * 3)
 
-    @staticmethod
-    def _merged(
-        lines: IndexArray,
-        bulk: IndexArray,
-        values: FloatArray,
-        slow: dict[int, list[float]],
-        width: int,
-    ) -> FloatArray:
-        if not slow:
-            return values
-        result = np.full((len(lines), width), np.nan)
-        result[np.searchsorted(lines, bulk)] = values
-        keys = np.array(sorted(slow), dtype=np.int64)
-        result[np.searchsorted(lines, keys)] = [slow[int(key)] for key in keys]
+    def _merged(self, lines: IndexArray, bulk: IndexArray) -> FloatArray:
+        """Return the points (k, 6) of the bulk and of the unusual lines in their order."""
+        if not self._points:
+            return self._scan.goto
+        result = np.full((len(lines), 6), np.nan)
+        result[np.searchsorted(lines, bulk)] = self._scan.goto
+        keys = np.array(sorted(self._points), dtype=np.int64)
+        result[np.searchsorted(lines, keys)] = [self._points[int(key)] for key in keys]
         return result
 
     def _rapids(self, lines: IndexArray) -> BoolArray:
@@ -266,69 +292,68 @@ class MotionReader:
         self._rapid = bool(last[k] > -2)
         return np.asarray(last[:k] > -2)
 
-    def _with_arcs(
-        self,
-        lines: IndexArray,
-        points: FloatArray,
-        relative: list[int],
-        rapid: BoolArray,
-        bulk: IndexArray,
-    ) -> Motions:
+    def _all_arcs(self, lines: IndexArray, bulk: IndexArray) -> MotionArcs:
+        """Return the arcs of the bulk and of the unusual lines in their order."""
         slow = self._arcs
-        arc_lines = np.union1d(bulk, np.array(sorted(slow), dtype=np.int64)) if slow else bulk
-        m = len(arc_lines)
-        merged = {line: values for line, (values, _, _) in slow.items()}
-        arcs = self._merged(arc_lines, bulk, self._scan.circle, merged, CIRCLE_FIELDS)
-        default = -1.0 if self._dialect.arc_sense is ArcSense.CLOCKWISE else 1.0
-        sign = np.full(m, default)
-        turns = np.zeros(m, dtype=np.int64)
-        tangent = np.full((m, 3), np.nan)
-        for line, (_, given, count) in slow.items():
-            at = int(np.searchsorted(arc_lines, line))
-            sign[at] = given or default
-            turns[at] = count
-            tangent[at] = self._tangents.get(line, [np.nan] * 3)
-        target = np.searchsorted(lines, arc_lines)
-        numbers = arc_lines + self._scan.block.first_line
-        motions = Motions(
-            lines, points, relative, rapid, target, numbers, arcs, sign, turns, tangent
+        at = np.union1d(bulk, np.array(sorted(slow), dtype=np.int64))
+        m = len(at)
+        arcs = MotionArcs(
+            np.searchsorted(lines, at),
+            at + self._scan.block.first_line,
+            np.full((m, 7), np.nan),
+            np.full(m, np.nan),
+            np.zeros(m, dtype=np.int64),
+            np.full(m, np.nan),
+            np.full(m, np.nan),
+            np.full((m, 3), np.nan),
+            np.full((m, 3), np.nan),
         )
-        self._carry_arc(motions)
-        self._check_targets(motions)
-        return motions
+        eighth = np.full(m, np.nan)
+        rows = np.searchsorted(at, bulk)
+        arcs.numbers[rows], eighth[rows] = self._scan.circle[:, :7], self._scan.circle[:, 7]
+        for line, arc in slow.items():
+            row = int(np.searchsorted(at, line))
+            arcs.numbers[row], eighth[row] = arc.numbers, arc.eighth
+            arcs.sign[row], arcs.turns[row] = arc.sign, arc.turns
+            arcs.sweep[row], arcs.rise[row] = arc.sweep, arc.rise
+            arcs.tangent[row] = arc.tangent or [NAN] * 3
+            arcs.towards[row] = arc.towards or [NAN] * 3
+        self._by_dialect(arcs, eighth)
+        return arcs
+
+    def _by_dialect(self, arcs: MotionArcs, eighth: FloatArray) -> None:
+        """Fill in what a record leaves to the dialect: sense, and the meaning of field 8."""
+        eleven = ~np.isnan(eighth)
+        meaning = self._dialect.eighth_field
+        clockwise = np.full(len(arcs), self._dialect.arc_sense is ArcSense.CLOCKWISE)
+        if meaning is not EighthField.TOLERANCE:
+            clockwise |= eleven
+        unsaid = np.isnan(arcs.sign)
+        arcs.sign[unsaid] = np.where(clockwise[unsaid], -1.0, 1.0)
+        if meaning is EighthField.TOLERANCE:
+            return
+        swept = eleven & (arcs.turns == 0)
+        if meaning is EighthField.EITHER:
+            swept &= eighth > _TOLERANCE
+        arcs.sweep[swept] = np.radians(eighth[swept])
 
     def _carry_arc(self, motions: Motions) -> None:
         """Prepend the arc that waits from the block before; keep one that waits for the next."""
         if self._pending is not None and len(motions.lines):
-            line, values, sign, turns, tangent = self._pending
-            motions.arc_target = np.concatenate([[0], motions.arc_target])
-            motions.arc_line = np.concatenate([[line], motions.arc_line])
-            motions.arcs = np.concatenate([values[None], motions.arcs])
-            motions.arc_sign = np.concatenate([[sign], motions.arc_sign])
-            motions.arc_turns = np.concatenate([[turns], motions.arc_turns])
-            motions.arc_tangent = np.concatenate([tangent[None], motions.arc_tangent])
+            self._pending.target[:] = 0
+            motions.arcs = MotionArcs.concat([self._pending, motions.arcs])
             self._pending = None
-        if len(motions.arc_target) and motions.arc_target[-1] == len(motions.lines):
+        arcs = motions.arcs
+        if len(arcs) and arcs.target[-1] == len(motions.lines):
             if self._pending is not None:
-                raise self._two_arcs(int(motions.arc_line[-1]))
-            self._pending = (
-                int(motions.arc_line[-1]),
-                motions.arcs[-1],
-                float(motions.arc_sign[-1]),
-                int(motions.arc_turns[-1]),
-                motions.arc_tangent[-1],
-            )
-            motions.arc_target = motions.arc_target[:-1]
-            motions.arc_line = motions.arc_line[:-1]
-            motions.arcs = motions.arcs[:-1]
-            motions.arc_sign = motions.arc_sign[:-1]
-            motions.arc_turns = motions.arc_turns[:-1]
-            motions.arc_tangent = motions.arc_tangent[:-1]
+                raise self._two_arcs(int(arcs.line[-1]))
+            self._pending = arcs.rows(np.array([len(arcs) - 1]))
+            motions.arcs = arcs.rows(np.arange(len(arcs) - 1))
 
-    def _check_targets(self, motions: Motions) -> None:
-        double = np.flatnonzero(np.diff(motions.arc_target) == 0)
+    def _check_targets(self, arcs: MotionArcs) -> None:
+        double = np.flatnonzero(np.diff(arcs.target) == 0)
         if len(double):
-            raise self._two_arcs(int(motions.arc_line[double[0] + 1]))
+            raise self._two_arcs(int(arcs.line[double[0] + 1]))
 
     def _two_arcs(self, line: int) -> Exception:
-        return self._faults.error("APT035", "two CIRCLE records without a GOTO between them", line)
+        return self._faults.error("APT035", "two arcs without a GOTO between them", line)

@@ -13,12 +13,13 @@ from collections import Counter
 import numpy as np
 
 from postproc.model import ToolPath
-from postproc.readers.apt.dialect import Dialect, dialect_of
+from postproc.readers.apt.dialect import Dialect
 from postproc.readers.apt.finish import finished_toolpath
 from postproc.readers.apt.lines import statement_blocks
 from postproc.readers.apt.motion import MotionReader, Motions
 from postproc.readers.apt.nurbs import close_spline
 from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
+from postproc.readers.apt.seats import dialect_of
 from postproc.readers.apt.state import AptState
 from postproc.readers.apt.words import comment, handle, unit_name
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
@@ -57,7 +58,7 @@ class AptReader:
         for block in statement_blocks(path):
             if state is None or motion_reader is None:
                 state = _new_state(block, options, faults)
-                motion_reader = MotionReader(state.dialect, faults)
+                motion_reader = MotionReader(state.dialect, faults, state.uses)
             last_motion = _read_block(block, state, motion_reader) or last_motion
         if state is None or motion_reader is None:
             raise faults.error("APT001", "no statement in this file", 1)

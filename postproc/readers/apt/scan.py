@@ -29,8 +29,8 @@ from postproc.readers.text import (
 COMMENT = "$$"
 """Word of a comment line."""
 SKIP, GOTO, CIRCLE, RAPID, OTHER = 0, 1, 2, 3, 4
-CIRCLE_FIELDS = 7
-"""Centre, vector and, where given, radius."""
+CIRCLE_FIELDS = 8
+"""Centre, vector, radius and, in a record of 11 numbers, the eighth; NaN where not given."""
 _GOTO_COUNTS = (3, 6)
 _CIRCLE_COUNTS = (6, 7, 11)
 _FOLD = 0xDF
@@ -42,7 +42,7 @@ class Scan:
     """One block: what each line is, the numbers of its points and arcs, and the other statements.
 
     ``code`` (lines,); ``goto`` (k, 6) in line order, NaN where no axis was given; ``circle``
-    (m, 7) in line order, radius NaN where not given; ``others``: line index and statement.
+    (m, 8) in line order, as ``CIRCLE_FIELDS`` says; ``others``: line index and statement.
     ``displayed``: number of PAINT lines left out.
     """
 

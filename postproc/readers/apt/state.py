@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
+from postproc.readers.apt.arctext import FREE
 from postproc.readers.apt.dialect import AxisRule, Dialect
+from postproc.readers.apt.heights import Heights
 from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
+from postproc.readers.apt.resolve import resolve_points
 from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, TiltedTable
 from postproc.readers.apt.tools import ToolTable
-from postproc.readers.apt.uses import WordUses
+from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
 
@@ -71,6 +74,23 @@ class Columns:
     arcs: list[ArcRecords] = field(default_factory=list)
 
 
+@dataclass(slots=True)
+class KnownCycles:
+    """Drill cycles by what a statement may refer to.
+
+    ``words``, ``last``: parameters and index of the last one, for CYCLE/ON; ``index`` by all that a
+    cycle says (as text: NaN is not equal to itself); ``memo``: index, parameters and what was said
+    about it, by the text of cycles that depend on nothing else; ``heights``: levels, word and line
+    by index.
+    """
+
+    words: dict[str, float] = field(default_factory=dict)
+    last: int = -1
+    index: dict[str, int] = field(default_factory=dict)
+    memo: dict[str, tuple[int, dict[str, float], list[Key]]] = field(default_factory=dict)
+    heights: dict[int, tuple[Heights, str, int]] = field(default_factory=dict)
+
+
 class AptState:
     """Modal state of one reading.
 
@@ -104,6 +124,7 @@ class AptState:
         self.uses = WordUses()
         self.centre_points = False
         """Whether the file says that its points are those of the tool centre."""
+        self.setups: list[CamSetup] = []
         self.words: Counter[str] = Counter()
         self.feed = Modal(NAN)
         self.operation = Modal(-1)
@@ -116,13 +137,11 @@ class AptState:
         """Where FROM put the tool before the first motion [m], part frame."""
         self.spindle = NAN
         """Turns per second, unsigned."""
+        self.spindle_sign = 1.0
+        """-1 counterclockwise."""
         self.revolution_feed: float | None = None
         """Feed per turn [m] in force, None if the feed is per time."""
-        self.cycle_words: dict[str, float] = {}
-        self.cycle_index: dict[str, int] = {}
-        """Index by the text of the cycle: NaN is not equal to itself."""
-        self.cycle_memo: dict[str, tuple[int, dict[str, float]]] = {}
-        """Index and parameters by text, of cycles that depend on nothing else."""
+        self.drill = KnownCycles()
         self.feed_memo: dict[str, float] = {}
         """Feed by text, of feeds that depend on nothing else."""
         self.table = TiltedTable()
@@ -139,6 +158,11 @@ class AptState:
     def tag(self) -> int:
         """Index of the next tag in the whole file, splines not counted."""
         return self.done + self.at
+
+    def contradicts(self, feed_unit: str) -> bool:
+        """Whether a feed's unit is of inches in a file in mm, or the other way round."""
+        inches = {"IPM": True, "MMPM": False, "MMPMIN": False}.get(feed_unit)
+        return inches is not None and inches != (self.units == "inch")
 
     def add_event(self, kind: EventKind, line: int, value: float = 0.0, text: str = "") -> None:
         """Keep an event before the next motion."""
@@ -172,8 +196,10 @@ class AptState:
         """Append a block's points, with what was in force at each, to the columns."""
         k = len(motions.lines)
         lines = (motions.lines + first_line).astype(np.int32)
-        self._resolve_increments(motions, lines)
         axes = self._axes(motions.points, lines)
+        resolve_points(motions, axes, self.last_point, lines, self.faults)
+        if k:
+            self.last_point = motions.points[-1].copy()
         points = motions.points[:, :3] * self.scale
         frame = self.frame.column(k).astype(np.int32)
         cycle = self.cycle.column(k).astype(np.int32)
@@ -186,6 +212,7 @@ class AptState:
         kind = np.full(k, MotionKind.LINEAR, dtype=np.int32)
         kind[motions.rapid] = MotionKind.RAPID
         kind[arcs.tag] = MotionKind.ARC
+        cycle[motions.rapid] = -1
         kind[cycle >= 0] = MotionKind.HOLE
         self._check_kinds(motions, kind, arcs)
         columns = self.columns
@@ -196,35 +223,9 @@ class AptState:
         columns.line.append(lines)
         columns.operation.append(self.operation.column(k).astype(np.int32))
         columns.cycle.append(cycle)
-        columns.arcs.append(
-            ArcRecords(
-                arcs.tag + self.done,
-                arcs.line,
-                arcs.centre,
-                arcs.normal,
-                arcs.tangent,
-                arcs.radius,
-                arcs.turns,
-            )
-        )
+        columns.arcs.append(replace(arcs, tag=arcs.tag + self.done))
         self.done += k
         self.at = 0
-
-    def _resolve_increments(self, motions: Motions, lines: IntArray) -> None:
-        """Turn GODLTA increments into points, in file coordinates."""
-        points = motions.points
-        for i in motions.relative:
-            before = points[i - 1] if i > 0 else self.last_point
-            if before is None:
-                raise self.faults.error(
-                    "APT025", "GODLTA with no point before it to start from", int(lines[i])
-                )
-            step = points[i, :3].copy()
-            if np.isnan(step[0]):
-                step = step[2] * np.array(self.axis_table[int(self.axis.value)])
-            points[i, :3] = before[:3] + step
-        if len(points):
-            self.last_point = points[-1].copy()
 
     def _axes(self, points: FloatArray, lines: IntArray) -> FloatArray:
         """Return the unit tool axis (k, 3) in file coordinates, by the dialect's rule."""
@@ -259,10 +260,12 @@ class AptState:
         return unit
 
     def _arc_records(self, motions: Motions, frame: IntArray) -> ArcRecords:
-        target = motions.arc_target.astype(np.int32)
-        centre = motions.arcs[:, :3] * self.scale
-        normal = motions.arcs[:, 3:6] * motions.arc_sign[:, None]
-        tangent = np.array(motions.arc_tangent)
+        arcs = motions.arcs
+        target = arcs.target.astype(np.int32)
+        free = arcs.sign == FREE
+        centre = arcs.numbers[:, :3] * self.scale
+        normal = arcs.numbers[:, 3:6] * np.where(free, 1.0, arcs.sign)[:, None]
+        tangent = arcs.tangent
         of_arc = frame[target]
         for index in np.unique(of_arc[of_arc > 0]).tolist():
             R, t = self.frames[index]
@@ -272,12 +275,15 @@ class AptState:
             tangent[rows] = tangent[rows] @ R.T
         return ArcRecords(
             target,
-            motions.arc_line.astype(np.int32),
+            arcs.line.astype(np.int32),
             centre,
             normal,
             tangent,
-            motions.arcs[:, 6] * self.scale,
-            motions.arc_turns.astype(np.int32),
+            arcs.numbers[:, 6] * self.scale,
+            arcs.turns.astype(np.int32),
+            arcs.sweep,
+            arcs.rise * self.scale,
+            free,
         )
 
     def _check_kinds(self, motions: Motions, kind: IntArray, arcs: ArcRecords) -> None:

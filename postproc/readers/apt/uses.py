@@ -5,31 +5,43 @@ Whether a refused word stops a program is for those to say who make one; a reade
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from postproc.model import WordClass, WordUse
+
+Key = tuple[str, WordClass, str, bool, str]
+"""Word, class, reason, refused, hint."""
 
 
 @dataclass(slots=True)
 class WordUses:
     """All such words of one file; the same word for the same reason is one entry."""
 
-    _lines: dict[tuple[str, WordClass, str, bool, str], list[int]]
+    log: list[Key]
+    """What was kept, in order, once for each time."""
+    _lines: dict[Key, list[int]]
 
     def __init__(self) -> None:
-        self._lines = {}
+        self.log, self._lines = [], {}
+
+    def repeat(self, said: Sequence[Key], line: int) -> None:
+        """Keep again what was kept before, at another line."""
+        for key in said:
+            self.log.append(key)
+            self._lines.setdefault(key, []).append(line)
 
     def refuse(
         self, word: str, word_class: WordClass, line: int, reason: str, hint: str = ""
     ) -> None:
         """Keep a word that forbids a program until the user accepts it."""
-        self._lines.setdefault((word, word_class, reason, True, hint), []).append(line)
+        self.repeat([(word, word_class, reason, True, hint)], line)
 
     def note(
         self, word: str, word_class: WordClass, line: int, reason: str, hint: str = ""
     ) -> None:
         """Keep a word that is harmless, or how it was read."""
-        self._lines.setdefault((word, word_class, reason, False, hint), []).append(line)
+        self.repeat([(word, word_class, reason, False, hint)], line)
 
     def all(self) -> tuple[WordUse, ...]:
         """Return the words in the order of their first lines."""

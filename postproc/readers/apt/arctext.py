@@ -1,0 +1,237 @@
+"""Arcs as statements: CIRCLE, ARC, MOVARC and TLON with the numbers that they hold.
+
+Sources: CIRCLE as measured on files of five systems; MOVARC as the posts of HSM and MfgSuite write
+it (its sense is not always in the record); TLON as CATIA and NCL write it.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import isnan, radians
+
+from postproc.readers.apt.statement import Statement, bounded
+from postproc.readers.text import Faults
+
+NAN = float("nan")
+FREE = 0.0
+"""Sign of an arc whose record does not hold its sense."""
+_ELEVEN = 11
+_SWEEP_FIELD = 7
+_MOST_TURNS = 10_000
+_SENSES = {"COUNTERCLOCKWISE": 1.0, "CCLW": 1.0, "CLOCKWISE": -1.0, "CLW": -1.0}
+_NUMBERS = r"\s*/([^()]*)\)"
+_TLON = re.compile(r"TLON\s*,\s*GO(?:FWD|LFT|RGT|BACK)\s*/\s*\(", re.IGNORECASE)
+_CIRCLE = re.compile(r"\(\s*CIRCLE" + _NUMBERS, re.IGNORECASE)
+_CANON = re.compile(r"\(\s*CIRCLE\s*/\s*CANON\s*,([^()]*)\)", re.IGNORECASE)
+_CYLINDER = re.compile(r"\(\s*CYLNDR" + _NUMBERS, re.IGNORECASE)
+_LINE = re.compile(r"\(\s*LINE" + _NUMBERS, re.IGNORECASE)
+_PLANE = re.compile(r"\(\s*PLANE" + _NUMBERS, re.IGNORECASE)
+_POINT = re.compile(r"\(\s*POINT" + _NUMBERS, re.IGNORECASE)
+_SECOND = re.compile(r"\)\s*,\s*ON\s*,\s*2\s*,\s*INTOF", re.IGNORECASE)
+
+
+@dataclass(slots=True)
+class WrittenArc:
+    """One arc, numbers as written in the file.
+
+    ``numbers``: centre, vector, radius (NaN = not given). ``sign``: +1 counterclockwise about the
+    vector, -1 clockwise, ``FREE``, NaN as the dialect says. ``eighth``: field 8 of a record of 11.
+    ``turns``: turns begun, NX. ``sweep`` [rad] and ``rise`` as written, NaN else. ``tangent``:
+    start direction that decides the sense; ``towards``: a point in that direction. ``end``: point
+    where it ends, if the statement says; ``plane`` i, j, k, d: it ends where it meets this plane
+    for the first (``crossing`` 1) or second time.
+    """
+
+    numbers: list[float]
+    sign: float = NAN
+    eighth: float = NAN
+    turns: int = 0
+    sweep: float = NAN
+    rise: float = NAN
+    tangent: list[float] | None = None
+    towards: list[float] | None = None
+    end: list[float] | None = None
+    plane: list[float] | None = None
+    crossing: int = 1
+
+
+def numbers_of(
+    statement: Statement, args: tuple[str, ...], faults: Faults, line: int, blanks: bool = False
+) -> list[float]:
+    """Return the numbers of a motion statement, with the fixes of ``--recover``.
+
+    Args:
+        statement: for the messages.
+        args: the arguments that must be numbers.
+        faults: for fixes and errors.
+        line: of the statement.
+        blanks: whether a blank may stand for a comma in this dialect.
+    """
+    rest = list(args)
+    while rest and not rest[-1]:
+        rest.pop()
+        faults.fix("APT020", "empty field at the end", "it is left out", line, statement.text)
+    if any(" " in arg for arg in rest):
+        if not blanks:
+            faults.fix(
+                "APT021", "two numbers without a comma between them",
+                "the blank separates them", line, statement.text,
+            )  # fmt: skip
+        rest = [part for arg in rest for part in arg.split()]
+    values = []
+    for arg in rest:
+        value = bounded(arg)
+        if value is None:
+            raise faults.error(
+                "APT022",
+                f"{statement.word} has {arg[:20]!r} where a number of at most 1e9 was expected",
+                line,
+                statement.text,
+            )
+        values.append(value)
+    return values
+
+
+def circle(statement: Statement, faults: Faults, line: int, blanks: bool) -> WrittenArc:
+    """Return the arc of CIRCLE/: centre, vector, perhaps radius, sense, TIMES or five more."""
+    words = statement.upper
+    turns, words = _turns(statement, words, faults, line)
+    sign = _SENSES.get(words[-1], NAN) if words else NAN
+    words = words if isnan(sign) else words[:-1]
+    values = numbers_of(statement, words, faults, line, blanks)
+    if len(values) < 6:
+        raise faults.error(
+            "APT032",
+            f"{statement.word} has {len(values)} numbers, expected centre, vector and perhaps "
+            "radius",
+            line,
+            statement.text,
+        )
+    eighth = values[_SWEEP_FIELD] if len(values) >= _ELEVEN else NAN
+    return WrittenArc([*values, NAN][:7], sign, eighth, turns)
+
+
+def _turns(
+    statement: Statement, words: tuple[str, ...], faults: Faults, line: int
+) -> tuple[int, tuple[str, ...]]:
+    """Return the number behind TIMES and the words before it."""
+    if "TIMES" not in words:
+        return 0, words
+    at = words.index("TIMES")
+    count = bounded(words[at + 1]) if at + 1 < len(words) else None
+    if count is None or count != int(count) or not 0 <= count <= _MOST_TURNS:
+        raise faults.error("APT031", "TIMES needs a whole number of turns", line, statement.text)
+    return int(count), words[:at]
+
+
+def arc_with_end(statement: Statement, faults: Faults, line: int) -> WrittenArc:
+    """Return the arc of ARC/: as CIRCLE, then the end point."""
+    values = numbers_of(statement, statement.args, faults, line)
+    if len(values) not in (10, 14):
+        raise faults.error(
+            "APT032",
+            f"ARC has {len(values)} numbers, expected those of a CIRCLE and the end point",
+            line,
+            statement.text,
+        )
+    eighth = values[_SWEEP_FIELD] if len(values) == 14 else NAN
+    return WrittenArc(values[:7], eighth=eighth, end=values[-3:])
+
+
+def movarc(statement: Statement, faults: Faults, line: int) -> WrittenArc:
+    """Return the arc of MOVARC/: c, n, r, ANGLE, degrees, or CENTER, c, AXIS, n, RADIUS, r."""
+    words = statement.upper
+    if words[:1] == ("CENTER",):
+        order = (words[0:1], words[4:5], words[8:9])
+        if order == (("CENTER",), ("AXIS",), ("RADIUS",)) and len(words) == 10:
+            picked = (*words[1:4], *words[5:8], words[9])
+            return WrittenArc(numbers_of(statement, picked, faults, line), 1.0)
+        raise _bad_movarc(statement, faults, line)
+    if "ANGLE" in words:
+        words = tuple(word for word in words if word != "ANGLE")
+        if statement.upper.index("ANGLE") != 7:
+            raise _bad_movarc(statement, faults, line)
+    values = numbers_of(statement, words, faults, line)
+    if len(values) != 8 or not abs(values[7]) <= 360.0 * _MOST_TURNS:
+        raise _bad_movarc(statement, faults, line)
+    return WrittenArc(values[:7], FREE, sweep=radians(values[7]))
+
+
+def _bad_movarc(statement: Statement, faults: Faults, line: int) -> Exception:
+    return faults.error(
+        "APT084",
+        "MOVARC needs centre, vector, radius, ANGLE, degrees, "
+        "or CENTER, x,y,z, AXIS, i,j,k, RADIUS, r",
+        line,
+        statement.text,
+    )
+
+
+def tool_on(
+    statement: Statement,
+    tangent: list[float] | None,
+    towards: list[float] | None,
+    faults: Faults,
+    line: int,
+) -> WrittenArc:
+    """Return the arc of TLON,GOFWD/: on a circle or cylinder up to a line, a point or a plane.
+
+    Args:
+        statement: the whole statement, its text in parentheses.
+        tangent: start direction that INDIRV gave.
+        towards: point that INDIRP gave.
+        faults: for the errors.
+        line: of the statement.
+    """
+    text = statement.text
+    if tangent is None and towards is None:
+        raise faults.error(
+            "APT034", "TLON without INDIRV or INDIRP before it: no start direction", line, text
+        )
+    found = _on_plane(text) or _on_cylinder(text) or _on_line(text)
+    if _TLON.match(text) is None or found is None:
+        raise faults.error(
+            "APT033",
+            "TLON is read as an arc only: (CIRCLE/x,y,z,r),ON,(LINE/x,y,z,x,y,z), "
+            "(CYLNDR/x,y,z,i,j,k,r),ON,(PLANE/PERPTO,..,(POINT/x,y,z)) "
+            "or (CIRCLE/CANON,x,y,z,i,j,k,r),ON,(PLANE/i,j,k,d)",
+            line,
+            text,
+        )
+    found.tangent, found.towards = tangent, towards
+    return found
+
+
+def _group(pattern: re.Pattern[str], text: str, *counts: int) -> list[float] | None:
+    """Return the numbers of the last match of a pattern, None unless they are so many."""
+    matches = pattern.findall(text)
+    values = [bounded(part) for part in matches[-1].split(",")] if matches else []
+    numbers = [value for value in values if value is not None]
+    return numbers if len(values) == len(numbers) and len(numbers) in counts else None
+
+
+def _on_plane(text: str) -> WrittenArc | None:
+    """Return NCL's arc; it ends in a plane."""
+    circle, plane = _group(_CANON, text, 7), _group(_PLANE, text, 4)
+    if circle is None or plane is None:
+        return None
+    crossing = 2 if _SECOND.search(text) else 1
+    return WrittenArc(circle, 1.0, plane=plane, crossing=crossing)
+
+
+def _on_cylinder(text: str) -> WrittenArc | None:
+    """Return CATIA's arc in any plane; the last point of the plane across is its end."""
+    cylinder, end = _group(_CYLINDER, text, 7), _group(_POINT, text, 3)
+    if cylinder is None or end is None:
+        return None
+    return WrittenArc(cylinder, 1.0, end=end)
+
+
+def _on_line(text: str) -> WrittenArc | None:
+    """Return CATIA's arc in the xy plane; the second point of the line is its end."""
+    circle, ray = _group(_CIRCLE, text, 4), _group(_LINE, text, 4, 6)
+    if circle is None or ray is None:
+        return None
+    end = ray[3:6] if len(ray) == 6 else [*ray[2:4], circle[2]]
+    return WrittenArc([*circle[:3], 0.0, 0.0, 1.0, circle[3]], 1.0, end=end)

@@ -1,0 +1,99 @@
+"""Points of a CL file that are computed from the point before them, in file coordinates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.readers.apt.arctext import WrittenArc
+from postproc.readers.apt.motion import Motions
+from postproc.readers.text import Faults
+
+_TURN = 2.0 * np.pi
+_AT_START = 1e-6
+"""A plane met within this angle [rad] of the start is met a turn later."""
+_TOUCHES = 1e-4
+"""How far, relative to the radius, a plane may miss the circle that it is to touch."""
+
+
+def resolve_points(
+    motions: Motions,
+    axes: FloatArray,
+    last: FloatArray | None,
+    lines: IntArray,
+    faults: Faults,
+) -> None:
+    """Fill in increments, lifts to a plane and ends of arcs in planes, in the order of the file.
+
+    Also turns the points that arcs go towards into start directions.
+
+    Args:
+        motions: of one block; its points and arcs are changed.
+        axes: (k, 3) tool axis at each point.
+        last: (6,) the point before the block, None where there is none.
+        lines: (k,) 1-based source line of each point.
+        faults: for the errors.
+
+    Raises:
+        ReadError: APT025 with no point before, APT087 if an arc does not meet its plane.
+    """
+    points = motions.points
+    arc_at = dict(zip(motions.arcs.target.tolist(), range(len(motions.arcs)), strict=True))
+    headed = motions.arcs.target[~np.isnan(motions.arcs.towards[:, 0])].tolist()
+    relative = set(motions.relative)
+    for i in sorted(relative | set(motions.lifted) | set(headed)):
+        before = points[i - 1, :3] if i > 0 else last
+        if before is None:
+            raise faults.error(
+                "APT025", "a motion with no point before it to start from", int(lines[i])
+            )
+        start = before[:3]
+        if i in headed:
+            row = arc_at[i]
+            motions.arcs.tangent[row] = motions.arcs.towards[row] - start
+        if i in relative:
+            step = points[i, :3]
+            points[i, :3] = start + (step[2] * axes[i] if np.isnan(step[0]) else step)
+        elif i in motions.lifted:
+            points[i, :3] = _lifted(start, axes[i], motions.lifted[i])
+        elif i in motions.crossed:
+            end = _crossing(start, motions.crossed[i], motions.arcs.tangent[arc_at[i]])
+            if end is None:
+                raise faults.error(
+                    "APT087", "an arc that does not meet the plane in which it is to end",
+                    int(lines[i]),
+                )  # fmt: skip
+            points[i, :3] = end
+
+
+def _lifted(start: FloatArray, axis: FloatArray, plane: list[float]) -> FloatArray:
+    """Return where the tool axis through a point meets a plane; the point if it lies above."""
+    normal, offset = np.array(plane[:3]), plane[3]
+    slope = float(normal @ axis)
+    way = (offset - float(normal @ start)) / slope if slope > 0.0 else 0.0
+    lifted: FloatArray = start + max(way, 0.0) * axis
+    return lifted
+
+
+def _crossing(start: FloatArray, arc: WrittenArc, tangent: FloatArray) -> FloatArray | None:
+    """Return where an arc that starts along a tangent meets its plane, None if it never does."""
+    centre, axis = np.array(arc.numbers[:3]), np.array(arc.numbers[3:6])
+    length = float(np.linalg.norm(axis))
+    if arc.plane is None or length == 0.0:
+        return None
+    axis = axis / length
+    rise = float((start - centre) @ axis) * axis
+    u = start - centre - rise
+    v = np.cross(axis, u)
+    v = v if v @ tangent >= 0.0 else -v
+    normal = np.array(arc.plane[:3])
+    along, across = float(normal @ u), float(normal @ v)
+    reach = float(np.hypot(along, across))
+    wanted = arc.plane[3] - float(normal @ (centre + rise))
+    if reach == 0.0 or abs(wanted) > reach * (1.0 + _TOUCHES):
+        return None
+    middle, half = np.arctan2(across, along), np.arccos(np.clip(wanted / reach, -1.0, 1.0))
+    angles = np.sort((np.array([middle - half, middle + half]) - _AT_START) % _TURN + _AT_START)
+    angle = angles[arc.crossing - 1]
+    end: FloatArray = centre + rise + np.cos(angle) * u + np.sin(angle) * v
+    return end
