@@ -14,9 +14,8 @@ from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
 from postproc.readers.apt.feed import PER_TURN
 from postproc.readers.apt.heights import (
     DEFAULT_CLEARANCE,
+    READINGS,
     Heights,
-    doubts,
-    reading,
     with_levels,
 )
 from postproc.readers.apt.state import AptState
@@ -42,7 +41,6 @@ _REFUSED = {
 _LEFT = {CycleKind.TAP: CycleKind.TAP_LEFT, CycleKind.RIGID_TAP: CycleKind.RIGID_TAP_LEFT}
 _SIEMENS = {"CYCLE81": 5, "CYCLE82": 6, "CYCLE83": 12}
 """Siemens drill cycles and how many numbers each has at most: RTP, RFP, SDIS, DP, DPR, ..."""
-_READINGS = "--dialect NAME of the seat, or --cycle-words with the order of the numbers"
 
 
 def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -98,6 +96,7 @@ def _drill(state: AptState, statement: Statement, line: int) -> None:
     if known is not None:
         index, state.drill.words, said = known
         state.uses.repeat(said, line)
+        state.drill.heights[index][2].append(line)
         state.drill.last = index
         state.cycle.set(state.at, index)
         return
@@ -128,13 +127,13 @@ def _ask_order(state: AptState, statement: Statement, line: int) -> None:
             "2011 (GOTO at its top, clearance from the bottom); read with GOTO and clearance at "
             "and above the top"
         )
-        hint = f"--dialect fusion or --dialect hsmworks, or {_READINGS}"
+        hint = f"--dialect fusion or --dialect hsmworks, or {READINGS}"
     else:
         what = (
             "depth, feed, clearance (SURFCAM, read so) or depth, clearance, feed (CATIA) or the "
             "order of another table"
         )
-        hint = f"--dialect surfcam or --dialect catia, or {_READINGS}"
+        hint = f"--dialect surfcam or --dialect catia, or {READINGS}"
     state.uses.refuse(
         f"CYCLE/{words[0]}", WordClass.GEOMETRY, line,
         f"the numbers have no words and the seat is not known: {what}", hint,
@@ -229,7 +228,8 @@ def _begin(
     known = state.drill.index.setdefault(f"{cycle!r}{heights!r}", len(state.cycles))
     if known == len(state.cycles):
         state.cycles.append(cycle)
-        state.drill.heights[known] = heights, _word(statement), line
+        state.drill.heights[known] = heights, _word(statement), []
+    state.drill.heights[known][2].append(line)
     state.cycle.set(state.at, known)
     state.drill.last = known
     if cycle.depth == 0.0:
@@ -313,34 +313,4 @@ def _levelled(
         raise state.faults.error(
             "APT048", "a drill cycle whose heights lie below the hole", line, statement.text
         )
-    show(state, cycle, feed, ends, _word(statement), line)
     return with_levels(cycle, feed, ends)
-
-
-def show(
-    state: AptState,
-    cycle: Cycle,
-    feed: float,
-    ends: float,
-    word: str,
-    line: int,
-    top: float = NAN,
-) -> None:
-    """Ask a doubtful reading of a cycle back, and note one that no real file has proven.
-
-    Args:
-        state: of the reading.
-        cycle: as read; its levels do not count.
-        feed: level where feed begins, above the top of the hole [m].
-        ends: level where the tool ends [m].
-        word: of the cycle.
-        line: of the cycle.
-        top: height of the top of the first hole along the tool axis [m], NaN = not known.
-    """
-    text = reading(cycle, feed, ends, top)
-    doubt = doubts(cycle, feed, ends)
-    if doubt and state.options.cycle_words is None:
-        what = ", ".join(doubt)
-        state.uses.refuse(word, WordClass.GEOMETRY, line, f"{what}: {text}", _READINGS)
-    elif not state.dialect.cycle_rule.proven:
-        state.uses.note(word, WordClass.PROCESS, line, text, _READINGS)

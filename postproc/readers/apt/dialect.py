@@ -99,8 +99,9 @@ class Dialect:
     """What one system's files mean where systems differ.
 
     ``marks``: what the head of its files holds, with a weight. ``implied_units``: unit of length
-    where no record tells. ``ends``: words one of which must end a complete file. ``setup_plane``:
-    points stand in a setup plane that TLAXIS and ROTABL tilt. ``feed_cancels_rapid``: a FEDRAT
+    where no record tells. ``ends``: words one of which must end a complete file. ``origin_moves``:
+    ORIGIN places the points. ``setup_plane``: points stand in a setup plane that TLAXIS and ROTABL
+    tilt. ``feed_cancels_rapid``: a FEDRAT
     between RAPID and GOTO. ``blank_separates``: a blank may stand for a comma. ``axis_reset``:
     words at which the tool axis falls back to (0, 0, 1).
     """
@@ -115,6 +116,7 @@ class Dialect:
     cycle_rule: CycleRule = CycleRule()
     implied_units: str | None = None
     ends: frozenset[str] = field(default_factory=lambda: frozenset({"FINI", "END"}))
+    origin_moves: bool = False
     setup_plane: bool = False
     feed_cancels_rapid: bool = False
     blank_separates: bool = False

@@ -11,7 +11,7 @@ from postproc.arrays import FloatArray, IndexArray, IntArray, Table
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
-from postproc.readers.apt.levels import check_approaches, settle_levels
+from postproc.readers.apt.levels import settle_levels
 from postproc.readers.apt.nurbs import discretised
 from postproc.readers.apt.senses import settled_senses
 from postproc.readers.apt.state import AptState, Columns
@@ -39,7 +39,6 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
     settle_levels(state, table)
-    check_approaches(state, table)
     shift: IndexArray = np.zeros(len(state.splines) + 1, dtype=np.int64)
     if state.splines:
         table, shift = _with_splines(state, table)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.geometry import rotation_x, rotation_y, rotation_z
+from postproc.model import CamSetup, WordClass
 from postproc.readers.apt.dialect import AxisRule
 from postproc.readers.apt.setup import AXIS_NORM_GAP, ROW, rotation
 from postproc.readers.apt.state import AptState
@@ -27,15 +29,83 @@ def msys_statement(state: AptState, statement: Statement, line: int) -> None:
 
 
 def origin_statement(state: AptState, statement: Statement, line: int) -> None:
-    """Handle ORIGIN/: origin, and perhaps x axis and z axis, in the part (CATIA)."""
-    if len(statement.args) == 3:
-        point = _all_numbers(state, statement, line, 3)
-        state.set_frame(np.eye(3), np.array(point) * state.scale)
+    """Handle ORIGIN/: origin, and perhaps x axis and z axis, in the part (CATIA).
+
+    Other systems subtract it, or only say where their work origin lies: there it is refused unless
+    it is zero.
+    """
+    count = 3 if len(statement.args) == 3 else _FRAME_NUMBERS
+    numbers = _all_numbers(state, statement, line, count)
+    R = np.eye(3)
+    if count > 3:
+        x, z = np.array(numbers[3:6]), np.array(numbers[6:9])
+        R = rotation(np.column_stack([x, np.cross(z, x), z]), state.faults, line, statement.text)
+    if not any(numbers[:3]) and np.array_equal(R, np.eye(3)):
+        state.uses.note("ORIGIN", WordClass.COORDINATES, line, "the origin is that of the points")
+    elif not state.dialect.origin_moves:
+        state.uses.refuse(
+            "ORIGIN", WordClass.COORDINATES, line,
+            "CATIA adds it to the points, PostWorks subtracts it, HSMWorks only names it; the "
+            "points are taken as they stand", "--dialect catia if the points are to be moved by it",
+        )  # fmt: skip
         return
-    numbers = _all_numbers(state, statement, line, _FRAME_NUMBERS)
-    x, z = np.array(numbers[3:6]), np.array(numbers[6:9])
-    R = rotation(np.column_stack([x, np.cross(z, x), z]), state.faults, line, statement.text)
     state.set_frame(R, np.array(numbers[:3]) * state.scale)
+
+
+def mcsys_statement(state: AptState, statement: Statement, line: int) -> None:
+    """Handle MCSYS/NUM,n,POINT,x,y,z,VECTOR,x axis,VECTOR,y axis (MfgSuite): a named setup."""
+    words = [word for word in statement.upper if word not in {"NUM", "POINT", "VECTOR"}]
+    numbers = _all_numbers(state, Statement("MCSYS", tuple(words), statement.text), line, 10)
+    x, y = np.array(numbers[4:7]), np.array(numbers[7:10])
+    _name_setup(state, "MCSYS", f"{numbers[0]:g}", line, x, y, numbers[1:4])
+
+
+def mcs_statement(state: AptState, statement: Statement, line: int) -> None:
+    """Handle MCS/x axis, y axis, z axis, origin (CAMplete, MANUSnc), and MCS2/ without origin."""
+    count = _MATRIX_NUMBERS if statement.word == "MCS" else _FRAME_NUMBERS
+    numbers = _all_numbers(state, statement, line, count)
+    x, y = np.array(numbers[:3]), np.array(numbers[3:6])
+    _name_setup(state, statement.word, statement.word, line, x, y, numbers[9:] or [0.0] * 3)
+
+
+def _name_setup(
+    state: AptState,
+    word: str,
+    name: str,
+    line: int,
+    x: FloatArray,
+    y: FloatArray,
+    origin: list[float],
+) -> None:
+    """Keep a setup that the file places; the points are not moved by it.
+
+    Whether they are already in its coordinates no file has shown, so it is refused unless it is
+    the identity.
+    """
+    R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, line)
+    matrix = np.column_stack([R, np.array(origin) * state.scale])
+    rows = tuple(tuple((row + 0.0).tolist()) for row in matrix)
+    setup = CamSetup(name, line, rows)
+    state.setups.append(setup)
+    if not setup.is_identity:
+        state.uses.refuse(
+            word, WordClass.COORDINATES, line,
+            f"setup {name} lies elsewhere than the part's coordinates, and nothing says in which "
+            "of the two the points are; they are taken as they stand",
+        )  # fmt: skip
+
+
+def zero_statement(state: AptState, statement: Statement, line: int) -> None:
+    """Handle ZERO/n (MANUSnc): the number of a work offset; one alone is the part's own."""
+    (number,) = _all_numbers(state, statement, line, 1)
+    name = f"{number:g}"
+    offsets = {setup.name for setup in state.setups if setup.matrix is None}
+    state.setups.append(CamSetup(name, line))
+    if offsets - {name}:
+        state.uses.refuse(
+            "ZERO", WordClass.COORDINATES, line,
+            f"another work offset, {name}, whose place the file does not give",
+        )  # fmt: skip
 
 
 def csys_statement(state: AptState, statement: Statement, line: int) -> None:

@@ -15,6 +15,8 @@ from postproc.units import MM, MM_PER_MIN
 
 DEFAULT_CLEARANCE = 2.0 * MM
 """Height [m] above the hole where the feed starts if the file does not say."""
+READINGS = "--dialect NAME of the seat, or --cycle-words with the order of the numbers"
+"""Options that settle a reading."""
 _HIGH = 100.0 * MM
 """A feed that begins higher above the hole [m] is asked back."""
 _SLOW = 10.0 * MM_PER_MIN
@@ -94,7 +96,7 @@ def reading(cycle: Cycle, feed: float, ends: float, top: float = NAN) -> str:
     """Return how a cycle was read, in words; with the levels of its first hole where known [m]."""
     speed = "the feed in force" if isnan(cycle.feed) else f"{cycle.feed / MM_PER_MIN:g} mm/min"
     text = (
-        f"read as {cycle.kind} {cycle.depth / MM:g} mm deep at {speed}, feed from "
+        f"read as a {cycle.kind} cycle {cycle.depth / MM:g} mm deep at {speed}, feed from "
         f"{feed / MM:g} mm above the hole, back to {ends / MM:g} mm"
     )
     if isnan(top):

@@ -21,7 +21,7 @@ from postproc.readers.apt.nurbs import close_spline
 from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
 from postproc.readers.apt.seats import dialect_of
 from postproc.readers.apt.state import AptState
-from postproc.readers.apt.words import comment, handle, unit_name
+from postproc.readers.apt.words import check_homes, comment, handle, unit_name
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.text import Faults, TextBlock
 
@@ -64,6 +64,7 @@ class AptReader:
             raise faults.error("APT001", "no statement in this file", 1)
         motion_reader.finish()
         close_spline(state)
+        check_homes(state)
         last_open = max(last_motion, state.last_open)
         if last_open > state.last_end:
             ends = " or ".join(sorted(state.dialect.ends))

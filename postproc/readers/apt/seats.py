@@ -71,6 +71,7 @@ DIALECTS = {
                 (rb"^[ \t]*(MULTAX|TPRINT|LOADTL)", 0.5),
             ),
             cycle_grammar=CycleGrammar.CATIA,
+            origin_moves=True,
             implied_units="mm",
         ),
         Dialect(

@@ -80,7 +80,7 @@ class KnownCycles:
 
     ``words``, ``last``: parameters and index of the last one, for CYCLE/ON; ``index`` by all that a
     cycle says (as text: NaN is not equal to itself); ``memo``: index, parameters and what was said
-    about it, by the text of cycles that depend on nothing else; ``heights``: levels, word and line
+    about it, by the text of cycles that depend on nothing else; ``heights``: levels, word and lines
     by index.
     """
 
@@ -88,7 +88,7 @@ class KnownCycles:
     last: int = -1
     index: dict[str, int] = field(default_factory=dict)
     memo: dict[str, tuple[int, dict[str, float], list[Key]]] = field(default_factory=dict)
-    heights: dict[int, tuple[Heights, str, int]] = field(default_factory=dict)
+    heights: dict[int, tuple[Heights, str, list[int]]] = field(default_factory=dict)
 
 
 class AptState:
@@ -125,6 +125,8 @@ class AptState:
         self.centre_points = False
         """Whether the file says that its points are those of the tool centre."""
         self.setups: list[CamSetup] = []
+        self.homes: list[tuple[int, int]] = []
+        """Tag before which, and line where, GOHOME stands."""
         self.words: Counter[str] = Counter()
         self.feed = Modal(NAN)
         self.operation = Modal(-1)

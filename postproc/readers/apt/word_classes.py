@@ -60,7 +60,7 @@ _NOTED = {
     # stock and table, output of the control
     PROCESS: "MATERL TABLE TCP APPLY BOX SEQNO LEADER CLPRNT NOPOST RESERV CUT",
     # display and bookkeeping of the CAM system
-    COMMENT: "PAINT TRNTYP MOVE_ATTRIB PLABEL",
+    COMMENT: "PAINT TRNTYP MOVE_ATTRIB PLABEL CSI_TOOL_PATH CSI_PATH_TOLERANCE",
 }
 HARMLESS = "has no meaning for a robot's path"
 

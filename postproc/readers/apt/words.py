@@ -158,6 +158,9 @@ def _load(state: AptState, statement: Statement, line: int) -> None:
         diameter = bounded(statement.args[1]) if len(statement.args) > 1 else None
         data = {"diameter": diameter * state.scale} if diameter else {}
     state.add_tool(line, number=int(number), **data)
+    if "SPINDL" in words:
+        rest = tuple(words[words.index("SPINDL") + 1 :])
+        apt_feed.spindle_statement(state, Statement("SPINDL", rest, statement.text), line)
 
 
 def _cutter(state: AptState, statement: Statement, line: int) -> None:
@@ -277,7 +280,10 @@ def _from(state: AptState, statement: Statement, line: int) -> None:
     if len(numbers) != len(statement.args) or len(numbers) not in (3, 6):
         raise state.faults.error("APT073", "FROM needs 3 or 6 numbers", line, statement.text)
     R, t = state.frames[int(state.frame.value)]
-    if state.tag == 0:
+    if state.tag:
+        reason = "where the tool is said to stand; the path goes on from the point before"
+        state.uses.note("FROM", WordClass.GEOMETRY, line, reason)
+    else:
         state.start = R @ numbers[:3] * state.scale + t
     if len(numbers) > 3:
         state.set_axis(*apt_frames.unit_axis(state, numbers[3:], line))
@@ -285,12 +291,32 @@ def _from(state: AptState, statement: Statement, line: int) -> None:
 
 
 def _go_home(state: AptState, statement: Statement, line: int) -> None:
-    """GOHOME: the machine tool's home means nothing to the robot."""
+    """GOHOME: the machine tool's home means nothing to the robot, which goes to its own."""
+    numbers = statement.numbers()
+    if None in numbers and any(statement.args):
+        what = "a reference move of the target control"
+        refuse(state, statement, line, WordClass.GEOMETRY, what, statement.upper[0])
+        return
+    state.homes.append((state.tag, line))
     state.faults.warn(
         "APT121",
         "GOHOME is the machine tool's home and is not driven; the robot has its own",
         line,
     )
+
+
+def check_homes(state: AptState) -> None:
+    """Refuse homes between two motions: only at an end the robot goes to its own."""
+    for tag, line in state.homes:
+        if 0 < tag < state.done:
+            state.uses.refuse(
+                "GOHOME", WordClass.GEOMETRY, line, "a home between two motions is not driven"
+            )
+
+
+def _named_operation(state: AptState, statement: Statement, line: int) -> None:
+    """OPNAME/'name' (MfgSuite): a new operation."""
+    state.add_operation(statement.free_text.strip("'"), line)
 
 
 def _operation(state: AptState, statement: Statement, line: int) -> None:
@@ -338,9 +364,14 @@ _HANDLERS: dict[str, Handler] = {
     "CUTCOM": _compensation,
     "FROM": _from,
     "GOHOME": _go_home,
+    "OPNAME": _named_operation,
     "MSYS": apt_frames.msys_statement,
     "CSYS": apt_frames.csys_statement,
     "ORIGIN": apt_frames.origin_statement,
+    "MCSYS": apt_frames.mcsys_statement,
+    "MCS": apt_frames.mcs_statement,
+    "MCS2": apt_frames.mcs_statement,
+    "ZERO": apt_frames.zero_statement,
     "TLAXIS": apt_frames.tool_axis_statement,
     "ROTABL": _table,
     "ROTATE": _table,
