@@ -55,7 +55,8 @@ def _settle(state: AptState, table: HoleTable, number: int, rows: IndexArray) ->
         table.points[rows] += heights.depth * table.axes[rows]
     top = np.einsum("ni,ni->n", table.points[rows], table.axes[rows])
     _, one, of_row = np.unique(np.round(top / _ROUNDING), return_index=True, return_inverse=True)
-    for i, level in enumerate(top[one].tolist()):
+    for i in np.argsort(one).tolist():
+        level = float(top[one[i]])
         feed, ends = heights.above(level)
         if i == of_row[0] or min(feed, ends) < 0.0:
             _show(state, number, (feed, ends), level)

@@ -81,7 +81,7 @@ DIALECTS = {
                 (rb"^[ \t]*MOVE_ATTRIB" + _SLASH, 3.0),
                 (rb"^[ \t]*ROTABL" + _SLASH, 0.5),
                 (rb"(COUNTER)?CLOCKWISE[ \t]*\r?$", 2.0),
-                (rb"^[ \t]*CYCLE" + _SLASH + rb"[ \t]*ON[ \t]*\r?$", 1.0),
+                (rb"^[ \t]*CYCLE" + _SLASH + rb"[ \t]*ON[ \t]*\r?$", 0.5),
             ),
             cycle_rule=CycleRule(proven=True),
             arc_sense=ArcSense.WORD,
