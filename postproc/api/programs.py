@@ -59,6 +59,7 @@ def read(
     units: str | None = None,
     columns: str | None = None,
     cycle_words: str | None = None,
+    feed_units: str | None = None,
     task: str | None = None,
     accept_words: Sequence[str] | str = (),
     recover: bool = False,
@@ -71,10 +72,13 @@ def read(
         path: APT/CL, CSV or DELMIA file, or whatever a registered reader reads.
         cell: tells the tool axis, and the surface where a CSV gives no normals.
         format: ``auto`` or the name of a reader; None: the cell's, else ``auto``.
-        dialect: APT dialect: ``nx``, ``solidworks``, ``creo``, ``catia``, ``camworks``, ``apt``.
+        dialect: APT dialect: ``nx``, ``solidworks``, ``creo``, ``catia``, ``camworks``, ``fusion``,
+            ``hsmworks``, ``mfgsuite``, ``camplete``, ``manusnc``, ``postworks``, ``surfcam``,
+            ``apt``.
         units: ``mm`` or ``inch`` where the file names none.
         columns: columns of a CSV, such as ``id,x,y,z,i,j,k,-,depth``.
         cycle_words: meaning of the numbers of a positional drill cycle: ``depth,clearance,feed``.
+        feed_units: ``mm`` or ``inch`` per minute where FEDRAT and UNITS contradict each other.
         task: DELMIA task to read instead of all that no other one calls.
         accept_words: words of the file that are harmless, besides those that the cell accepts; a
             text has commas between.
@@ -92,6 +96,7 @@ def read(
         units=units,
         columns=columns,
         cycle_words=cycle_words,
+        feed_units=feed_units,
         task=task,
         accept_words=accept_words if isinstance(accept_words, str) else tuple(accept_words),
         recover=recover,

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
-_OPTIONS |= {"accept_words", "recover", "emitter", "strategy", "objective", "model", "partial"}
+_OPTIONS |= {"feed_units", "accept_words", "recover", "emitter", "strategy", "objective"}
+_OPTIONS |= {"model", "partial"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -292,6 +292,7 @@ class Reading:
     units: str | None = None
     columns: str | None = None
     cycle_words: str | None = None
+    feed_units: str | None = None
     task: str | None = None
     accept_words: tuple[str, ...] = ()
 

@@ -377,6 +377,9 @@ class ImportTable(Table):
         default=None,
         description="meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
     )
+    feed_units: Literal["mm", "inch"] | None = Field(
+        default=None, description="per minute, where FEDRAT and UNITS of a CAM file contradict"
+    )
     task: Text | None = Field(
         default=None, description="DELMIA task to read instead of all that no other one calls"
     )

@@ -156,7 +156,8 @@ def _coloured(line: str, severity: str) -> str:
 
 
 READING = (
-    "format", "dialect", "units", "columns", "task", "cycle_words", "accept_words", "recover"
+    "format", "dialect", "units", "columns", "task", "cycle_words", "feed_units", "accept_words",
+    "recover",
 )  # fmt: skip
 """Options that say how a CAM file is to be read, alike in all commands that read one."""
 
@@ -171,7 +172,11 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins; "
             "default: the cell's, else auto.",
         ),
-        click.option("--dialect", help="APT dialect: nx, solidworks, creo, catia, camworks, apt."),
+        click.option(
+            "--dialect",
+            help="APT dialect: nx, solidworks, creo, catia, camworks, fusion, hsmworks, mfgsuite, "
+            "camplete, manusnc, postworks, surfcam, apt.",
+        ),
         click.option(
             "--units",
             type=click.Choice(["mm", "inch", "m"]),
@@ -183,6 +188,11 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--cycle-words",
             metavar="WORDS",
             help="Meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed.",
+        ),
+        click.option(
+            "--feed-units",
+            type=click.Choice(["mm", "inch"]),
+            help="Feeds are of these a minute where the CAM file's FEDRAT and UNITS contradict.",
         ),
         click.option(
             "--accept-words",

@@ -51,6 +51,7 @@ class ConvertRequest:
     columns: str | None = None
     task: str | None = None
     cycle_words: str | None = None
+    feed_units: str | None = None
     accept_words: tuple[str, ...] | str = ()
     """Words of the CAM file that are harmless, besides those of the cell."""
     recover: bool = False
@@ -160,6 +161,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         task=request.task or habits.task,
         recover=request.recover,
         cycle_words=request.cycle_words or habits.cycle_words,
+        feed_units=request.feed_units or habits.feed_units,
         accept_words=(*habits.accept_words, *given),
         tool_axis=tuple(float(v) for v in cell.tool.axis),
         surface_normals=_surface_normals(cell),

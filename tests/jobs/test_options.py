@@ -73,6 +73,7 @@ FINI
     "shifted.apt": "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nCUTCOM/LEFT\nGOTO/100,0,0\nFINI\n",
     "cycle.apt": "UNITS/MM\nCYCLE/DRILL, 5.0, 3.0, 400.0, MMPM\nGOTO/0,0,0,0,0,1\n"
     "CYCLE/OFF\nFINI\n",
+    "inches.apt": "UNITS/INCH\nFEDRAT/35,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/2,0,0\nFINI\n",
     "plain.apt": "PARTNO/X\nFEDRAT/600\nGOTO/0,0,0,0,0,1\nGOTO/5,0,0\nFINI\n",
     "tasks.xml": "<OLPData><Resource id='r'>"
     + "".join(
@@ -304,6 +305,11 @@ CASES: dict[str, tuple[Any, ...]] = {
         {"import.cycle_words": "clearance depth feed"},
         "cycle.apt",
     ),
+    "import.feed_units": (
+        {"import.feed_units": "mm"},
+        {"import.feed_units": "inch"},
+        "inches.apt",
+    ),
     "import.task": ({"import.task": "A"}, {"import.task": "B"}, "tasks.xml"),
     "import.accept_words": ({}, {"import.accept_words": ["CUTCOM"]}, "shifted.apt"),
     "krl.emitter": ({}, {"krl.emitter": "none"}),
@@ -454,7 +460,14 @@ CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "units": ({}, {"--units": "inch"}),
     "columns": ({}, {"--columns": "id,y,x,z,i,j,k,depth"}),
     "task": ({"source": "tasks.xml"}, {"--task": "B"}),
-    "cycle_words": ({"source": "cycle.apt"}, {"--cycle-words": "depth feed clearance"}),
+    "cycle_words": (
+        {"source": "cycle.apt", "--cycle-words": "depth clearance feed"},
+        {"--cycle-words": "clearance depth feed"},
+    ),
+    "feed_units": (
+        {"source": "inches.apt", "--feed-units": "mm"},
+        {"--feed-units": "inch"},
+    ),
     "emitter": ({}, {"--emitter": "none"}),
     "recover": ({"source": "bent.apt"}, {"--recover": None}),
     "strategy": ({}, {"--strategy": "smooth"}),

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import isnan, nan, radians
 
 from postproc.model import Cycle, CycleKind, WordClass
-from postproc.readers.apt.cycletext import Found, is_hsm_order, parameters
+from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
 from postproc.readers.apt.feed import PER_TURN
 from postproc.readers.apt.heights import (
@@ -129,9 +129,10 @@ def _ask_order(state: AptState, statement: Statement, line: int) -> None:
         )
         hint = f"--dialect fusion or --dialect hsmworks, or {READINGS}"
     else:
+        seat = "CATIA" if is_catia_order(words) else "SURFCAM"
         what = (
-            "depth, feed, clearance (SURFCAM, read so) or depth, clearance, feed (CATIA) or the "
-            "order of another table"
+            "depth, feed, clearance (SURFCAM), depth, clearance, feed (CATIA) or the order of "
+            f"another table; read as those of {seat}"
         )
         hint = f"--dialect surfcam or --dialect catia, or {READINGS}"
     state.uses.refuse(

@@ -45,7 +45,10 @@ def parameters(state: AptState, statement: Statement, line: int) -> Found:
     positional = len(words) > 1 and bounded(words[1]) is not None
     if grammar is CycleGrammar.CAMWORKS:
         return _camworks(state, words, line, statement)
-    if positional and (state.options.cycle_words is not None or grammar is CycleGrammar.CATIA):
+    catia = grammar is CycleGrammar.CATIA or (
+        grammar is CycleGrammar.UNKNOWN and is_catia_order(words)
+    )
+    if positional and (state.options.cycle_words is not None or catia):
         return _named(state, words, line, statement)
     if positional and grammar is not CycleGrammar.WORDS:
         return _by_position(state, words, line, statement)
@@ -57,6 +60,11 @@ def is_hsm_order(words: tuple[str, ...]) -> bool:
     at = next((i for i, word in enumerate(words) if word in FEED_UNITS), 0)
     numbers = [bounded(word) for word in words[at + 1 : at + 3]]
     return at > 1 and len(numbers) == 2 and None not in numbers
+
+
+def is_catia_order(words: tuple[str, ...]) -> bool:
+    """Return whether the unit of the feed stands last, as CATIA writes it."""
+    return words[-1] in FEED_UNITS
 
 
 class _Tokens:
