@@ -60,6 +60,8 @@ class Plan:
         spin: (m,) angle about the tool axis against the reference [rad]; branch: (m,) 0..7.
         speed: (m,) path speed [m/s] of LIN and CIRC; NaN for PTP.
         ptp_fraction: (m,) share of axis speed 0..1 of PTP; NaN else.
+        orientation_speed: (m,) largest speed of the orientation [rad/s], NaN for the cell's; None:
+            the cell's for all.
         blend: (m,) approximation distance [m] at the move's end, 0 = exact stop.
         dwell: (m,) wait after the move [s].
         duration: (m,) estimated time of the move [s].
@@ -93,6 +95,7 @@ class Plan:
     stiffness_initial: FloatArray = field(metadata=column("tag"))
     clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
+    orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
     compensation: FloatArray | None = field(default=None, metadata=column("move", 3))
     compensation_note: str = ""
     findings: tuple[Finding, ...] = ()

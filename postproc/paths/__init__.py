@@ -2,7 +2,7 @@
 
 from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
 from postproc.paths.motion import Paths, Shift, joint_paths
-from postproc.paths.times import SLOWEST, cycle_time, durations, speed_shares
+from postproc.paths.times import SLOWEST, cycle_time, durations, feed_shares, speed_shares
 from postproc.paths.world import run_in_cell
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Timeline",
     "cycle_time",
     "durations",
+    "feed_shares",
     "joint_paths",
     "moments_of",
     "run_in_cell",

@@ -97,9 +97,22 @@ def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:
     return np.where(slowest > _TINY, slowest + _RAMP, 0.0)
 
 
+def feed_shares(paths: Paths, cell: Cell) -> FloatArray:
+    """Return how much of its speed (s, 6) each axis needs for the programmed path speed.
+
+    As if the path speed were held all along: neither ramps nor the speed of the orientation make
+    a motion slower. What a feed asks of the axes is a question of the path.
+    """
+    speed = np.maximum(paths.trace.column("speed"), SLOWEST)
+    return _shares(paths, cell, np.where(paths.trace.is_cp, paths.curves.length / speed, np.nan))
+
+
 def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
     """Return how much of its speed (s, 6) each axis needs at each sample, 1 = its limit."""
-    times = motion_times(paths)
+    return _shares(paths, cell, motion_times(paths))
+
+
+def _shares(paths: Paths, cell: Cell, times: FloatArray) -> FloatArray:
     first = np.r_[True, paths.row[1:] != paths.row[:-1]]
     at_start = paths.q[np.maximum(paths.row - 1, 0)]
     before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))

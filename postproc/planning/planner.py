@@ -12,6 +12,7 @@ from postproc.errors import Finding, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
+from postproc.planning.repeats import with_repeats, without_repeats
 from postproc.planning.route import Route, route
 from postproc.planning.search import (
     choose,
@@ -37,7 +38,7 @@ from postproc.planning.states import (
     strokes_of,
     tilt_grid,
 )
-from postproc.process import as_served, reordered
+from postproc.process import as_served, reordered, repeats
 from postproc.progress import Clock, Progress
 from postproc.units import DEG
 
@@ -71,6 +72,11 @@ def plan(
     """
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
+    distinct = np.flatnonzero(~repeats(toolpath))
+    if len(distinct) < len(toolpath) and not cell.optimize.free_order:
+        return with_repeats(
+            plan(without_repeats(toolpath, distinct), cell, options, progress), toolpath, distinct
+        )
     if not cell.external_axes:
         return _planned(toolpath, cell, settings, options, progress)
     if cell.optimize.free_order:
@@ -269,6 +275,7 @@ def _assembled(
         events=tuple(zip(first.tolist(), toolpath.events, strict=True)),
         findings=tuple(findings),
         settings=record,
+        orientation_speed=times.orientation,
     )
 
 

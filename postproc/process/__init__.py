@@ -1,13 +1,17 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
-from postproc.process.feeds import feeds_of
+from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
+from postproc.process.repeats import repeats
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
+    "AXIS_SHARE",
+    "LOWERED_FROM",
+    "LOWERED_TO",
     "PLUNGING",
     "SHARPEST",
     "as_served",
@@ -17,6 +21,7 @@ __all__ = [
     "operation_loads",
     "refusals",
     "reordered",
+    "repeats",
     "weight_wrench",
     "word_findings",
 ]

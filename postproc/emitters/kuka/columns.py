@@ -56,6 +56,7 @@ class Columns:
     axes: list[list[float]]
     external: list[tuple[float, ...]]
     speed_m_s: list[float]
+    orientation_deg_s: list[float]
     percent: list[float]
     blend_mm: list[float]
     wanted_mm: list[float]
@@ -93,6 +94,7 @@ def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -
         axes=(plan.q / DEG).tolist(),
         external=_externals(plan, cell),
         speed_m_s=_speeds(plan, speed_max),
+        orientation_deg_s=_orientation(plan, cell),
         percent=_percents(plan),
         blend_mm=blend.tolist(),
         wanted_mm=wanted.tolist(),
@@ -224,6 +226,16 @@ def _speeds(plan: Plan, speed_max: float) -> list[float]:
     printed = np.array([float(numbers.speed(float(value))) for value in different])
     values: list[float] = np.where(is_cp, printed[place], 0.0).tolist()
     return values
+
+
+def _orientation(plan: Plan, cell: Cell) -> list[float]:
+    """Return the speeds of the orientation [deg/s] as they will be printed, rounded down."""
+    speed = np.full(len(plan), cell.krl.orientation_speed)
+    if plan.orientation_speed is not None:
+        speed = np.fmin(speed, plan.orientation_speed)
+    slow = np.floor(speed / DEG * 1e3) / 1e3
+    values = np.where(speed < cell.krl.orientation_speed, slow, speed / DEG)
+    return [float(value) for value in values]
 
 
 def _percents(plan: Plan) -> list[float]:

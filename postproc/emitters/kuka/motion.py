@@ -29,6 +29,7 @@ from postproc.krl import (
     comment_text,
 )
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
+from postproc.units import DEG
 
 ANCHOR_PERCENT = 10.0
 """Axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain [%]."""
@@ -48,6 +49,8 @@ class Modal:
     """What the controller has set since the head of this file; None = not known."""
 
     speed_m_s: float | None = None
+    orientation_deg_s: float | None = None
+    """None: that of the cell, which the head of the file has set."""
     blend_mm: float | None = None
     percent: float | None = None
     is_disturbed: bool = False
@@ -55,7 +58,7 @@ class Modal:
 
     def disturb(self) -> None:
         """Know nothing any more."""
-        self.speed_m_s = self.blend_mm = self.percent = None
+        self.speed_m_s = self.blend_mm = self.percent = self.orientation_deg_s = None
         self.is_disturbed = True
 
 
@@ -167,6 +170,7 @@ class PartWriter:
             self._percent(self.table.percent[index])
         else:
             self._speed(self.table.speed_m_s[index])
+            self._orientation(self.table.orientation_deg_s[index])
         blend = self._blend(index)
         self._move(index, blend)
 
@@ -235,6 +239,7 @@ class PartWriter:
         self._before(first)
         speed = self.table.speed_m_s[first]
         self._speed(speed)
+        self._orientation(min(self.table.orientation_deg_s[first:end]))
         blend = self._blend(end - 1)
         self.out.append(SplineBegin())
         for index in range(first, end):
@@ -269,6 +274,13 @@ class PartWriter:
         if speed_m_s != self.modal.speed_m_s:
             self.modal.speed_m_s = speed_m_s
             self.out.append(Assign("$VEL.CP", speed_m_s))
+
+    def _orientation(self, deg_s: float) -> None:
+        """Set the speed of the orientation where it is not that of the cell."""
+        own = self.style.orientation_speed / DEG
+        if deg_s != (self.modal.orientation_deg_s or own):
+            self.modal.orientation_deg_s = deg_s
+            self.out += [Assign("$VEL.ORI1", deg_s), Assign("$VEL.ORI2", deg_s)]
 
     def _blend(self, index: int) -> tuple[str, ...]:
         """Return the approximation words of a move, after setting its distance.

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from postproc.arrays import FloatArray
+from postproc.geometry import transform_from_kuka
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, key_of, number
 from postproc.krl.text import (
     Assign,
@@ -15,6 +17,7 @@ from postproc.krl.text import (
     Control,
     Halt,
     Move,
+    Pose,
     Statement,
     Value,
     WaitFor,
@@ -25,6 +28,8 @@ FEED = 0.1
 """Path speed [m/s] up to which a motion is taken for a cut; rapids are faster."""
 _REVERSAL = -0.9995
 """Cosine between coming and going from which on a motion comes back the way it went."""
+_ALONG = 0.9998
+"""Cosine from which on a way goes along an axis: within about 1 degree."""
 _READS = re.compile(r"\$(IN|ANIN|POS_ACT|AXIS_ACT|POS_INT|AXIS_INT)\b", re.IGNORECASE)
 _WRITES = ("$OUT[", "$ANOUT[")
 
@@ -113,9 +118,25 @@ def _plunges(subject: Subject, part: Part) -> None:
         if bottom.move.blend:
             message = "blended where the tool turns back at feed: the depth is not reached"
             subject.add(18, ERROR, part.path, bottom.move.line, message)
-        if before.move.blend and _sets_feed(part, place):
+        down = _is_along_tool(bottom, way[place - 1])
+        if before.move.blend and down and _sets_feed(part, place):
             message = "blended before a plunge: the tool goes down beside the hole"
             subject.add(18, ERROR, part.path, before.move.line, message)
+
+
+def _is_along_tool(bottom: Step, way: FloatArray) -> bool:
+    """Whether a way (3,) goes along an axis of the TCP frame, as a tool plunges.
+
+    Which of the three is the tool's the text does not say. A slot that is cut there and back at
+    another feed goes across the tool.
+    """
+    pose = bottom.target
+    if not isinstance(pose, Pose) or pose.a_deg is None or pose.b_deg is None:
+        return True
+    abc = np.array([pose.a_deg, pose.b_deg, pose.c_deg or 0.0])
+    R_base_tcp = transform_from_kuka(np.zeros(3), abc)[:3, :3]
+    along = np.abs(R_base_tcp.T @ way) / np.linalg.norm(way)
+    return bool(along.max() > _ALONG)
 
 
 def _is_plunge(part: Part, place: int, speeds: list[float]) -> bool:

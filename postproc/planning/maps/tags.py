@@ -11,6 +11,7 @@ from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.model import MotionKind, MoveRole, Plan
 from postproc.planning.route import cell_at
+from postproc.process import repeats
 
 FARTHEST = 0.1
 """Clearances beyond this [m] are given as this: near solids matter, and far ones cost time."""
@@ -22,6 +23,8 @@ def moves_of_tags(plan: Plan) -> IndexArray:
     working = np.isin(plan.role, (MoveRole.CUT, MoveRole.PLUNGE))
     for rows in (np.flatnonzero(plan.tag >= 0), np.flatnonzero((plan.tag >= 0) & working)):
         last[plan.tag[rows]] = rows
+    for tag in np.flatnonzero(repeats(plan.toolpath)):  # planned with the tag before
+        last[tag] = max(last[tag], last[tag - 1])
     return last
 
 

@@ -9,9 +9,11 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
+from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.states import Moves, Problem
+from postproc.process import AXIS_SHARE
 from postproc.timing import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,
@@ -24,28 +26,25 @@ from postproc.units import MM_PER_MIN
 
 SLOWEST = 1e-5
 """Path speed [m/s] below which a cut is not possible: 0.6 mm/min."""
-USABLE = 0.95
-"""Share of an axis' speed that cuts may use: between samples it may be a little faster."""
 BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take."""
-AXIS_SHARE = 0.98
-"""Share of an axis's speed that a path may need: between samples it may need a little more."""
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
 
 
 @dataclass(slots=True)
 class Timed:
-    """Columns (m,) of moves: path speed [m/s], share of axis speed, blend [m], time [s], feed kept.
+    """Columns (m,) of moves: path speed [m/s], share of axis speed, blend [m], time [s].
 
-    ``cap``: the largest path speed that the axes allow on the move [m/s].
+    ``orientation``: the speed [rad/s] to which the orientation of a move is slowed down, NaN where
+    the cell's will do.
     """
 
     speed: FloatArray
     fraction: FloatArray
     blend: FloatArray
     duration: FloatArray
-    cap: FloatArray
+    orientation: FloatArray
 
 
 def timed(
@@ -62,13 +61,13 @@ def timed(
     lines = _lines(table, rows, _branches(problem, table))
     length = np.zeros(len(table))
     length[rows] = lines.length
-    cap = np.full(len(table), np.inf)
-    cap[rows] = _caps(checker, lines)
+    cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
+    cap[rows], orientation[rows] = _caps(checker, lines)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, table, length, stops_before)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
-    return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, cap)
+    return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
 
 
 def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
@@ -90,20 +89,31 @@ def _branches(problem: Problem, table: Moves) -> IndexArray:
     return np.asarray(problem.kinematics.slot(table.q), dtype=np.int64)
 
 
-def _caps(checker: Checker, lines: Lines) -> FloatArray:
-    """Return the largest path speed (m,) at which no axis exceeds its speed on the way."""
-    cap = np.full(len(lines), np.inf)
+def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
+    """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
+
+    A move that turns the tool on the spot, or nearly so, has no useful path speed: there it is the
+    speed of the orientation (m,) [rad/s] that is lowered, NaN where the cell's will do.
+    """
+    cap, orientation = np.full(len(lines), np.inf), np.full(len(lines), np.nan)
     if not len(lines):
-        return cap
+        return cap, orientation
     track = checker.track(lines, Verdict.clean(len(lines)))
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
     piece = (np.diff(track.share)[same]) * lines.length[row]
     dq = np.diff(track.q, axis=0)[same]
-    speed = np.asarray(checker.problem.cell.robot.qd_max)
-    cap_of_piece = axis_speed_cap(dq, np.maximum(piece, _SHORT), speed * USABLE)
-    np.minimum.at(cap, row, cap_of_piece)
-    return np.where(lines.length > _SHORT, AXIS_SHARE * cap, np.inf)
+    speed = AXIS_SHARE * np.asarray(checker.problem.cell.robot.qd_max)
+    np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, _SHORT), speed))
+    cap[lines.length <= _SHORT] = np.inf
+    angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+    turning = np.full(len(lines), np.inf)
+    np.minimum.at(turning, row, axis_speed_cap(dq, np.diff(track.share)[same] * angle[row], speed))
+    on_the_spot = (angle > _SHORT) & ((lines.length <= _SHORT) | (cap < SLOWEST))
+    slow = on_the_spot & (turning < checker.problem.cell.krl.orientation_speed)
+    orientation[slow] = turning[slow]
+    cap[on_the_spot] = np.inf
+    return cap, orientation
 
 
 def _capped(
@@ -129,8 +139,9 @@ def _capped(
         tag = int(table.tag[row])
         if cap[row] < SLOWEST:
             findings.append(failure(problem, tag, Reason.SPEED, _too_slow(problem, table, row)))
-        elif table.role[row] in (MoveRole.CUT, MoveRole.PLUNGE):
-            findings.append(_slower(problem, tag, speed[row], cap[row]))
+    cuts = fast[np.isin(table.role[fast], (MoveRole.CUT, MoveRole.PLUNGE)) & (cap[fast] >= SLOWEST)]
+    for asked in np.unique(speed[cuts]).tolist():
+        findings.append(_slower(problem, table, cuts[speed[cuts] == asked], asked, cap))
     speed[fast] = cap[fast]
     return np.where(np.isfinite(speed), speed, SLOWEST)
 
@@ -140,12 +151,20 @@ def _too_slow(problem: Problem, table: Moves, row: int) -> str:
     return f"A{int(np.argmax(change)) + 1} cannot follow the path at any useful speed"
 
 
-def _slower(problem: Problem, tag: int, asked: float, allowed: float) -> Finding:
+def _slower(
+    problem: Problem, table: Moves, rows: IndexArray, asked: float, cap: FloatArray
+) -> Finding:
+    """Return one finding for all moves (k,) whose feed is lowered from the same value."""
+    worst = int(rows[np.argmin(cap[rows])])
+    tag = int(table.tag[worst])
+    tags = np.unique(table.tag[rows])
+    lines = problem.toolpath.line[tags]
+    more = f" at the slowest of {len(tags)} tags, lines {lines.min()} to {lines.max()}"
     return Finding(
         Severity.WARNING,
         "PLN301",
-        f"feed lowered from {asked / MM_PER_MIN:.0f} to {allowed / MM_PER_MIN:.0f} mm/min: "
-        "an axis is at its largest speed",
+        f"feed lowered from {asked / MM_PER_MIN:.0f} to {cap[worst] / MM_PER_MIN:.0f} mm/min"
+        f"{more if len(tags) > 1 else ''}: an axis is at its largest speed",
         tag,
         problem.toolpath.source(tag),
     )

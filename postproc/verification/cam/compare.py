@@ -29,21 +29,17 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
+from postproc.geometry import angle_between
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Displacement
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes
-from postproc.verification.cam.matching import Wanted, match, wanted_of
+from postproc.verification.cam.matching import SAME_AXIS, Wanted, match, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
-
-AXIS_LIMIT = 0.95
-"""A feed that would need more than this share of an axis's speed may be programmed lower."""
-SHIFTED_AXIS_LIMIT = 0.9
-"""The same for a program whose points are shifted: axes need a little more or less speed there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +113,7 @@ def compare(
     if displacement is not None:
         real = real_paths(paths, cell, toolpath, displacement)
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
     visits = match(wanted.point, _visited(real), tolerances.position, own, real.case)
     served = visits.first
     comparison = Comparison(
@@ -133,8 +130,7 @@ def compare(
     tilts = Tilts.of(toolpath, cell)
     _points(result, comparison, toolpath, tolerances, tilts)
     path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
-    limit = AXIS_LIMIT if displacement is None else SHIFTED_AXIS_LIMIT
-    feeds = Feeds(result, toolpath, cell, limit)
+    feeds = Feeds(result, toolpath, cell)
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)

@@ -8,8 +8,8 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import RunKind, Severity
 from postproc.model import ToolPath
-from postproc.paths import speed_shares
-from postproc.process import feeds_of
+from postproc.paths import feed_shares
+from postproc.process import LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.units import MM_PER_MIN
 from postproc.verification.report import Result
 
@@ -22,9 +22,8 @@ AT_MOST = 20
 class Feeds:
     """Collects which feed each motion should have, and compares."""
 
-    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell, limit: float) -> None:
+    def __init__(self, result: Result, toolpath: ToolPath, cell: Cell) -> None:
         self._result = result
-        self._limit = limit
         self._cell = cell
         self._feed = feeds_of(toolpath, cell)
         self._speed = result.paths.trace.column("speed")
@@ -69,8 +68,9 @@ class Feeds:
         paths = self._result.paths
         needed = np.zeros(len(paths))
         if len(motions) and len(paths.row):
-            np.maximum.at(needed, paths.row, speed_shares(paths, self._cell).max(axis=1))
-        return (share < 1.0) & (needed[motions] > self._limit * share)
+            np.maximum.at(needed, paths.row, feed_shares(paths, self._cell).max(axis=1))
+        now = needed[motions]
+        return (share < 1.0) & (now > LOWERED_FROM * share) & (now > LOWERED_TO)
 
     def _list(
         self,

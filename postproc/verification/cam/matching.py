@@ -18,6 +18,8 @@ from postproc.model import MotionKind, ToolPath
 
 SAME = 1e-9
 """Two points of the file nearer than this [m] are one."""
+SAME_AXIS = 1e-6
+"""Two tool axes that differ by less than this [rad] are one; else the tool turns on the spot."""
 MAX_PAIRS = 5_000_000
 PLACE = 1e-5
 """Size [m] of the cells in which pairs are counted beforehand."""
@@ -94,8 +96,8 @@ def match(
         wanted: (r, 3) [m] in order.
         visited: (v, 3) [m] in order, or (c, v, 3) under each of c loads.
         tolerance: [m].
-        is_own: (r,) points that need a visit of their own (the end of a full circle); any other
-            point that repeats the one before shares its visit. None: no such points.
+        is_own: (r,) points that need a visit of their own (the end of a full circle, another tool
+            axis); any other point that repeats the one before shares its visit. None: none is.
         case: (r,) the load that counts for each point; None: the first.
     """
     visited = visited[None] if visited.ndim == 2 else visited

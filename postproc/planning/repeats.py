@@ -1,0 +1,48 @@
+"""Points that a toolpath repeats are planned once.
+
+A repeated point with a pose of its own would turn the tool on the spot, and stop the cut there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import IndexArray
+from postproc.model import Plan, ToolPath
+
+
+def without_repeats(toolpath: ToolPath, distinct: IndexArray) -> ToolPath:
+    """Return the tags ``distinct`` (k,) under their names, with all events of the toolpath."""
+    part = replace(toolpath.named(), events=()).rows(distinct)
+    events = tuple(
+        replace(event, index=int(np.searchsorted(distinct, event.index)))
+        for event in toolpath.events
+    )
+    return replace(part, events=events)
+
+
+def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
+    """Return a plan of ``without_repeats`` as one of the toolpath itself.
+
+    A repeated tag has no move of its own; its numbers are those of the tag that it repeats.
+    """
+    source = np.searchsorted(distinct, np.arange(len(toolpath)), side="right") - 1
+    findings = tuple(
+        finding
+        if finding.tag_index is None
+        else replace(finding, tag_index=int(distinct[finding.tag_index]))
+        for finding in plan.findings
+    )
+    moves = [move for move, _ in plan.events]
+    return replace(
+        plan,
+        toolpath=toolpath,
+        tag=np.where(plan.tag >= 0, distinct[plan.tag], -1).astype(np.int32),
+        stiffness=plan.stiffness[source],
+        stiffness_initial=plan.stiffness_initial[source],
+        clearance=plan.clearance[source],
+        events=tuple(zip(moves, toolpath.events, strict=True)),
+        findings=findings,
+    )

@@ -1,0 +1,132 @@
+"""Feeds at axis limits, repeated points, slots there and back: good work that must convert."""
+
+import re
+
+import numpy as np
+import pytest
+
+import postproc as pp
+
+CELL = """schema = "postproc.cell/1"
+name = "feeds"
+[robot]
+model = "kuka_kr500_r2830"
+[tool]
+frame = { xyz_mm = [150, 0, 300], abc_deg = [0, 0, 0] }
+axis = "+x"
+[workpiece]
+frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
+[stiffness]
+joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
+"""
+HEAD = ["TOOL PATH/X,TOOL,T1", "TLDATA/MILL,10.0,0.0,50.0,0.0,0.0", "MSYS/0,0,0,1,0,0,0,1,0"]
+
+
+@pytest.fixture
+def convert(tmp_path):
+    def converted(*lines, krl=""):
+        (tmp_path / "cell.toml").write_text(CELL + krl, encoding="utf-8")
+        part = tmp_path / "part.cls"
+        part.write_text("\n".join([*HEAD, *lines, "END-OF-PATH", ""]), encoding="utf-8")
+        cell = pp.load_cell(tmp_path / "cell.toml")
+        job = pp.convert(part, cell)
+        if job.good:
+            job.write(tmp_path)
+            assert pp.verify(tmp_path / f"{job.name}.src", cell, against=part).ok
+        return job
+
+    return converted
+
+
+def errors(job):
+    return [str(finding) for finding in job.findings if finding.severity == "error"]
+
+
+def text(job):
+    return job.files[f"{job.name}.src"].decode()
+
+
+def line_targets(job):
+    return re.findall(r"^LIN \{X (\S+),Y (\S+),Z ([^,]+),", text(job), re.M)
+
+
+SLOT = (
+    "RAPID", "GOTO/0,0,50,0,0,1", "RAPID", "GOTO/0,0,5",
+    "FEDRAT/MMPM,200", "GOTO/0,0,-2",
+    "FEDRAT/MMPM,600", "GOTO/100,0,-2",
+    "FEDRAT/MMPM,900", "GOTO/0,0,-2", "GOTO/100,0,-2",
+    "RAPID", "GOTO/100,0,50",
+)  # fmt: skip
+
+
+def test_a_slot_there_and_back_after_a_feed_change(convert):
+    job = convert(*SLOT)
+    assert errors(job) == []
+    assert "$VEL.CP=0.015000" in text(job)  # 900 mm/min
+
+
+def test_a_plunge_blended_before_is_still_an_error(convert, tmp_path):
+    job = convert(*SLOT[:6], "RAPID", "GOTO/0,0,5")
+    job.write(tmp_path)
+    src = tmp_path / f"{job.name}.src"
+    source = src.read_bytes().decode()
+    lines = source.split("\r\n")
+    plunge = next(i for i, line in enumerate(lines) if line.startswith("LIN") and ",Z -2.0" in line)
+    before = max(i for i in range(plunge) if lines[i].startswith(("LIN", "PTP")))
+    if "C_DIS" not in lines[before]:
+        at = lines[before].index(" ;")
+        lines[before] = f"{lines[before][:at]} C_DIS{lines[before][at:]}"
+    src.write_bytes("\r\n".join(lines).encode())
+    assert "KRL118" in {finding.code for finding in pp.lint(src)}
+
+
+def test_a_repeated_point_has_no_motion_of_its_own_and_no_stop(convert):
+    points = ["RAPID", "GOTO/0,0,0,0,0,1", "FEDRAT/MMPM,600", "GOTO/50,0,0"]
+    once = convert(*points, "GOTO/100,0,0", "GOTO/150,0,0")
+    twice = convert(*points, "GOTO/100,0,0", "GOTO/100,0,0", "GOTO/100,0,0", "GOTO/150,0,0")
+    assert errors(twice) == []
+    assert line_targets(twice) == line_targets(once)
+    assert len(twice.tags) == len(once.tags) + 2
+    assert twice.tags["stiffness_N_per_mm"][3] == twice.tags["stiffness_N_per_mm"][4]
+    assert text(twice).count("C_DIS") == text(once).count("C_DIS") > 0
+
+
+def test_a_spot_on_which_the_tool_only_turns_is_slow_enough_for_the_wrist(convert):
+    job = convert(
+        "RAPID", "GOTO/0,0,0,0,0,1", "FEDRAT/MMPM,600", "GOTO/100,0,0",
+        f"GOTO/100,0,0,{np.sin(0.4):.7f},0,{np.cos(0.4):.7f}", "GOTO/150,0,0",
+    )  # fmt: skip
+    assert errors(job) == []
+    spots = np.diff(job.plan.T_base_tcp[:, :3, 3], axis=0)
+    spot = int(np.flatnonzero(np.linalg.norm(spots, axis=1) < 1e-9)[0]) + 1
+    orientation = job.plan.orientation_speed[spot]
+    R = job.plan.T_base_tcp[spot - 1, :3, :3].T @ job.plan.T_base_tcp[spot, :3, :3]
+    angle = np.arccos((np.trace(R) - 1.0) / 2.0)
+    speed = np.abs(job.plan.q[spot] - job.plan.q[spot - 1]) * orientation / angle
+    assert (speed <= job.cell.robot.qd_max).all()
+    slow = re.search(r"^\$VEL\.ORI1=(\S+)\r\n\$VEL\.ORI2=\1\r\nLIN", text(job), re.M)
+    assert float(slow[1]) == pytest.approx(np.rad2deg(orientation), abs=1e-3)
+    assert re.search(r"^\$VEL\.ORI1=200\.0", text(job), re.M)
+
+
+def test_feeds_lowered_at_axis_limits_agree_with_the_check_and_are_one_finding(convert):
+    """A five-axis path at 6 m/min: every share of the axes' speed occurs, 0.93 to 0.95 too."""
+    t = np.linspace(0.0, 4.0 * np.pi, 160)
+    n = np.stack([np.sin(0.4 * np.sin(3 * t)), np.sin(0.35 * np.cos(5 * t)), np.ones(160)], axis=1)
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    rows = [
+        f"GOTO/{80 * np.cos(a):.4f},{80 * np.sin(a):.4f},{5 * np.sin(4 * a):.4f},"
+        f"{i:.7f},{j:.7f},{k:.7f}"
+        for a, (i, j, k) in zip(t, n, strict=True)
+    ]
+    job = convert("RAPID", rows[0], "FEDRAT/MMPM,6000", *rows[1:])
+    assert errors(job) == []
+    lowered = [finding for finding in job.findings if finding.code == "PLN301"]
+    assert len(lowered) == 1
+    feeds = {float(v) for v in re.findall(r"\$VEL\.CP=(\S+)", text(job))}
+    assert min(feeds) < 0.09 < max(feeds)
+
+
+def test_hooks_example_with_a_spindle_word(convert):
+    job = convert("SPINDL/RPM,3000,CLW", *SLOT, "SPINDL/OFF", krl="[krl]\nhooks_example = true\n")
+    assert errors(job) == []
