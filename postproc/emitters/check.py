@@ -162,7 +162,8 @@ def _bad(
 ) -> Iterator[tuple[str, BoolArray]]:
     """Yield what may be wrong with moves, and where it is (m,). NaN is wrong everywhere."""
     q = read.q[motion]
-    yield "a motion of another kind", read.kind[motion] != plan.kind
+    kind = np.where(_is_line(plan) & (read.kind[motion] == MoveKind.LIN), MoveKind.LIN, plan.kind)
+    yield "a motion of another kind", read.kind[motion] != kind
     T, T_plan = (build(cell.robot).fk(joints) @ cell.tool.T_flange_tcp for joints in (q, plan.q))
     off = np.linalg.norm(T[:, :3, 3] - T_plan[:, :3, 3], axis=1)
     turned = rotation_angle(T[:, :3, :3], T_plan[:, :3, :3])
@@ -170,12 +171,24 @@ def _bad(
     yield "another posture of the arm", ~(np.abs(q - plan.q).max(axis=1) < POSTURE)
     if plan.external.shape[1]:
         yield "an external axis is elsewhere", ~_external_is_met(plan, cell, read, motion)
-    arcs = np.asarray(plan.kind) == MoveKind.CIRC
+    arcs = kind == MoveKind.CIRC
     aux = np.full((len(plan), 3), np.nan) if read.aux is None else read.aux[motion]
     yield "an arc goes another way", arcs & ~(np.linalg.norm(aux - plan.aux, axis=1) < POSITION)
     if read.speed is not None:
         share = np.abs(read.speed[motion] / plan.speed - 1.0)
         yield "another path speed", np.isfinite(read.speed[motion]) & (share > SPEED)
+
+
+def _is_line(plan: Plan) -> BoolArray:
+    """Return the arcs (m,) that are too flat to differ from the line to their end."""
+    end = plan.T_base_tcp[:, :3, 3]
+    start = np.concatenate([end[:1], end[:-1]])
+    chord, to_aux = end - start, plan.aux - start
+    length = np.maximum(np.linalg.norm(chord, axis=1), 1e-12)
+    share = np.einsum("ij,ij->i", to_aux, chord) / length**2
+    rise = np.linalg.norm(np.cross(to_aux, chord), axis=1) / length
+    arcs = np.asarray(plan.kind) == MoveKind.CIRC
+    return np.asarray(arcs & (rise < POSITION) & (share > 0.0) & (share < 1.0))
 
 
 def _external_is_met(plan: Plan, cell: Cell, read: ReadBack, motion: IntArray) -> BoolArray:

@@ -87,6 +87,15 @@ def test_an_arc_over_another_point_is_found(plan, read):
     assert "an arc goes another way" in words(plan, replace(read, aux=None))
 
 
+@pytest.mark.parametrize(("rise_mm", "is_line"), [(0.009, True), (0.02, False)])
+def test_a_flat_arc_may_be_a_line(plan, read, rise_mm, is_line):
+    arc = int(np.flatnonzero(plan.kind == CIRC)[0])
+    start, end = plan.T_base_tcp[arc - 1, :3, 3], plan.T_base_tcp[arc, :3, 3]
+    flat = with_row(plan.aux, arc, 0.5 * (start + end) + [0.0, 0.0, 1e-3 * rise_mm])
+    text = replace(read, kind=with_row(plan.kind, arc, LIN), aux=with_row(plan.aux, arc, np.nan))
+    assert (words(replace(plan, aux=flat), text) == "") is is_line
+
+
 def test_another_speed_is_found_where_the_text_says_one(plan, read):
     assert "another path speed" in words(plan, replace(read, speed=plan.speed * 60.0))
     assert words(plan, replace(read, speed=np.full(len(plan), np.nan))) == ""
