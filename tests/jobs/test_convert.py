@@ -156,7 +156,12 @@ def test_an_inch_file_read_as_mm_is_not_silent(tmp_path, cell, run):
     source = write(tmp_path, "inch.apt", SQUARE.replace("UNITS/MM", "UNITS/INCH"))
     code, document, _ = run("convert", source, "--cell", cell, "-o", tmp_path / "o", "--json")
     assert code == 1
-    assert {f["reason"] for f in document["failures"]} <= {"unreachable", "joint_limit", "singular"}
+    assert {f["reason"] for f in document["failures"]} <= {
+        "unreachable",
+        "joint_limit",
+        "singular",
+        "check",
+    }
 
 
 def test_a_feed_that_nobody_gives_is_an_error(tmp_path, cell, run):

@@ -71,7 +71,7 @@ def test_every_array_of_a_toolpath_is_declared_a_column():
 
 
 def test_every_array_of_a_plan_is_declared_a_column():
-    plan = replace(plan_of([{}, {}]), compensation=np.zeros((2, 3)))
+    plan = replace(plan_of([{}, {}]), compensation=np.zeros((2, 3)), orientation_speed=np.ones(2))
     arrays = {name for name, value in values_of(plan).items() if isinstance(value, np.ndarray)}
     assert arrays == {*columns(plan, "move"), *columns(plan, "tag")}
 

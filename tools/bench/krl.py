@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import parse_cell
 from postproc.comparison import diff_files
-from postproc.emitters import emit, render_files
+from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.geometry import rotation_from_abc, transform
 from postproc.krl import LintOptions, lint, parse_files
 from postproc.model import MoveKind, MoveRole, Plan
