@@ -26,7 +26,15 @@ from postproc.cell.choices import (
 )
 from postproc.cell.file import load_cell, parse_cell
 from postproc.cell.reference import cell_reference
-from postproc.cell.robotfile import load_robot, nearest_robot, robot_names, robot_title
+from postproc.cell.robotfile import (
+    find_robot,
+    load_robot,
+    missing_numbers,
+    require_numbers,
+    robot_names,
+    robot_notes,
+    robot_title,
+)
 from postproc.cell.text import cell_text
 from postproc.cell.urdf import fixed_parts, origin_of, read_chain, values_of
 
@@ -53,14 +61,17 @@ __all__ = [
     "cell_files",
     "cell_reference",
     "cell_text",
+    "find_robot",
     "fixed_parts",
     "load_cell",
     "load_robot",
-    "nearest_robot",
+    "missing_numbers",
     "origin_of",
     "parse_cell",
     "read_chain",
+    "require_numbers",
     "robot_names",
+    "robot_notes",
     "robot_title",
     "shared_cell",
     "values_of",

@@ -35,10 +35,11 @@ class Provenance(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """Where a number comes from: kind and source in words."""
+    """Where a number comes from: kind, source in words, trust (A to C where it was weighed)."""
 
     provenance: Provenance
     source: str = ""
+    trust: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,8 @@ class Robot:
 
     ``link_mass`` (6,) [kg] and ``link_com`` (6, 3) [m] (each in its link frame at the joint, axes
     of robroot in the zero pose) are NaN where no source gives them. ``joint_stiffness`` (6,)
-    [N*m/rad] or None. ``origins`` maps field names to where the numbers come from.
+    [N*m/rad] or None. Limits and speeds that no source gives are NaN. ``origins`` maps field names
+    to where the numbers come from, ``doubts`` to what speaks against them.
     """
 
     name: str
@@ -134,12 +136,14 @@ class Robot:
     qdd_max: FloatArray
     T_world_robroot: FloatArray
     payload: float = float("nan")
+    mass: float = float("nan")
     repeatability: float = float("nan")
     joint_stiffness: FloatArray | None = None
     link_mass: FloatArray | None = None
     link_com: FloatArray | None = None
     link_meshes: tuple[tuple[int, MeshPlacement], ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
+    doubts: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

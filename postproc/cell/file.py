@@ -26,9 +26,16 @@ from postproc.cell.cell import (
     Workpiece,
 )
 from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
-from postproc.cell.robotfile import load_robot
+from postproc.cell.robotfile import (
+    LENGTHS,
+    assumed_acceleration,
+    kuka_geometry,
+    load_robot,
+    unknown_arm,
+)
 from postproc.cell.schema import (
     CellFile,
+    DimensionsTable,
     ExternalAxisTable,
     Placement,
     RobotTable,
@@ -117,6 +124,8 @@ class _Builder:
         table = self.file.robot
         if table.model is not None:
             robot = load_robot(table.model, self.toml.source(("robot", "model")))
+        elif table.dimensions_mm is not None:
+            robot = unknown_arm(table.name or "kuka", _lengths(table.dimensions_mm))
         else:
             robot = read_urdf_robot(
                 self._path(str(table.urdf), ("robot", "urdf")),
@@ -132,13 +141,19 @@ class _Builder:
         }
         user = Origin(Provenance.USER, "cell file")
         origins |= {key: user for key in changes}
-        return replace(
+        doubts = {key: text for key, text in robot.doubts.items() if key not in changes}
+        changed = replace(
             robot,
             T_world_robroot=_transform(table.base),
             link_meshes=self._link_meshes(),
             origins=origins,
+            doubts=doubts,
             **changes,
         )
+        if np.isfinite(changed.qdd_max).all():
+            return changed
+        qdd_max, origins["qdd_max"] = assumed_acceleration(changed.qd_max)
+        return replace(changed, qdd_max=qdd_max, origins=origins)
 
     def _link_meshes(self) -> tuple[tuple[int, MeshPlacement], ...]:
         tables = self.file.robot.link_meshes
@@ -228,6 +243,8 @@ def _solid(table: Solid, name: str, file: Path | None) -> MeshPlacement:
 def _robot_changes(table: RobotTable) -> dict[str, Any]:
     """Return the fields of ``Robot`` that the cell file sets itself."""
     changes: dict[str, Any] = {}
+    if table.dimensions_mm is not None:
+        changes["geometry"] = kuka_geometry(_lengths(table.dimensions_mm))
     if table.limits_deg is not None:
         changes["q_min"] = np.array(table.limits_deg)[:, 0] * DEG
         changes["q_max"] = np.array(table.limits_deg)[:, 1] * DEG
@@ -238,6 +255,10 @@ def _robot_changes(table: RobotTable) -> dict[str, Any]:
     if table.payload_kg is not None:
         changes["payload"] = table.payload_kg
     return changes
+
+
+def _lengths(table: DimensionsTable) -> list[float]:
+    return [float(getattr(table, key)) for key in LENGTHS]
 
 
 def _external_axis(table: ExternalAxisTable) -> ExternalAxis:

@@ -1,9 +1,10 @@
-"""The built-in robots: ``robots/*.toml``, every number with where it comes from."""
+"""The built-in robots: ``robots.toml``, every number with where it comes from."""
 
 from __future__ import annotations
 
-import difflib
+import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,119 +12,249 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.cell import OpwGeometry, Origin, Provenance, Robot
+from postproc.cell.cell import Cell, OpwGeometry, Origin, Provenance, Robot
+from postproc.cell.robotnames import candidates, nearest, normal, type_of
 from postproc.errors import CellError, SourceRef
-from postproc.toml import TomlText, load_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
 
-_FOLDER = Path(__file__).resolve().parent / "robots"
-_LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
+_FILE = Path(__file__).resolve().parent / "robots.toml"
+LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
+KUKA_SIGNS = (-1, 1, 1, -1, 1, -1)
+"""q_opw = sign * q_kuka - offset, of every six-axis arm of KUKA."""
+KUKA_OFFSETS_DEG = (0, -90, 0, 0, 0, 0)
+_ASSUMED_RAMP = 0.5
+"""Seconds to full speed, where nothing says how fast a joint accelerates."""
 _FIELDS = {
-    "geometry": "geometry",
+    "geometry": "lengths",
     "q_min": "limits",
     "q_max": "limits",
     "qd_max": "speed",
     "qdd_max": "acceleration",
     "payload": "payload",
+    "mass": "mass",
     "repeatability": "repeatability",
     "joint_stiffness": "stiffness",
     "link_mass": "link_mass",
     "link_com": "link_com",
 }
-"""Field of ``Robot`` -> table of a robot file."""
+"""Field of ``Robot`` -> name of its source in the robot file."""
+_SINGLE = {"M": "B", "K": "B", "X": "B"}
+"""Trust of a number that rests on this source alone; C for any other."""
 
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of the built-in robots, sorted."""
-    return tuple(sorted(path.stem for path in _FOLDER.glob("*.toml")))
-
-
-def nearest_robot(name: str) -> str:
-    """Return the built-in robot whose name is most like ``name``."""
-    wanted = name.lower().replace("-", "_").replace(" ", "_")
-    return difflib.get_close_matches(wanted, robot_names(), n=1, cutoff=0.0)[0]
+    return tuple(_data()["arms"])
 
 
 def robot_title(name: str) -> str:
     """Return the maker's name of a built-in robot."""
-    return str(_file(name).data["title"])
+    return str(_data()["arms"][name]["title"])
+
+
+@dataclass(frozen=True, slots=True)
+class RobotNotes:
+    """What is known of a built-in robot beside its numbers.
+
+    ``trust`` of the lengths: A, B or C, see the robot file; ``trafoname``: $TRAFONAME of a real
+    controller, empty where none was seen; ``note``: where sources differ.
+    """
+
+    trust: str
+    trafoname: str
+    note: str
+
+
+def robot_notes(name: str) -> RobotNotes:
+    """Return trust, controller name and note of a built-in robot."""
+    row = _data()["arms"][name]
+    return RobotNotes(row["trust"], row.get("trafoname", ""), row.get("note", ""))
+
+
+def find_robot(name: str, source: SourceRef | None = None) -> str:
+    """Return the built-in robot that is meant: its name, title or $TRAFONAME in any spelling.
+
+    Raises:
+        CellError: CEL010 if no built-in robot, or more than one, has this name.
+    """
+    if name in _data()["arms"]:
+        return name
+    found = _spellings().get(normal(name)) or _spellings().get(normal(type_of(name)))
+    if found is not None:
+        return found
+    several = candidates(type_of(name), robot_names())
+    near = several or nearest(name, robot_names())
+    if len(several) > 1:
+        text = f"{name!r} may be {', '.join(several[:-1])} or {several[-1]}: name one of them"
+    else:
+        text = f"no built-in robot is named {name!r}, the nearest is {near[0]!r}"
+    raise CellError(
+        "CEL010",
+        text,
+        source,
+        hint=f"near: {', '.join(near)}; `postproc robots` lists all {len(robot_names())}",
+    )
 
 
 def load_robot(name: str, source: SourceRef | None = None) -> Robot:
     """Return a built-in robot, standing at the world's origin.
 
     ``origins`` holds one entry for each field and, where the joints differ, one for each joint
-    under ``field.A1`` .. ``field.A6``. What no source gives is marked assumed.
+    under ``field.A1`` .. ``field.A6``. What no source gives is NaN, accelerations apart: they are
+    assumed such that a joint reaches full speed in half a second.
 
     Args:
-        name: a name from ``robot_names``.
+        name: a built-in robot as ``find_robot`` finds it.
         source: where the name was asked for, for the error.
 
     Raises:
         CellError: CEL010 if there is no such robot; the message names the nearest.
     """
-    if name not in robot_names():
-        raise CellError(
-            "CEL010",
-            f"no built-in robot is named {name!r}, the nearest is {nearest_robot(name)!r}",
-            source,
-            hint=f"built-in robots: {', '.join(robot_names())}",
-        )
-    return _load(name)
+    return _load(find_robot(name, source))
+
+
+def unknown_arm(name: str, lengths_mm: list[float]) -> Robot:
+    """Return an arm of KUKA of which only the lengths are known, see ``kuka_geometry``."""
+    unknown = np.full(6, np.nan)
+    return Robot(
+        name=name,
+        geometry=kuka_geometry(lengths_mm),
+        q_min=unknown,
+        q_max=unknown,
+        qd_max=unknown,
+        qdd_max=unknown,
+        T_world_robroot=np.eye(4),
+    )
+
+
+def require_numbers(cell: Cell) -> None:
+    """Refuse an arm without known limits or speeds where motions are planned or judged.
+
+    Raises:
+        CellError: CEL030 that names the key which gives them.
+    """
+    problem = missing_numbers(cell)
+    if problem is not None:
+        raise problem
+
+
+def missing_numbers(cell: Cell) -> CellError | None:
+    """Return what ``require_numbers`` refuses a cell for, None if nothing is missing."""
+    robot = cell.robot
+    limits = robot.doubts.get("q_min", "")
+    if limits or not np.isfinite(robot.q_min + robot.q_max).all():
+        return _missing(cell, "limits", "limits_deg", "$SOFTN_END and $SOFTP_END", limits)
+    if not np.isfinite(robot.qd_max).all():
+        return _missing(cell, "speeds", "speed_deg_s", "$VEL_AXIS_MA and $RAT_MOT_AX")
+    return None
+
+
+def _missing(cell: Cell, what: str, key: str, variables: str, why: str = "") -> CellError:
+    reason = why or f"no source gives the {what} of {cell.robot.name}"
+    return CellError(
+        "CEL030",
+        f"{reason}: [robot] {key} is needed",
+        SourceRef(cell.path),
+        f"from the data sheet, or from the controller ({variables} of $machine.dat): "
+        "postproc new-cell --backup reads it",
+    )
+
+
+def assumed_acceleration(speed: FloatArray) -> tuple[FloatArray, Origin]:
+    """Return accelerations [rad/s^2] for speeds [rad/s] where no source gives any."""
+    text = f"no source found; full speed in {_ASSUMED_RAMP:g} s"
+    return speed / _ASSUMED_RAMP, Origin(Provenance.ASSUMED, text)
 
 
 @cache
-def _file(name: str) -> TomlText:
-    return load_toml(_FOLDER / f"{name}.toml", CellError, "CEL001")
+def _data() -> Mapping[str, Any]:
+    return tomllib.loads(_FILE.read_text(encoding="utf-8"))
+
+
+@cache
+def _spellings() -> Mapping[str, str]:
+    """Return the name of each arm by all its spellings, without signs between letters."""
+    found: dict[str, str] = {}
+    for name, row in _data()["arms"].items():
+        own = [normal(name), normal(row["title"]), normal(row["title"].split(" (")[0])]
+        own += [normal(row.get("trafoname", ""))]
+        for spelling in own:
+            found.setdefault(spelling, name)
+    found.pop("", None)
+    return found
 
 
 @cache
 def _load(name: str) -> Robot:
-    data = _file(name).data
-    geometry, limits = data["geometry"], data["limits"]
+    row = _data()["arms"][name]
+    origins = _origins(row)
+    qd_max = _values(row, "speed_deg_s", DEG)
+    qdd_max = _optional(row, "acceleration_rad_s2", 1.0)
+    if qdd_max is None:
+        qdd_max, origins["qdd_max"] = assumed_acceleration(qd_max)
     return Robot(
         name=name,
-        geometry=OpwGeometry(
-            **{key: geometry[f"{key}_mm"] * MM for key in _LENGTHS},
-            signs=np.array(geometry["signs"], dtype=np.float64),
-            offsets=np.array(geometry["offsets_deg"]) * DEG,
-        ),
-        q_min=np.array(limits["min_deg"]) * DEG,
-        q_max=np.array(limits["max_deg"]) * DEG,
-        qd_max=np.array(data["speed"]["deg_s"]) * DEG,
-        qdd_max=np.array(data["acceleration"]["rad_s2"], dtype=np.float64),
+        geometry=kuka_geometry(row["lengths_mm"]),
+        q_min=_values(row, "min_deg", DEG),
+        q_max=_values(row, "max_deg", DEG),
+        qd_max=qd_max,
+        qdd_max=qdd_max,
         T_world_robroot=np.eye(4),
-        payload=float(data["payload"]["kg"]),
-        repeatability=float(data["repeatability"]["mm"]) * MM
-        if "repeatability" in data
-        else float("nan"),
-        joint_stiffness=_optional(data, "stiffness", "Nmm_per_rad", NMM_PER_RAD),
-        link_mass=_optional(data, "link_mass", "kg", 1.0),
-        link_com=_optional(data, "link_com", "mm", MM),
-        origins=_origins(data),
+        payload=float(row["payload_kg"]),
+        mass=float(row.get("mass_kg", np.nan)),
+        repeatability=float(row.get("repeatability_mm", np.nan)) * MM,
+        joint_stiffness=_optional(row, "stiffness_Nmm_per_rad", NMM_PER_RAD),
+        link_mass=_optional(row, "link_mass_kg", 1.0),
+        link_com=_optional(row, "link_com_mm", MM),
+        origins=origins,
+        doubts={
+            field: row[key]
+            for field, key in (("geometry", "doubt_lengths"), ("q_min", "doubt_limits"))
+            if key in row
+        },
     )
 
 
-def _optional(data: Mapping[str, Any], table: str, key: str, unit: float) -> FloatArray | None:
-    if table not in data:
-        return None
-    return np.asarray(data[table][key], dtype=np.float64) * unit
+def kuka_geometry(lengths_mm: list[float]) -> OpwGeometry:
+    """Return the geometry of an arm of KUKA from a1, a2, b, c1, c2, c3, c4 [mm]."""
+    return OpwGeometry(
+        **{key: float(value) * MM for key, value in zip(LENGTHS, lengths_mm, strict=True)},
+        signs=np.array(KUKA_SIGNS, dtype=np.float64),
+        offsets=np.array(KUKA_OFFSETS_DEG) * DEG,
+    )
 
 
-def _origins(data: Mapping[str, Any]) -> dict[str, Origin]:
-    """Return origins by field; a list of kinds or sources gives one entry for each joint too."""
+def _values(row: Mapping[str, Any], key: str, unit: float) -> FloatArray:
+    """Return six numbers, NaN where no source gives them."""
+    return np.asarray(row.get(key, [np.nan] * 6), dtype=np.float64) * unit
+
+
+def _optional(row: Mapping[str, Any], key: str, unit: float) -> FloatArray | None:
+    return np.asarray(row[key], dtype=np.float64) * unit if key in row else None
+
+
+def _origins(row: Mapping[str, Any]) -> dict[str, Origin]:
+    """Return origins by field; a list of sources gives one entry for each joint too."""
     origins: dict[str, Origin] = {}
-    for field, table in _FIELDS.items():
-        if table not in data:
+    for field, group in _FIELDS.items():
+        keys = row["from"].get(group)
+        if keys is None:
             continue
-        kinds, sources = data[table]["kind"], data[table]["source"]
-        if isinstance(kinds, str) and isinstance(sources, str):
-            origins[field] = Origin(Provenance(kinds), sources)
+        trust = row["trust"] if field == "geometry" else ""
+        if isinstance(keys, str):
+            origins[field] = _origin(keys, trust)
             continue
-        kinds = [kinds] * 6 if isinstance(kinds, str) else kinds
-        sources = [sources] * 6 if isinstance(sources, str) else sources
-        each = [Origin(Provenance(k), s) for k, s in zip(kinds, sources, strict=True)]
+        each = [_origin(key, trust) for key in keys]
         weakest = max(each, key=lambda origin: list(Provenance).index(origin.provenance))
-        origins[field] = Origin(weakest.provenance, "; ".join(dict.fromkeys(sources)))
+        texts = dict.fromkeys(origin.source for origin in each)
+        origins[field] = Origin(weakest.provenance, "; ".join(texts), weakest.trust)
         origins.update({f"{field}.A{axis}": origin for axis, origin in enumerate(each, start=1)})
     return origins
+
+
+def _origin(key: str, trust: str) -> Origin:
+    """Return the origin behind a key of ``[sources]``, or several joined by +."""
+    sources = [_data()["sources"][part] for part in key.split("+")]
+    kind = Provenance(sources[0]["kind"])
+    own = "" if kind is Provenance.ASSUMED else _SINGLE.get(key, sources[0].get("trust", "C"))
+    return Origin(kind, "; ".join(source["text"] for source in sources), trust or own)

@@ -120,11 +120,35 @@ class LinkSolid(Solid):
     )
 
 
+class DimensionsTable(Table):
+    """Lengths of an arm of KUKA with spherical wrist, as `robots NAME --json` names them."""
+
+    a1: Length = Field(description="axis 1 to axis 2, forwards: $LENGTH_A [mm]")
+    a2: Length = Field(
+        description="axis 3 to the wrist, downwards with the forearm level: -$TX3P3.Z [mm]"
+    )
+    b: Length = Field(default=0.0, description="sideways [mm]")
+    c1: Length = Field(description="foot to axis 2, upwards: $TIRORO.Z [mm]")
+    c2: Positive = Field(description="upper arm: $LENGTH_B [mm]")
+    c3: Length = Field(description="forearm: $TX3P3.X [mm]")
+    c4: Length = Field(description="wrist to flange: $TFLWP.Z [mm]")
+
+
 class RobotTable(Table):
-    """The arm: a built-in model or a URDF file."""
+    """The arm: a built-in model, the lengths of an arm of KUKA, or a URDF file."""
 
     model: Text | None = Field(
-        default=None, description="name of a built-in robot, see `postproc robots`"
+        default=None,
+        description="built-in robot, by any spelling of its name or $TRAFONAME, see "
+        "`postproc robots`",
+    )
+    dimensions_mm: DimensionsTable | None = Field(
+        default=None,
+        description="lengths from the machine data: of an arm that is not built in, or instead of "
+        "those of model",
+    )
+    name: Text | None = Field(
+        default=None, description="name of an arm that dimensions_mm alone describes"
     )
     urdf: Text | None = Field(
         default=None, description="URDF file instead of a built-in robot, relative to the cell file"
@@ -152,9 +176,12 @@ class RobotTable(Table):
 
     @model_validator(mode="after")
     def _one_robot(self) -> RobotTable:
-        if (self.model is None) == (self.urdf is None):
-            found = "none of them" if self.model is None else "both"
-            raise ValueError(f"exactly one of model and urdf is needed, found {found}")
+        if (self.model or self.dimensions_mm) and self.urdf:
+            raise ValueError("exactly one of model and urdf is needed, found both")
+        if not (self.model or self.dimensions_mm or self.urdf):
+            raise ValueError("exactly one of model and urdf is needed, found none of them")
+        if self.name is not None and (self.model or self.urdf):
+            raise ValueError("name goes with dimensions_mm alone")
         if self.tip is not None and self.urdf is None:
             raise ValueError("tip goes with urdf only")
         for axis, (low, high) in enumerate(self.limits_deg or [], start=1):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, Provenance
+from postproc.cell import Cell, Provenance, missing_numbers
 from postproc.collision import Scene
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
@@ -126,7 +126,7 @@ def _workpiece(context: _Context) -> Iterator[Finding]:
     if not context.is_given("workpiece.frame"):
         text = "no workpiece frame: CAM coordinates are taken as robot root coordinates"
         yield context.finding(Severity.WARNING, "CEL110", text, "workpiece")
-    if not context.reachable:
+    if not context.reachable and missing_numbers(context.cell) is None:
         text = "the origin of the workpiece frame cannot be reached with the tool along any axis"
         yield context.finding(Severity.WARNING, "CEL111", text, "workpiece", "frame")
 
@@ -178,6 +178,8 @@ def _home(context: _Context) -> Iterator[Finding]:
 
 def _options(context: _Context) -> Iterator[Finding]:
     cell = context.cell
+    if missing_numbers(cell) is not None:
+        return
     try:
         _, settings = settle(cell, PlanOptions())
     except CellError as problem:
@@ -200,7 +202,18 @@ def _options(context: _Context) -> Iterator[Finding]:
 
 
 def _robot(context: _Context) -> Iterator[Finding]:
-    origins = context.cell.robot.origins
+    robot = context.cell.robot
+    missing = missing_numbers(context.cell)
+    if missing is not None:
+        text = f"{missing.message}; {missing.hint}"
+        yield context.finding(Severity.ERROR, missing.code, text, "robot")
+    if "geometry" in robot.doubts:
+        text = f"lengths of {robot.name} in doubt: {robot.doubts['geometry']}"
+        yield context.finding(Severity.WARNING, "CEL140", text, "robot")
+    elif (lengths := robot.origins.get("geometry")) and lengths.trust == "C":
+        text = f"the lengths of {robot.name} rest on one source alone: {lengths.source}"
+        yield context.finding(Severity.WARNING, "CEL141", text, "robot")
+    origins = robot.origins
     assumed = [
         name
         for name, origin in origins.items()

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, missing_numbers
 from postproc.errors import DataError, SourceRef
 from postproc.gap import Diagnosis, NextPose, Reach, next_poses, questions, reassessed
 from postproc.jobs import drive
@@ -60,7 +60,8 @@ def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
     Poses without any free way to the others are left out; the separations are those of the rest.
     """
     nothing = NextMeasurements((), np.zeros((0, 6)), ())
-    if diagnosis.verdict != "unexplained" and not questions(diagnosis):
+    is_settled = diagnosis.verdict != "unexplained" and not questions(diagnosis)
+    if is_settled or missing_numbers(cell):
         return nothing
     kinematics = build(cell.robot)
     checks = drive.Checks.of(cell, kinematics)

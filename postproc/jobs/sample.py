@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.cell import Cell
+from postproc.cell import Cell, require_numbers
 from postproc.errors import StiffnessError
 from postproc.jobs import drive
 from postproc.jobs.ways import with_free_ways
@@ -37,11 +37,13 @@ def sample(cell: Cell, request: SampleRequest, progress: Progress | None = None)
     """Plan the measurement.
 
     Raises:
+        CellError: CEL030 for an arm with unknown limits or speeds.
         StiffnessError: STF020 to STF024.
     """
     if request.count < 3 or not request.loads:
         raise StiffnessError("STF024", "a measuring plan needs a load and at least 3 postures")
     report = progress or (lambda done, total, what: None)
+    require_numbers(cell)
     kinematics = build(cell.robot)
     T_flange_tcp = np.asarray(cell.tool.T_flange_tcp)
     rules = replace(

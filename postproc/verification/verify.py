@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.cell import Cell
+from postproc.cell import Cell, require_numbers
 from postproc.controller import MotionType, Trace
 from postproc.errors import RunKind, Severity
 from postproc.geometry import rotation_angle
@@ -76,9 +76,11 @@ def verify(
             compared with where the real tool is expected to go.
 
     Raises:
+        CellError: CEL030 for an arm with unknown limits or speeds.
         KrlError: if a module could not be loaded by a controller.
         DataError: VER001 if a tag of the CAM file has no point.
     """
+    require_numbers(cell)
     require_sound(modules)
     report = progress or (lambda done, total, what: None)
     kinematics = build(cell.robot)

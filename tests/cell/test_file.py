@@ -321,7 +321,7 @@ def test_all_complaints_are_listed_the_first_by_line_first(tmp_path):
 
 
 def test_unknown_robot_names_the_nearest(tmp_path):
-    error = complaint(tmp_path, SMALLEST.replace("kuka_kr500_r2830", "KR210 R2700-2"))
+    error = complaint(tmp_path, SMALLEST.replace("kuka_kr500_r2830", "KR210 R2710-2"))
     assert error.code == "CEL010"
     assert error.source.line == 3
     assert "'kuka_kr210_r2700_2'" in error.message

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import MeshPlacement
-from postproc.cell.robotfile import load_robot, robot_names
+from postproc.cell.robotfile import load_robot
 from postproc.cell.urdf.file import read_urdf_robot
 from postproc.collision.bodies import WORLD
 from postproc.collision.inside import parts_of
@@ -15,6 +15,7 @@ from postproc.collision.scene import Scene
 from postproc.errors import CellError
 from postproc.geometry.frames import apply, transform_from_kuka
 from postproc.kinematics import build
+from tests.arms import DETAILED
 from tests.collision.conftest import at, box_at, cell_of, wavy_sheet, write_stl
 
 NEUTRAL = np.deg2rad([[0.0] * 6, [0, -90, 90, 0, 0, 0], [0, -90, 90, 0, -60, 0]])
@@ -108,7 +109,7 @@ def test_own_link_meshes_replace_the_hulls(tmp_path):
     assert [b.link for b in scene.bodies] == [0, 2, 2]
 
 
-@pytest.mark.parametrize("name", robot_names())
+@pytest.mark.parametrize("name", DETAILED)
 def test_hulls_of_built_in_arms(name):
     robot = load_robot(name)
     arm = build(robot)

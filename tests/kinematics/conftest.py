@@ -1,11 +1,12 @@
 import pytest
 
-from postproc.cell.robotfile import load_robot, robot_names
+from postproc.cell.robotfile import load_robot
 from postproc.kinematics import build
+from tests.arms import DETAILED
 from tests.places import SHARED
 
 
-@pytest.fixture(params=robot_names())
+@pytest.fixture(params=DETAILED)
 def robot(request):
     return load_robot(request.param)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from postproc.cell.cell import Origin, Provenance, Robot, UrdfGeometry
+from postproc.cell.robotfile import assumed_acceleration
 from postproc.cell.urdf.body import link_inertia
 from postproc.cell.urdf.chain import read_chain
 from postproc.errors import SourceRef
@@ -14,8 +15,6 @@ from postproc.units import DEG
 
 _FULL_TURN = 360.0 * DEG
 _ASSUMED_SPEED = 60.0 * DEG
-_ASSUMED_RAMP = 0.5
-"""Seconds to full speed, where nothing says how fast a joint accelerates."""
 
 
 def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None = None) -> Robot:
@@ -42,13 +41,14 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
     speed = np.where(has_speed, speed, _ASSUMED_SPEED)
     from_file = Origin(Provenance.USER, f"URDF file {path.name}")
     assumed = Origin(Provenance.ASSUMED, f"not in the URDF file {path.name}")
+    qdd_max, ramp = assumed_acceleration(speed)
     limits = from_file if has_limits.all() else assumed
     origins = {
         "geometry": from_file,
         "q_min": limits,
         "q_max": limits,
         "qd_max": from_file if has_speed.all() else assumed,
-        "qdd_max": assumed,
+        "qdd_max": ramp,
     }
     mass, com = link_inertia(chain)
     if mass is not None:
@@ -59,7 +59,7 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         q_min=np.where(has_limits, lower, -_FULL_TURN),
         q_max=np.where(has_limits, upper, _FULL_TURN),
         qd_max=speed,
-        qdd_max=speed / _ASSUMED_RAMP,
+        qdd_max=qdd_max,
         T_world_robroot=np.eye(4),
         link_mass=mass,
         link_com=com,

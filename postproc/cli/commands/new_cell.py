@@ -74,14 +74,9 @@ def _output(options: dict[str, Any]) -> Path:
 
 def _ask(options: dict[str, Any]) -> None:
     """Ask for what the call does not say."""
-    from postproc.cell import nearest_robot, robot_names
-
     if options["robot"] is None and options["urdf"] is None:
-        click.echo("\n".join(robot_names()), err=True)
-        said = click.prompt("Robot", default="kuka_kr500_r2830", err=True)
-        options["robot"] = said if said in robot_names() else nearest_robot(said)
-        if options["robot"] != said:
-            click.confirm(f"Do you mean {options['robot']}?", abort=True, err=True)
+        click.echo("Name of the arm as on its plate; `postproc robots` lists all.", err=True)
+        options["robot"] = click.prompt("Robot", "KR 500 R2830", value_proc=_robot_name, err=True)
     questions = {
         "tool_xyz": ("TCP in the flange, X Y Z [mm]", "0 0 0"),
         "tool_abc": ("Turn of the TCP frame, A B C [deg]", "0 0 0"),
@@ -98,6 +93,15 @@ def _ask(options: dict[str, Any]) -> None:
     if options["tool_mass"] is None:
         mass = click.prompt("Mass of the tool [kg], 0 = not known", 0.0, type=float, err=True)
         options["tool_mass"] = mass or None
+
+
+def _robot_name(text: str) -> str:
+    from postproc.cell import find_robot
+
+    try:
+        return find_robot(text)
+    except CellError as problem:
+        raise click.BadParameter(problem.message) from None
 
 
 def _triple(text: str) -> tuple[float, ...]:
@@ -118,7 +122,7 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
     if options["urdf"] is not None:
         robot["urdf"] = Path(os.path.relpath(options["urdf"], output.parent)).as_posix()
     else:
-        robot["model"] = options["robot"]
+        robot["model"] = _known_robot(options["robot"])
     tool: dict[str, Any] = {"axis": options["tool_axis"] or "+z"}
     tool["frame"] = _frame(options["tool_xyz"], options["tool_abc"])
     if options["tool_mass"] is not None:
@@ -130,6 +134,15 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
         "tool": tool,
         "workpiece": workpiece,
     }
+
+
+def _known_robot(name: str) -> str:
+    from postproc.cell import find_robot
+
+    try:
+        return find_robot(name)
+    except CellError as problem:
+        raise UsageError("CLI013", problem.message, hint=problem.hint) from None
 
 
 def _frame(xyz: tuple[float, ...] | None, abc: tuple[float, ...] | None) -> dict[str, list[float]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, Strategy
+from postproc.cell import Cell, Strategy, require_numbers
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
@@ -45,9 +45,11 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
     """Return the cell with the call's choices in it, and what its options come to.
 
     Raises:
-        CellError: PLN202 for an unknown objective, PLN204 for an unknown strategy, PLN207 for more
-            spins times tilts than a tag can hold.
+        CellError: CEL030 for an arm with unknown limits or speeds, PLN202 for an unknown
+            objective, PLN204 for an unknown strategy, PLN207 for more spins times tilts than a
+            tag can hold.
     """
+    require_numbers(cell)
     wishes = cell.optimize
     if options.strategy is not None:
         wishes = replace(wishes, strategy=_strategy(options.strategy, cell))

@@ -53,11 +53,12 @@ def robot_data(drawing: Drawing) -> dict[str, Any]:
         "joint_points": [[float(v) for v in frame[:3, 3]] for frame in drawing.link_frames[1:]],
         "T_world_robroot": [float(v) for v in robot.T_world_robroot.ravel()],
         "T_world_base": [float(v) for v in T_world_base(drawing.cell).ravel()],
+        # an arm whose limits nobody knows can still be looked at
         "limits": [
-            [float(low / DEG), float(high / DEG)]
+            [float(np.nan_to_num(low / DEG, nan=-180.0)), float(np.nan_to_num(high / DEG, nan=180))]
             for low, high in zip(robot.q_min, robot.q_max, strict=True)
         ],
-        "speeds": [float(v / DEG) for v in robot.qd_max],
+        "speeds": [float(v / DEG) if np.isfinite(v) else None for v in robot.qd_max],
     }
 
 
