@@ -160,7 +160,10 @@ class Robot:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """The tool on the flange: TCP, tool axis (unit, TCP axes, out of the tool into the part)."""
+    """The tool on the flange: TCP, tool axis (unit, TCP axes, out of the tool into the part).
+
+    ``cuts_clockwise``: which way the spindle turns while it cuts, seen from it towards the tool.
+    """
 
     number: int
     name: str
@@ -170,6 +173,7 @@ class Tool:
     com: FloatArray | None = None
     """(3,) [m] in the flange."""
     meshes: tuple[MeshPlacement, ...] = ()
+    cuts_clockwise: bool = True
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

@@ -170,6 +170,7 @@ class _Builder:
             mass=float("nan") if table.mass_kg is None else table.mass_kg,
             com=None if table.cog_mm is None else np.array(table.cog_mm) * MM,
             meshes=self._solids(table.meshes, ("tool", "meshes"), "tool"),
+            cuts_clockwise=table.spindle == "cw",
         )
 
     def _motion(self, robot: Robot) -> Motion:

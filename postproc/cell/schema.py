@@ -204,6 +204,11 @@ class ToolTable(Table):
     mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
     cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
     meshes: list[ToolSolid] = Field(default=[], description="solids of the tool, in the flange")
+    spindle: Literal["cw", "ccw"] = Field(
+        default="cw",
+        description="which way the tool cuts, seen from the spindle towards the tool; a CAM file "
+        "that turns it the other way is refused",
+    )
 
 
 class WorkpieceTable(Table):
@@ -429,6 +434,12 @@ class HooksTable(Table):
     stop: KrlName = Field(default="PP_STOP", description="stop of the CAM program")
     optional_stop: KrlName = Field(default="PP_OPTIONAL_STOP", description="optional stop")
     tool_change: KrlName = Field(default="PP_TOOL_CHANGE", description="gets the tool number")
+    tap_reverse: KrlName | None = Field(
+        default=None,
+        description="reverses the spindle at the bottom of a tapped hole and returns when it turns "
+        "the other way; gets the speed [1/min], negative counterclockwise. Naming it says that the "
+        "tap sits in a holder that gives along its axis; default: none, tapping is refused",
+    )
 
 
 class KrlTable(Table):

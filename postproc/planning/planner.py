@@ -38,7 +38,7 @@ from postproc.planning.states import (
     strokes_of,
     tilt_grid,
 )
-from postproc.process import as_served, reordered, repeats
+from postproc.process import as_served, reordered, repeats, switched_off
 from postproc.progress import Clock, Progress
 from postproc.units import DEG
 
@@ -64,7 +64,8 @@ def plan(
     Returns:
         The plan; tags that cannot be run are errors among its ``findings``. Without
         ``options.partial`` such a plan has no moves worth running. Where the cell leaves the order
-        of holes free, the plan's toolpath is the one read in the order found.
+        of holes free, the plan's toolpath is the one read in the order found; what the file leaves
+        on is switched off in it.
 
     Raises:
         PlanError: PLN201 if the path gives no reference for the spin.
@@ -72,6 +73,7 @@ def plan(
     """
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
+    toolpath = switched_off(toolpath)
     distinct = np.flatnonzero(~repeats(toolpath))
     if len(distinct) < len(toolpath) and not cell.optimize.free_order:
         return with_repeats(

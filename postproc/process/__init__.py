@@ -2,9 +2,11 @@
 
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
+from postproc.process.machining import machining_findings
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import repeats
+from postproc.process.spindle import stretches, switched_off
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.words import refusals, word_findings
 
@@ -18,10 +20,13 @@ __all__ = [
     "feeds_of",
     "hole_runs",
     "load_cases",
+    "machining_findings",
     "operation_loads",
     "refusals",
     "reordered",
     "repeats",
+    "stretches",
+    "switched_off",
     "weight_wrench",
     "word_findings",
 ]

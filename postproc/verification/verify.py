@@ -27,7 +27,7 @@ from postproc.kinematics import build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
-from postproc.process import as_served, refusals
+from postproc.process import as_served, refusals, switched_off
 from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.cam import (
@@ -98,7 +98,7 @@ def verify(
     comparison = None
     if toolpath is not None:
         result.findings += refusals(toolpath)
-        toolpath = as_served(toolpath, cell)
+        toolpath = switched_off(as_served(toolpath, cell))
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )

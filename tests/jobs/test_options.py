@@ -73,6 +73,8 @@ FINI
     "shifted.apt": "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nCUTCOM/LEFT\nGOTO/100,0,0\nFINI\n",
     "cycle.apt": "UNITS/MM\nCYCLE/DRILL, 5.0, 3.0, 400.0, MMPM\nGOTO/0,0,0,0,0,1\n"
     "CYCLE/OFF\nFINI\n",
+    "tap.apt": "UNITS/MM\nSPINDL/600,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
+    "CYCLE/TAP,FEDTO,9,MMPM,600,RAPTO,3\nGOTO/0,0,0\nCYCLE/OFF\nFINI\n",
     "inches.apt": "UNITS/INCH\nFEDRAT/35,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/2,0,0\nFINI\n",
     "plain.apt": "PARTNO/X\nFEDRAT/600\nGOTO/0,0,0,0,0,1\nGOTO/5,0,0\nFINI\n",
     "tasks.xml": "<OLPData><Resource id='r'>"
@@ -223,6 +225,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "tool.cog_mm": (SETUP, {"tool.cog_mm": [0.0, 0.0, 150.0]}),
     **solids("tool.meshes", NOSE, {"obstacles": [ABOVE]}),
     "tool.meshes[].cutting": (DIP, {"tool.meshes.0.cutting": False}, MILL),
+    "tool.spindle": ({}, {"tool.spindle": "ccw"}, MILL),
     "workpiece.number": ({}, {"workpiece.number": 3}),
     "workpiece.frame.xyz_mm": ({}, {"workpiece.frame.xyz_mm": [1600.0, 0.0, 700.0]}),
     "workpiece.frame.abc_deg": ({}, {"workpiece.frame.abc_deg": [10.0, 0.0, 0.0]}),
@@ -327,6 +330,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "krl.hooks_example": ({}, {"krl.hooks_example": True}, MILL),
     "krl.inertia_kg_m2": (SETUP, {"krl.inertia_kg_m2": [1.0, 2.0, 3.0]}),
     **{f"krl.hooks.{key}": ({}, {"krl.hooks": {key: "MY_ROUTINE"}}, MILL) for key in HOOKS},
+    "krl.hooks.tap_reverse": ({}, {"krl.hooks": {"tap_reverse": "MY_ROUTINE"}}, "tap.apt"),
     "krl.hooks.tool_change": ({}, {"krl.hooks": {"tool_change": "MY_ROUTINE"}}, MILL),
     "external_axes[].xyz_mm": (
         {"external_axes": [TABLE], **BEHIND},

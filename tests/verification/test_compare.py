@@ -355,8 +355,10 @@ def test_dwells_between_points(cell):
 def test_hooks_may_have_other_names(tmp_path):
     cell = cell_in(tmp_path, '[krl.hooks]\nspindle_on = "MILL_START"\n', **AT_PART)
     toolpath = with_events(ON)
-    assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *REST)) == set()
-    assert kinds(check(cell, toolpath, FIRST, "PP_SPINDLE_ON(3000)", *REST)) == {"event"}
+    rest = (*REST, "PP_SPINDLE_OFF()")
+    assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *rest)) == set()
+    assert kinds(check(cell, toolpath, FIRST, "PP_SPINDLE_ON(3000)", *rest)) == {"event"}
+    assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *REST)) == {"event"}
 
 
 # --------------------------------------------------------------------------- sub-programs
