@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib
+import json
 import os
 import sys
 import traceback
 
 import click
 
-from postproc.errors import ExitCode, PostprocError
+from postproc.errors import ExitCode, PostprocError, UsageError
 from postproc.version import __version__
 
 # One thread for linear algebra, set before numpy is loaded: sums must not depend on the number
@@ -75,10 +76,11 @@ def main(arguments: list[str] | None = None) -> None:
 
 def run(arguments: list[str] | None = None) -> int:  # noqa: PLR0911 - one return per kind of end
     """Run the command line and return the exit code; expected trouble prints no traceback."""
+    as_json = "--json" in (sys.argv[1:] if arguments is None else arguments)
     try:
         result = group.main(arguments, prog_name="postproc", standalone_mode=False)
     except PostprocError as error:
-        return _complain(str(error), error.hint)
+        return _complain(error, as_json)
     except click.exceptions.Exit as stop:
         return stop.exit_code
     except (click.Abort, KeyboardInterrupt):
@@ -86,14 +88,13 @@ def run(arguments: list[str] | None = None) -> int:  # noqa: PLR0911 - one retur
         return ExitCode.INTERRUPTED
     except click.ClickException as error:
         return _complain(
-            f"postproc:1: error CLI001: {' '.join(error.format_message().split())}",
-            _usage_hint(error),
+            UsageError("CLI001", error.format_message(), hint=_usage_hint(error)), as_json
         )
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.BAD_ANSWER
     except MemoryError:
-        return _complain("postproc:1: error CLI002: not enough memory for this input", "")
+        return _complain(UsageError("CLI002", "not enough memory for this input"), as_json)
     except Exception:  # noqa: BLE001 - a bug of ours: show it whole and ask for a report
         traceback.print_exc()
         click.echo("postproc: this is a bug of postproc, please report the lines above", err=True)
@@ -101,10 +102,23 @@ def run(arguments: list[str] | None = None) -> int:  # noqa: PLR0911 - one retur
     return result if isinstance(result, int) else ExitCode.GOOD
 
 
-def _complain(line: str, hint: str) -> int:
-    click.echo(line, err=True)
-    if hint:
-        click.echo(f"    hint: {hint}", err=True)
+def _complain(error: PostprocError, as_json: bool) -> int:
+    """Print an error: a line and its hint on stderr, with ``--json`` also the one object."""
+    click.echo(str(error), err=True)
+    if error.hint:
+        click.echo(f"    hint: {error.hint}", err=True)
+    if as_json:
+        source = error.source
+        document = {
+            "schema": "postproc.error/1",
+            "ok": False,
+            "code": error.code,
+            "message": " ".join(error.message.split()),
+            "file": source.path if source else None,
+            "line": source.line if source else None,
+            "hint": error.hint,
+        }
+        click.echo(json.dumps(document, ensure_ascii=False, indent=1))
     return ExitCode.BAD_INPUT
 
 

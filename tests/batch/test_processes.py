@@ -92,7 +92,7 @@ def test_the_second_of_two_batches_is_refused(batch, work):
         first.send_signal(signal.SIGCONT)
         assert first.wait(timeout=60) == 1
         first.communicate()
-    assert (done.code, done.document) == (2, None)
+    assert (done.code, done.document["schema"]) == (2, "postproc.error/1")
     line = done.err.splitlines()[0]
     assert line.startswith(
         f"out:1: error BAT011: a batch already runs here: pid {first.pid}, since"

@@ -68,7 +68,7 @@ def test_a_wrong_call_changes_nothing(batch, work, snapshot, arguments, code):
     before = snapshot("out")
     (work / "broken.toml").write_text("robot = [")
     done = batch(*arguments)
-    assert (done.code, done.document) == (2, None)
+    assert (done.code, done.document["schema"]) == (2, "postproc.error/1")
     assert f"error {code}" in done.err.splitlines()[0]
     assert snapshot("out") == before
 
@@ -164,7 +164,7 @@ def test_unreadable_inputs_and_folders(batch, work):
     assert "parts/nowhere.cls:1: error IO001" in done.err
     (work / "taken").write_text("a file")
     done = batch(output="taken")
-    assert (done.code, done.document) == (2, None)
+    assert (done.code, done.document["schema"]) == (2, "postproc.error/1")
     assert done.err.startswith("taken:1: error BAT012")
 
 
@@ -192,7 +192,7 @@ def test_a_read_only_folder_is_refused(batch, work, monkeypatch):
 
         monkeypatch.setattr(Path, "open", denied)
     done = batch()
-    assert (done.code, done.document) == (2, None)
+    assert (done.code, done.document["schema"]) == (2, "postproc.error/1")
     assert done.err.splitlines()[0] == "out:1: error BAT012: cannot be written: Permission denied"
     assert list(folder.iterdir()) == []
 

@@ -92,3 +92,15 @@ def test_json_is_one_object_and_nothing_else(capsys):
     code, out, _ = run(["robots", "--json"], capsys)
     assert code == 0
     assert isinstance(json.loads(out), dict)
+
+
+def test_with_json_an_error_is_the_one_object(tmp_path, capsys):
+    cell = tmp_path / "cell.toml"
+    cell.write_text('schema = "postproc.cell/1"\nnmae = "x"\n')
+    code, out, err = run(["check", str(cell), "--json"], capsys)
+    document = json.loads(out)
+    assert (code, document["schema"], document["ok"]) == (2, "postproc.error/1", False)
+    line = f"{document['file']}:{document['line']}: error {document['code']}: {document['message']}"
+    assert err.splitlines()[0] == line
+    code, out, _ = run(["convert", "--json"], capsys)
+    assert (code, json.loads(out)["code"]) == (2, "CLI001")

@@ -218,5 +218,5 @@ def test_check_looks_at_home(home, code, exit_code, tmp_path, capsys):
 def test_check_of_a_file_that_does_not_load(tmp_path, capsys):
     path = changed(tmp_path, ("clearance_mm", "clearence_mm"))
     code, out, err = run(["check", path, "--json"], capsys)
-    assert (code, out) == (2, "")
+    assert (code, json.loads(out)["schema"]) == (2, "postproc.error/1")
     assert "error CEL002: unknown key 'limits.clearence_mm'" in err.splitlines()[0]

@@ -66,7 +66,7 @@ def test_arms_that_reach_and_carry_enough(capsys):
 
 def test_unknown_name_says_which_is_nearest(capsys):
     code, out, err = run(["robots", "kuka_kr500_r2380", "--json"], capsys)
-    assert (code, out) == (2, "")
+    assert (code, json.loads(out)["schema"]) == (2, "postproc.error/1")
     assert err.splitlines()[0].endswith("the nearest is 'kuka_kr500_r2830'")
     assert "error CEL010" in err.splitlines()[0]
 

@@ -146,7 +146,7 @@ def test_wrong_input_is_one_line_and_no_file(tmp_path, cell, run, name, content)
     source = write(tmp_path, name, content)
     out = tmp_path / "out"
     code, document, err = run("convert", source, "--cell", cell, "-o", out, "--json")
-    assert (code, document) == (2, None)
+    assert (code, document["schema"]) == (2, "postproc.error/1")
     assert re.match(rf"{re.escape(str(source))}:\d+: error [A-Z]+\d+: .+", err.splitlines()[0])
     assert "Traceback" not in err
     assert not out.exists()
