@@ -32,8 +32,9 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """Show the stiffness index over the rotation about the tool axis, per key tag.
 
     True stiffness along the tool axis, across the path and across the tool axis, and the paper's
-    indices kx, ky, kz, kv beside them. Exit code 1 if a tag cannot be reached at any rotation, or
-    if the file asks for what convert refuses.
+    indices kx, ky, kz, kv beside them. The best rotation is free of collision, with the whole
+    stroke of a hole. Exit code 1 if a tag cannot be run at any rotation, or if the file asks for
+    what convert refuses.
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
@@ -62,7 +63,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     for tag in content["tags"]:
         best = tag["best"]["axial"]
         value = (
-            "not reachable"
+            "cannot be run"
             if best is None
             else (f"axial {best['N_per_mm']:.0f} N/mm at {best['spin_deg']:+.0f} deg")
         )
@@ -135,6 +136,9 @@ def _document(curves: Any, words: str) -> dict[str, Any]:  # noqa: ANN401 - impo
                 "branch": int(curves.branch[row]),
                 "best": best,
                 "N_per_mm": values,
+                "can_be_run": (
+                    np.isfinite(curves.values["axial"][row]) & ~curves.blocked[row]
+                ).tolist(),
             }
         )
     return {

@@ -4,7 +4,8 @@ The curves of Figures 19 to 24 of Jiao et al. 2022, with the true stiffness besi
 
 For every tag and spin all inverse kinematic branches are looked at; a curve follows the branch
 that serves most spins of its tag, so that it does not jump between postures. Spins that the arm
-cannot take (reach, limits, straight wrist) are gaps; collisions are the planner's business.
+cannot take (reach, limits, straight wrist) are gaps. The best spin is one of those that can be run:
+free of collision, with the whole stroke of a hole.
 """
 
 from __future__ import annotations
@@ -14,16 +15,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
+from postproc.collision import Scene
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import ToolPath
+from postproc.planning.checks import Checker
 from postproc.planning.planner import problem_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
     PlanOptions,
     Postures,
+    Problem,
     StateContext,
     context_of,
     cross_axes,
@@ -32,6 +36,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
     stiffness_of,
+    strokes_of,
 )
 from postproc.stiffness import index
 from postproc.units import DEG
@@ -55,21 +60,23 @@ class SpinCurves:
     """Indices over the spin.
 
     tags (t,) indices of the toolpath; names (t,); spins (s,) [rad]; values: index name to (t, s)
-    [N/m], NaN where the arm cannot take the spin; branch (t,); q (t, s, 6); coaxial: the tool
-    axis lies on axis 6, where the spin changes nothing.
+    [N/m], NaN where the arm cannot take the spin; blocked (t, s): something collides there,
+    or the stroke cannot be run; branch (t,); q (t, s, 6); coaxial: the tool axis lies on axis 6,
+    where the spin changes nothing.
     """
 
     tags: IndexArray
     names: tuple[str, ...]
     spins: FloatArray
     values: Mapping[str, FloatArray]
+    blocked: BoolArray
     branch: IndexArray
     q: FloatArray
     coaxial: bool
 
     def best(self, name: str) -> IndexArray:
-        """Return the best spin (t,) of an index as a number in ``spins``, -1 without any."""
-        values = self.values[name]
+        """Return the best free spin (t,) of an index as a number in ``spins``, -1 without any."""
+        values = np.where(self.blocked, np.nan, self.values[name])
         filled = np.where(np.isfinite(values), np.round(values, 3), -1.0)
         pick = np.argmax(filled, axis=1)
         return np.where(np.isfinite(values).any(axis=1), pick, -1).astype(np.int64)
@@ -123,16 +130,29 @@ def spin_curves(
         context = context_of(problem, which[can], spin[can], T[can], q[can])
         for name, value in _indices(context).items():
             values[name][can] = value
+    blocked = np.zeros(len(q), dtype=np.bool_)
+    own = np.repeat(branch, len(spins))
+    blocked[can] = _blocked(problem, which[can], q[can], spin[can], own[can])
     shape = (len(tags), len(spins))
     return SpinCurves(
         tags=np.asarray(tags, dtype=np.int64),
         names=tuple(toolpath.tag_name(int(tag)) for tag in tags),
         spins=spins,
         values={name: value.reshape(shape) for name, value in values.items()},
+        blocked=blocked.reshape(shape),
         branch=branch,
         q=q.reshape(*shape, 6),
         coaxial=is_coaxial_with_axis_6(problem.kinematics, cell.tool.T_flange_tcp, cell.tool.axis),
     )
+
+
+def _blocked(
+    problem: Problem, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
+) -> BoolArray:
+    """Return (m,) whether a state at a tag collides or has a stroke that cannot be run."""
+    strokes = strokes_of(problem.toolpath, problem.cell.motion.approach)
+    checker = Checker(problem, strokes, Scene.shared(problem.cell, problem.kinematics))
+    return ~checker.states(tags, q, spin, branch).good
 
 
 def _some(keys: IndexArray, most: int) -> IndexArray:

@@ -23,7 +23,7 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
         title: name of the toolpath.
         stiffness: what the joint stiffness is, in words.
     """
-    lead = [f"Stiffness of the tool point over the rotation about the tool axis; {stiffness}."]
+    lead = [_result(curves), f"Calculated with {stiffness}."]
     if curves.coaxial:
         lead.append(
             "The tool axis lies on axis 6: the rotation turns axis 6 alone and changes no "
@@ -41,9 +41,33 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
     return page.render()
 
 
+def _result(curves: SpinCurves) -> str:
+    """Return what the curves come to, in one sentence."""
+    best = curves.best("axial")
+    can = np.flatnonzero(best >= 0)
+    if not len(can):
+        return "No tag can be run at any rotation about the tool axis."
+    values = curves.values["axial"][can]
+    free = np.where(curves.blocked[can], np.nan, values)
+    most, least = np.nanmax(free, axis=1), np.nanmin(free, axis=1)
+    loss = float(np.max(1.0 - least / most)) / PERCENT
+    cannot = len(best) - len(can)
+    return (
+        f"At the best rotation the tool is {most.min() / N_PER_MM:.0f} to "
+        f"{most.max() / N_PER_MM:.0f} N/mm stiff along its axis; the worst one that can be run "
+        f"costs up to {loss:.0f} % of it."
+        + (f" {cannot} of {len(best)} tags cannot be run at any rotation." if cannot else "")
+    )
+
+
 def _chart(curves: SpinCurves, row: int, names: tuple[str, ...]) -> str:
     x = spin_degrees(curves)
-    series = [Series(name, x, curves.values[name][row] / N_PER_MM) for name in names]
+    blocked = curves.blocked[row]
+    values = {name: curves.values[name][row] / N_PER_MM for name in names}
+    series = [Series(name, x, np.where(blocked, np.nan, y)) for name, y in values.items()]
+    if blocked.any():
+        cannot = np.where(blocked, values[names[0]], np.nan)
+        series.append(Series(f"{names[0]}, cannot be run", x, cannot))
     return line_chart(series, "rotation about the tool axis [deg]", "N/mm", size=(460, 210))
 
 
@@ -64,7 +88,7 @@ def _best(curves: SpinCurves) -> str:
         for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
             at = int(curves.best(index)[row])
             if at < 0:
-                cells += ["not reachable", "", ""]
+                cells += ["cannot be run", "", ""]
                 continue
             gain = float(curves.gain(index)[row])
             cells += [
