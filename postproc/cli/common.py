@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from postproc.model import ToolPath
     from postproc.registry import Registry
 
-_SHOWN = {Severity.ERROR: 20, Severity.WARNING: 3, Severity.NOTE: 3}
-_MOST_LINES = 12
+_SHOWN = {Severity.ERROR: 5, Severity.WARNING: 3, Severity.NOTE: 3}
+_MOST_RANGES = 12
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -107,8 +107,14 @@ def _lines(findings: Sequence[Finding]) -> str:
     lines = sorted({finding.source.line for finding in findings if finding.source})
     if not lines:
         return ""
-    shown = ", ".join(str(line) for line in lines[:_MOST_LINES])
-    return f" (lines {shown}{', ...' if len(lines) > _MOST_LINES else ''})"
+    ranges: list[list[int]] = []
+    for line in lines:
+        if ranges and line == ranges[-1][1] + 1:
+            ranges[-1][1] = line
+        else:
+            ranges.append([line, line])
+    shown = ", ".join(f"{a}-{b}" if b > a else f"{a}" for a, b in ranges[:_MOST_RANGES])
+    return f" (lines {shown}{', ...' if len(ranges) > _MOST_RANGES else ''})"
 
 
 def _is_number(text: str) -> bool:

@@ -14,8 +14,7 @@ def test_an_error_is_printed_before_a_thousand_warnings(capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == "a.cls:7: error PLN101: out of reach"
     assert lines[1:4] == [f"a.cls:{n}: warning PLN301: feed {n}" for n in (1, 2, 3)]
-    shown = ", ".join(str(n) for n in range(4, 16))
-    assert lines[4:] == [f"... and 997 more of PLN301 (lines {shown}, ...)"]
+    assert lines[4:] == ["... and 997 more of PLN301 (lines 4-1000)"]
 
 
 def test_findings_without_a_line_are_counted_only(capsys):

@@ -140,18 +140,18 @@ def _summary(
     folder: Path,
 ) -> None:
     if conversion.files:
-        session.show(f"program  {folder / content['files'][-1]}")
+        session.show(f"program  {folder / next(iter(conversion.files))}")
     else:
         session.show(f"no program: {len(content['failures'])} findings forbid it")
     session.show(f"tags     {content['tags']}, controller points {content['points']}")
     if content["stiffness"]:
         figures = content["stiffness"]
         start = figures["initial_mean_N_per_mm"]
-        gain = f" (was {start:.0f} unturned)" if start else ""
+        gain = f" ({start:.0f} without rotation about the tool axis)" if start else ""
         session.show(
             f"stiffness {figures['objective']}: mean {figures['mean_N_per_mm']:.0f} N/mm{gain}, "
             f"lowest {figures['min_N_per_mm']:.0f} N/mm"
         )
     session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
-    rooms = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
-    session.show(f"room     to limits and wrist: {rooms}")
+    grades = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
+    session.show(f"margin   to limits and singularity: {grades}")

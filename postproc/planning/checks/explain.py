@@ -11,7 +11,7 @@ from postproc.arrays import IndexArray
 from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.checks.remedy import remedy
+from postproc.planning.checks.remedy import common_shift, remedy
 from postproc.planning.states import NO_POSE, Chosen, Problem, Rule, States
 from postproc.units import DEG
 
@@ -27,6 +27,9 @@ HELPED = 20
 ALIKE = 50
 """So many tags at most that fail one after the other for the same reason share a remedy."""
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
+_BEYOND = frozenset(f"PLN{int(reason)}" for reason in COUNTED)
+MANY = 5
+"""From so many tags out of reach on, one move of the workpiece for all of them is looked for."""
 
 
 def failure(problem: Problem, tag: int, reason: Reason, detail: str, hint: str = "") -> Finding:
@@ -105,7 +108,17 @@ def explained(checker: Checker, evidence: Evidence) -> list[Finding]:
     cut_off[:1] = False
     for row in np.nonzero(cut_off)[0].tolist():
         findings.append(_no_way(checker, evidence, row))
-    return findings
+    return [*findings, *_shifted(checker, findings)]
+
+
+def _shifted(checker: Checker, findings: list[Finding]) -> list[Finding]:
+    """Return what would bring many tags within reach at once."""
+    count = sum(finding.code in _BEYOND for finding in findings)
+    shift = common_shift(checker) if count >= MANY else ""
+    if not shift:
+        return []
+    text = f"{count} tags are out of reach: moving the workpiece {shift} would bring all within"
+    return [Finding(Severity.NOTE, "PLN320", text)]
 
 
 def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Finding:

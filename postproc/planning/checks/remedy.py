@@ -1,32 +1,35 @@
-"""The smallest change that would make a failing tag possible: more spin, a tilt, another place."""
+"""The smallest change that makes a failing tag possible: more spin, a tilt, another place."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
-from postproc.geometry import rotation_about
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.checks.feasible import Checker, Reason
-from postproc.planning.states import Postures, cross_axes, feed_directions, postures, spin_values
+from postproc.planning.states import Postures, feed_directions, postures, spin_values
 from postproc.units import DEG, MM
 
 TILTS = (2.0 * DEG, 5.0 * DEG, 10.0 * DEG, 15.0 * DEG, 30.0 * DEG)
 SHIFTS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 _STEP = 10.0 * DEG
+_FEW = 20
+"""A shift is tried with about so many tags first, evenly taken; if it serves those, with all."""
 
 
 def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     """Return what would help a tag, in words, empty if nothing tried does.
 
-    Tried in turn: any spin at all, lead and side tilt where the tool mills, any tilt of the tool
-    axis, shifts of the workpiece; the smallest that gives a pose within reach and limits is named.
-    Spins and tilts are checked for collision as well; shifts move the workpiece away from what it
-    stands on, so only reach is checked.
+    Tried in turn: any spin at all, lead and side tilt where the tool mills, shifts of the
+    workpiece; the smallest that gives a pose within reach and limits is named. A hole is never
+    tilted: it would be another hole. Spins and tilts are checked for collision as well; shifts
+    move the workpiece away from what it stands on, so only reach is checked.
     """
     spins = spin_values(_STEP, -np.pi, np.pi)
-    T = _poses(checker, tag, spins, np.eye(3))
+    T = _poses(checker, tag, spins)
     free = _free_spins(checker, tag, T)
     if free.any():
         best = spins[free][np.argmin(np.abs(spins[free]))]
@@ -35,17 +38,8 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
         return f"a spin of {best / DEG:.0f} deg about the tool axis would do: {how}"
     if text := _lead_or_side(checker, tag):
         return text
-    first, second = cross_axes(checker.problem.placement.tool_axis)
-    names = {0: "x", 1: "y", 2: "z"}
-    for tilt in TILTS:
-        for axis in (first, second):
-            for sign in (1.0, -1.0):
-                T = _poses(checker, tag, spins, rotation_about(axis, sign * tilt))
-                if _free_spins(checker, tag, T).any():
-                    name = names[int(np.argmax(axis))]
-                    return f"a tilt of {sign * tilt / DEG:.0f} deg about the tool's {name} would do"
     if reason is Reason.COLLISION:
-        return "no tilt up to 30 deg is free of collision here: move the workpiece or the obstacle"
+        return "no spin is free of collision here: move the workpiece or the obstacle"
     return _shift(checker, tag, spins)
 
 
@@ -70,36 +64,67 @@ def _lead_or_side(checker: Checker, tag: int) -> str:
     return ""
 
 
-def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:
-    """Return the smallest shift of the workpiece along an axis of robroot that brings reach."""
-    T = _poses(checker, tag, spins, np.eye(3))
-    R_base_robroot = checker.problem.placement.T_robroot_base[:3, :3].T
-    for shift in SHIFTS:
-        for axis in range(3):
-            for sign in (1.0, -1.0):
-                moved = T.copy()
-                moved[:, :3, 3] += R_base_robroot[:, axis] * sign * shift
-                if _within(checker, tag, moved).good.any():
-                    way = f"{sign * shift / MM:+.0f} mm along {'xyz'[axis]} of the robot root"
-                    return f"moving the workpiece {way} would bring it within reach"
+def common_shift(checker: Checker) -> str:
+    """Return the smallest shift of the workpiece that brings all tags within reach.
+
+    Args:
+        checker: of the job.
+
+    Returns:
+        The shift in words, nothing if none of those tried does.
+    """
+    spins = checker.problem.settings.spins
+    given = np.flatnonzero(checker.problem.placement.given)
+    few = given[:: max(1, len(given) // _FEW)]
+    for shift in _shifts(checker):
+        if all(_reached(checker, tags, spins, shift).all() for tags in (few, given)):
+            return _words(checker, shift)
     return ""
 
 
-def _poses(checker: Checker, tag: int, spins: FloatArray, R_tilt: FloatArray) -> FloatArray:
-    T = checker.problem.placement.tcp(np.full(len(spins), tag), spins)
-    T[:, :3, :3] = T[:, :3, :3] @ R_tilt
-    return T
+def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:
+    """Return the smallest shift of the workpiece along an axis of robroot that brings reach."""
+    for shift in _shifts(checker):
+        if _reached(checker, np.array([tag]), spins, shift)[0]:
+            return f"moving the workpiece {_words(checker, shift)} would bring it within reach"
+    return ""
 
 
-def _within(checker: Checker, tag: int, T: FloatArray) -> Postures:
+def _shifts(checker: Checker) -> Iterator[FloatArray]:
+    """Yield shifts (3,) [m] of the workpiece in its own frame, along axes of robroot."""
+    R_base_robroot = checker.problem.placement.T_robroot_base[:3, :3].T
+    for length, axis, sign in product(SHIFTS, range(3), (1.0, -1.0)):
+        yield R_base_robroot[:, axis] * sign * length
+
+
+def _words(checker: Checker, shift: FloatArray) -> str:
+    by = checker.problem.placement.T_robroot_base[:3, :3] @ shift
+    axis = int(np.argmax(np.abs(by)))
+    return f"{by[axis] / MM:+.0f} mm along {'xyz'[axis]} of the robot root"
+
+
+def _reached(checker: Checker, tags: IndexArray, spins: FloatArray, shift: FloatArray) -> BoolArray:
+    """Return (t,) whether a tag is within reach and limits at some spin, workpiece shifted."""
+    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T = checker.problem.placement.tcp(which, spin)
+    T[:, :3, 3] += shift
+    good = _within(checker, which, T).good
+    return np.asarray(good.reshape(len(tags), -1).any(axis=1))
+
+
+def _poses(checker: Checker, tag: int, spins: FloatArray) -> FloatArray:
+    return checker.problem.placement.tcp(np.full(len(spins), tag), spins)
+
+
+def _within(checker: Checker, tags: IndexArray, T: FloatArray) -> Postures:
     problem = checker.problem
     middle = 0.5 * (np.asarray(problem.kinematics.q_min) + np.asarray(problem.kinematics.q_max))
-    return postures(problem, np.full(len(T), tag), T, middle)
+    return postures(problem, tags, T, middle)
 
 
 def _free_spins(checker: Checker, tag: int, T: FloatArray) -> BoolArray:
     """Return (s,) the poses that some branch reaches without a collision."""
-    found = _within(checker, tag, T)
+    found = _within(checker, np.full(len(T), tag), T)
     free = found.good.copy()
     free[free] = checker.poses(np.full(int(free.sum()), tag), found.q[free]).good
     return np.asarray(free.any(axis=1))

@@ -22,11 +22,13 @@ from postproc.planning.states import (
     spin_values,
     strokes_of,
 )
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
 MOST_TAGS = 60
 """For so many failing tags a pose is worked out."""
 _STEP = 30.0 * DEG
+_SHARES = 101
+"""Points on the way from an unreachable tag to the shoulder, both ends included."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,11 +43,12 @@ class FailingPose:
 def failing_poses(
     toolpath: ToolPath, cell: Cell, scene: Scene, findings: Sequence[Finding]
 ) -> dict[int, FailingPose]:
-    """Return poses of failing tags by tag; a tag that the arm cannot reach at all has none.
+    """Return poses of failing tags by tag.
 
     Of all poses that the arm can take at the tag (within limits where there is one) a colliding
-    one is shown, with the pair that hits most often; the stroke of a hole counts. With external
-    axes there are no poses: where the axes would stand is not known.
+    one is shown, with the pair that hits most often; the stroke of a hole counts. Where the arm
+    cannot reach the tag at all it is shown as near as it comes. With external axes there are no
+    poses: where the axes would stand is not known.
     """
     errors = [i for i in findings if i.severity is Severity.ERROR and i.tag_index is not None]
     messages = {int(i.tag_index or 0): i.message for i in errors}
@@ -85,7 +88,25 @@ def _pose(
             spare = spare or FailingPose(q[0], (), _free(problem, q[0]))
         elif spare is None and found.reached.any():
             spare = _beyond(problem, found.q[found.reached])
-    return spare
+    return spare or _nearest(problem, tag, spins)
+
+
+def _nearest(problem: Problem, tag: int, spins: FloatArray) -> FailingPose | None:
+    """Return the pose where the way from the tag to the shoulder first comes within reach."""
+    T_robroot_base = problem.placement.T_robroot_base
+    shoulder = problem.kinematics.link_frames(np.zeros(6))[2, :3, 3]
+    target = problem.placement.tcp(np.array([tag]), spins[:1])[0, :3, 3]
+    way = T_robroot_base[:3, :3].T @ (shoulder - T_robroot_base[:3, 3]) - target
+    tags = np.full(len(spins), tag)
+    for share in np.linspace(0.0, 1.0, _SHARES)[1:]:
+        T = problem.placement.tcp(tags, spins)
+        T[:, :3, 3] += share * way
+        found = postures(problem, tags, T, np.zeros(6))
+        if found.inside.any():
+            short = share * float(np.linalg.norm(way))
+            note = f"as near as the arm comes: {short / MM:.0f} mm short of the tag"
+            return FailingPose(found.q[found.inside][0], (), note)
+    return None
 
 
 def colliding_pose(q: FloatArray, hits: Hits, message: str) -> FailingPose | None:

@@ -12,7 +12,7 @@ from postproc.errors import Finding
 from postproc.model import Plan
 from postproc.planning.checks import grade_counts
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
-from postproc.planning.maps.spin_index import SpinIndex, spin_index
+from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
 from postproc.planning.maps.tags import moves_of_tags, tag_clearances
 
 
@@ -21,8 +21,8 @@ class PlanMaps:
     """Tags of a plan in figures.
 
     ``moves`` (n,) the move that works at each tag, -1 without any; ``clearance`` (n,) [m];
-    ``grades``: tags by criteria class; ``spins``: index over the spin; ``poses``: how the robot
-    would stand at failing tags.
+    ``grades``: tags by criteria class; ``spins``: index over the spin, or ``no_spins`` why there is
+    none; ``poses``: how the robot would stand at failing tags.
     """
 
     moves: IndexArray
@@ -30,6 +30,7 @@ class PlanMaps:
     grades: Mapping[str, int]
     spins: SpinIndex | None
     poses: Mapping[int, FailingPose]
+    no_spins: str = ""
 
 
 def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding]) -> PlanMaps:
@@ -48,4 +49,5 @@ def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding])
         grade_counts(plan, cell),
         spin_index(plan, cell, moves, scene),
         failing_poses(plan.toolpath, cell, scene, findings),
+        missing(plan),
     )

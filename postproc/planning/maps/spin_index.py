@@ -16,27 +16,36 @@ from postproc.planning.states import PlanOptions, evaluate, postures, settle, sp
 from postproc.units import DEG
 
 MOST_TAGS = 10_000
-"""With more tags the map is left out."""
+"""With more tags a page would be too large: the map is left out, and the page says so."""
 _STEP = 10.0 * DEG
 _CHUNK = 1000
-_MOST_CHECKS = 50_000
-"""Poses that are checked for collision; with more, the map is of reach and stiffness alone."""
 
 
 @dataclass(frozen=True, slots=True)
 class SpinIndex:
     """Index (n, s) [N/m] of tags over spins (s,) [rad], NaN where the arm cannot take the spin.
 
-    ``hit`` (n, s): something collides there; None where that was not checked.
+    ``hit`` (n, s): something collides there.
     """
 
     spins: FloatArray
     index: FloatArray
-    hit: BoolArray | None = None
+    hit: BoolArray
+
+
+def missing(plan: Plan) -> str:
+    """Return why a plan has no map; nothing where it has one."""
+    if len(plan.toolpath) > MOST_TAGS:
+        return f"not drawn for more than {MOST_TAGS} tags: convert --spin-map writes it to a file"
+    if not len(plan):
+        return "no pose was planned: convert --spin-map shows what every spin would mean"
+    if not np.isfinite(plan.stiffness).any():
+        return "the cell gives no joint stiffness"
+    return ""
 
 
 def spin_index(plan: Plan, cell: Cell, moves: IndexArray, scene: Scene) -> SpinIndex | None:
-    """Return the map of a plan, None without stiffness or with too many tags.
+    """Return the map of a plan, None where one is ``missing``.
 
     The posture is that of the plan: its branch, and the turns of the joints nearest to it.
 
@@ -46,18 +55,19 @@ def spin_index(plan: Plan, cell: Cell, moves: IndexArray, scene: Scene) -> SpinI
         moves: (n,) the move at which each tag's pose is taken, -1 for a tag without any.
         scene: the solids.
     """
-    n = len(plan.toolpath)
-    if not np.isfinite(plan.stiffness).any() or n > MOST_TAGS:
+    if missing(plan):
         return None
+    n = len(plan.toolpath)
     spins = spin_values(_STEP, *cell.optimize.range)
     index = np.full((n, len(spins)), np.nan)
-    q = np.full((n, len(spins), 6), np.nan)
+    hit = np.zeros(index.shape, dtype=np.bool_)
     for here, tags in at_places(plan, cell, moves):
         tags = tags[moves[tags] >= 0]
         for low in range(0, len(tags), _CHUNK):
             some = tags[low : low + _CHUNK]
-            index[some], q[some] = _values(plan, here, some, moves[some], spins)
-    return SpinIndex(spins, index, _hits(plan, q, moves, scene))
+            index[some], q = _values(plan, here, some, moves[some], spins)
+            hit[some] = _hits(plan, some, q, moves, scene)
+    return SpinIndex(spins, index, hit)
 
 
 def _values(
@@ -78,15 +88,14 @@ def _values(
     return index.reshape(shape), np.where(good[:, None], q, np.nan).reshape(*shape, 6)
 
 
-def _hits(plan: Plan, q: FloatArray, moves: IndexArray, scene: Scene) -> BoolArray | None:
-    """Return where (n, s) the pose at the tag collides."""
-    can = np.isfinite(q[..., 0])
-    if can.sum() > _MOST_CHECKS:
-        return None
-    tag, spin = np.nonzero(can)
-    hit = np.zeros(can.shape, dtype=np.bool_)
-    if len(tag):
-        poses = np.hstack([q[tag, spin], plan.external[moves[tag]]])
-        contact = plan.toolpath.kind[tag] != MotionKind.RAPID
-        hit[tag, spin] = scene.check(poses, contact).hit
+def _hits(
+    plan: Plan, tags: IndexArray, q: FloatArray, moves: IndexArray, scene: Scene
+) -> BoolArray:
+    """Return where (t, s) the pose q (t, s, 6) at a tag collides."""
+    row, spin = np.nonzero(np.isfinite(q[..., 0]))
+    hit = np.zeros(q.shape[:2], dtype=np.bool_)
+    if len(row):
+        poses = np.hstack([q[row, spin], plan.external[moves[tags[row]]]])
+        contact = plan.toolpath.kind[tags[row]] != MotionKind.RAPID
+        hit[row, spin] = scene.check(poses, contact).hit
     return hit

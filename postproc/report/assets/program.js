@@ -140,7 +140,8 @@ function showTag(tag) {
   scene.point(pointOf(tag), 1.6 * markSize);
   showSource(tag);
   if (byId("spin")) {
-    showSpins(spinMap, tag, data.objective, valueOf("spin", tag), valueOf("stiffness", tag));
+    const chosen = [valueOf("spin", tag), valueOf("stiffness", tag)];
+    showSpins(spinMap, data.no_spin_map, tag, data.objective, ...chosen);
   }
 }
 

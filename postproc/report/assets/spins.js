@@ -12,11 +12,11 @@ export class SpinMap {
   #hits;
   #map;
 
-  // map: {spins, low, step, level, hit}; a level of 0 is a gap
+  // map: {spins, low, step, level, hit}; a level of 0 is a gap, a hit is a collision
   constructor(map) {
     this.#map = map;
     this.#levels = unpack(map.level);
-    this.#hits = map.hit ? unpack(map.hit) : null;
+    this.#hits = unpack(map.hit);
   }
 
   // the stiffness of a tag at each spin [N/mm], NaN where it cannot be reached
@@ -26,11 +26,10 @@ export class SpinMap {
     return Array.from(levels, (level) => (level ? low + (level - 1) * step : NaN));
   }
 
-  // lines of the chart of a tag: one, or all spins grey under those that are free of collision
+  // lines of the chart of a tag: all spins grey under those that are free of collision
   lines(tag, name) {
     const x = this.#map.spins;
     const y = this.curve(tag);
-    if (!this.#hits) return [{ name, x, y }];
     const free = y.map((v, k) => (this.#hits[tag * x.length + k] ? NaN : v));
     return [
       { name: "collides", x, y, colour: COLLIDING, dash: "3 3" },
@@ -39,11 +38,11 @@ export class SpinMap {
   }
 }
 
-// spin [deg] and stiffness [N/mm] that were chosen are marked
-export function showSpins(map, tag, name, spin, stiffness) {
+// spin [deg] and stiffness [N/mm] that were chosen are marked; missing: why there is no map
+export function showSpins(map, missing, tag, name, spin, stiffness) {
   const host = byId("spin");
   if (!map) {
-    host.textContent = "no joint stiffness, or too many tags";
+    host.textContent = missing;
     return;
   }
   const text = `chosen ${spin.toFixed(0)} deg`;

@@ -67,6 +67,7 @@ def program_page(
         "move_of_tag": packed(maps.moves, "int32"),
         "objective": str(cell.optimize.objective),
         "spin_map": None if maps.spins is None else _spin_map_data(maps.spins),
+        "no_spin_map": maps.no_spins,
     }
     motion_sections(page, columns, "Tags", spins=True)
     page.section("Time per operation", _operations(plan), "half")
@@ -102,9 +103,8 @@ def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> l
     if len(good):
         mean, low = good.mean() / N_PER_MM, good.min() / N_PER_MM
         start = plan.stiffness_initial[np.isfinite(plan.stiffness_initial)]
-        gain = (
-            f", {mean / (start.mean() / N_PER_MM) - 1:+.0%} against unturned" if len(start) else ""
-        )
+        change = mean / (start.mean() / N_PER_MM) - 1 if len(start) else 0.0
+        gain = f" ({change:+.0%} by rotating about the tool axis)" if len(start) else ""
         lines.append(f"Stiffness mean {mean:.0f} N/mm{gain}, lowest {low:.0f} N/mm.")
     if plan.compensation_note:
         lines.append(plan.compensation_note)
@@ -278,5 +278,5 @@ def _spin_map_data(spin_map: SpinIndex) -> dict[str, Any]:
         "low": float(low),
         "step": float(scale / _LEVELS),
         "level": packed(level, "uint16"),
-        "hit": None if spin_map.hit is None else packed(spin_map.hit, "uint8"),
+        "hit": packed(spin_map.hit, "uint8"),
     }

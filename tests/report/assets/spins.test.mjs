@@ -12,6 +12,7 @@ const LEVELS = {
   low: 100,
   step: 0.5,
   level: packed("uint16", Uint16Array.from([1, 2, 3, 0, 101, 1])),
+  hit: packed("uint8", new Uint8Array(6)),
 };
 
 test("levels are stiffness, level 0 is a gap", () => {
@@ -20,9 +21,9 @@ test("levels are stiffness, level 0 is a gap", () => {
   assert.deepEqual(map.curve(1), [NaN, 150, 100]);
 });
 
-test("without collisions a tag has one line", () => {
-  const lines = new SpinMap(LEVELS).lines(1, "stiffness");
-  assert.deepEqual(lines, [{ name: "stiffness", x: LEVELS.spins, y: [NaN, 150, 100] }]);
+test("where nothing collides all spins are free", () => {
+  const [all, free] = new SpinMap(LEVELS).lines(1, "stiffness");
+  assert.deepEqual(free.y, all.y);
 });
 
 test("spins that collide are left out of the line of free ones", () => {
