@@ -6,16 +6,18 @@ from postproc.process.machining import machining_findings
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import repeats
-from postproc.process.spindle import stretches, switched_off
+from postproc.process.spindle import CUTTING, Stretch, stretches, switched_off
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
     "AXIS_SHARE",
+    "CUTTING",
     "LOWERED_FROM",
     "LOWERED_TO",
     "PLUNGING",
     "SHARPEST",
+    "Stretch",
     "as_served",
     "feeds_of",
     "hole_runs",

@@ -18,6 +18,7 @@ from postproc.units import RPM
 CUTTING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
 """Motions that may touch the part."""
 _ADDED = "added: the file leaves it on"
+_AGAIN = "added: the file does not stop it"
 _SWITCHES = {
     EventKind.SPINDLE_ON: EventKind.SPINDLE_OFF,
     EventKind.COOLANT_ON: EventKind.COOLANT_OFF,
@@ -41,49 +42,55 @@ class Stretch:
 
 
 def stretches(events: Sequence[Event], count: int) -> Iterator[Stretch]:
-    """Yield the stretches of ``count`` tags in their order, those without a tag too.
-
-    A tool change stops the spindle.
-    """
+    """Yield the stretches of ``count`` tags in their order, those without a tag too."""
     now = Stretch(0, count)
     for event in events:
-        change = _changed(now, event)
-        if change is not None:
+        if event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF):
             yield replace(now, stop=event.index)
-            now = replace(change, first=event.index, stop=count)
+            is_on = event.kind is EventKind.SPINDLE_ON
+            turns = (event.value or float("nan")) if is_on else 0.0
+            now = Stretch(event.index, count, event, is_on, turns)
     yield now
 
 
-def _changed(now: Stretch, event: Event) -> Stretch | None:
-    if event.kind is EventKind.SPINDLE_ON:
-        return Stretch(0, 0, event, True, event.value or float("nan"))
-    stops = event.kind is EventKind.SPINDLE_OFF or (
-        event.kind is EventKind.TOOL_CHANGE and bool(now.is_on)
-    )
-    return Stretch(0, 0, event, False, 0.0) if stops else None
-
-
 def switched_off(toolpath: ToolPath) -> ToolPath:
-    """Return the toolpath with the switching off that the file leaves to its machine.
+    """Return the toolpath with the switching that the file leaves to its machine.
 
-    Spindle and coolant stop at the end, the spindle before each tool change, too.
+    Spindle and coolant stop at the end. A tool change stops the spindle; where cuts follow and the
+    file has not said anything else by then, it starts again as before: SPINDL is modal.
     """
     events: list[Event] = []
-    on: dict[EventKind, bool] = dict.fromkeys(_SWITCHES, False)
-    for event in toolpath.events:
-        if event.kind is EventKind.TOOL_CHANGE and on[EventKind.SPINDLE_ON]:
-            events.append(replace(event, kind=EventKind.SPINDLE_OFF, value=0.0, text=_ADDED))
-            on[EventKind.SPINDLE_ON] = False
-        for start, stop in _SWITCHES.items():
-            on[start] = event.kind is start or (on[start] and event.kind is not stop)
+    on: dict[EventKind, Event | None] = dict.fromkeys(_SWITCHES)
+    for place, event in enumerate(toolpath.events):
+        running = on[EventKind.SPINDLE_ON]
+        if event.kind is EventKind.TOOL_CHANGE and running is not None:
+            stop = replace(event, kind=EventKind.SPINDLE_OFF, value=0.0, text=_ADDED)
+            starts = _cuts_before_spindle(toolpath, place)
+            again = [replace(running, index=event.index, line=event.line, text=_AGAIN)] * starts
+            events += [stop, event, *again]
+            on[EventKind.SPINDLE_ON] = running if starts else None
+            continue
+        for start, off in _SWITCHES.items():
+            on[start] = event if event.kind is start else None if event.kind is off else on[start]
         events.append(event)
     n = len(toolpath)
     line = max([*toolpath.line[-1:].tolist(), *(event.line for event in events[-1:])], default=1)
     events += [
-        Event(n, _SWITCHES[start], 0.0, _ADDED, line) for start, is_on in on.items() if is_on
+        Event(n, _SWITCHES[start], 0.0, _ADDED, line)
+        for start, event in on.items()
+        if event is not None
     ]
     added = len(events) > len(toolpath.events)
     return replace(toolpath, events=tuple(events)) if added else toolpath
+
+
+def _cuts_before_spindle(toolpath: ToolPath, place: int) -> bool:
+    """Return whether a cut comes behind event ``place`` before the spindle is named again."""
+    first = toolpath.events[place].index
+    named = (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF)
+    later = (event.index for event in toolpath.events[place + 1 :] if event.kind in named)
+    kinds = toolpath.kind[first : next(later, len(toolpath))]
+    return bool(np.isin(kinds, CUTTING).any())
 
 
 def direction_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:

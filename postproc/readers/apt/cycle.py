@@ -9,9 +9,9 @@ from __future__ import annotations
 from math import isnan, nan, radians
 
 from postproc.model import Cycle, CycleKind, WordClass
+from postproc.readers.apt.byturns import LEFT, ByTurns
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
-from postproc.readers.apt.feed import PER_TURN
 from postproc.readers.apt.heights import (
     DEFAULT_CLEARANCE,
     READINGS,
@@ -38,7 +38,17 @@ _REFUSED = {
     "BORE9": "back boring: the tool works on its way out",
     "SHIFT": "the spindle is to stand at an angle and the tool to move off the wall",
 }
-_LEFT = {CycleKind.TAP: CycleKind.TAP_LEFT, CycleKind.RIGID_TAP: CycleKind.RIGID_TAP_LEFT}
+_PECKING = frozenset(
+    {CycleKind.DRILL, CycleKind.DEEP, CycleKind.BRKCHP, CycleKind.FACE, CycleKind.CSINK}
+)
+_REPLACES = {
+    "feed": {"feed_per_turn", "pitch"},
+    "feed_per_turn": {"feed", "pitch"},
+    "pitch": {"feed", "feed_per_turn"},
+    "dwell": {"dwell_turns"},
+    "dwell_turns": {"dwell"},
+}
+"""What a parameter changed by CYCLE/ON puts out of force."""
 _SIEMENS = {"CYCLE81": 5, "CYCLE82": 6, "CYCLE83": 12}
 """Siemens drill cycles and how many numbers each has at most: RTP, RFP, SDIS, DP, DPR, ..."""
 
@@ -65,6 +75,8 @@ def cycle_statement(state: AptState, statement: Statement, line: int) -> None:
 def _resume(state: AptState, statement: Statement, line: int) -> None:
     """CYCLE/ON brings the last cycle back; with parameters, these change it."""
     if len(statement.args) == 1:
+        if state.drill.last < 0:
+            state.drill.void.append((state.tag, line))
         state.cycle.set(state.at, state.drill.last)
         return
     if not state.drill.words:
@@ -72,7 +84,9 @@ def _resume(state: AptState, statement: Statement, line: int) -> None:
             "APT040", "CYCLE/ON with parameters but no cycle before it", line, statement.text
         )
     kind = state.cycles[state.drill.last].kind
-    found = {**state.drill.words, **parameters(state, statement, line)}
+    new = parameters(state, statement, line)
+    gone = set().union(*(_REPLACES.get(name, set()) for name in new)) - set(new)
+    found = {**{k: v for k, v in state.drill.words.items() if k not in gone}, **new}
     _begin(state, kind, found, line, statement)
 
 
@@ -105,10 +119,8 @@ def _drill(state: AptState, statement: Statement, line: int) -> None:
     found = parameters(state, statement, line)
     _ask_order(state, statement, line)
     _begin(state, _kind(state, words, found, line), found, line, statement)
-    depends = bool({"REV", "TPI", "PITCH", *PER_TURN} & set(words)) or "TAP" in words[0]
-    if not depends:
-        said = state.uses.log[before:]
-        state.drill.memo[statement.text] = int(state.cycle.value), found, said
+    said = state.uses.log[before:]
+    state.drill.memo[statement.text] = int(state.cycle.value), found, said
 
 
 def _ask_order(state: AptState, statement: Statement, line: int) -> None:
@@ -197,8 +209,11 @@ def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> C
             "CYCLE/DEEP", WordClass.PROCESS, line,
             "full retracts after each peck; some systems mean chip breaking",
         )  # fmt: skip
-    if kind in _LEFT and state.spindle_sign < 0.0:
-        kind = _LEFT[kind]
+    if kind not in _PECKING and {"peck", "peck_first"} & set(found):
+        state.uses.refuse(
+            f"CYCLE/{first}", WordClass.PROCESS, line,
+            f"a {kind.replace('_', ' ')} cycle with pecks: the tool would leave in rapid",
+        )  # fmt: skip
     if kind is CycleKind.BORE and ("orient" in found or "shift" in found):
         state.uses.refuse(
             "CYCLE/ORIENT", WordClass.PROCESS, line,
@@ -226,9 +241,12 @@ def _begin(
     heights = _heights(state, depth, found, signed)
     if not heights.needs_level:
         cycle = _levelled(state, cycle, heights, line, statement)
-    known = state.drill.index.setdefault(f"{cycle!r}{heights!r}", len(state.cycles))
+    turned = ByTurns(cycle.feed_per_turn, cycle.pitch, found.get("dwell_turns", NAN), kind in LEFT)
+    known = state.drill.index.setdefault(f"{cycle!r}{heights!r}{turned!r}", len(state.cycles))
     if known == len(state.cycles):
         state.cycles.append(cycle)
+        if turned:
+            state.drill.turned[known] = turned
         state.drill.heights[known] = heights, _word(statement), []
     state.drill.heights[known][2].append(line)
     state.cycle.set(state.at, known)
@@ -265,10 +283,6 @@ def _cycle(state: AptState, kind: CycleKind, depth: float, found: Found, line: i
     peck = abs(found.get("peck", 0.0))
     if peck > 0.0 and kind is CycleKind.DRILL:
         kind = CycleKind.DEEP
-    pitch = found.get("pitch", NAN) * scale
-    feed = found.get("feed", NAN)
-    if isnan(feed) and not isnan(pitch):
-        feed = pitch * state.spindle
     return Cycle(
         kind=kind,
         depth=depth * scale,
@@ -278,9 +292,9 @@ def _cycle(state: AptState, kind: CycleKind, depth: float, found: Found, line: i
         peck=peck * scale,
         break_chip=kind is CycleKind.BRKCHP,
         dwell=max(found.get("dwell", 0.0), 0.0),
-        feed=feed,
+        feed=found.get("feed", NAN),
         diameter=found.get("diameter", NAN) * scale,
-        pitch=pitch,
+        pitch=found.get("pitch", NAN) * scale,
         orient=radians(found.get("orient", NAN)),
         shift=found.get("shift", 0.0) * scale,
         repeat=max(int(found.get("repeat", 1.0)), 1),

@@ -2,8 +2,8 @@
 
 Names: ``depth`` ``feed`` [m/s] ``feed_per_turn`` [m] ``clearance`` (feed starts so high above the
 point) ``clear`` (the seat's CLEAR, or the number that stands for it) ``rapto`` ``retract``
-``return`` ``peck`` ``peck_first`` ``dwell`` [s] ``shift`` ``orient`` [deg] ``pitch`` ``repeat``
-``diameter`` ``angle`` [deg]; lengths in units of the file.
+``return`` ``peck`` ``peck_first`` ``dwell`` [s] ``dwell_turns`` ``shift`` ``orient`` [deg]
+``pitch`` ``repeat`` ``diameter`` ``angle`` [deg]; lengths in units of the file.
 """
 
 from __future__ import annotations
@@ -150,12 +150,7 @@ def _take_second(
 ) -> None:
     """Take what may stand behind the number of a minor word: REV, or a second number."""
     if word == "DWELL" and tokens.skip("REV"):
-        if state.spindle > 0.0:
-            found["dwell"] /= state.spindle
-        else:
-            state.uses.refuse(
-                "CYCLE/DWELL", WordClass.PROCESS, line, "a dwell in turns without a spindle speed"
-            )
+        found["dwell_turns"] = found.pop("dwell")
     second = tokens.number()
     if second is None:
         return
@@ -172,9 +167,10 @@ def _take_feed(state: AptState, found: Found, unit: str, value: float, line: int
     if unit == "TPI":
         found["pitch"] = value if value < 1.0 else 1.0 / value
         return
-    found["feed"] = feed_value(state, value, unit, line)
     if unit in PER_TURN:
         found["feed_per_turn"] = feed_per_turn(state, value, unit)
+    else:
+        found["feed"] = feed_value(state, value, unit, line)
 
 
 def _countersunk(state: AptState, found: Found, first: str, line: int) -> Found:

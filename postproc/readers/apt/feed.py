@@ -138,6 +138,11 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT053", "SPINDL has no speed and none was given before", line, statement.text
         )
+    if {"CCLW", "CCW"} & set(words) and value is not None and value < 0.0:
+        state.uses.refuse(
+            "SPINDL/CCLW", WordClass.PROCESS, line,
+            "a negative speed and counterclockwise: nothing says whether that is clockwise",
+        )  # fmt: skip
     if {"CCLW", "CCW"} & set(words) or (value is not None and value < 0.0):
         state.spindle_sign = -1.0
     elif {"CLW", "CW"} & set(words):

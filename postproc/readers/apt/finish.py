@@ -15,6 +15,7 @@ from postproc.readers.apt.levels import settle_levels
 from postproc.readers.apt.nurbs import discretised
 from postproc.readers.apt.senses import settled_senses
 from postproc.readers.apt.state import AptState, Columns
+from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
 
 _NONE = -1
 
@@ -38,6 +39,8 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     table = _joined(state)
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
+    check_resumed(state, table)
+    settle_turns(state, table)
     settle_levels(state, table)
     shift: IndexArray = np.zeros(len(state.splines) + 1, dtype=np.int64)
     if state.splines:
@@ -48,6 +51,8 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
     arc_column = np.full(len(table), _NONE, dtype=np.int32)
     arc_column[records.tag] = np.arange(len(records.tag))
     _settle_feeds(table, state.cycles)
+    events = _events(state, shift)
+    check_standing(state, events, table.kind, table.line)
     return ToolPath(
         path=path,
         name=Path(path).stem,
@@ -67,7 +72,7 @@ def finished_toolpath(state: AptState, path: str) -> ToolPath:
         tools=tuple(state.tools.tools),
         arcs=arcs,
         cycles=tuple(state.cycles),
-        events=_events(state, shift),
+        events=events,
         unknown_words=dict(sorted(state.unknown.items())),
         words=dict(sorted(state.words.items())),
         word_uses=state.uses.all(),

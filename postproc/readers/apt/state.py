@@ -11,6 +11,7 @@ from postproc.arrays import FloatArray, IntArray
 from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.arctext import FREE
+from postproc.readers.apt.byturns import ByTurns
 from postproc.readers.apt.dialect import AxisRule, Dialect
 from postproc.readers.apt.heights import Heights
 from postproc.readers.apt.modal import Modal
@@ -80,8 +81,8 @@ class KnownCycles:
 
     ``words``, ``last``: parameters and index of the last one, for CYCLE/ON; ``index`` by all that a
     cycle says (as text: NaN is not equal to itself); ``memo``: index, parameters and what was said
-    about it, by the text of cycles that depend on nothing else; ``heights``: levels, word and lines
-    by index.
+    about it, by the text; ``heights``: levels, word and lines by index; ``turned``: what depends on
+    the spindle, by index; ``void``: tag and line of each CYCLE/ON without a cycle before it.
     """
 
     words: dict[str, float] = field(default_factory=dict)
@@ -89,6 +90,8 @@ class KnownCycles:
     index: dict[str, int] = field(default_factory=dict)
     memo: dict[str, tuple[int, dict[str, float], list[Key]]] = field(default_factory=dict)
     heights: dict[int, tuple[Heights, str, list[int]]] = field(default_factory=dict)
+    turned: dict[int, ByTurns] = field(default_factory=dict)
+    void: list[tuple[int, int]] = field(default_factory=list)
 
 
 class AptState:
