@@ -1,0 +1,125 @@
+"""Stiffness over the rotation about the tool axis: key tags, joint stiffness, curves, document."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import IndexArray
+from postproc.cell import Cell
+from postproc.compensation import cell_with_model
+from postproc.errors import DataError, Finding, SourceRef
+from postproc.gap import stiffness_of
+from postproc.model import ToolPath, load_model
+from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
+from postproc.process import word_findings
+from postproc.stiffness import describe
+from postproc.units import N_PER_MM
+
+
+@dataclass(frozen=True, slots=True)
+class SpinStiffness:
+    """Curves of a toolpath's tags, what joint stiffness they rest on in words, and findings."""
+
+    toolpath: ToolPath
+    curves: SpinCurves
+    words: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def good(self) -> bool:
+        """Whether every tag can be run at some rotation, and nothing forbids the toolpath."""
+        can = bool((self.curves.best("axial") >= 0).all())
+        return can and not any(finding.is_error for finding in self.findings)
+
+
+def stiffness(
+    toolpath: ToolPath,
+    cell: Cell,
+    model: str | None = None,
+    tags: str | None = None,
+    step: float | None = None,
+    most: int = 24,
+) -> SpinStiffness:
+    """Return the stiffness of tags over the rotation about the tool axis.
+
+    Args:
+        toolpath: what was read.
+        cell: robot with its joint stiffness, tool, workpiece, solids.
+        model: file whose joint stiffness counts instead of the cell's.
+        tags: names, with commas between; None: key tags.
+        step: of the rotation [rad]; None: the cell's.
+        most: how many key tags.
+
+    Raises:
+        CellError: PLN208 without joint stiffness.
+        DataError: MOD008 if the model has none; STF027 for a tag that is not there.
+    """
+    words = "constant joint stiffness of the cell"
+    if model is not None:
+        cell, words = _with_model(model, cell)
+    curves = spin_curves(toolpath, cell, _tags(tags, toolpath), step, most)
+    return SpinStiffness(toolpath, curves, words, word_findings(toolpath))
+
+
+def _with_model(path: str, cell: Cell) -> tuple[Cell, str]:
+    model = load_model(path)
+    field = stiffness_of(model)
+    if field is None:
+        raise DataError("MOD008", "the model has no joint stiffness", SourceRef(path))
+    return cell_with_model(cell, model), f"joint stiffness of {Path(path).name}: {describe(field)}"
+
+
+def _tags(text: str | None, toolpath: ToolPath) -> IndexArray | None:
+    if text is None:
+        return None
+    names = {toolpath.tag_name(i): i for i in range(len(toolpath))}
+    wanted = [name.strip() for name in text.split(",") if name.strip()]
+    unknown = [name for name in wanted if name not in names]
+    if unknown or not wanted:
+        raise DataError(
+            "STF027",
+            f"no tag is named {unknown[0] if unknown else text!r}",
+            SourceRef(toolpath.path),
+            hint=f"the first ones are {', '.join(list(names)[:5])}",
+        )
+    return np.array([names[name] for name in wanted])
+
+
+def document(found: SpinStiffness) -> dict[str, Any]:
+    """Return the ``postproc.stiffness/1`` document."""
+    curves = found.curves
+    degrees = spin_degrees(curves)
+    tags = []
+    for row, name in enumerate(curves.names):
+        best: dict[str, Any] = {}
+        values: dict[str, Any] = {}
+        for index in INDICES:
+            at = int(curves.best(index)[row])
+            k = curves.values[index][row] / N_PER_MM
+            best[index] = (
+                None if at < 0 else {"spin_deg": float(degrees[at]), "N_per_mm": float(k[at])}
+            )
+            values[index] = [float(v) if np.isfinite(v) else None for v in k]
+        tags.append(
+            {
+                "tag": int(curves.tags[row]),
+                "name": name,
+                "branch": int(curves.branch[row]),
+                "best": best,
+                "N_per_mm": values,
+                "can_be_run": (
+                    np.isfinite(curves.values["axial"][row]) & ~curves.blocked[row]
+                ).tolist(),
+            }
+        )
+    return {
+        "schema": "postproc.stiffness/1",
+        "joint_stiffness": found.words,
+        "coaxial": curves.coaxial,
+        "spins_deg": degrees.tolist(),
+        "tags": tags,
+    }
