@@ -180,6 +180,12 @@ CHECK = "check"
 SETUP = {"krl.setup": True, "tool.mass_kg": 50.0, "tool.cog_mm": [0.0, 0.0, 100.0]}
 FORCE = {"process.force_N": [-500.0, 0.0, 0.0]}
 WITH_MODEL = {"model": "model.toml"}
+KR500_MM = {"a1": 500.0, "a2": 55.0, "b": 0.0, "c1": 1045.0, "c2": 1300.0, "c3": 1025.0, "c4": 290.0}
+OWN_ARM = {
+    "dimensions_mm": KR500_MM,
+    "limits_deg": [[-180.0, 180.0], [-130.0, 20.0], [-100.0, 144.0]] + [[-120.0, 120.0]] * 3,
+    "speed_deg_s": [90.0] * 6,
+}
 HOOKS = {"spindle_on", "spindle_off", "coolant_on", "coolant_off", "stop", "optional_stop"}
 OPERATIONS = {
     "process.operations": [
@@ -192,6 +198,14 @@ CASES: dict[str, tuple[Any, ...]] = {
     "robot.model": ({}, {"robot.model": "kuka_kr240_r2900_2"}),
     "robot.urdf": ({}, {"robot": {"urdf": "arm.urdf"}}),
     "robot.tip": ({"robot": {"urdf": "arm.urdf"}}, {"robot.tip": "l6"}),
+    **{
+        f"robot.dimensions_mm.{key}": (
+            {"robot.dimensions_mm": KR500_MM},
+            {f"robot.dimensions_mm.{key}": KR500_MM[key] + 1.0},
+        )
+        for key in KR500_MM
+    },
+    "robot.name": ({"robot": OWN_ARM}, {"robot.name": "other"}, CHECK),
     "robot.base.xyz_mm": (
         {"obstacles": [BLOCK], **HEAD},
         {"robot.base": {"xyz_mm": [0.0, 0.0, 3000.0]}},
@@ -402,7 +416,8 @@ def outcome(folder):
         options = {k: str(folder / v) if k == "model" else v for k, v in more}
         if source == CHECK:
             seen = check_cell(load_cell(path))
-            return json.dumps([seen.facts["name"], *map(str, seen.findings)])
+            facts = [seen.facts["name"], seen.facts["robot"]]
+            return json.dumps([*facts, *map(str, seen.findings)])
         try:
             made = convert(ConvertRequest(str(folder / source), str(path), **options))
         except PostprocError as error:
