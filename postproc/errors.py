@@ -40,8 +40,9 @@ class RunKind(StrEnum):
     ENDLESS = "endless"
     FRAME = "frame"
     TARGET = "target"
-    COMMAND = "command"
+    UNJUDGED = "unjudged"
     CONDITION = "condition"
+    WAIT = "wait"
 
     START = "start"
     TURN = "turn"
@@ -50,6 +51,9 @@ class RunKind(StrEnum):
     HALF_TURN = "half_turn"
     EXTERNAL = "external"
 
+    SETUP = "setup"
+    LOAD = "load"
+    ORIENTATION = "orientation"
     JOINT_LIMIT = "joint_limit"
     SINGULARITY = "singularity"
     STRETCHED = "stretched"

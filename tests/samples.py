@@ -83,7 +83,17 @@ def modules(*lines, data=(), name="T", **others):
 AT_PART = {"old": "xyz_mm = [1900, 0, 900]", "new": "xyz_mm = [1900, 100, 1100]"}
 """A workpiece frame that the arm reaches around its origin in the pose of ``START``."""
 START = "PTP {A1 -5.14,A2 -73.15,A3 101.79,A4 -174.35,A5 -61.92,A6 -7.83}"
-HEAD = ("BAS(#INITMOV,0)", "BAS(#TOOL,1)", "BAS(#BASE,1)", "$VEL.CP=0.01", "$APO.CDIS=1.0")
+HEAD = (
+    "GLOBAL INTERRUPT DECL 3 WHEN $STOPMESS==TRUE DO IR_STOPM()",
+    "INTERRUPT ON 3",
+    "BAS(#INITMOV,0)",
+    "BAS(#TOOL,1)",
+    "BAS(#BASE,1)",
+    "BAS(#VEL_PTP,50)",
+    "$CIRC_TYPE=#BASE",
+    "$VEL.CP=0.01",
+    "$APO.CDIS=1.0",
+)
 
 
 def at(x, y, z, blend="", word="LIN"):

@@ -361,6 +361,8 @@ class Cell:
     motion: Motion
     krl: KrlOptions
     reading: Reading = Reading()
+    accept: tuple[str, ...] = ()
+    """What ``verify`` cannot judge and takes on trust."""
     external_axes: tuple[ExternalAxis, ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     joint_compliance: Callable[[FloatArray], FloatArray] | None = field(

@@ -116,6 +116,7 @@ class _Builder:
             motion=self._motion(robot),
             krl=replace(krl_of(file.krl), template=self._template()),
             reading=reading_of(file.reading),
+            accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
             origins=_origins(file, robot),
         )

@@ -491,6 +491,16 @@ class KrlTable(Table):
     hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
 
 
+class VerifyTable(Table):
+    """What ``verify`` takes on trust."""
+
+    accept: list[Text] = Field(
+        default=[],
+        description="system variables, routines, statements and conditions that verify cannot "
+        "judge and that are known to be harmless here, as it names them",
+    )
+
+
 class ExternalAxisTable(Placement):
     """A linear axis or a positioner; the placement is that of its axis in the world."""
 
@@ -547,6 +557,7 @@ class CellFile(Table):
         default=ImportTable(), alias="import", description="how CAM files are read"
     )
     krl: KrlTable = Field(default=KrlTable(), description="program text")
+    verify: VerifyTable = Field(default=VerifyTable(), description="judging of programs")
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
         default=[], description="rails and positioners"
     )

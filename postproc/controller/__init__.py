@@ -5,9 +5,12 @@ from postproc.controller.interpreter import Interpreter, World, run
 from postproc.controller.modules import load_program
 from postproc.controller.motions import Motions
 from postproc.controller.runtime import UNKNOWN, pose_of, text_of
+from postproc.controller.state import INITMOV, STOPMESS
 from postproc.controller.trace import Blend, EventWord, MotionType, Settings, Trace, TraceEvent
 
 __all__ = [
+    "INITMOV",
+    "STOPMESS",
     "UNKNOWN",
     "Activation",
     "Blend",

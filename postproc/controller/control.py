@@ -10,7 +10,7 @@ from typing import Any
 from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
-from postproc.krl import Control, KrlModule, Node, Routine, parse_expression
+from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
 
 MAX_JUMPS = 1_000_000
 """Jumps backwards in one run; more means that the program does not end."""
@@ -41,6 +41,8 @@ class ControlFlow:
         evaluator: computes conditions.
         assign: sets a variable by reference.
         finding: reports (kind, message, severity) at the line that runs.
+        is_idle: whether a statement neither moves the arm nor changes how it moves.
+        is_accepted: whether a condition that is not known is taken on trust.
     """
 
     def __init__(
@@ -48,10 +50,13 @@ class ControlFlow:
         evaluator: Evaluator,
         assign: Callable[[Node, Any], None],
         finding: Callable[[RunKind, str, Severity], None],
+        is_idle: Callable[[Statement], bool],
+        is_accepted: Callable[[str], bool],
     ) -> None:
         self._evaluator = evaluator
         self._assign = assign
         self._finding = finding
+        self._is_idle, self._is_accepted = is_idle, is_accepted
         self._unknown = 0
         self._jumps = 0
         self._steps: dict[str, Callable[[Activation, int, Control], int | None]] = {
@@ -85,18 +90,27 @@ class ControlFlow:
                 return len(run.routine.statements)
         return target
 
-    def _condition(self, text: str) -> Any:  # noqa: ANN401 - True, False or UNKNOWN
+    def _condition(self, text: str, run: Activation, start: int, stop: int) -> Any:  # noqa: ANN401
+        """Return True, False or UNKNOWN; the condition decides about the lines start to stop."""
         value = self._evaluator.node(parse_expression(text.strip()))
         if value is UNKNOWN:
             self._unknown += 1
-            self._unsure(f"{text.strip()} is not known here, taken as FALSE")
+            self._unsure(f"{text.strip()} is not known here, taken as FALSE", text, run, start, stop)
         return value
 
-    def _unsure(self, message: str) -> None:
-        self._finding(RunKind.CONDITION, message, Severity.WARNING)
+    def _unsure(self, message: str, text: str, run: Activation, start: int, stop: int) -> None:
+        """Report a way that is not known: an error where it decides about motions."""
+        between = run.routine.statements[start + 1 : stop]
+        trusted = self._is_accepted(text) or all(map(self._is_idle, between))
+        severity = Severity.WARNING if trusted else Severity.ERROR
+        self._finding(RunKind.CONDITION, message, severity)
+
+    def _endless(self, message: str, text: str) -> None:
+        severity = Severity.WARNING if self._is_accepted(text) else Severity.ERROR
+        self._finding(RunKind.ENDLESS, f"{message}: run once", severity)
 
     def _if(self, run: Activation, index: int, statement: Control) -> int | None:
-        if self._condition(_THEN.sub("", statement.text)):
+        if self._condition(_THEN.sub("", statement.text), run, index, run.flow.end[index]):
             return None
         branches = run.flow.branches.get(index)
         return (branches[0] if branches else run.flow.end[index]) + 1
@@ -113,7 +127,8 @@ class ControlFlow:
             for text in match.group(2, 3, 4)
         )
         if UNKNOWN in (first, last, step) or not step:
-            self._unsure("the range of FOR is not known: run once")
+            text = "the range of FOR is not known: run once"
+            self._unsure(text, f"FOR {statement.text}", run, index, run.flow.end[index])
             run.limits[index] = (float("-inf"), 1.0)
             return None
         self._assign(parse_expression(match.group(1).strip()), first)
@@ -145,11 +160,11 @@ class ControlFlow:
         known = run.unknown_before.get(start, self._unknown) == self._unknown
         if start in run.flow.exits and known:
             return start
-        self._unsure("a LOOP without a known way out: run once")
+        self._endless("a LOOP without a known way out", "LOOP")
         return None
 
     def _while(self, run: Activation, index: int, statement: Control) -> int | None:
-        if self._condition(statement.text):
+        if self._condition(statement.text, run, index, run.flow.end[index]):
             return None
         return run.flow.end[index] + 1
 
@@ -158,16 +173,16 @@ class ControlFlow:
         head = run.routine.statements[start]
         endless = isinstance(head, Control) and head.text.strip().upper() == "TRUE"
         if endless and start not in run.flow.exits:
-            self._unsure("an endless WHILE: run once")
+            self._endless("an endless WHILE", "WHILE TRUE")
             return None
         return start
 
     def _until(self, run: Activation, index: int, statement: Control) -> int | None:
-        value = self._condition(statement.text)
+        value = self._condition(statement.text, run, run.flow.start[index], index)
         return None if value is UNKNOWN or value else run.flow.start[index] + 1
 
     def _switch(self, run: Activation, index: int, statement: Control) -> int | None:
-        value = self._condition(statement.text)
+        value = self._condition(statement.text, run, index, run.flow.end[index])
         for place in run.flow.branches.get(index, ()):
             case = run.routine.statements[place]
             if isinstance(case, Control) and self._is_case(case, value):

@@ -4,8 +4,11 @@ Followed: declarations and data lists, assignments, frames and the frame operato
 REPEAT, LOOP, SWITCH, GOTO, sub-programs (local, by module, GLOBAL) with parameters, functions, BAS,
 inline forms of both kinds, spline blocks, WITH, relative and partial targets, triggers, waits.
 Calls of routines that are not in the files are recorded as hooks. What only the controller knows
-(inputs, timers) is unknown: a condition on it is taken as FALSE, with a warning; a LOOP without
-a way out runs once. Interrupts are declared but never happen.
+(inputs, timers) is unknown: a condition on it is taken as FALSE. Interrupts never happen.
+
+What the program would do otherwise is a finding: a statement, system variable or routine that is
+not followed here and may move the arm or change how it moves, a condition that is not known and
+decides about more than waiting, a loop without a way out. The world may accept each by its name.
 """
 
 from __future__ import annotations
@@ -20,7 +23,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
-from postproc.controller.library import SILENT, NumberedFrame, predefined
+from postproc.controller.library import SILENT, NumberedFrame, is_harmless, is_integrators, predefined
 from postproc.controller.motions import Motions
 from postproc.controller.recorder import Recorder
 from postproc.controller.runtime import (
@@ -32,7 +35,7 @@ from postproc.controller.runtime import (
     text_of,
     with_component,
 )
-from postproc.controller.state import MotionState
+from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
 from postproc.errors import RunKind, Severity
@@ -45,6 +48,7 @@ from postproc.krl import (
     Declaration,
     Expr,
     Halt,
+    Interrupt,
     KrlModule,
     Move,
     Node,
@@ -52,6 +56,7 @@ from postproc.krl import (
     Reference,
     Routine,
     SplineBegin,
+    Statement,
     SplineEnd,
     Trigger,
     Value,
@@ -64,6 +69,11 @@ MAX_DEPTH = 50
 """Calls within calls."""
 MAX_CALLS = 1_000_000
 """Calls in one run; more means that the program does not end."""
+MAX_IDLE_DEPTH = 5
+"""Calls within calls that are looked into for whether they do nothing."""
+MAX_WAIT = 600.0
+"""A longer wait [s] is a slip of the digits, not a dwell."""
+_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
@@ -80,6 +90,7 @@ class World:
             a Cartesian target.
         hooks: routines of the integrator, in upper case: calls are recorded and never followed,
             even where a file with an example of them lies beside the program.
+        accept: names, in upper case, of what cannot be judged and is taken on trust.
     """
 
     tools: Mapping[int, Pose] = field(default_factory=dict)
@@ -88,6 +99,7 @@ class World:
     T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
     joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
     hooks: frozenset[str] = frozenset()
+    accept: frozenset[str] = frozenset()
 
 
 def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
@@ -115,7 +127,9 @@ class Interpreter:
         self.recorder = Recorder()
         self.targets = Targets(self.state, kinematics, self._joints_now)
         self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
-        self._control = ControlFlow(self.evaluator, self._assign_node, self.finding)
+        self._control = ControlFlow(
+            self.evaluator, self._assign_node, self.finding, self._is_idle, self.is_accepted
+        )
         self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
@@ -134,6 +148,7 @@ class Interpreter:
             Halt: self._halt,
             Declaration: self._declare,
             Trigger: self._trigger,
+            Interrupt: self._interrupt,
             SplineBegin: self._motions.begin_spline,
             SplineEnd: self._motions.end_spline,
         }
@@ -229,15 +244,37 @@ class Interpreter:
         """Return file row and line that run now."""
         return self._stack[-1].file, self._line
 
-    def finding(self, kind: RunKind, message: str, severity: Severity = Severity.ERROR) -> None:
+    def finding(
+        self,
+        kind: RunKind,
+        message: str,
+        severity: Severity = Severity.ERROR,
+        hint: str = "",
+    ) -> None:
         """Report something at the present line."""
-        self.recorder.finding(kind, message, self.place(), severity)
+        self.recorder.finding(kind, message, self.place(), severity, hint)
+
+    def is_accepted(self, name: str) -> bool:
+        """Return whether the world takes on trust what has this name, an index aside."""
+        accept = self._world.accept
+        name = " ".join(name.upper().split())
+        return bool(accept) and (name in accept or name.partition("[")[0] in accept)
+
+    def unjudged(self, name: str, message: str) -> None:
+        """Report what is not followed here, unless the world accepts it by its name."""
+        if not self.is_accepted(name):
+            self.finding(RunKind.UNJUDGED, message, hint=f"harmless? [verify] accept = [{name!r}]")
 
     def _missing_frames(self) -> None:
-        if self.state.missing:
-            for text in dict.fromkeys(self.state.missing):
+        state = self.state
+        if state.missing:
+            for text in dict.fromkeys(state.missing):
                 self.finding(RunKind.FRAME, text)
-            self.state.missing.clear()
+            state.missing.clear()
+        if state.unjudged:
+            for name, text in dict.fromkeys(state.unjudged):
+                self.unjudged(name, text)
+            state.unjudged.clear()
 
     # --------------------------------------------------------------------------------- variables
 
@@ -306,11 +343,17 @@ class Interpreter:
     def _assign_system(self, node: Reference, value: Any) -> None:  # noqa: ANN401
         key = self.evaluator.key(node)
         if key is None:
+            if not is_harmless(node.name):
+                self.unjudged(node.name, f"which {node.name} is set is not known here")
             return
         if key == "$APO" and component(value, "APO_DIST") is not UNKNOWN:
             self.state.motion_data(value)
+        elif key == "$LOAD" and isinstance(value, NumberedFrame):
+            self.state.select_load(value.number)
         elif not self.state.assign(key, value):
             self._system[key] = value
+            if not is_harmless(key):
+                self.unjudged(key, f"{key} is set: what it does to the motion is not judged")
         if key.startswith(("$OUT[", "$ANOUT[")):
             number = float(value) if isinstance(value, int | float) else math.nan
             self.recorder.event(EventWord.OUTPUT, key, self.place(), number)
@@ -337,6 +380,8 @@ class Interpreter:
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
         elif name not in SILENT:
+            if not (name in self._world.hooks or is_integrators(name)):
+                self.unjudged(name, f"{name} is not in these files: it may move the arm")
             values = tuple(self.evaluator.value(value) for value in statement.arguments)
             first = values[0] if values else math.nan
             number = float(first) if isinstance(first, int | float) else math.nan
@@ -347,7 +392,7 @@ class Interpreter:
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
         if not self.state.bas(command, argument, self._active):
-            self.finding(RunKind.COMMAND, f"BAS(#{command}) is not known", Severity.WARNING)
+            self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not judged")
         self._missing_frames()
 
     def _resolve(self, name: str) -> tuple[KrlModule, Routine] | None:
@@ -385,17 +430,65 @@ class Interpreter:
             return self._run_routine(*found, arguments)
         known = predefined(name)
         if known is None:
+            if name.upper() not in SILENT:
+                self.unjudged(name, f"{name} is not in these files: it may move the arm")
             return UNKNOWN
         return known([UNKNOWN if a is None else self.evaluator.node(a) for a in arguments])
 
     def _trigger(self, statement: Trigger) -> None:
-        handler = self._handlers.get(type(statement.action))
-        if handler is not None and not isinstance(statement.action, Move):
-            handler(statement.action)
+        action = statement.action
+        harmless = isinstance(action, Assign) and is_harmless(action.target)
+        if not (harmless or self._is_hook(action) or self._is_idle(action)):
+            self.unjudged("TRIGGER", "a trigger does more than to switch an output or call a hook")
+            return
+        handler = self._handlers.get(type(action))
+        if handler is not None:
+            handler(action)
+
+    def _interrupt(self, statement: Interrupt) -> None:
+        """Note whether the delivered interrupt 3 is at work; all others are only harmless hooks."""
+        number = None if statement.number is None else self.evaluator.value(statement.number)
+        action = statement.action
+        if statement.word == "DECL":
+            if number == 3 and isinstance(action, Call) and action.name.upper() == "IR_STOPM":
+                self.state.note(f"{STOPMESS} DECL")
+            elif action is None or not (self._is_hook(action) or self._is_idle(action)):
+                self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
+        elif number == 3:
+            is_on = statement.word in ("ON", "ENABLE")
+            declared = f"{STOPMESS} DECL" in self.state.values.done
+            self.state.note(STOPMESS, on=is_on and declared)
+
+    def _is_hook(self, action: Statement) -> bool:
+        if not isinstance(action, Call):
+            return False
+        name = action.name.upper()
+        return name in self._world.hooks or is_integrators(name) or self.is_accepted(name)
+
+    def _is_idle(self, statement: Statement, depth: int = 0) -> bool:
+        """Return whether a statement neither moves the arm nor changes how it moves."""
+        if isinstance(statement, Assign):
+            target = statement.target.upper()
+            return is_harmless(target) if target.startswith("$") else target not in _DATA
+        if isinstance(statement, Call):
+            name = statement.name.upper()
+            if name == "PULSE" or name in SILENT or self.is_accepted(name):
+                return True
+            found = None if name in self._world.hooks else self._resolve(name)
+            inner = found[1].statements if found and depth < MAX_IDLE_DEPTH else ()
+            return bool(inner) and all(self._is_idle(item, depth + 1) for item in inner)
+        return not isinstance(statement, Move | SplineBegin | Interrupt | Trigger) and not (
+            isinstance(statement, Control) and statement.word in ("GOTO", "EXIT", "RETURN")
+        )
 
     def _wait(self, statement: WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)
         number = float(seconds) if isinstance(seconds, int | float) else math.nan
+        if math.isnan(number):
+            self.unjudged("WAIT SEC", "how long is waited is not known here")
+        elif number > MAX_WAIT:
+            text = f"a wait of {number:g} s, expected at most {MAX_WAIT:g} s"
+            self.finding(RunKind.WAIT, text)
         self.recorder.event(EventWord.DWELL, "WAIT SEC", self.place(), number)
 
     def _wait_for(self, statement: WaitFor) -> None:

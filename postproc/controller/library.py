@@ -29,9 +29,38 @@ SILENT = frozenset(
 """Routines of the controller that neither move the robot nor belong to the process."""
 
 
+HARMLESS = frozenset(
+    {
+        "$OUT",
+        "$ANOUT",
+        "$FLAG",
+        "$CYCFLAG",
+        "$TIMER",
+        "$TIMER_STOP",
+        "$BWDSTART",
+        "$H_POS",
+        "$LOOP_MSG",
+        "$LOOP_CONT",
+    }
+)
+"""System variables that neither move the robot nor change how it moves."""
+INTEGRATORS = "PP_"
+"""Routines whose names begin so are hooks of the integrator: the process, never the arm."""
+
+
+def is_harmless(name: str) -> bool:
+    """Return whether setting a system variable says nothing of the motion, whatever its index."""
+    return name.upper().partition("[")[0].partition(".")[0] in HARMLESS
+
+
+def is_integrators(name: str) -> bool:
+    """Return whether a routine is a hook by its name."""
+    return name.upper().startswith(INTEGRATORS)
+
+
 @dataclass(frozen=True, slots=True)
 class NumberedFrame:
-    """A tool or base selected by number in a ``WITH`` (``STOOL2``, ``SBASE``)."""
+    """A tool, base or load selected by number in a ``WITH`` (``STOOL2``, ``SBASE``, ``SLOAD``)."""
 
     number: Any
 
@@ -58,6 +87,21 @@ def _data(arguments: list[Any]) -> Any:  # noqa: ANN401
     return arguments[0] if arguments else UNKNOWN
 
 
+def _ramp(arguments: list[Any]) -> Any:  # noqa: ANN401
+    value = arguments[0] if arguments else UNKNOWN
+    return component(value, "ACC") if isinstance(value, Aggregate) else value
+
+
+def _path_acceleration(arguments: list[Any]) -> Any:  # noqa: ANN401
+    value = arguments[0] if arguments else UNKNOWN
+    return value if isinstance(value, Aggregate) else Aggregate((("CP", value),))
+
+
+def _orientation(arguments: list[Any]) -> Any:  # noqa: ANN401
+    value = arguments[0] if arguments else UNKNOWN
+    return component(value, "ORI_TYP") if isinstance(value, Aggregate) else value
+
+
 def _nothing(_arguments: list[Any]) -> Any:  # noqa: ANN401
     return UNKNOWN
 
@@ -71,13 +115,13 @@ _FUNCTIONS: dict[str, Callable[[list[Any]], Any]] = {
     "SAPO": _data,
     "SAPO_PTP": _data,
     "SAPO_CP": _data,
-    "SLOAD": _nothing,
-    "SACC_JOINT": _nothing,
-    "SACC_CP": _nothing,
-    "SIPO_MODE": _nothing,
-    "SORI_TYP": _nothing,
-    "SGEAR_JERK": _nothing,
-    "SJERK": _nothing,
+    "SLOAD": _tool,
+    "SACC_JOINT": _ramp,
+    "SACC_CP": _path_acceleration,
+    "SIPO_MODE": _data,
+    "SORI_TYP": _orientation,
+    "SGEAR_JERK": _data,
+    "SJERK": _data,
     "USE_CM_PRO_VALUES": _nothing,
 }
 

@@ -32,6 +32,10 @@ MOTION_TYPES = {
 }
 
 
+_OF_ALL_AXES = {"$VEL_AXIS": "VEL_PTP", "$ACC_AXIS": "ACC_PTP"}
+"""What WITH sets for the first axis counts for all."""
+
+
 class Host(Protocol):
     """The interpreter that runs the statements around the motions."""
 
@@ -84,9 +88,9 @@ class Motions:
 
     def _with(self, settings: tuple[Assign, ...]) -> None:
         for setting in settings:
-            if setting.target.startswith("$VEL_AXIS"):
-                share = self._evaluator.value(setting.value)
-                self._host.state.bas("VEL_PTP", share, {})
+            command = _OF_ALL_AXES.get(setting.target.partition("[")[0])
+            if command is not None:
+                self._host.state.bas(command, self._evaluator.value(setting.value), {})
             else:
                 self._host.assign(setting)
 

@@ -94,9 +94,11 @@ class Recorder:
         message: str,
         place: tuple[int, int],
         severity: Severity = Severity.ERROR,
+        hint: str = "",
     ) -> None:
         """Add a finding; the same one is added once."""
-        found = Finding(severity, kind, message, source=SourceRef(self.names[place[0]], place[1]))
+        source = SourceRef(self.names[place[0]], place[1])
+        found = Finding(severity, kind, message, source=source, hint=hint)
         if found not in self.findings[-50:]:
             self.findings.append(found)
 

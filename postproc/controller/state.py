@@ -7,6 +7,7 @@ world of the cell; $ROBROOT is where the cell says that the robot stands.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -30,6 +31,10 @@ DEFAULT_CDIS = 3.0
 """$APO.CDIS [mm]."""
 DEFAULT_CPTP = 50.0
 """$APO.CPTP [%]."""
+DEFAULT_CVEL = 100.0
+"""$APO.CVEL [%]."""
+DEFAULT_CORI = 5.0
+"""$APO.CORI [deg]."""
 
 
 @dataclass(slots=True)
@@ -61,14 +66,22 @@ class Values:
     tool_number: int = 0
     base_number: int = 0
     speed: float = DEFAULT_SPEED
-    orientation_speed: float = DEFAULT_ORIENTATION
+    swivel: float = DEFAULT_ORIENTATION
+    rotation: float = DEFAULT_ORIENTATION
     acceleration: float = DEFAULT_ACCELERATION
     ptp: tuple[float, ...] = (100.0,) * 6
+    ramp: tuple[float, ...] = (100.0,) * 6
     cdis: float = DEFAULT_CDIS
     cptp: float = DEFAULT_CPTP
+    cvel: float = DEFAULT_CVEL
+    cori: float = DEFAULT_CORI
     advance: int = 3
     orientation: str = "VAR"
+    circle: str = "BASE"
     ipo_tcp: bool = False
+    load_number: int = 0
+    load_mass: float = math.nan
+    done: frozenset[str] = frozenset()
 
 
 class MotionState:
@@ -91,6 +104,8 @@ class MotionState:
         self.values = Values(self.tool_frames.row(np.eye(4)), self._base_row(np.eye(4)))
         self.missing: list[str] = []
         """Frames that were selected and are not known, until somebody asks."""
+        self.unjudged: list[tuple[str, str]] = []
+        """What was set to something that is not known: its name and what is wrong with it."""
         self._rows: dict[Settings, int] = {}
         self._last: tuple[Values | None, int] = (None, 0)
 
@@ -107,14 +122,21 @@ class MotionState:
             tool_number=v.tool_number,
             base_number=v.base_number,
             speed=v.speed,
-            orientation_speed=v.orientation_speed * DEG,
+            orientation_speed=min(v.swivel, v.rotation) * DEG,
             acceleration=v.acceleration,
             ptp=tuple(share * PERCENT for share in v.ptp),
             cdis=v.cdis * MM,
             cptp=v.cptp * PERCENT,
+            cvel=v.cvel * PERCENT,
+            cori=v.cori * DEG,
+            ramp=tuple(share * PERCENT for share in v.ramp),
             advance=v.advance,
             orientation=v.orientation,
+            circle=v.circle,
             ipo_tcp=v.ipo_tcp,
+            load_number=v.load_number,
+            load_mass=v.load_mass,
+            done=v.done,
         )
         row = self._rows.setdefault(settings, len(self._rows))
         self._last = (v, row)
@@ -138,8 +160,20 @@ class MotionState:
     def _base_row(self, T_world_base: FloatArray) -> int:
         return self.base_frames.row(self._T_robroot_world @ T_world_base)
 
-    def _set(self, **changes: Any) -> None:  # noqa: ANN401 - fields of Values
+    def _set(self, done: str = "", **changes: Any) -> None:  # noqa: ANN401 - fields of Values
+        """Change values; ``done``: what the program has set by that."""
+        if done and done not in self.values.done:
+            changes["done"] = self.values.done | {done}
         self.values = replace(self.values, **changes)
+
+    def note(self, what: str, *, on: bool = True) -> None:
+        """Note that something was done, or undone, that later motions rely on."""
+        done = self.values.done | {what} if on else self.values.done - {what}
+        if done != self.values.done:
+            self.values = replace(self.values, done=done)
+
+    def _unknown(self, key: str) -> None:
+        self.unjudged.append((key, f"{key} is set to something that is not known here"))
 
     # -------------------------------------------------------------------------------------- frames
 
@@ -147,13 +181,22 @@ class MotionState:
         """Take TOOL_DATA[number]; 0 and below is the flange itself."""
         pose = self._numbered(self.tool_data, number, "tool")
         if pose is not None:
-            self._set(tool=self.tool_frames.row(matrix_of(pose)), tool_number=max(int(number), 0))
+            number = max(int(number), 0)
+            self._set("$TOOL", tool=self.tool_frames.row(matrix_of(pose)), tool_number=number)
+
+    def select_load(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
+        """Take LOAD_DATA[number], as BAS(#TOOL) does besides the tool."""
+        if isinstance(number, int) and not isinstance(number, bool):
+            self._set("$LOAD", load_number=max(number, 0), load_mass=math.nan)
+        else:
+            self._unknown("$LOAD")
 
     def select_base(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
         """Take BASE_DATA[number]; 0 and below is $WORLD."""
         pose = self._numbered(self.base_data, number, "base")
         if pose is not None:
-            self._set(base=self._base_row(matrix_of(pose)), base_number=max(int(number), 0))
+            number = max(int(number), 0)
+            self._set("$BASE", base=self._base_row(matrix_of(pose)), base_number=number)
 
     def _numbered(self, data: Mapping[int, Pose], number: Any, what: str) -> Pose | None:  # noqa: ANN401
         if isinstance(number, bool) or not isinstance(number, int):
@@ -174,9 +217,9 @@ class MotionState:
             return
         T = matrix_of(value)
         if name == "$TOOL":
-            self._set(tool=self.tool_frames.row(T), tool_number=number)
+            self._set(name, tool=self.tool_frames.row(T), tool_number=number)
         else:
-            self._set(base=self._base_row(T), base_number=number)
+            self._set(name, base=self._base_row(T), base_number=number)
 
     # ---------------------------------------------------------------------------- system variables
 
@@ -186,31 +229,47 @@ class MotionState:
             self.set_frame(key, value, -1)
         elif key in _STRUCTURES and isinstance(value, Aggregate):
             for name, item in value.fields:
-                self.assign(f"{key}.{name.upper()}", item)
+                if not self.assign(f"{key}.{name.upper()}", item):
+                    self._unknown(f"{key}.{name.upper()}")
         elif key in _NUMBERS:
             if _is_number(value):
-                self._set(**{_NUMBERS[key]: value})
-        elif key.startswith("$VEL_AXIS["):
-            self._axis_speed(key, value)
-        elif key in ("$ORI_TYPE", "$IPO_MODE"):
+                self._set(key, **{_NUMBERS[key]: value})
+            else:
+                self._unknown(key)
+        elif key.startswith(("$VEL_AXIS[", "$ACC_AXIS[")):
+            self._axis_share(key, value)
+        elif key in _MODES:
             self._mode(key, value)
+        elif key == "$LOAD" or key.startswith("$LOAD."):
+            self._load(key, value)
         else:
-            return False
+            return key in _RAMPS or key.startswith(_INDEXED_RAMPS)
         return True
 
-    def _axis_speed(self, key: str, value: Any) -> None:  # noqa: ANN401
-        digits = key[len("$VEL_AXIS[") : -1]
-        if digits.isdigit() and 1 <= int(digits) <= 6 and _is_number(value):
-            shares = list(self.values.ptp)
-            shares[int(digits) - 1] = float(value)
-            self._set(ptp=tuple(shares))
+    def _axis_share(self, key: str, value: Any) -> None:  # noqa: ANN401
+        name, _, digits = key[:-1].partition("[")
+        if not (digits.isdigit() and 1 <= int(digits) <= 6 and _is_number(value)):
+            self._unknown(key)
+            return
+        column = "ptp" if name == "$VEL_AXIS" else "ramp"
+        shares = list(getattr(self.values, column))
+        shares[int(digits) - 1] = float(value)
+        self._set(name, **{column: tuple(shares)})
 
     def _mode(self, key: str, value: Any) -> None:  # noqa: ANN401
         name = value.name.upper() if isinstance(value, Enum) else ""
-        if key == "$ORI_TYPE" and name:
-            self._set(orientation=name)
-        elif name:
-            self._set(ipo_tcp=name == "TCP")
+        if name not in _MODES[key]:
+            self._unknown(key)
+        elif key == "$IPO_MODE":
+            self._set(key, ipo_tcp=name == "TCP")
+        else:
+            self._set(key, **{"orientation" if key == "$ORI_TYPE" else "circle": name})
+
+    def _load(self, key: str, value: Any) -> None:  # noqa: ANN401
+        """Take a load of the program's own; one component of it makes the rest no known load."""
+        mass = component(value, "M") if key == "$LOAD" else UNKNOWN
+        mass = float(mass) if _is_number(mass) else math.nan
+        self._set("$LOAD", load_number=-1, load_mass=mass)
 
     def read(self, key: str) -> Any:  # noqa: ANN401
         """Return a system variable of the motion state, ``UNKNOWN`` for any other."""
@@ -240,9 +299,12 @@ class MotionState:
         """
         if command == "INITMOV":
             self._reset()
-        elif command in ("TOOL", "BASE"):
-            (self.select_tool if command == "TOOL" else self.select_base)(argument)
-        elif command in ("VEL_PTP", "VEL_CP", "ACC_CP"):
+        elif command == "TOOL":
+            self.select_tool(argument)
+            self.select_load(argument)
+        elif command == "BASE":
+            self.select_base(argument)
+        elif command in ("VEL_PTP", "ACC_PTP", "VEL_CP", "ACC_CP"):
             self._speed(command, argument)
         elif command in ("PTP_PARAMS", "CP_PARAMS"):
             point_to_point = command == "PTP_PARAMS"
@@ -255,29 +317,34 @@ class MotionState:
         elif command == "FRAMES":
             self.frame_data(active.get("FDAT_ACT", UNKNOWN))
         else:
-            return command in ("ACC_PTP", "EX_BASE", "OUT_SAFE", "ACC_GLUE", "GRIP")
+            return False
         return True
 
     def _reset(self) -> None:
+        kept = self.values.done & {STOPMESS}
         self.values = replace(
             Values(self.values.tool, self._base_row(np.eye(4))),
             tool_number=self.values.tool_number,
+            load_number=1,
         )
         # TOOL_DATA[1] exists on every controller, measured or not.
         if 1 in self.tool_data:
             self.select_tool(1)
         else:
             self._set(tool=self.tool_frames.row(np.eye(4)), tool_number=1)
+        self.values = replace(self.values, done=kept | {INITMOV})
 
     def _speed(self, command: str, value: Any) -> None:  # noqa: ANN401
         if not _is_number(value):
-            return
-        if command == "VEL_CP":
-            self._set(speed=min(float(value), DEFAULT_SPEED))
+            self._unknown(f"BAS(#{command})")
+        elif command == "VEL_CP":
+            self._set("$VEL.CP", speed=min(float(value), DEFAULT_SPEED))
         elif command == "VEL_PTP":
-            self._set(ptp=(float(value),) * 6)
+            self._set("$VEL_AXIS", ptp=(float(value),) * 6)
+        elif command == "ACC_PTP":
+            self._set("$ACC_AXIS", ramp=(float(value),) * 6)
         else:
-            self._set(acceleration=DEFAULT_ACCELERATION * PERCENT * float(value))
+            self._set("$ACC.CP", acceleration=DEFAULT_ACCELERATION * PERCENT * float(value))
 
     def frame_data(self, fdat: Any) -> None:  # noqa: ANN401
         """Take tool, base and interpolation mode of a FDAT."""
@@ -285,6 +352,7 @@ class MotionState:
             self.missing.append("the frame data (FDAT) of the motion are not known")
             return
         self.select_tool(component(fdat, "TOOL_NO"))
+        self.select_load(component(fdat, "TOOL_NO"))
         self.select_base(component(fdat, "BASE_NO"))
         self._mode("$IPO_MODE", component(fdat, "IPO_FRAME"))
 
@@ -296,9 +364,13 @@ class MotionState:
         is_ptp = component(data, "ORI_TYP") is UNKNOWN and component(data, "AXIS_VEL") is UNKNOWN
         if _is_number(distance):
             in_percent = is_ptp and not (isinstance(mode, Enum) and mode.name.upper() == "CDIS")
-            self._set(**({"cptp": distance} if in_percent else {"cdis": distance}))
-        if not is_ptp:
-            self._mode("$ORI_TYPE", component(data, "ORI_TYP"))
+            if in_percent:
+                self._set("$APO.CPTP", cptp=distance)
+            else:
+                self._set("$APO.CDIS", cdis=distance)
+        for name, key in (("ORI_TYP", "$ORI_TYPE"), ("CIRC_TYP", "$CIRC_TYPE")):
+            if component(data, name) is not UNKNOWN:
+                self._mode(key, component(data, name))
 
 
 def _is_number(value: Any) -> bool:  # noqa: ANN401
@@ -307,10 +379,24 @@ def _is_number(value: Any) -> bool:  # noqa: ANN401
 
 _NUMBERS = {
     "$VEL.CP": "speed",
-    "$VEL.ORI1": "orientation_speed",
+    "$VEL.ORI1": "swivel",
+    "$VEL.ORI2": "rotation",
     "$ACC.CP": "acceleration",
     "$APO.CDIS": "cdis",
     "$APO.CPTP": "cptp",
+    "$APO.CVEL": "cvel",
+    "$APO.CORI": "cori",
     "$ADVANCE": "advance",
 }
+_MODES = {
+    "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),
+    "$CIRC_TYPE": ("BASE", "PATH"),
+    "$IPO_MODE": ("BASE", "TCP"),
+}
+_RAMPS = frozenset({"$ACC.ORI1", "$ACC.ORI2"})
+_INDEXED_RAMPS = ("$ACC_EXTAX[", "$VEL_EXTAX[", "$GEAR_JERK", "$JERK")
+"""How fast speeds are reached, within what the controller allows: they move no point."""
+INITMOV = "BAS(#INITMOV)"
+STOPMESS = "INTERRUPT 3"
+"""The delivered interrupt that stops the program with the robot, declared and switched on."""
 _STRUCTURES = frozenset({"$VEL", "$ACC", "$APO"})

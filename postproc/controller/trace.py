@@ -63,7 +63,10 @@ class Settings(NamedTuple):
     """What is in force at a motion; a tuple so that equal settings are kept once.
 
     ``tool``, ``base``: rows of the frame tables; ``*_number``: as selected, -1 for a frame without
-    one. Speeds in m/s and rad/s, ``ptp``: share of axis speed per axis, ``cdis`` [m].
+    one. Speeds in m/s and rad/s, ``ptp``, ``ramp``: share of axis speed and acceleration per axis;
+    ``cdis`` [m], ``cori`` [rad], ``cptp``, ``cvel``: where approximation may begin. ``load_number``
+    as selected, -1 for a load of its own of ``load_mass`` [kg]. ``done``: what the program itself
+    has set or called; the rest is as the controller is configured.
     """
 
     tool: int
@@ -76,9 +79,16 @@ class Settings(NamedTuple):
     ptp: tuple[float, ...]
     cdis: float
     cptp: float
+    cvel: float
+    cori: float
+    ramp: tuple[float, ...]
     advance: int
     orientation: str
+    circle: str
     ipo_tcp: bool
+    load_number: int
+    load_mass: float
+    done: frozenset[str]
 
 
 class TraceEvent(NamedTuple):

@@ -115,6 +115,7 @@ def curves_of(
         flange[joints] = kinematics.fk(trace.target[joints])
         T_base_robroot = inverse(T_robroot_base[joints])
         T_end[joints] = T_base_robroot @ flange[joints] @ trace.tools[tools[joints]]
+    _hold_orientation(trace, T_end, flange, T_robroot_base, tools, bases, external, externals)
     T_start = _starts(trace, T_end, flange, tools, bases, external, externals)
     arcs, circle, bad = _arcs(trace, T_start, T_end, flange, T_robroot_base @ T_end)
     axis, angle = np.zeros((len(trace), 3)), np.zeros(len(trace))
@@ -154,6 +155,32 @@ def _targets(trace: Trace) -> FloatArray:
     T[rows, :3, 3] = trace.target[rows, :3]
     T[rows, :3, :3] = rotation_from_abc(trace.target[rows, 3:])
     return T
+
+
+def _hold_orientation(
+    trace: Trace,
+    T_end: FloatArray,
+    flange: FloatArray,
+    T_robroot_base: FloatArray,
+    tools: AnyIntArray,
+    bases: AnyIntArray,
+    external: FloatArray,
+    externals: Externals,
+) -> None:
+    """Let path motions with ``$ORI_TYPE=#CONSTANT`` end in the orientation that they start with.
+
+    What their targets say of the orientation is not heeded; the motion behind starts from there.
+    """
+    constant = np.array([s.orientation == "CONSTANT" for s in trace.settings] or [False])
+    for row in np.flatnonzero(constant[trace.setting] & trace.is_cp).tolist():
+        if row == 0:
+            continue
+        T_base = trace.bases[bases[row]]
+        if externals:
+            T_base = externals.shift(external[row - 1 : row])[0] @ T_base
+        T_tool = trace.tools[tools[row]]
+        T_end[row, :3, :3] = (inverse(T_base) @ flange[row - 1] @ T_tool)[:3, :3]
+        flange[row] = T_robroot_base[row] @ T_end[row] @ inverse(T_tool)
 
 
 def _starts(

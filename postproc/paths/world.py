@@ -50,6 +50,7 @@ def _world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) 
         np.asarray(cell.robot.T_world_robroot),
         lambda trace: _joints_at_end(trace, cell, kinematics),
         frozenset(name.upper() for name in cell.krl.hooks.values()),
+        frozenset(" ".join(name.upper().split()) for name in cell.accept),
     )
 
 

@@ -2,7 +2,9 @@
 
 Nothing of the planner or the emitter is used: text in, answer out. Kinds of violations:
 
-- ``structure``, ``endless``: the program does not run; ``frame``: tool or base unknown or not the
+- ``structure``, ``endless``: the program does not run; ``unjudged``, ``condition``: what it does is
+  not known from the text; ``setup``, ``load``, ``orientation``, ``speed``, ``wait``: what is in
+  force, or is not set at all; ``frame``: tool or base unknown or not the
   cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``, ``half_turn``: a motion
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
@@ -44,6 +46,7 @@ from postproc.verification.checks import (
 )
 from postproc.verification.collisions import check_collisions
 from postproc.verification.report import Result, Run, VerifyReport, in_order
+from postproc.verification.settings import check_settings
 
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
@@ -90,6 +93,7 @@ def verify(
     paths = joint_paths(trace, cell, kinematics)
     result = Result(paths, [*trace.findings, *paths.findings])
     _check_frames(result, trace, cell)
+    check_settings(result, cell, modules)
     _check_circles(result)
     check_joints(result, cell, kinematics)
     check_externals(result, cell)

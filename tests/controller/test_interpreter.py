@@ -3,6 +3,8 @@
 import math
 from pathlib import Path
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -235,12 +237,12 @@ def test_program_control(lines, expected):
         (["FOR i=1 TO nCount", "LIN {X 1}", "ENDFOR"], [1]),
     ],
 )
-def test_what_only_the_controller_knows_is_a_warning(lines, expected):
+def test_what_only_the_controller_knows_is_refused_where_it_decides_about_motions(lines, expected):
     first = "LIN {X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}"
     result = trace("DECL INT i", first, *lines)
     assert xs(result)[1:] == expected
-    assert result.findings
-    assert all(f.code == "condition" and f.severity == "warning" for f in result.findings)
+    assert {f.code for f in result.findings} <= {"condition", "endless"}
+    assert any(f.severity == "error" for f in result.findings)
 
 
 def test_known_values_decide_with_unknown_ones():
@@ -386,7 +388,10 @@ def test_forms_of_8_6_and_spline_blocks():
 
 
 def test_a_milling_job():
-    result = run(load_modules([FIXTURES / "milling"]), "POCKETS", KINEMATICS, WORLD)
+    files = load_modules([FIXTURES / "milling"])
+    trusted = replace(WORLD, accept=frozenset({"SPINDLE_RUN", "SPINDLE_STOP"}))
+    result = run(files, "POCKETS", KINEMATICS, trusted)
+    assert {f.code for f in run(files, "POCKETS", KINEMATICS, WORLD).findings} == {"unjudged"}
     assert not [f for f in result.findings if f.severity == "error"]
     holes = [e for e in result.events if e.word is EventWord.DWELL and e.value == 0.25]
     assert len(holes) == 3

@@ -10,6 +10,7 @@ import copy
 import functools
 import json
 import typing
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -160,6 +161,8 @@ def urdf() -> str:
     ]
     return URDF.format(links="".join(links))
 
+
+TUNED = (Path(__file__).parents[2] / "templates/default/motion_speeds.j2").read_text() + "$OV_PRO=50\n"
 
 MILL, HOLES, LINE = "mill.apt", "holes.csv", "line.apt"
 DIP = {
@@ -331,6 +334,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "import.accept_words": ({}, {"import.accept_words": ["CUTCOM"]}, "shifted.apt"),
     "krl.emitter": ({}, {"krl.emitter": "none"}),
     "krl.template": ({}, {"krl.template": "own"}),
+    "verify.accept": ({"krl.template": "tuned"}, {"verify.accept": ["$OV_PRO"]}),
     "krl.max_points_per_file": ({}, {"krl.max_points_per_file": 5}),
     "krl.split": ({}, {"krl.split": "operations"}, "two.csv"),
     "krl.motion": ({}, {"krl.motion": "spline"}),
@@ -401,6 +405,8 @@ def folder(tmp_path_factory):
     (place / "arm.urdf").write_text(urdf())
     (place / "model.toml").write_text(MODEL)
     (place / "own").mkdir()
+    (place / "tuned").mkdir()
+    (place / "tuned" / "motion_speeds.j2").write_text(TUNED)
     (place / "own" / "main_head.j2").write_text('{{ points }}\n{% include "ini.j2" %}\n')
     return place
 

@@ -1,0 +1,157 @@
+"""What is in force at the motions: is it set at all, is it what the cell stands for?
+
+All that a controller takes from its own configuration where the program does not say it is asked
+for, as far as a motion depends on it; a program that is right by luck is not right.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from postproc.arrays import AnyIntArray, BoolArray
+from postproc.cell import Cell
+from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
+from postproc.errors import RunKind, Severity
+from postproc.krl import Aggregate, Assign, KrlModule
+from postproc.units import DEG, PERCENT
+from postproc.verification.report import Result
+
+MOST_CORI = 5.0 * DEG
+"""Largest $APO.CORI [rad]: that of a delivered controller."""
+_SAME = 1e-3
+"""Speeds and masses may differ by this share."""
+_WHY = {
+    INITMOV: "speeds, frames and modes are left over from the program before",
+    STOPMESS: "a stop of the robot does not stop the program",
+    "$TOOL": "it counts from whatever tool was last in force",
+    "$BASE": "it counts from $WORLD or the base before",
+    "$LOAD": "the controller moves with the load before",
+    "$VEL.CP": "it runs at the speed that the controller is configured for",
+    "$APO.CDIS": "it is blended as far as the controller is configured for",
+    "$CIRC_TYPE": "the tool turns on the arc as the controller is configured",
+}
+
+
+def check_settings(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
+    """Check what is in force at every motion.
+
+    Args:
+        result: the run; collects the findings.
+        cell: tool, load and speeds that the program is for.
+        modules: the program, for the load data that it enters.
+    """
+    trace = result.paths.trace
+    for row, settings in enumerate(trace.settings):
+        motions = np.flatnonzero(trace.setting == row)
+        if len(motions):
+            for kind, motion, text in _faults(result, cell, settings, motions):
+                result.finding(kind, motion, text)
+    _unset(result)
+    _load_data(result, cell, modules)
+
+
+def _faults(
+    result: Result, cell: Cell, settings: Settings, motions: AnyIntArray
+) -> Iterator[tuple[RunKind, int, str]]:
+    """Yield kind, first motion and words of what is wrong with settings that motions run with."""
+    trace = result.paths.trace
+    is_cp = trace.is_cp[motions]
+    first = int(motions[0])
+    if settings.ipo_tcp and not trace.is_axes[motions].all():
+        yield RunKind.FRAME, first, "$IPO_MODE is #TCP: the tool would stand and the part move"
+    yield from _orientation(result, settings, motions)
+    if not _has_load(cell, settings):
+        yield RunKind.LOAD, first, f"the load in force is not that of tool {cell.tool.number}"
+    blended = motions[is_cp & ~trace.is_exact[motions]]
+    if len(blended) and settings.cori > MOST_CORI * (1.0 + _SAME):
+        text = f"$APO.CORI is {settings.cori / DEG:g} deg, expected at most {MOST_CORI / DEG:g}"
+        yield RunKind.SETUP, int(blended[0]), text
+    joint = motions[~is_cp]
+    if len(joint):
+        yield from _shares(cell, settings, int(joint[0]))
+    if is_cp.any() and settings.speed > cell.krl.path_speed_max * (1.0 + _SAME):
+        text = f"a path speed of {settings.speed:g} m/s, the cell allows {cell.krl.path_speed_max:g}"
+        yield RunKind.SPEED, int(motions[is_cp][0]), text
+
+
+def _orientation(
+    result: Result, settings: Settings, motions: AnyIntArray
+) -> Iterator[tuple[RunKind, int, str]]:
+    trace = result.paths.trace
+    moving = motions[result.paths.curves.length[motions] > 0.0]
+    paths = moving[trace.is_cp[moving]]
+    if settings.orientation == "JOINT" and len(paths):
+        text = "$ORI_TYPE is #JOINT: the hand turns by its axes, the tool axis leaves the path"
+        yield RunKind.ORIENTATION, int(paths[0]), text
+    arcs = paths[trace.motion_type[paths] == MotionType.CIRC]
+    if settings.circle != "BASE" and len(arcs):
+        text = "$CIRC_TYPE is #PATH: the tool turns with the arc, which is not judged"
+        yield RunKind.ORIENTATION, int(arcs[0]), text
+
+
+def _has_load(cell: Cell, settings: Settings) -> bool:
+    used = settings.tool_number if settings.tool_number >= 0 else cell.tool.number
+    if settings.load_number == used:
+        return True
+    return _is_mass(cell, settings.load_mass)
+
+
+def _is_mass(cell: Cell, mass: float) -> bool:
+    return math.isfinite(mass) and math.isclose(mass, cell.tool.mass, rel_tol=_SAME, abs_tol=1e-6)
+
+
+def _shares(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
+    for name, shares in (("VEL", settings.ptp), ("ACC", settings.ramp)):
+        low, high = min(shares) / PERCENT, max(shares) / PERCENT
+        if high - low > _SAME * high:
+            text = f"${name}_AXIS goes from {low:g} to {high:g} %: the slowest axis sets the speed"
+            yield RunKind.SPEED, motion, text
+    if max(settings.ptp) > cell.motion.rapid * (1.0 + _SAME):
+        allowed = cell.motion.rapid / PERCENT
+        text = f"joint motions at {max(settings.ptp) / PERCENT:g} %, the cell allows {allowed:g}"
+        yield RunKind.SPEED, motion, text
+
+
+def _unset(result: Result) -> None:
+    """Report what motions depend on and the program has not set: the first of each."""
+    trace = result.paths.trace
+    if not len(trace):
+        return
+    cartesian = ~trace.is_axes
+    blended = (trace.blend == Blend.DISTANCE) & (trace.is_cp | np.r_[trace.is_cp[1:], False])
+    every = np.ones(len(trace), dtype=np.bool_)
+    needs: tuple[tuple[str, BoolArray], ...] = (
+        (INITMOV, every),
+        (STOPMESS, every),
+        ("$TOOL", cartesian),
+        ("$BASE", cartesian),
+        ("$LOAD", every),
+        ("$VEL.CP", trace.is_cp),
+        ("$APO.CDIS", blended),
+        ("$CIRC_TYPE", trace.motion_type == MotionType.CIRC),
+    )
+    for name, rows in needs:
+        lacks = np.array([name not in settings.done for settings in trace.settings])
+        bad = np.flatnonzero(rows & lacks[trace.setting])
+        if len(bad):
+            text = f"a motion before {name} is set: {_WHY[name]}"
+            result.finding(RunKind.SETUP, int(bad[0]), text)
+
+
+def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
+    """Check the load data that the program or its set-up enters for the tool of the cell."""
+    name = f"LOAD_DATA[{cell.tool.number}]"
+    for module in modules:
+        for statement in (s for routine in module.routines for s in routine.statements):
+            if not isinstance(statement, Assign) or not statement.target.upper().startswith(name):
+                continue
+            mass = statement.value.get("M") if isinstance(statement.value, Aggregate) else None
+            known = isinstance(mass, float | int)
+            if known and (mass < 0 or math.isnan(cell.tool.mass) or _is_mass(cell, float(mass))):
+                continue
+            place = (module.src_path, statement.line)
+            text = f"{name} is not the mass of the tool of the cell"
+            result.finding_at(RunKind.LOAD, place, text, Severity.ERROR)
