@@ -74,6 +74,7 @@ class RunKind(StrEnum):
     FEED = "feed"
     PLUNGE = "plunge"
     BLENDED_PLUNGE = "blended_plunge"
+    PECK = "peck"
     RETRACT = "retract"
     DWELL = "dwell"
     EVENT = "event"

@@ -95,7 +95,9 @@ class ControlFlow:
         value = self._evaluator.node(parse_expression(text.strip()))
         if value is UNKNOWN:
             self._unknown += 1
-            self._unsure(f"{text.strip()} is not known here, taken as FALSE", text, run, start, stop)
+            self._unsure(
+                f"{text.strip()} is not known here, taken as FALSE", text, run, start, stop
+            )
         return value
 
     def _unsure(self, message: str, text: str, run: Activation, start: int, stop: int) -> None:

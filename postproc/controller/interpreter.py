@@ -23,7 +23,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
-from postproc.controller.library import SILENT, NumberedFrame, is_harmless, is_integrators, predefined
+from postproc.controller.library import SILENT, NumberedFrame, is_harmless, predefined
 from postproc.controller.motions import Motions
 from postproc.controller.recorder import Recorder
 from postproc.controller.runtime import (
@@ -38,6 +38,7 @@ from postproc.controller.runtime import (
 from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
+from postproc.controller.trust import Trust
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
@@ -56,7 +57,6 @@ from postproc.krl import (
     Reference,
     Routine,
     SplineBegin,
-    Statement,
     SplineEnd,
     Trigger,
     Value,
@@ -69,11 +69,8 @@ MAX_DEPTH = 50
 """Calls within calls."""
 MAX_CALLS = 1_000_000
 """Calls in one run; more means that the program does not end."""
-MAX_IDLE_DEPTH = 5
-"""Calls within calls that are looked into for whether they do nothing."""
 MAX_WAIT = 600.0
 """A longer wait [s] is a slip of the digits, not a dwell."""
-_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
@@ -127,8 +124,13 @@ class Interpreter:
         self.recorder = Recorder()
         self.targets = Targets(self.state, kinematics, self._joints_now)
         self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
+        self._trust = Trust(world.hooks, world.accept, self._resolve)
         self._control = ControlFlow(
-            self.evaluator, self._assign_node, self.finding, self._is_idle, self.is_accepted
+            self.evaluator,
+            self._assign_node,
+            self.finding,
+            self._trust.is_idle,
+            self._trust.accepts,
         )
         self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
@@ -254,15 +256,9 @@ class Interpreter:
         """Report something at the present line."""
         self.recorder.finding(kind, message, self.place(), severity, hint)
 
-    def is_accepted(self, name: str) -> bool:
-        """Return whether the world takes on trust what has this name, an index aside."""
-        accept = self._world.accept
-        name = " ".join(name.upper().split())
-        return bool(accept) and (name in accept or name.partition("[")[0] in accept)
-
     def unjudged(self, name: str, message: str) -> None:
         """Report what is not followed here, unless the world accepts it by its name."""
-        if not self.is_accepted(name):
+        if not self._trust.accepts(name):
             self.finding(RunKind.UNJUDGED, message, hint=f"harmless? [verify] accept = [{name!r}]")
 
     def _missing_frames(self) -> None:
@@ -380,7 +376,7 @@ class Interpreter:
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
         elif name not in SILENT:
-            if not (name in self._world.hooks or is_integrators(name)):
+            if not self._trust.is_hook(statement):
                 self.unjudged(name, f"{name} is not in these files: it may move the arm")
             values = tuple(self.evaluator.value(value) for value in statement.arguments)
             first = values[0] if values else math.nan
@@ -438,7 +434,7 @@ class Interpreter:
     def _trigger(self, statement: Trigger) -> None:
         action = statement.action
         harmless = isinstance(action, Assign) and is_harmless(action.target)
-        if not (harmless or self._is_hook(action) or self._is_idle(action)):
+        if not (harmless or self._trust.is_hook(action) or self._trust.is_idle(action)):
             self.unjudged("TRIGGER", "a trigger does more than to switch an output or call a hook")
             return
         handler = self._handlers.get(type(action))
@@ -452,34 +448,12 @@ class Interpreter:
         if statement.word == "DECL":
             if number == 3 and isinstance(action, Call) and action.name.upper() == "IR_STOPM":
                 self.state.note(f"{STOPMESS} DECL")
-            elif action is None or not (self._is_hook(action) or self._is_idle(action)):
+            elif action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
                 self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
         elif number == 3:
             is_on = statement.word in ("ON", "ENABLE")
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
-
-    def _is_hook(self, action: Statement) -> bool:
-        if not isinstance(action, Call):
-            return False
-        name = action.name.upper()
-        return name in self._world.hooks or is_integrators(name) or self.is_accepted(name)
-
-    def _is_idle(self, statement: Statement, depth: int = 0) -> bool:
-        """Return whether a statement neither moves the arm nor changes how it moves."""
-        if isinstance(statement, Assign):
-            target = statement.target.upper()
-            return is_harmless(target) if target.startswith("$") else target not in _DATA
-        if isinstance(statement, Call):
-            name = statement.name.upper()
-            if name == "PULSE" or name in SILENT or self.is_accepted(name):
-                return True
-            found = None if name in self._world.hooks else self._resolve(name)
-            inner = found[1].statements if found and depth < MAX_IDLE_DEPTH else ()
-            return bool(inner) and all(self._is_idle(item, depth + 1) for item in inner)
-        return not isinstance(statement, Move | SplineBegin | Interrupt | Trigger) and not (
-            isinstance(statement, Control) and statement.word in ("GOTO", "EXIT", "RETURN")
-        )
 
     def _wait(self, statement: WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)

@@ -93,7 +93,7 @@ def _ramp(arguments: list[Any]) -> Any:  # noqa: ANN401
 
 
 def _path_acceleration(arguments: list[Any]) -> Any:  # noqa: ANN401
-    value = arguments[0] if arguments else UNKNOWN
+    value: Any = arguments[0] if arguments else UNKNOWN
     return value if isinstance(value, Aggregate) else Aggregate((("CP", value),))
 
 

@@ -135,6 +135,7 @@ class Motions:
             self._host.place(),
             self._block,
         )
+        recorder.relative[row] = statement.word.is_relative
         if self._block >= 0:
             recorder.blends[row] = Blend.THROUGH
         elif statement.blend:

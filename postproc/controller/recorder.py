@@ -37,6 +37,7 @@ class Recorder:
     files: list[int] = field(default_factory=list)
     lines: list[int] = field(default_factory=list)
     blocks: list[int] = field(default_factory=list)
+    relative: list[bool] = field(default_factory=list)
     auxiliary: dict[int, Numbers] = field(default_factory=dict)
     angles: dict[int, float] = field(default_factory=dict)
     events: list[TraceEvent] = field(default_factory=list)
@@ -73,6 +74,7 @@ class Recorder:
         self.files.append(place[0])
         self.lines.append(place[1])
         self.blocks.append(block)
+        self.relative.append(False)
         return len(self.motion_types) - 1
 
     def event(
@@ -124,6 +126,7 @@ class Recorder:
             file=np.array(self.files, dtype=np.int32),
             line=np.array(self.lines, dtype=np.int32),
             block=np.array(self.blocks, dtype=np.int32),
+            is_relative=np.array(self.relative, dtype=np.bool_),
             auxiliary={row: _si(values) for row, values in self.auxiliary.items()},
             angle={row: angle * DEG for row, angle in self.angles.items()},
             tools=state.tool_frames.stack(),

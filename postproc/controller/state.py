@@ -267,7 +267,7 @@ class MotionState:
 
     def _load(self, key: str, value: Any) -> None:  # noqa: ANN401
         """Take a load of the program's own; one component of it makes the rest no known load."""
-        mass = component(value, "M") if key == "$LOAD" else UNKNOWN
+        mass: Any = component(value, "M") if key == "$LOAD" else UNKNOWN
         mass = float(mass) if _is_number(mass) else math.nan
         self._set("$LOAD", load_number=-1, load_mass=mass)
 

@@ -118,6 +118,7 @@ class Trace:
         external: (m, 6) E1..E6 as written [mm or deg], NaN where not written.
         file: (m,) row of ``files``; line: (m,).
         block: (m,) number of the spline block, -1 outside.
+        is_relative: (m,) written as a shift from where the robot stands.
         auxiliary: X..C of the point on the way [m, rad] of a circular motion, NaN where not given.
         angle: arc angle [rad] of a circular motion with CA.
         tools: (t, 4, 4) T_flange_tcp; bases: (b, 4, 4) T_robroot_base [m].
@@ -136,6 +137,7 @@ class Trace:
     file: IntArray
     line: IntArray
     block: IntArray
+    is_relative: BoolArray
     auxiliary: Mapping[int, FloatArray]
     angle: Mapping[int, float]
     tools: FloatArray

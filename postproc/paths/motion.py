@@ -222,6 +222,7 @@ class _Solver:
         way = np.maximum(
             self.curves.length[moving] / step_length, self.curves.angle[moving] / step_angle
         )
+        way = np.maximum(way, self._external_way(step_length, step_angle)[moving])
         way = np.where(np.isfinite(way), way, 1.0)
         total = float(way.sum())
         if total > MAX_SAMPLES:
@@ -230,6 +231,12 @@ class _Solver:
         row = np.repeat(moving, pieces)
         number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
         return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
+
+    def _external_way(self, step_length: float, step_angle: float) -> FloatArray:
+        """Return how many steps (m,) the external axes make in each motion."""
+        step = [step_length if axis.kind == "rail" else step_angle for axis in self.externals.axes]
+        way = np.abs(np.diff(self.external, axis=0, prepend=self.external[:1])) / np.array(step)
+        return np.asarray(way.max(axis=1, initial=0.0))
 
     def _finding(self, kind: RunKind, motion: int, message: str) -> None:
         source = SourceRef(*self.trace.place(motion))

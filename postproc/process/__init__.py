@@ -1,5 +1,6 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
+from postproc.process.coolant import coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
@@ -19,6 +20,7 @@ __all__ = [
     "SHARPEST",
     "Stretch",
     "as_served",
+    "coolant_mode",
     "feeds_of",
     "hole_runs",
     "load_cases",

@@ -73,7 +73,9 @@ def _faults(
     if len(joint):
         yield from _shares(cell, settings, int(joint[0]))
     if is_cp.any() and settings.speed > cell.krl.path_speed_max * (1.0 + _SAME):
-        text = f"a path speed of {settings.speed:g} m/s, the cell allows {cell.krl.path_speed_max:g}"
+        text = (
+            f"a path speed of {settings.speed:g} m/s, the cell allows {cell.krl.path_speed_max:g}"
+        )
         yield RunKind.SPEED, int(motions[is_cp][0]), text
 
 
@@ -101,6 +103,11 @@ def _has_load(cell: Cell, settings: Settings) -> bool:
 
 def _is_mass(cell: Cell, mass: float) -> bool:
     return math.isfinite(mass) and math.isclose(mass, cell.tool.mass, rel_tol=_SAME, abs_tol=1e-6)
+
+
+def _may_be_mass(cell: Cell, mass: float) -> bool:
+    """Return whether a load is the tool's, not measured (below 0), or nothing tells."""
+    return mass < 0.0 or math.isnan(cell.tool.mass) or _is_mass(cell, mass)
 
 
 def _shares(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
@@ -149,8 +156,7 @@ def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None
             if not isinstance(statement, Assign) or not statement.target.upper().startswith(name):
                 continue
             mass = statement.value.get("M") if isinstance(statement.value, Aggregate) else None
-            known = isinstance(mass, float | int)
-            if known and (mass < 0 or math.isnan(cell.tool.mass) or _is_mass(cell, float(mass))):
+            if isinstance(mass, float | int) and _may_be_mass(cell, float(mass)):
                 continue
             place = (module.src_path, statement.line)
             text = f"{name} is not the mass of the tool of the cell"

@@ -9,8 +9,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
-  ``plunge``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``word``: what the CAM file
-  asks for and no program does.
+  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``word``: what the
+  CAM file asks for and no program does.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
 """

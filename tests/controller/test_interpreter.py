@@ -1,9 +1,8 @@
 """The interpreter against what the text says, worked out by hand."""
 
 import math
-from pathlib import Path
-
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest

@@ -162,7 +162,9 @@ def urdf() -> str:
     return URDF.format(links="".join(links))
 
 
-TUNED = (Path(__file__).parents[2] / "templates/default/motion_speeds.j2").read_text() + "$OV_PRO=50\n"
+TUNED = (
+    Path(__file__).parents[2] / "templates/default/motion_speeds.j2"
+).read_text() + "$OV_PRO=50\n"
 
 MILL, HOLES, LINE = "mill.apt", "holes.csv", "line.apt"
 DIP = {

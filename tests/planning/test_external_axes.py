@@ -150,3 +150,27 @@ def test_a_cut_longer_than_the_reach_says_what_it_needs(make_cell, make_path):
     lifted = kind.copy()
     lifted[22] = MotionKind.RAPID
     assert not plan(replace(toolpath, kind=lifted), cell).errors
+
+
+@pytest.mark.parametrize("radius", [2e-3, 30e-3])
+def test_the_way_along_the_rail_is_looked_at_without_gaps(make_cell, radius):
+    """A thin rod between two places of the rail: no pose that sweeps it may be taken to travel."""
+    from postproc.collision import Scene
+    from postproc.planning.checks import Checker
+    from postproc.planning.route.travel import _slides_free
+
+    q = np.array([0.0, -60.0, 90.0, 0.0, 30.0, 0.0]) * DEG
+    rng = np.random.default_rng(5)
+    for y in rng.uniform(-2.0, 2.0, 4):
+        T = np.eye(4)
+        T[:3, 3] = [1.3, y, 1.5]
+        rod = MeshPlacement("rod", T, radius=radius, length=3.0)
+        cell = replace(make_cell(), external_axes=(RAIL,), obstacles=(rod,))
+        arm = build(cell.robot)
+        checker = Checker(None, None, Scene.build(cell_at(cell, np.zeros(1)), arm))
+        ends = np.array([-3.0]), np.array([3.0])
+        assert not _slides_free(cell, q, ends, checker)
+        beside = np.array([y + 1.2]), np.array([y + 1.2 + 0.5])
+        where = np.linspace(beside[0], beside[1], 501)
+        dense = Scene.build(cell, arm).check(np.hstack([np.tile(q, (501, 1)), where]))
+        assert _slides_free(cell, q, beside, checker) == (not dense.hit.any())

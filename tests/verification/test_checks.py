@@ -248,3 +248,17 @@ def test_collisions_of_a_carried_robot(tmp_path):
     )
     assert kinds(hit) == {"collision"}
     assert "post" in hit.violations[0].message
+
+
+@pytest.mark.parametrize("radius_mm", [2, 10])
+def test_no_rod_is_passed_between_two_looks_at_a_travelling_robot(tmp_path, radius_mm):
+    travel = [with_rail(START, 0.0), with_rail(START, 1500.0)]
+    for y in (411.0, 655.5, 902.0, 1234.5):
+        rod = (
+            f'[[obstacles]]\nname = "rod"\nxyz_mm = [1500, {y}, 1000]\n'
+            f"cylinder = {{ radius_mm = {radius_mm}, length_mm = 2000 }}\n"
+        )
+        cell = cell_in(tmp_path, RAIL + rod, **AT_PART)
+        report = check(cell, *travel, collisions=True)
+        assert kinds(report) == {"collision"}, y
+        assert "rod" in report.violations[0].message

@@ -284,7 +284,23 @@ def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
 
     assert kinds(drilled(cell, *deep(0), *deep(40), cycle=cycle)) == set()
     # fast into the material: half a millimetre beyond what is drilled
-    assert kinds(drilled(cell, *deep(0), *deep(40, back=-0.5), cycle=cycle)) == {"feed"}
+    assert kinds(drilled(cell, *deep(0), *deep(40, back=-0.5), cycle=cycle)) == {"feed", "peck"}
+    # a peck left out, and one behind which the tool stays down
+    for lost in (slice(9, 12), slice(4, 6)):
+        lines = deep(40)
+        del lines[lost]
+        assert "peck" in kinds(drilled(cell, *deep(0), *lines, cycle=cycle)), lost
+
+
+def test_nothing_goes_deeper_than_the_hole(cell):
+    lines = hole(40)
+    plunge = next(i for i, line in enumerate(lines) if "X 8.0000" in line)
+    deeper = [*lines[:plunge], at(17, 40, 0), at(-3, 40, 0), *lines[plunge:]]
+    assert "depth" in kinds(drilled(cell, *hole(0), *deeper))
+    by_shift = [*lines[:plunge], "LIN_REL {X 20}", at(-3, 40, 0), *lines[plunge:]]
+    assert "depth" in kinds(drilled(cell, *hole(0), *by_shift))
+    aside = [*lines[:1], "PTP_REL {A1 0.5}", *lines[1:]]
+    assert "path" in kinds(drilled(cell, *hole(0), *aside))
 
 
 def test_nothing_moves_sideways_in_a_hole(cell):
@@ -298,7 +314,7 @@ def test_nothing_moves_sideways_in_a_hole(cell):
     first = ["$VEL.CP=1.0", at(-30, 0, 0), at(-3, 0, 0), "$VEL.CP=0.0025", at(12, 0, 0)]
     first += ["$VEL.CP=1.0", at(-30, 0, 0)]
     good = drilled(cell, *first, *deep([at(-3, 40, 0)]), cycle=cycle)
-    assert kinds(good) == set()
+    assert kinds(good) == {"peck"}  # the first hole is drilled at once
     for lift in ([at(2, 43, 0)], [START], [at(-3, 90, 0)]):
         assert "plunge" in kinds(drilled(cell, *first, *deep(lift), cycle=cycle))
 

@@ -10,18 +10,8 @@ from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
 from postproc.model import Event, EventKind
+from postproc.process import coolant_mode
 from postproc.units import RPM
-
-_MODES = (
-    ("THRU", 3),
-    ("THROUGH", 3),
-    ("TAPKUL", 3),
-    ("HIGH", 3),
-    ("MIST", 2),
-    ("AIR", 4),
-    ("FLOOD", 1),
-)
-"""Coolant words of CAM systems to the number that the routine gets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +95,7 @@ def _values(event: Event) -> dict[str, object]:
         rpm = round(event.value / RPM, 3)
         return {"rpm": int(rpm) if rpm == int(rpm) else rpm}
     if event.kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF):
-        words = event.text.upper()
-        return {"mode": next((number for word, number in _MODES if word in words), 1)}
+        return {"mode": coolant_mode(event.text)}
     if event.kind is EventKind.TOOL_CHANGE:
         return {"number": int(event.value)}
     return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}

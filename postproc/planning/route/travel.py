@@ -10,16 +10,12 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.geometry import inverse, rotation_about, transform
+from postproc.kinematics import build
 from postproc.planning.checks import Checker
 from postproc.planning.route.connect import free_way
 from postproc.units import DEG
 
 MakeChecker = Callable[[Cell], Checker]
-_MOST_STEPS = 80
-SMALLEST_STEP = 0.02
-"""The external axes move at least this [m] between two checks."""
-LARGEST_RADIUS = 3.0
-"""No part of a workpiece is farther from its positioner's axis [m]; assumed."""
 
 
 def cell_at(cell: Cell, values: FloatArray) -> Cell:
@@ -64,7 +60,7 @@ def travel_between(
     home = [] if cell.motion.home is None else [np.asarray(cell.motion.home)]
     first, last = (make_checker(cell_at(cell, place)) for place in places)
     for pose in (*home, *folded, q_from, q_to):
-        if not _slides_free(cell, pose, places, make_checker):
+        if not _slides_free(cell, pose, places, first):
             continue
         leave = free_way(first, q_from, pose)
         arrive = None if leave is None else free_way(last, pose, q_to)
@@ -74,27 +70,13 @@ def travel_between(
 
 
 def _slides_free(
-    cell: Cell, q: FloatArray, places: tuple[FloatArray, FloatArray], make_checker: MakeChecker
+    cell: Cell, q: FloatArray, places: tuple[FloatArray, FloatArray], checker: Checker
 ) -> bool:
-    """Return whether the arm is free in a pose while the external axes move.
+    """Return whether the arm is free in a pose all along while the external axes move."""
+    if checker.scene is None:
+        return True
+    from postproc.collision import Scene
 
-    By conservative advancement: nothing moves farther than the smallest distance before the next
-    check.
-    """
-    way = places[1] - places[0]
-    radius = np.array(
-        [1.0 if axis.kind == "rail" else LARGEST_RADIUS for axis in cell.external_axes]
-    )
-    length = float((np.abs(way) * radius).sum())
-    share = 0.0
-    for _ in range(_MOST_STEPS):
-        scene = make_checker(cell_at(cell, places[0] + share * way)).scene
-        if scene is None:
-            return True
-        if scene.check(q[None]).hit[0]:
-            return False
-        if share >= 1.0:
-            return True
-        clearance = float(scene.clearance(q[None], most=length + 1.0)[0])
-        share = min(1.0, share + max(0.95 * clearance, SMALLEST_STEP) / length)
-    return False
+    scene = Scene.shared(cell, build(cell.robot))
+    start, end = (np.concatenate([q, place])[None] for place in places)
+    return not scene.check_paths(start, end).any

@@ -134,7 +134,10 @@ def compare(
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
-    check_holes(result, real, wanted, served, comparison.is_cut, tolerances.position, feeds)
+    on_axis = check_holes(
+        result, real, wanted, served, comparison.is_cut, tolerances.position, feeds
+    )
+    _relative(result, comparison.is_cut | on_axis)
     feeds.report()
     return comparison
 
@@ -143,6 +146,14 @@ def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
     return np.where(np.isfinite(points), points, 1e9)
+
+
+def _relative(result: Result, serves: BoolArray) -> None:
+    """Report relative motions that serve nothing: the file has none, and they shift the arm."""
+    trace = result.paths.trace
+    for motion in np.flatnonzero(trace.is_relative & ~serves)[:AT_MOST].tolist():
+        text = "a relative motion that serves no point of the CAM file"
+        result.finding(RunKind.PATH, motion, text)
 
 
 # --------------------------------------------------------------------------------------- points

@@ -17,6 +17,7 @@ from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
+from postproc.process import coolant_mode
 from postproc.units import RPM
 from postproc.verification.report import Result
 
@@ -125,6 +126,9 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
             return f"spindle speed {call.value:g} 1/min, line {event.line} asks for {rpm:g}"
     if kind is EventKind.TOOL_CHANGE and int(event.value) != call.value:
         return f"tool {call.value:g}, line {event.line} asks for {event.value:g}"
+    if kind is EventKind.COOLANT_ON and coolant_mode(event.text) != call.value:
+        asked = coolant_mode(event.text)
+        return f"coolant {call.value:g}, line {event.line} asks for {asked}"
     if not span.first <= call.motion <= span.last:
         when = "early" if call.motion < span.first else "late"
         return f"{words} comes too {when}: line {event.line} of the CAM file has it elsewhere"

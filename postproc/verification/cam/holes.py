@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -39,11 +40,16 @@ def check_holes(
     is_cut: BoolArray,
     tolerance: float,
     feeds: Feeds,
-) -> None:
-    """Check every hole that the program drills; its drilling motions are marked in ``is_cut``."""
+) -> BoolArray:
+    """Check every hole that the program drills; its drilling motions are marked in ``is_cut``.
+
+    Returns:
+        (m,) path motions along the axis of a hole.
+    """
     rows = np.flatnonzero(wanted.is_hole & (served >= 0))
+    on_axis = np.zeros(len(is_cut), dtype=np.bool_)
     if not len(rows):
-        return
+        return on_axis
     dwells = _dwells(result)
     checker = _Holes(result, real, wanted, served, NEAR * tolerance)
     for row in rows.tolist():
@@ -51,6 +57,8 @@ def check_holes(
         is_cut[list(drilled)] = True
         feeds.expect(row, drilled)
         checker.dwell(row, dwells.get(int(served[row]), 0.0))
+    on_axis[sorted(checker.along)] = True
+    return on_axis
 
 
 def _dwells(result: Result) -> dict[int, float]:
@@ -78,6 +86,8 @@ class _Holes:
         self._is_cp = result.paths.trace.is_cp.tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
         self._reported: dict[RunKind, int] = {}
+        self.along: set[int] = set()
+        """Path motions that begin and end on the axis of a hole."""
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -104,7 +114,38 @@ class _Holes:
             )
         self._way_out(row, bottom, base, axis)
         self._inside(row, base, axis, needed)
-        return self._drilling(down, bottom, needed)
+        drilled = self._drilling(down, bottom, needed)
+        self._steps(row, drilled, base, axis)
+        return drilled
+
+    def _steps(
+        self, row: int, drilled: tuple[int, ...], base: list[float], axis: list[float]
+    ) -> None:
+        """Check that no more is drilled at once than the cycle allows, and chips get out."""
+        wanted = self._wanted
+        depth, most = float(wanted.depth[row]), float(wanted.peck_first[row])
+        if not np.isfinite(most):
+            return
+        before, last = 0.0, -1
+        for vertex in drilled:
+            now = depth - (self._on_axis(vertex, base, axis) or 0.0)
+            if now - before > most + self._near:
+                text = f"{(now - before) / MM:.3f} mm at once, the cycle allows {most / MM:.3f}"
+                self._tell(RunKind.PECK, vertex, text)
+            if last >= 0:
+                self._lift(row, last, vertex, depth - before, base, axis)
+            before, most, last = now, float(wanted.peck[row]), vertex
+
+    def _lift(
+        self, row: int, last: int, vertex: int, height: float, base: list[float], axis: list[float]
+    ) -> None:
+        """Check how far the tool comes up between two pecks; ``height`` of the first of them."""
+        wanted = self._wanted
+        up = max((self._on_axis(v, base, axis) or 0.0) for v in range(last, vertex))
+        needed = float(wanted.depth[row] + wanted.clear[row])
+        needed = height + self._near if wanted.break_chip[row] else needed - self._near
+        if up < needed:
+            self._tell(RunKind.PECK, vertex, "the tool does not come up before the next peck")
 
     def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
         """Below the clearance height the tool may only move along the axis, never by PTP."""
@@ -112,8 +153,15 @@ class _Holes:
         last = min(int(self._behind[row + 1]), len(self._points))
         places = [self._on_axis(v, base, axis) for v in range(max(first - 1, 0), last)]
         offset = max(first - 1, 0)
+        both = [a is not None and b is not None for a, b in pairwise(places)]
+        ends = [offset + number + 1 for number, is_both in enumerate(both) if is_both]
+        self.along.update(motion for motion in ends if self._is_cp[motion])
         for number, height in enumerate(places):
-            if height is None or not -self._near < height < clear - self._near:
+            if height is not None and height < -self._near:
+                text = f"the tool goes {-height / MM:.3f} mm deeper than the hole"
+                self._tell(RunKind.DEPTH, number + offset, text)
+                return
+            if height is None or not height < clear - self._near:
                 continue
             for motion, other in ((number, number - 1), (number + 1, number + 1)):
                 if not 0 <= other < len(places):

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
-from postproc.model import MotionKind, ToolPath
+from postproc.model import Cycle, MotionKind, ToolPath
 
 SAME = 1e-9
 """Two points of the file nearer than this [m] are one."""
@@ -31,7 +31,8 @@ class Wanted:
 
     ``point`` (r, 3) [m] where the tip must go: the bottom of a hole, else the tag; ``axis`` (r, 3)
     unit, where the tool's axis must point (into the part); ``top`` (r, 3) the tag itself.
-    ``clear``, ``retract``, ``depth`` (r,) [m] of holes, 0 else.
+    ``clear``, ``retract``, ``depth`` (r,) [m] of holes, 0 else; ``peck_first``, ``peck`` (r,) [m]
+    most to be drilled at once, infinite without pecks; ``break_chip`` (r,) short lifts will do.
     """
 
     point: FloatArray
@@ -42,6 +43,9 @@ class Wanted:
     depth: FloatArray
     dwell: FloatArray
     kind: IntArray
+    peck_first: FloatArray
+    peck: FloatArray
+    break_chip: BoolArray
 
     @property
     def is_hole(self) -> np.ndarray:
@@ -53,9 +57,13 @@ def wanted_of(toolpath: ToolPath) -> Wanted:
     """Return what a toolpath asks for."""
     kind = np.asarray(toolpath.kind)
     table = np.array(
-        [[c.depth, c.clearance, c.retract, c.dwell] for c in toolpath.cycles] + [[0.0] * 4]
+        [
+            [c.depth, c.clearance, c.retract, c.dwell, *steps_of(c), c.break_chip]
+            for c in toolpath.cycles
+        ]
+        + [[0.0] * 7]
     )
-    rows = table[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros((0, 4))
+    rows = table[np.asarray(toolpath.cycle)] if len(toolpath) else np.zeros((0, 7))
     rows = np.where((kind == MotionKind.HOLE)[:, None], rows, 0.0)
     outward = np.asarray(toolpath.axes)
     point = np.asarray(toolpath.points) - outward * rows[:, :1]
@@ -68,7 +76,16 @@ def wanted_of(toolpath: ToolPath) -> Wanted:
         depth=rows[:, 0],
         dwell=rows[:, 3],
         kind=np.asarray(kind, dtype=np.int32),
+        peck_first=rows[:, 4],
+        peck=rows[:, 5],
+        break_chip=rows[:, 6] > 0.0,
     )
+
+
+def steps_of(cycle: Cycle) -> tuple[float, float]:
+    """Return the most [m] that a cycle drills at once, first and later; infinite without pecks."""
+    first, step = cycle.peck_first or cycle.peck, cycle.peck or cycle.peck_first
+    return (first, step) if step > 0.0 else (np.inf, np.inf)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,74 @@
+"""What a program may do unseen: hooks, accepted names, idle statements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Set
+
+from postproc.controller.library import SILENT, is_harmless, is_integrators
+from postproc.krl import (
+    Assign,
+    Call,
+    Control,
+    Interrupt,
+    KrlModule,
+    Move,
+    Routine,
+    SplineBegin,
+    Statement,
+    Trigger,
+)
+
+_MAX_DEPTH = 5
+"""Calls within calls that are looked into for whether they do nothing."""
+_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
+_JUMPS = ("GOTO", "EXIT", "RETURN")
+
+
+class Trust:
+    """Tells what needs no following.
+
+    Args:
+        hooks: routines of the integrator, in upper case.
+        accept: names of what is taken on trust, in upper case.
+        resolve: returns the routine that a name calls here, None if it is not in the files.
+    """
+
+    def __init__(
+        self,
+        hooks: Set[str],
+        accept: Set[str],
+        resolve: Callable[[str], tuple[KrlModule, Routine] | None],
+    ) -> None:
+        self._hooks, self._accept, self._resolve = hooks, accept, resolve
+
+    def accepts(self, name: str) -> bool:
+        """Return whether what has this name is taken on trust, an index aside."""
+        name = " ".join(name.upper().split())
+        return bool(self._accept) and (
+            name in self._accept or name.partition("[")[0] in self._accept
+        )
+
+    def is_hook(self, action: Statement) -> bool:
+        """Return whether a statement calls the integrator's process, or what is accepted."""
+        if not isinstance(action, Call):
+            return False
+        name = action.name.upper()
+        return name in self._hooks or is_integrators(name) or self.accepts(name)
+
+    def is_idle(self, statement: Statement, depth: int = 0) -> bool:
+        """Return whether a statement neither moves the arm nor changes how it moves."""
+        if isinstance(statement, Assign):
+            target = statement.target.upper()
+            return is_harmless(target) if target.startswith("$") else target not in _DATA
+        if isinstance(statement, Call):
+            return self._is_idle_call(statement.name.upper(), depth)
+        if isinstance(statement, Control):
+            return statement.word not in _JUMPS
+        return not isinstance(statement, Move | SplineBegin | Interrupt | Trigger)
+
+    def _is_idle_call(self, name: str, depth: int) -> bool:
+        if name == "PULSE" or name in SILENT or self.accepts(name):
+            return True
+        found = None if name in self._hooks else self._resolve(name)
+        inner = found[1].statements if found and depth < _MAX_DEPTH else ()
+        return bool(inner) and all(self.is_idle(item, depth + 1) for item in inner)
