@@ -10,14 +10,14 @@ removed or changed; whole modules with ``module``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from postproc.comparison.lines import Program, differences, program_of
 from postproc.controller import load_program
-from postproc.errors import KrlError, SourceRef
+from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
 from postproc.units import MM
 
@@ -126,8 +126,10 @@ class DiffReport:
 def diff(old: str | Path, new: str | Path, tolerance: DiffTolerance | None = None) -> DiffReport:
     """Compare two programs (.src files, with the sub-programs beside them) or two folders.
 
+    A file of a folder that is no KRL is a difference, unless both folders have the same one.
+
     Raises:
-        KrlError: if a file is no KRL, or DIF001 if a file is compared with a folder.
+        KrlError: if a program is no KRL, or DIF001 if a file is compared with a folder.
         ReadError: if one is missing.
     """
     is_folder = Path(old).is_dir(), Path(new).is_dir()
@@ -155,10 +157,27 @@ def diff_files(
     Raises:
         KrlError: if one is no KRL.
     """
-    modules = [{m.name.upper(): m for m in parse_files(files)} for files in (old, new)]
-    for one in modules:
-        require_sound(list(one.values()))
-    return _compared(name, name, modules[0], modules[1], tolerance or DiffTolerance())
+    modules = [parse_files(files) for files in (old, new)]
+    left, right = ({m.name.upper(): _Loaded.of(m) for m in one} for one in modules)
+    return _compared(name, name, left, right, tolerance or DiffTolerance())
+
+
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    """A module that a controller could load, with its lines to compare."""
+
+    module: KrlModule
+    program: Program
+
+    @classmethod
+    def of(cls, module: KrlModule) -> _Loaded:
+        """Return a module ready to compare.
+
+        Raises:
+            KrlError: if a controller could not load it.
+        """
+        require_sound([module])
+        return cls(module, program_of([module], module.name, inline=False))
 
 
 def _program(path: str | Path) -> Program:
@@ -188,14 +207,44 @@ def _report(
 
 
 def _folders(old: str, new: str, tolerance: DiffTolerance) -> DiffReport:
-    return _compared(old, new, _modules(old), _modules(new), tolerance)
+    (left, left_bad), (right, right_bad) = _modules(old), _modules(new)
+    bad = left_bad.keys() | right_bad.keys()
+    report = _compared(old, new, _without(left, bad), _without(right, bad), tolerance)
+    unread = [_unread(name, left_bad, right_bad) for name in sorted(bad)]
+    return replace(report, differences=(*report.differences, *(d for d in unread if d)))
+
+
+def _without(modules: Mapping[str, _Loaded], names: Set[str]) -> dict[str, _Loaded]:
+    return {name: module for name, module in modules.items() if name not in names}
+
+
+def _unread(
+    name: str, left: Mapping[str, Finding], right: Mapping[str, Finding]
+) -> Difference | None:
+    """Return the difference that a file is which cannot be compared, None if both are the same."""
+    finding = left.get(name) or right[name]
+    path = finding.place[0]
+    if name in left and name in right:
+        other = right[name].place[0]
+        if Path(path).read_bytes() == Path(other).read_bytes():
+            return None
+    where = "both" if name in left and name in right else "the old" if name in left else "the new"
+    is_old = name in left
+    return Difference(
+        "module",
+        f"module {name} cannot be compared: {where} is no KRL, {finding.message}",
+        finding.place[1] if is_old else None,
+        None if is_old else finding.place[1],
+        old_file=path if is_old else "",
+        new_file="" if is_old else path,
+    )
 
 
 def _compared(
     old: str,
     new: str,
-    left: Mapping[str, KrlModule],
-    right: Mapping[str, KrlModule],
+    left: Mapping[str, _Loaded],
+    right: Mapping[str, _Loaded],
     tolerance: DiffTolerance,
 ) -> DiffReport:
     """Compare modules by name."""
@@ -203,14 +252,11 @@ def _compared(
     motions = [0, 0]
     for name in sorted(left.keys() | right.keys()):
         if name not in right:
-            found.append(_lost(left[name], "is gone", is_old=True))
+            found.append(_lost(left[name].module, "is gone", is_old=True))
         elif name not in left:
-            found.append(_lost(right[name], "is new", is_old=False))
+            found.append(_lost(right[name].module, "is new", is_old=False))
         else:
-            pair = (
-                program_of([left[name]], left[name].name, inline=False),
-                program_of([right[name]], right[name].name, inline=False),
-            )
+            pair = left[name].program, right[name].program
             report = _report(old, new, [pair], tolerance)
             found += report.differences
             motions[0] += report.old_motions
@@ -219,15 +265,25 @@ def _compared(
     return DiffReport(old, new, tuple(found), motions[0], motions[1], names)
 
 
-def _modules(folder: str) -> dict[str, KrlModule]:
-    modules = load_modules([folder])
-    require_sound(modules)
-    found: dict[str, KrlModule] = {}
-    for module in modules:
-        path = Path(module.src_path or module.dat_path)
-        key = str(path.relative_to(folder).with_suffix("")).upper()
-        found[key] = module
-    return found
+def _modules(folder: str) -> tuple[dict[str, _Loaded], dict[str, Finding]]:
+    """Return the modules of a folder by name, and what is wrong with those that cannot be read."""
+    problems: list[Finding] = []
+    found: dict[str, _Loaded] = {}
+    bad: dict[str, Finding] = {}
+    for module in load_modules([folder], problems):
+        path = module.src_path or module.dat_path
+        name = _name_in(folder, path)
+        try:
+            found[name] = _Loaded.of(module)
+        except KrlError as problem:
+            source = problem.source or SourceRef(path)
+            bad[name] = Finding(Severity.ERROR, problem.code, problem.message, source=source)
+    bad |= {_name_in(folder, finding.place[0]): finding for finding in problems}
+    return found, bad
+
+
+def _name_in(folder: str, path: str) -> str:
+    return str(Path(path).relative_to(folder).with_suffix("")).upper()
 
 
 def _lost(module: KrlModule, what: str, *, is_old: bool) -> Difference:

@@ -229,6 +229,22 @@ def test_folders_module_by_module(tmp_path):
     assert sorted(kinds(report)) == ["data", "module", "module", "moved"]
 
 
+def test_one_bad_file_does_not_stop_the_folder(tmp_path):
+    for side in ("old", "new"):
+        (tmp_path / side).mkdir()
+        (tmp_path / side / "JOB.src").write_text(OLD)
+        (tmp_path / side / "same.src").write_bytes(b"\x00\x01")
+        (tmp_path / side / "cut.src").write_text("DEF CUT( )\nHALT\n")
+    assert diff(tmp_path / "old", tmp_path / "new").same
+    (tmp_path / "new" / "same.src").write_bytes(b"\x00\x02")
+    (tmp_path / "new" / "cut.src").write_text("DEF CUT( )\nHALT\nEND\n")
+    report = diff(tmp_path / "old", tmp_path / "new")
+    details = {item.detail.split(":")[0]: item for item in report.differences}
+    assert set(details) == {"module SAME cannot be compared", "module CUT cannot be compared"}
+    assert report.counts() == {"module": 2}
+    assert report.old_motions == report.new_motions > 0
+
+
 def test_what_cannot_be_compared(tmp_path):
     folder = write(tmp_path / "a", W_src=whole(LINES))
     broken = write(tmp_path / "b", W_src=whole(["IF x THEN"]))

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from postproc.errors import Severity
+from postproc.errors import KrlError, Severity
+from postproc.jobs.lint import lint as lint_files
 from postproc.krl.lint import RULES, lint
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.text.parse import load_modules, parse_files
@@ -357,3 +358,80 @@ def test_the_order_of_rules_and_findings_is_fixed():
     lines = [i.source.line for i in run(files) if i.source.path == "PANEL.src"]
     assert lines == sorted(lines)
     assert len(RULES) == len({rule.__name__ for rule in RULES})
+
+
+CONTROLLER = {
+    "R1/System/$config.dat": (
+        "DEFDAT $CONFIG\nINT MAX_TOOL=20\nSIGNAL DI_CLAMP $IN[7]\nDECL REAL rPause=0.5\nENDDAT\n"
+    ),
+    "R1/System/bas.src": (
+        "DEF BAS(CMD :IN,V :IN)\nINT CMD\nREAL V\nIF A10_OPTION==1 THEN\nENDIF\nEND\n"
+    ),
+    "R1/Mada/$machine.dat": (
+        "DEFDAT $MACHINE PUBLIC\nINT $EX_AX_NUM=0\n"
+        "$CYLWORKSPACE[1]={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,Z1 0.0,Z2 0.0,MODE #OFF}\n"
+        "DECL ACC_CAR $ACC_CAR_LIMIT={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0,ABS 0.0}\nENDDAT\n"
+    ),
+    "STEU/$config.dat": "DEFDAT $CONFIG\nENDDAT\n",
+    "R1/Program/points.dat": "DEFDAT POINTS PUBLIC\nDECL GLOBAL REAL gSpeed=0.1\nENDDAT\n",
+    "R1/Program/job.src": (
+        "DEF JOB( )\nDECL BOOL ok\nBAS(#INITMOV,0)\nBAS(#TOOL,18)\nok=READY(gSpeed,rPause)\n"
+        "IF ok AND DI_CLAMP THEN\nLIN {X 1.0}\nENDIF\nX$1=A10_OPTION\nEND\n"
+        "DEFFCT BOOL READY(a[,]:OUT, b:IN)\nREAL a[,]\nREAL b\n"
+        "IF b>0 THEN\nRETURN TRUE\nENDIF\nSET_IT(# State)\nRETURN FALSE\nENDFCT\n"
+    ),
+    "R1/Program/job.dat": "DEFDAT JOB\nDECL INT X$1=0\nENDDAT\n",
+}
+
+
+def on_disk(folder, files):
+    for name, text in files.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(text.replace("\n", "\r\n").encode())
+    return folder
+
+
+@pytest.mark.parametrize("asked", ["", "R1", "R1/Program", "R1/Program/job.src"])
+def test_a_controller_is_one_project(tmp_path, asked):
+    findings, files = lint_files([on_disk(tmp_path, CONTROLLER) / asked])
+    assert [str(i) for i in findings if i.severity is Severity.ERROR] == []
+    assert str(tmp_path / "STEU" / "$config.dat") not in files
+    options = [i for i in findings if "A10_OPTION" in i.message]
+    assert len(options) <= 1
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ("gSpeed,", "gSpeedy,", "KRL105"),
+        ("#TOOL,18", "#TOOL,21", "KRL110"),
+        ("ENDIF\nX$1", "X$1", "KRL102"),
+        ("LIN {X 1.0}", "LIN {X 1.0,Q 2.0}", "KRL107"),
+        ("RETURN FALSE", "RETURN FALSE FALSE", "KRL101"),
+    ],
+)
+def test_faults_of_a_project_stay_errors(tmp_path, old, new, code):
+    text = CONTROLLER["R1/Program/job.src"]
+    assert old in text
+    folder = on_disk(tmp_path, {**CONTROLLER, "R1/Program/job.src": text.replace(old, new, 1)})
+    findings, _ = lint_files([folder / "R1"])
+    assert code in {i.code for i in findings if i.severity is Severity.ERROR}
+
+
+def test_a_module_taken_from_its_project_gets_one_warning(tmp_path):
+    names = "".join(f"rA=gValue{i}+gOther{i}\n" for i in range(20))
+    text = f"DEF JOB( )\nDECL REAL rA\nSTATION1( )\n{names}END\n"
+    findings, _ = lint_files([on_disk(tmp_path, {"JOB.src": text}) / "JOB.src"])
+    assert [i.code for i in findings if i.severity is not Severity.NOTE] == ["KRL105"]
+    assert "STATION1, GOTHER0" in findings[0].message
+
+
+def test_a_bad_file_in_a_folder_is_a_finding(tmp_path):
+    folder = on_disk(tmp_path, {"GOOD.src": "DEF GOOD( )\nEND\n"})
+    (folder / "bad.src").write_bytes(b"\x00\x01\x02")
+    findings, files = lint_files([folder])
+    assert [(i.code, i.source.path) for i in findings] == [("KRL001", str(folder / "bad.src"))]
+    assert len(files) == 2
+    with pytest.raises(KrlError, match="KRL001"):
+        lint_files([folder / "bad.src"])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import PurePath
 from typing import Any
 
 from postproc.krl.rules.naming import global_names
@@ -32,7 +34,7 @@ from postproc.krl.text import (
     parse_expression,
 )
 
-_SIMPLE = re.compile(r"[A-Za-z_]\w*\Z", re.ASCII)
+_SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
 _DEFINES = re.compile(
     r"(?:DECL\s+|GLOBAL\s+)*(SIGNAL|STRUC|ENUM|CHANNEL)\s*:?\s*([A-Za-z_]\w*)(.*)", re.IGNORECASE
@@ -59,6 +61,8 @@ MSGNOTIFY MSGDIALOG MSGQUIT SET_USR_MSG CLEAR_USR_MSG EXISTS_MSG CLEAR_MSG GET_M
 """
 CONTROLLER_ROUTINES = frozenset(_ROUTINES.split())
 """Routines and functions of a delivered controller."""
+_MANY = 3
+"""So many modules that use a name, or names that a module uses, are no slip of the pen."""
 HOOK_PREFIX = "PP_"
 """The integrator's routines are called so unless the cell names them otherwise."""
 
@@ -70,15 +74,103 @@ def declared(subject: Subject) -> None:
     for module in subject.modules:
         for name, _, _ in global_names(module):
             known_data.add(name.upper())
-        if not module.routines:
-            known_data |= _data_names(module)
+        known_data |= _data_names(module) if not module.routines else _global_types(module)
+    missing: list[_Missing] = []
     for module in subject.modules:
         own = _data_names(module)
         used: set[str] = set()
         for routine in module.routines:
             part_known = known_data | own | _local_names(routine)
-            used |= _check_uses(subject, module, routine, part_known, known_calls)
+            found = _check_uses(subject, module, routine, part_known, known_calls)
+            used |= found.used
+            missing += found.missing
         _unused_points(subject, module, used)
+    if subject.options.is_project:
+        _of_options(subject, missing)
+    else:
+        _of_single_modules(subject, missing)
+
+
+@dataclass(frozen=True, slots=True)
+class _Missing:
+    """A name that is used and defined nowhere: where first, and whether it is a routine."""
+
+    module: KrlModule
+    name: str
+    is_call: bool
+    line: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Uses:
+    used: set[str]
+    missing: list[_Missing]
+
+
+def _of_single_modules(subject: Subject, missing: list[_Missing]) -> None:
+    """Report missing names; one warning for all of a module that is part of something larger.
+
+    It is where it calls routines that are not here and uses many names that nothing declares.
+    """
+    for module in subject.modules:
+        own = [item for item in missing if item.module is module]
+        routines = [i for i in own if i.is_call and not i.name.startswith(HOOK_PREFIX)]
+        data = [item for item in own if not item.is_call]
+        if routines and len({item.name for item in data}) >= _MANY:
+            names = _listed([item.name for item in (*routines, *data)])
+            message = f"defined in modules that are not among these files: {names}"
+            hint = "give the folder R1 of the controller, or --config $config.dat"
+            line = min(item.line for item in own)
+            subject.add(5, WARNING, module.src_path, line, message, hint)
+            own = [i for i in own if i.is_call and i.name.startswith(HOOK_PREFIX)]
+        for item in own:
+            _undeclared(subject, item)
+
+
+def _of_options(subject: Subject, missing: list[_Missing]) -> None:
+    """Report missing names of a whole controller.
+
+    What the controller's own modules or many modules use and no file defines comes with an option
+    whose files are not here: one warning for all such names, wherever they are used. A routine that
+    is missing is named once.
+    """
+    users: dict[str, set[str]] = {}
+    for item in missing:
+        users.setdefault(item.name, set()).add(item.module.src_path)
+    elsewhere = {
+        i.name
+        for i in missing
+        if not i.is_call and (_is_system(i.module) or len(users[i.name]) >= _MANY)
+    }
+    first = next((item for item in missing if item.name in elsewhere), None)
+    if first is not None:
+        message = f"of options that are not among these files: {_listed(sorted(elsewhere))}"
+        subject.add(5, WARNING, first.module.src_path, first.line, message)
+    named: set[str] = set()
+    for item in missing:
+        if item.name not in elsewhere and not (item.is_call and item.name in named):
+            _undeclared(subject, item)
+            named.add(item.name)
+
+
+def _is_system(module: KrlModule) -> bool:
+    folders = [part.upper() for part in PurePath(module.src_path).parts[:-1]]
+    return bool({"SYSTEM", "TP"} & set(folders))
+
+
+def _listed(names: list[str]) -> str:
+    unique = list(dict.fromkeys(names))
+    more = f" and {len(unique) - 8} more" if len(unique) > 8 else ""
+    return ", ".join(unique[:8]) + more
+
+
+def _global_types(module: KrlModule) -> set[str]:
+    """Return signals and types that a data list makes known to all modules."""
+    found: set[str] = set()
+    for statement in module.data.statements if module.data is not None else ():
+        if isinstance(statement, Raw) and statement.text.upper().startswith("GLOBAL"):
+            found |= _defined_by(statement)
+    return found
 
 
 def _data_names(module: KrlModule) -> set[str]:
@@ -107,7 +199,7 @@ def _defined_by(statement: Statement) -> set[str]:
 
 def _check_uses(
     subject: Subject, module: KrlModule, routine: Routine, known: set[str], known_calls: set[str]
-) -> set[str]:
+) -> _Uses:
     external = {
         found.group(1).upper()
         for item in routine.statements
@@ -117,10 +209,10 @@ def _check_uses(
         if isinstance(item, External) and (found := _EXTERNAL.match(item.text)):
             external.add(found.group(1).upper())
     used: set[str] = set()
-    reported: set[str] = set()
+    missing: dict[str, _Missing] = {}
     for name, is_call, line in _uses(routine.statements):
         used.add(name)
-        if name in reported or name.startswith("$"):
+        if name in missing or name.startswith("$"):
             continue
         if is_call:
             ok = name in known_calls or name in external or name in known
@@ -128,19 +220,19 @@ def _check_uses(
         else:
             ok = name in known
         if not ok:
-            reported.add(name)
-            _undeclared(subject, module, name, is_call, line)
-    return used
+            missing[name] = _Missing(module, name, is_call, line)
+    return _Uses(used, list(missing.values()))
 
 
-def _undeclared(subject: Subject, module: KrlModule, name: str, is_call: bool, line: int) -> None:
-    if not is_call:
-        message = f"{name} is used and not declared"
-        subject.add(5, ERROR, module.src_path, line, message, hint="declare it in the .dat")
+def _undeclared(subject: Subject, item: _Missing) -> None:
+    path, line = item.module.src_path, item.line
+    if not item.is_call:
+        message = f"{item.name} is used and not declared"
+        subject.add(5, ERROR, path, line, message, hint="declare it in the .dat")
         return
-    severity = NOTE if name.startswith(HOOK_PREFIX) else WARNING
-    message = f"routine {name} is not among these files: it must be on the controller"
-    subject.add(5, severity, module.src_path, line, message)
+    severity = NOTE if item.name.startswith(HOOK_PREFIX) else WARNING
+    message = f"routine {item.name} is not among these files: it must be on the controller"
+    subject.add(5, severity, path, line, message)
 
 
 def _unused_points(subject: Subject, module: KrlModule, used: set[str]) -> None:

@@ -107,7 +107,7 @@ def _texts(subject: Subject, form: Form, move: Move) -> None:
         message = f"the form shows {word}, the code is {move.word.value}"
         subject.add(23, ERROR, part.path, line, message)
     target = move.target.text.upper() if isinstance(move.target, Expr) else ""
-    if target.removeprefix("X") != name.upper() and target != name.upper():
+    if not _same_point(target, name):
         message = f"the form shows {name}, the code goes to {target or 'a literal'}"
         subject.add(23, ERROR, part.path, line, message)
     if bool(re.search(r"\bCONT\b", rest, re.IGNORECASE)) != bool(move.blend):
@@ -116,6 +116,11 @@ def _texts(subject: Subject, form: Form, move: Move) -> None:
         subject.add(23, ERROR, part.path, line, message)
     _speed(subject, form, rest)
     _parameters(subject, form, name, move)
+
+
+def _same_point(a: str, b: str) -> bool:
+    """Return whether two names are of one point; the code has an X in front of the form's."""
+    return a.upper().removeprefix("X") == b.upper().removeprefix("X")
 
 
 def _speed(subject: Subject, form: Form, rest: str) -> None:
@@ -139,7 +144,7 @@ def _parameters(subject: Subject, form: Form, name: str, move: Move) -> None:
         return
     part, line = form.part, form.head.line
     point = _POINT_DATA.search(data)
-    if point and point.group(1).upper() != name.upper():
+    if point and not _same_point(point.group(1), name):
         message = f"the form shows {name}, its parameters say {point.group(1)}"
         subject.add(23, ERROR, part.path, line, message)
     blend = _BLEND_DATA.search(data)

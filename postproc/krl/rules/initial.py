@@ -139,7 +139,7 @@ def _in_range(
         subject.add(10, ERROR, path, line, f"{name} {value:g}: the controller has 1 to {most}")
     elif value == 0 and not subject.options.allow_zero:
         frame = "the flange itself" if what == "TOOL" else "$WORLD"
-        severity = WARNING if soft_zero else ERROR
+        severity = WARNING if soft_zero or subject.options.is_project else ERROR
         subject.add(10, severity, path, line, f"{name} 0 is {frame}")
 
 

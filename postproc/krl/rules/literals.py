@@ -106,7 +106,9 @@ def _type_of_target(target: str) -> str:
     for name in ("FDAT", "PDAT", "LDAT", "LOAD"):
         if upper.startswith((f"{name}_ACT", f"{name}_DATA[", f"${name}")) and "." not in upper:
             return name
-    return "FRAME" if upper in ("$TOOL", "$BASE") else ""
+    if upper in ("$TOOL", "$BASE"):
+        return "FRAME"
+    return upper if upper.startswith("$") else ""
 
 
 def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
@@ -136,6 +138,8 @@ def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
         return _AXES
     if kind in _FIELDS:
         return _FIELDS[kind]
+    if kind not in ("", "?"):
+        return None  # a structure of the controller or of the user
     if kind == "?" or ({"X", "Y", "Z", "A", "B", "C"} & set(names) and "M" not in names):
         return _AXES if any(name in ("A1", "A2", "A3") for name in names) else _POSE
     return None

@@ -16,7 +16,7 @@ from postproc.krl.text import (
     Statement,
 )
 
-_LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
+_LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_$]*\Z")
 _POINT = re.compile(r"(?:S?PTP|S?LIN|S?CIRC|SPL)\s+([A-Za-z_]\w*)", re.IGNORECASE)
 
 
@@ -28,10 +28,12 @@ def file_names(subject: Subject) -> None:
         if module.routines and module.main.name.upper() != wanted:
             message = f"DEF {module.main.name} in a file called {module.name}.src"
             subject.add(3, ERROR, module.src_path, module.main.line, message)
-        if module.data is not None and module.data.name.upper() != wanted:
+        if module.data is not None and module.data.name.upper().lstrip("$") != wanted.lstrip("$"):
             message = f"DEFDAT {module.data.name} in a file called {module.name}.dat"
             subject.add(3, ERROR, module.dat_path, module.data.line, message)
         path = module.src_path or module.dat_path
+        if wanted.startswith("$"):
+            continue  # data of the system: STEU has a second $config and $machine
         if wanted in first:
             message = f"a second module {module.name}: all folders share one name space"
             subject.add(3, ERROR, path, 1, message, hint=f"the first is {first[wanted]}")
@@ -42,7 +44,7 @@ def legal_names(subject: Subject) -> None:
     """Row 4: names are legal, at most 24 characters, unique in the module, GLOBAL ones in all."""
     everywhere: dict[str, str] = {}
     for module in subject.modules:
-        if module.name.startswith("$"):
+        if module.name.startswith("$") or _is_system_data(module):
             continue
         _check_name(subject, module.src_path or module.dat_path, 1, module.name)
         _unique_routines(subject, module)
@@ -57,12 +59,16 @@ def legal_names(subject: Subject) -> None:
         _form_points(subject, module)
 
 
+def _is_system_data(module: KrlModule) -> bool:
+    return module.data is not None and module.data.name.startswith("$")
+
+
 def _check_name(subject: Subject, path: str, line: int, name: str) -> None:
     if len(name) > NAME_LENGTH:
         message = f"{name} has {len(name)} characters, at most {NAME_LENGTH} are legal"
         subject.add(4, ERROR, path, line, message)
     elif not _LEGAL.match(name):
-        message = f"{name!r}: only letters, digits and _ are legal, a digit not in front"
+        message = f"{name!r}: only letters, digits, _ and $ are legal, digits and $ not in front"
         subject.add(4, ERROR, path, line, message)
     elif name.upper() in KEYWORDS:
         subject.add(4, ERROR, path, line, f"{name} is a word of the language")

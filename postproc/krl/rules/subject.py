@@ -31,6 +31,9 @@ from postproc.krl.text import (
 )
 
 ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
+HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
+"""Rows that programs of ours keep and a controller does not ask for: of its own modules they are
+worth a look at most."""
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -47,6 +50,7 @@ class LintOptions:
         routines: routines that are defined elsewhere (the integrator's), in any case.
         path_speed_max: $VEL_MA.CP [m/s]; path_speed_default: DEF_VEL_CP, where BAS clamps.
         orientation_speed_max: $VEL_MA.ORI [deg/s].
+        is_project: the modules are those of a whole controller: what it has accepted is no error.
         max_bytes: larger files are worth a warning; max_points: more motions in a file as well.
     """
 
@@ -59,6 +63,7 @@ class LintOptions:
     path_speed_max: float = 3.0
     path_speed_default: float = 2.0
     orientation_speed_max: float = 400.0
+    is_project: bool = False
     max_bytes: int = 1_000_000
     max_points: int = 5_000
 
@@ -176,6 +181,8 @@ class Subject:
         hint: str = "",
     ) -> None:
         """Add a finding of a row of the table."""
+        if severity is ERROR and self.options.is_project and row in HOUSE_ROWS:
+            severity = WARNING
         code = f"KRL1{row:02d}"
         key = (code, path)
         self._counts[key] = self._counts.get(key, 0) + 1

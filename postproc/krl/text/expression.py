@@ -182,7 +182,7 @@ class ExpressionParser:
             return Text(token.text[1:-1])
         if token.kind is TokenKind.ENUM:
             self.at += 1
-            return Enum(token.text[1:])
+            return Enum(token.text[1:].lstrip())
         if token.kind is TokenKind.NAME:
             return self._named()
         if token.text in ("(", "{"):

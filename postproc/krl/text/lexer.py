@@ -40,7 +40,7 @@ _TOKEN = re.compile(
     | ('[BbHh][0-9A-Fa-f]+')                             # 2 bits
     | ("[^"]*")                                          # 3 string
     | ([$A-Za-z_][$\w]*)                                 # 4 name
-    | (\#[A-Za-z_$][$\w]*)                               # 5 enumeration constant
+    | (\#\s*[A-Za-z_$][$\w]*)                            # 5 enumeration constant
     | (==|<>|<=|>=|[-+*/:<>=(),.\[\]{}?])                # 6 operator
     )""",
     re.VERBOSE | re.ASCII,

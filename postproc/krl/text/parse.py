@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
 
-from postproc.errors import Finding, KrlError, Severity, SourceRef
+from postproc.errors import Finding, KrlError, ReadError, Severity, SourceRef
 from postproc.files import read_bytes
 from postproc.krl.text.lexer import KrlSyntaxError, split_comment
 from postproc.krl.text.program import (
@@ -46,6 +46,7 @@ _OPENING = re.compile(r"(?:GLOBAL\s+)?(DEF|DEFFCT|DEFDAT)\b", re.IGNORECASE)
 _PARAMETER = re.compile(
     r"([A-Za-z_]\w*)\s*(\[[^\]]*\])?\s*(?::\s*(IN|OUT))?$", re.ASCII | re.IGNORECASE
 )
+_BETWEEN_PARAMETERS = re.compile(r",(?![^\[]*\])")
 _ENDINGS = frozenset({"END", "ENDFCT", "ENDDAT"})
 _PROBLEMS_AT_MOST = 1000
 
@@ -109,8 +110,14 @@ def parse_module(path: str | Path) -> KrlModule:
     return parse_files({name: _content(name) for name in with_partners([str(path)])})[0]
 
 
-def load_modules(paths: Sequence[str | Path]) -> tuple[KrlModule, ...]:
+def load_modules(
+    paths: Sequence[str | Path], bad: list[Finding] | None = None
+) -> tuple[KrlModule, ...]:
     """Read modules from files (each with its partner) and folders (all modules within).
+
+    Args:
+        paths: files and folders.
+        bad: gets a finding for each file that cannot be read, instead of an error.
 
     Raises:
         KrlError: if a file is no KRL at all, or KRL007 if a folder holds no KRL file.
@@ -119,7 +126,18 @@ def load_modules(paths: Sequence[str | Path]) -> tuple[KrlModule, ...]:
     found: list[str] = []
     for path in paths:
         found += _in_folder(Path(path)) if Path(path).is_dir() else [str(path)]
-    return parse_files({name: _content(name) for name in with_partners(found)})
+    if bad is None:
+        return parse_files({name: _content(name) for name in with_partners(found)})
+    good = {}
+    for name in with_partners(found):
+        try:
+            good[name] = _content(name)
+            _read(good[name], name)
+        except (KrlError, ReadError) as problem:
+            good.pop(name, None)
+            place = problem.source or SourceRef(name)
+            bad.append(Finding(Severity.ERROR, problem.code, problem.message, source=place))
+    return parse_files(good)
 
 
 def require_sound(modules: Sequence[KrlModule]) -> None:
@@ -307,7 +325,7 @@ class _Reader:
 
     def _parameters(self, text: str, code: str, number: int) -> tuple[Parameter, ...]:
         found = []
-        for item in text.split(",") if text.strip() else ():
+        for item in _BETWEEN_PARAMETERS.split(text) if text.strip() else ():
             match = _PARAMETER.match(item.strip())
             if match is None:
                 self.part.problem(number, code, f"{item.strip()!r} is no parameter")
