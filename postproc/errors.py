@@ -77,7 +77,6 @@ class RunKind(StrEnum):
     PECK = "peck"
     RETRACT = "retract"
     DWELL = "dwell"
-    PECK = "peck"
     EVENT = "event"
     SPINDLE = "spindle"
     WORD = "word"
