@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
+
+from filelock import FileLock, Timeout
 
 from postproc.errors import DataError, SourceRef
 
@@ -28,11 +28,8 @@ def folder_lock(folder: Path) -> Iterator[None]:
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        stream = _locked(path)
-        stream.truncate(0)
-        stream.write(f"pid {os.getpid()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}\n")
-        stream.flush()
-    except BlockingIOError:
+        lock = FileLock(path, blocking=False).acquire().lock
+    except Timeout:
         raise DataError(
             "BAT011", f"a batch already runs here: {_owner(path)}", SourceRef(str(folder))
         ) from None
@@ -40,27 +37,14 @@ def folder_lock(folder: Path) -> Iterator[None]:
         raise DataError(
             "BAT012", f"cannot be written: {problem.strerror}", SourceRef(str(folder))
         ) from None
-    with stream:
-        try:
-            yield
-        finally:
-            path.unlink(missing_ok=True)
-
-
-def _locked(path: Path) -> TextIO:
-    """Return the lock file, opened and locked."""
-    while True:
-        stream = path.open("a", encoding="ascii")
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            stream.close()
-            raise
-        # the batch before may have removed the file between our opening and locking it
-        with suppress(FileNotFoundError):
-            if os.fstat(stream.fileno()).st_ino == path.stat().st_ino:
-                return stream
-        stream.close()
+    with suppress(OSError):  # some systems let nobody write a locked file
+        path.write_text(f"pid {os.getpid()}, since {time.strftime('%Y-%m-%d %H:%M:%S')}\n", "ascii")
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # some systems keep a file that is open
+            path.unlink()
+        lock.release()
 
 
 def _owner(path: Path) -> str:

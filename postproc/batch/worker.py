@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeVar
@@ -85,7 +86,7 @@ def _convert(job: Job) -> JobResult:
 
 def limit_memory(gigabytes: float | None) -> None:
     """Bound this process's memory where the system can (the worker's initializer)."""
-    if gigabytes is None:
+    if gigabytes is None or os.name != "posix":
         return
     import resource
 
