@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
 
+from postproc.cli import completion
 from postproc.errors import ExitCode, Finding, Severity, fold
 from postproc.progress import Progress
 
@@ -175,6 +176,7 @@ def reading_options(function: Callable[P, R]) -> Callable[P, R]:
             "--format",
             metavar="NAME",
             callback=registered("postproc.readers", "READERS", "auto"),
+            shell_complete=completion.parts("postproc.readers", "READERS", "auto"),
             help="Format of the CAM file: auto, apt, csv, delmia or another one of plugins; "
             "default: the cell's, else auto.",
         ),
@@ -219,6 +221,7 @@ def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
         "--emitter",
         metavar="NAME",
         callback=registered("postproc.emitters", "EMITTERS"),
+        shell_complete=completion.parts("postproc.emitters", "EMITTERS"),
         help="What writes the program, one of plugins; default: the cell's.",
     )(function)
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from postproc.cli import completion
 from postproc.cli.common import (
     Session,
     answer,
@@ -42,7 +43,11 @@ Examples:
 @reading_options
 @emitter_option
 @click.option("--strategy", type=click.Choice(["smooth", "each", "global"]))
-@click.option("--objective", help="As of convert.")
+@click.option(
+    "--objective",
+    shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
+    help="As of convert.",
+)
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--timeout", type=click.FloatRange(min=0.1), help="Seconds per input.")
 @click.option("--memory", type=click.FloatRange(min=0.5), help="GiB per worker.")

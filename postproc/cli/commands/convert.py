@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from postproc.cli import completion
 from postproc.cli.common import (
     Session,
     answer,
@@ -53,6 +54,7 @@ def _known_suffix(
 )
 @click.option(
     "--objective",
+    shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
     help="axial, normal, radial, process or another one of plugins; default: the cell's.",
 )
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")

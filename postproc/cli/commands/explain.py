@@ -1,4 +1,4 @@
-"""``postproc explain``: cause and remedy of a finding code."""
+"""``postproc explain``: cause and remedy of a finding code, meaning of an effect."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
 from postproc.codes import Entry, find, groups, nearest
 from postproc.errors import UsageError
@@ -16,16 +17,20 @@ Examples:
   postproc explain APT010
   postproc explain pln102 --json
   postproc explain joint_limit
+  postproc explain thermal_drift
   postproc explain
 """
 _WIDTH = 88
 
 
 @click.command(epilog=EPILOG)
-@click.argument("code", required=False)
+@click.argument("code", required=False, shell_complete=completion.explained)
 @standard_options
 def command(session: Session, /, code: str | None) -> int:
-    """Say what a finding CODE means and what to do about it; without CODE list all codes."""
+    """Say what a finding CODE means and what to do about it; without CODE list all codes.
+
+    CODE may also be an effect of a diagnosis.
+    """
     if code is None:
         listed = [entry for group in groups() for entry in group.entries]
         codes = [{"code": e.code, "severity": e.severity, "title": e.title} for e in listed]
@@ -39,7 +44,7 @@ def command(session: Session, /, code: str | None) -> int:
 
 
 def _known(code: str) -> Entry:
-    entry = find(code.upper()) or find(code.lower())
+    entry = find(code.upper()) or find(code.lower()) or _effect(code.lower())
     if entry is None:
         near = ", ".join(nearest(code.upper()))
         raise UsageError(
@@ -48,6 +53,18 @@ def _known(code: str) -> Entry:
             hint="postproc explain lists all",
         )
     return entry
+
+
+def _effect(name: str) -> Entry | None:
+    """Return what an effect of a diagnosis is, as an entry; None if none has this name."""
+    from postproc.gap import EFFECTS
+
+    if name not in EFFECTS:
+        return None
+    effect = EFFECTS.get(name)
+    return Entry(
+        name, effect.title, f"an effect that diagnose tries: {effect.source}", effect.action
+    )
 
 
 def _document(entry: Entry) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
 from postproc.errors import CellError, SourceRef, UsageError
 
@@ -24,7 +25,12 @@ _TRIPLE = (float, float, float)
 
 @click.command(epilog=EPILOG)
 @click.option("-o", "--output", metavar="CELL.toml", help="File to write.")
-@click.option("--robot", metavar="NAME", help="Built-in robot, see postproc robots.")
+@click.option(
+    "--robot",
+    metavar="NAME",
+    shell_complete=completion.robots,
+    help="Built-in robot, see postproc robots.",
+)
 @click.option("--urdf", metavar="FILE", help="URDF file instead of a built-in robot.")
 @click.option("--name", help="Name of the cell; default: that of the file.")
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")

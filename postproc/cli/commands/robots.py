@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ _LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 
 @click.command(epilog=EPILOG)
-@click.argument("name", required=False)
+@click.argument("name", required=False, shell_complete=completion.robots)
 @click.option("--reach", type=float, metavar="MM", help="Only arms that reach this far [mm].")
 @click.option("--payload", type=float, metavar="KG", help="Only arms that carry this much [kg].")
 @standard_options
