@@ -78,7 +78,6 @@ class RunKind(StrEnum):
     RETRACT = "retract"
     DWELL = "dwell"
     EVENT = "event"
-    SPINDLE = "spindle"
     WORD = "word"
 
 

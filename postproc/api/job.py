@@ -131,8 +131,14 @@ class Job:
     def write(self, folder: str | Path) -> tuple[Path, ...]:
         """Write the program files whole or not at all, and return their paths.
 
+        Args:
+            folder: made where it is missing.
+
+        Returns:
+            Paths of the files; none where the job has no program.
+
         Raises:
-            PostprocError: if the folder cannot be written.
+            ReadError: if the folder cannot be written.
         """
         contents = output_paths(self._conversion, Path(folder))
         write_files(contents)
@@ -145,7 +151,17 @@ class Job:
         return page_of_conversion(self._conversion)
 
     def report(self, file: str | Path) -> Path:
-        """Write the page of the program and return its path."""
+        """Write the page of the program and return its path.
+
+        Args:
+            file: the HTML file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ReadError: if it cannot be written.
+        """
         write_files({Path(file): self.page()})
         return Path(file)
 

@@ -46,6 +46,9 @@ def identify(
         register: fit the tracker's frame and the reflector's place first.
         progress: called with (done, total, what).
 
+    Returns:
+        The job: model, figures, page.
+
     Raises:
         DataError: if the file is wrong or lacks a column.
         StiffnessError: if an option is wrong or the loads show no joint.
@@ -80,6 +83,9 @@ def diagnose(
         program: toolpath or CAM file; tells where along it the gap lies.
         progress: called with (done, total, what).
 
+    Returns:
+        The job: verdict, adopted effects, document, model.
+
     Raises:
         DataError: if a file is wrong or lacks a column.
     """
@@ -103,6 +109,9 @@ def predict(
         cell: the cell, or its file.
         model: what is known of the arm; None: nominal.
         register: fit the measured frame and the reflector anew on these rows.
+
+    Returns:
+        Points in the frame of the measurement, and the misfit.
 
     Raises:
         DataError: if a file is wrong or lacks a column.

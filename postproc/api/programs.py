@@ -31,6 +31,9 @@ def load_cell(path: Source) -> Cell:
     Args:
         path: the cell file.
 
+    Returns:
+        The cell, read-only.
+
     Raises:
         CellError: if the file or something that it names is wrong.
         ReadError: if the file is missing.
@@ -43,6 +46,9 @@ def load_model(path: Source) -> ModelFile:
 
     Args:
         path: the model file.
+
+    Returns:
+        Its effects and its registration.
 
     Raises:
         DataError: if the file is wrong.
@@ -83,6 +89,9 @@ def read(
         accept_words: words of the file that are harmless, besides those that the cell accepts; a
             text has commas between.
         recover: mend faults that have one possible meaning; each is listed in ``recovered``.
+
+    Returns:
+        Tags with their source lines, in SI.
 
     Raises:
         ReadError: if the file cannot be read as its format.
@@ -131,6 +140,9 @@ def convert(
         partial: keep the good stretches although tags fail.
         progress: called with (done, total, what).
 
+    Returns:
+        The job: verdict, findings, tables, files in memory.
+
     Raises:
         PostprocError: if the input, the cell or an option is wrong. A tag that cannot be run is no
             error of the call: it is a finding of the job.
@@ -175,6 +187,9 @@ def verify(
         collisions: search for collisions along the motions.
         progress: called with (done, total, what).
 
+    Returns:
+        Violations, warnings and the worst deviations.
+
     Raises:
         UsageError: if a model is given without anything to compare with.
         KrlError: if a file is no KRL that could run.
@@ -203,6 +218,9 @@ def lint(
         config: data lists whose names are known, such as ``$config.dat``.
         options: the controller, and what else is there.
 
+    Returns:
+        Findings in the order of files and lines.
+
     Raises:
         KrlError: if a file is no KRL.
         ReadError: if a file is missing.
@@ -218,6 +236,9 @@ def diff(old: Source, new: Source, *, tol_mm: float = 0.001, tol_deg: float = 0.
         new: likewise.
         tol_mm: shift that counts as the same [mm].
         tol_deg: rotation that counts as the same [deg].
+
+    Returns:
+        Differences in the order of the old program.
 
     Raises:
         KrlError: if a file is no KRL.

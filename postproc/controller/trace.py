@@ -94,8 +94,7 @@ class Settings(NamedTuple):
 class TraceEvent(NamedTuple):
     """Something before motion ``motion`` (the number of motions: after the last).
 
-    ``value``: seconds of a dwell, first argument of a hook, else NaN; ``on_the_way``: of a trigger,
-    the robot does not stop for it.
+    ``value``: seconds of a dwell, first argument of a hook, else NaN.
     """
 
     motion: int
@@ -105,7 +104,6 @@ class TraceEvent(NamedTuple):
     arguments: tuple[object, ...]
     line: int
     file: int
-    on_the_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)

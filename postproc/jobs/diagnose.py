@@ -70,8 +70,15 @@ class DiagnosisJob:
     def write(self, folder: str | Path) -> tuple[Path, ...]:
         """Write ``report.html``, ``model.toml`` and what to measure next; return the paths.
 
+        Args:
+            folder: made where it is missing.
+
+        Returns:
+            Paths of the files.
+
         Raises:
             DataError: if the folder holds readings that were filled in by hand.
+            ReadError: if the folder cannot be written.
         """
         folder = Path(folder)
         keep_readings(folder)
@@ -82,7 +89,17 @@ class DiagnosisJob:
         return tuple(contents)
 
     def report(self, file: str | Path) -> Path:
-        """Write the page alone and return its path."""
+        """Write the page alone and return its path.
+
+        Args:
+            file: the HTML file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ReadError: if it cannot be written.
+        """
         write_files({Path(file): self.page()})
         return Path(file)
 

@@ -55,12 +55,32 @@ class IdentifyJob:
         return identify_page(self.result, drawing_of(self.cell))
 
     def write(self, file: str | Path) -> Path:
-        """Write ``model.toml`` and return its path."""
+        """Write ``model.toml`` and return its path.
+
+        Args:
+            file: the model file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ReadError: if it cannot be written.
+        """
         write_files({Path(file): save_model(self.model)})
         return Path(file)
 
     def report(self, file: str | Path) -> Path:
-        """Write the page and return its path."""
+        """Write the page and return its path.
+
+        Args:
+            file: the HTML file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ReadError: if it cannot be written.
+        """
         write_files({Path(file): self.page()})
         return Path(file)
 

@@ -35,25 +35,39 @@ class Quantity:
     """Numbers of a row that belong together.
 
     ``field`` of a ``MeasurementSet``: (n, k) with the k columns ``names``, (n,) with one; ``unit``:
-    of the file in SI; ``largest``: in the unit of the file, no reading is beyond; a value that is
-    has another unit or a lost decimal point.
+    of the file in SI; ``meaning``: for the reference; ``largest``: in the unit of the file, no
+    reading is beyond; a value that is has another unit or a lost decimal point.
     """
 
     field: str
     names: tuple[str, ...]
+    meaning: str
     unit: float = 1.0
     empty: Empty = Empty.ZERO
     largest: float = math.inf
 
 
 QUANTITIES = (
-    Quantity("q", JOINTS, DEG, Empty.ERROR, 7200.0),
-    Quantity("position", POSITION, MM, Empty.ERROR, 1e6),
-    Quantity("abc", ORIENTATION, DEG, Empty.COLUMN),
-    Quantity("time", ("time_s",), 1.0, Empty.COLUMN),
-    Quantity("temperature", ("temp_C",), 1.0, Empty.COLUMN),
-    Quantity("direction", DIRECTION),
-    Quantity("qd", SPEED, DEG),
-    Quantity("wrench", WRENCH),
+    Quantity("q", JOINTS, "commanded joint positions A1..A6", DEG, Empty.ERROR, 7200.0),
+    Quantity(
+        "position",
+        POSITION,
+        "measured tool point, in the robot root; anywhere with --register",
+        MM,
+        Empty.ERROR,
+        1e6,
+    ),
+    Quantity("abc", ORIENTATION, "measured tool orientation, KUKA A, B, C", DEG, Empty.COLUMN),
+    Quantity("time", ("time_s",), "time since the start", 1.0, Empty.COLUMN),
+    Quantity("temperature", ("temp_C",), "temperature of the arm", 1.0, Empty.COLUMN),
+    Quantity(
+        "direction",
+        DIRECTION,
+        "side from which each joint came: 1 its angle grew, -1 it fell, 0 unknown",
+    ),
+    Quantity("qd", SPEED, "commanded joint speeds at the reading", DEG),
+    Quantity(
+        "wrench", WRENCH, "force and moment on the tool, at the tool point, axes of the robot root"
+    ),
 )
 KNOWN = ("id", "group", *(name for part in QUANTITIES for name in part.names), *PLANNED)

@@ -94,7 +94,15 @@ class ModelFile:
         return self.text.path if self.text else ""
 
     def source(self, effect: str, key: str | None = None) -> SourceRef | None:
-        """Return file and line of an effect's table or of one of its keys."""
+        """Return file and line of an effect's table or of one of its keys.
+
+        Args:
+            effect: name of the effect.
+            key: of its table; None: the table itself.
+
+        Returns:
+            The place, None for a model that is from no file.
+        """
         if self.text is None:
             return None
         location = ("effects", effect) if key is None else ("effects", effect, key)
@@ -102,6 +110,10 @@ class ModelFile:
 
     def require_known(self, effect: str, known: Collection[str]) -> None:
         """Refuse keys of an effect's table that the effect does not know.
+
+        Args:
+            effect: name of a table that is there.
+            known: the keys that the effect reads.
 
         Raises:
             DataError: MOD004 with the line and the nearest known key.
@@ -125,6 +137,9 @@ class ModelFile:
             key: as in the file, such as ``offset_deg``.
             shape: expected shape; None stands for any length, () for one number.
             optional: return None instead of raising where the key is missing.
+
+        Returns:
+            Numbers of this shape in SI.
 
         Raises:
             DataError: MOD005 missing, MOD006 not numbers of this shape.

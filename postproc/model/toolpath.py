@@ -54,8 +54,6 @@ class EventKind(StrEnum):
     HALT = "halt"
     """The program waits for the operator, without a routine of the integrator."""
     TOOL_CHANGE = "tool_change"
-    TAP_REVERSE = "tap_reverse"
-    """The spindle turns back at the bottom of a tapped hole."""
     MESSAGE = "message"
     UNKNOWN = "unknown"
 
@@ -305,7 +303,14 @@ class ToolPath:
         return len(self.points)
 
     def accepting(self, words: Collection[str]) -> ToolPath:
-        """Return it with the refused words that these name, in any case, as notes."""
+        """Return it with the refused words that these name, in any case, as notes.
+
+        Args:
+            words: a word accepts all of its forms, ``WORD/FORM`` that one.
+
+        Returns:
+            The same toolpath with other ``word_uses``.
+        """
         known = {word.strip().upper() for word in words}
         uses = tuple(
             use.accepted() if use.refused and use.is_named_by(known) else use
@@ -318,6 +323,12 @@ class ToolPath:
 
         An event stays before its tag, or before the first that was behind it in another order. Of
         tags that are left out the events are left out too.
+
+        Args:
+            index: indices, a slice or a mask of tags.
+
+        Returns:
+            A toolpath of these tags.
         """
         n = len(self)
         index = np.arange(n)[index]
@@ -335,6 +346,12 @@ class ToolPath:
         """Return the tags of toolpaths behind each other, with the tables of all.
 
         Path, name, format and units are those of the first.
+
+        Args:
+            parts: one toolpath or more.
+
+        Returns:
+            One toolpath.
 
         Raises:
             ValueError: for rotations or joints in some of them only.
@@ -367,9 +384,24 @@ class ToolPath:
         return replace(self, names=tuple(self.tag_name(tag) for tag in range(len(self))))
 
     def source(self, tag_index: int, text: str = "") -> SourceRef:
-        """Return where tag ``tag_index`` stands in the input."""
+        """Return where a tag stands in the input.
+
+        Args:
+            tag_index: from 0.
+            text: what stands there, where it is known.
+
+        Returns:
+            File and line.
+        """
         return SourceRef(self.path, int(self.line[tag_index]), text)
 
     def tag_name(self, tag_index: int) -> str:
-        """Return the input's own name of a tag, else its index."""
+        """Return the input's own name of a tag, else its index.
+
+        Args:
+            tag_index: from 0.
+
+        Returns:
+            The name as messages show it.
+        """
         return self.names[tag_index] if self.names is not None else str(tag_index)

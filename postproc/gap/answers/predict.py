@@ -28,7 +28,14 @@ class Prediction:
     rms: float
 
     def csv(self, ids: Sequence[str]) -> bytes:
-        """Return ``id,x_mm,y_mm,z_mm``."""
+        """Return the points as CSV text.
+
+        Args:
+            ids: names of the rows.
+
+        Returns:
+            UTF-8 with the header ``id,x_mm,y_mm,z_mm``.
+        """
         lines = ["id,x_mm,y_mm,z_mm"]
         for name, point in zip(ids, self.points / MM, strict=True):
             x, y, z = (f"{value:.6f}" for value in point)

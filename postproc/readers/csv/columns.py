@@ -24,7 +24,7 @@ _FEEDS = {"mm/min": MM_PER_MIN, "mm_min": MM_PER_MIN, "mm_per_min": MM_PER_MIN, 
           "mm/s": MM, "m/s": 1.0, "m_s": 1.0, "m/min": 1.0 / 60.0, "in/min": INCH_PER_MIN,
           "ipm": INCH_PER_MIN}  # fmt: skip
 
-_NAMES: dict[str, tuple[str, ...]] = {
+NAMES: dict[str, tuple[str, ...]] = {
     "x": ("x", "mx", "px", "xpos", "posx", "x1"),
     "y": ("y", "my", "py", "ypos", "posy", "y1"),
     "z": ("z", "mz", "pz", "zpos", "posz", "z1"),
@@ -57,7 +57,28 @@ _NAMES: dict[str, tuple[str, ...]] = {
     "peck": ("peck", "pecking", "peckdepth"),
     "motion": ("motion", "move", "movetype", "motiontype"),
 }  # fmt: skip
-_ROLE = {name: role for role, names in _NAMES.items() for name in names}
+"""Spellings of each role, without case, blanks and unit."""
+MEANINGS = {
+    "x": "point: tip of the tool, top of a hole", "y": "the same", "z": "the same",
+    "i": "tool axis, from the tip into the holder", "j": "the same", "k": "the same",
+    "a": "KUKA A of the tool frame, in place of i, j, k", "b": "KUKA B", "c": "KUKA C",
+    "roll": "rotation about x, in place of i, j, k: R = Rz(yaw) Ry(pitch) Rx(roll)",
+    "pitch": "rotation about y", "yaw": "rotation about z",
+    "qw": "quaternion of the tool frame, in place of i, j, k", "qx": "x of it", "qy": "y of it",
+    "qz": "z of it",
+    "id": "name of the point, used in messages and pins",
+    "depth": "the point is a hole of this depth below it, along the tool axis",
+    "diameter": "of the hole; shown, not used for the motion",
+    "feed": "cutting feed, mm/min",
+    "operation": "name of the operation that the row belongs to",
+    "tool": "tool of the row",
+    "clearance": "height above the hole from which it is fed",
+    "retract": "height above the hole to which the tool is withdrawn",
+    "dwell": "time at the bottom, s",
+    "peck": "depth of one peck",
+    "motion": "rapid or linear",
+}  # fmt: skip
+_ROLE = {name: role for role, names in NAMES.items() for name in names}
 _POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
 LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
 _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
