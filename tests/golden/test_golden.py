@@ -21,7 +21,6 @@ import pytest
 from postproc.cli import app
 from tests.places import FIXTURES
 
-CASES = sorted(path.parent.name for path in FIXTURES.glob("*/commands.txt"))
 KINDS = (".src", ".dat", ".csv")
 """What is compared; pages are not."""
 MOST_OFF_MM = 0.01
@@ -39,6 +38,15 @@ def commands(case: str) -> list[list[str]]:
 def programs(folder: Path) -> dict[str, bytes]:
     """Return what is compared of a folder: name to content."""
     return {p.name: p.read_bytes() for p in sorted(folder.glob("*")) if p.suffix in KINDS}
+
+
+PROGRAMS = ("convert", "sample")
+"""Commands that write programs; a campaign is judged in ``tests/docs``."""
+CASES = [
+    case
+    for case in sorted(path.parent.name for path in FIXTURES.glob("*/commands.txt"))
+    if commands(case)[0][0] in PROGRAMS
+]
 
 
 def changes(old: Path, new: Path, capsys) -> str:
