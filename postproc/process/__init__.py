@@ -6,8 +6,14 @@ from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
+<<<<<<< HEAD
 from postproc.process.repeats import repeats
 from postproc.process.spindle import CUTTING, Stretch, stretches, switched_off
+=======
+from postproc.process.repeats import apart, repeats
+from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
+from postproc.process.strokes import CHIP_LIFT, FEED_OUT, TAPS, hole_calls, pecks, turns_at
+>>>>>>> c5cbf7a (Random CAM files through convert; repeats are one for planner and check)
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.words import refusals, word_findings
 
@@ -19,6 +25,7 @@ __all__ = [
     "PLUNGING",
     "SHARPEST",
     "Stretch",
+    "apart",
     "as_served",
     "coolant_mode",
     "feeds_of",

@@ -4,18 +4,30 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.model import MotionKind, ToolPath
 
-_SAME = 1e-7
+SAME_POINT = 1e-7
 """Points nearer than this [m] and axes nearer than this [rad] are one."""
 
 
 def repeats(toolpath: ToolPath) -> BoolArray:
-    """Return (n,) lines of no length: the point and the axis of the cut before."""
+    """Return (n,) lines and rapids of no length: the point, axis and tool of the motion before."""
     kind = np.asarray(toolpath.kind)
-    cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
-    way = np.linalg.norm(np.diff(toolpath.points, axis=0), axis=1)
-    turned = np.linalg.norm(np.diff(toolpath.axes, axis=0), axis=1)
-    same = (way < _SAME) & (turned < _SAME) & (kind[1:] == MotionKind.LINEAR) & cuts[:-1]
-    return np.concatenate([np.zeros(min(1, len(kind)), dtype=np.bool_), same])
+    again = np.isin(kind[1:], (MotionKind.RAPID, MotionKind.LINEAR))
+    again &= np.isin(kind[:-1], (MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC))
+    again &= np.diff(np.asarray(toolpath.tool)) == 0
+    again &= ~apart(np.hstack([toolpath.points, toolpath.axes]))[1:]
+    return np.concatenate([np.zeros(min(1, len(kind)), dtype=np.bool_), again])
+
+
+def apart(points: FloatArray) -> BoolArray:
+    """Return (n,) which points (n, d) differ from the last one that did: a slow drift counts."""
+    n = len(points)
+    new = np.ones(n, dtype=np.bool_)
+    near = np.linalg.norm(np.diff(points, axis=0), axis=1) <= SAME_POINT
+    last = -1
+    for row in (np.flatnonzero(near) + 1).tolist():
+        last = row - 1 if new[row - 1] else last
+        new[row] = np.linalg.norm(points[row] - points[last]) > SAME_POINT
+    return new

@@ -112,6 +112,8 @@ def border_quality(plan: Plan) -> FloatArray:
     quality[plan.blend[np.arange(len(plan)) - 1] <= 0.0] = 1
     quality[_is_cut(before) & ~_is_cut(role)] = 1
     quality[~_is_cut(before) & ~_is_cut(role)] = 2
+    inside = np.isin(role, (MoveRole.PLUNGE, MoveRole.LIFT, MoveRole.RETRACT))
+    quality[inside & (plan.tag == np.roll(plan.tag, 1))] = 0
     quality[kind == MoveKind.PTP] = 3
     tags = np.clip(plan.tag, 0, None)
     operation = plan.toolpath.operation[tags]

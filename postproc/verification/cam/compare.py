@@ -37,9 +37,12 @@ from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes
 from postproc.verification.cam.matching import SAME_AXIS, Wanted, match, wanted_of
-from postproc.verification.cam.real import RealPaths, real_paths
+from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
+
+_FAR = 1e9
+"""Where a motion goes that goes nowhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +117,8 @@ def compare(
         real = real_paths(paths, cell, toolpath, displacement)
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
-    visits = match(wanted.point, _visited(real), tolerances.position, own, real.case)
+    moving = np.where(stands(paths)[:, None], _FAR, _visited(real))
+    visits = match(wanted.point, moving, tolerances.position, own, real.case)
     served = visits.first
     comparison = Comparison(
         wanted,
@@ -145,7 +149,7 @@ def compare(
 def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
-    return np.where(np.isfinite(points), points, 1e9)
+    return np.where(np.isfinite(points), points, _FAR)
 
 
 def _relative(result: Result, serves: BoolArray) -> None:

@@ -79,7 +79,8 @@ class _Spans:
     def __init__(self, served: AnyIntArray, latest: AnyIntArray, count: int) -> None:
         known = np.where(served >= 0, served, -1)
         self._before = np.r_[0, np.maximum.accumulate(known) + 1] if len(known) else np.zeros(1)
-        later = np.where(latest >= 0, latest, count)
+        repeated = np.r_[False, served[1:] == served[:-1]]
+        later = np.where((latest >= 0) & ~repeated[: len(latest)], latest, count)
         behind = np.minimum.accumulate(later[::-1])[::-1] if len(later) else later
         self._behind = np.r_[behind, count]
 

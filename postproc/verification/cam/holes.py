@@ -13,7 +13,7 @@ from postproc.controller import EventWord
 from postproc.errors import RunKind
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
-from postproc.verification.cam.real import RealPaths
+from postproc.verification.cam.real import RealPaths, stands
 from postproc.verification.report import Result
 
 NEAR = 10.0
@@ -83,7 +83,7 @@ class _Holes:
         self._case = real.case.tolist()
         self._all_points = [paths.end_point.tolist() for paths in real.paths]
         self._points = self._all_points[0]
-        self._is_cp = result.paths.trace.is_cp.tolist()
+        self._is_cp = (result.paths.trace.is_cp | stands(result.paths)).tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
         self._reported: dict[RunKind, int] = {}
         self.along: set[int] = set()

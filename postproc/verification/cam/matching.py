@@ -15,9 +15,8 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
 from postproc.model import Cycle, MotionKind, ToolPath
+from postproc.process import apart
 
-SAME = 1e-9
-"""Two points of the file nearer than this [m] are one."""
 SAME_AXIS = 1e-6
 """Two tool axes that differ by less than this [rad] are one; else the tool turns on the spot."""
 MAX_PAIRS = 5_000_000
@@ -121,7 +120,7 @@ def match(
     if not len(wanted) or not visited.shape[1]:
         nothing = np.full(len(wanted), -1, dtype=np.int32)
         return Visits(nothing, nothing)
-    new = np.r_[True, np.linalg.norm(np.diff(wanted, axis=0), axis=1) > SAME]
+    new = apart(wanted)
     if is_own is not None:
         new |= is_own
     distinct = wanted[new]

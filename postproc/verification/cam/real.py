@@ -66,7 +66,7 @@ def real_paths(
     for number, wrench in enumerate(wrenches, 1):
         known = feed[(case == number) & np.isfinite(feed)]
         works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
-        works |= _stands(paths) & np.r_[False, works[:-1]]
+        works |= stands(paths) & np.r_[False, works[:-1]]
         loaded = _in_part(
             paths, displacement(ends.under(wrench)), displacement(samples.under(wrench))
         )
@@ -74,7 +74,7 @@ def real_paths(
     return RealPaths(tuple(sets), case)
 
 
-def _stands(paths: Paths) -> BoolArray:
+def stands(paths: Paths) -> BoolArray:
     """Return (m,) joint motions that go nowhere, as at the head of a sub-program."""
     step = np.full(len(paths), np.inf)
     step[1:] = np.abs(np.diff(paths.q, axis=0)).max(axis=1)

@@ -1,0 +1,1 @@
+"""Random CAM files through the whole of ``convert``: nothing may end in a fault of our own."""
