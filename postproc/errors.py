@@ -78,6 +78,7 @@ class RunKind(StrEnum):
     RETRACT = "retract"
     DWELL = "dwell"
     EVENT = "event"
+    SPINDLE = "spindle"
     WORD = "word"
 
 

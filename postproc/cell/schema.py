@@ -428,7 +428,8 @@ class HooksTable(Table):
     )
     spindle_off: KrlName = Field(default="PP_SPINDLE_OFF", description="without parameter")
     coolant_on: KrlName = Field(
-        default="PP_COOLANT_ON", description="gets 1 flood, 2 mist, 3 through the tool, 4 air"
+        default="PP_COOLANT_ON",
+        description="gets 1 flood, 2 mist, 3 through the tool, 4 air, 5 tap, 6 to 8 custom",
     )
     coolant_off: KrlName = Field(default="PP_COOLANT_OFF", description="without parameter")
     stop: KrlName = Field(default="PP_STOP", description="stop of the CAM program")

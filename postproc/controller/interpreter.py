@@ -439,7 +439,9 @@ class Interpreter:
             return
         handler = self._handlers.get(type(action))
         if handler is not None:
+            self.recorder.in_trigger = True
             handler(action)
+            self.recorder.in_trigger = False
 
     def _interrupt(self, statement: Interrupt) -> None:
         """Note whether the delivered interrupt 3 is at work; all others are only harmless hooks."""

@@ -43,6 +43,7 @@ class Recorder:
     events: list[TraceEvent] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    in_trigger: bool = False
 
     def __len__(self) -> int:
         """Return the number of motions so far."""
@@ -87,7 +88,9 @@ class Recorder:
     ) -> None:
         """Add something that happens before the next motion."""
         self.events.append(
-            TraceEvent(len(self.motion_types), word, name, value, arguments, place[1], place[0])
+            TraceEvent(
+                len(self.motion_types), word, name, value, arguments, *place[::-1], self.in_trigger
+            )
         )
 
     def finding(

@@ -94,7 +94,8 @@ class Settings(NamedTuple):
 class TraceEvent(NamedTuple):
     """Something before motion ``motion`` (the number of motions: after the last).
 
-    ``value``: seconds of a dwell, first argument of a hook, else NaN.
+    ``value``: seconds of a dwell, first argument of a hook, else NaN; ``on_the_way``: of a trigger,
+    the robot does not stop for it.
     """
 
     motion: int
@@ -104,6 +105,7 @@ class TraceEvent(NamedTuple):
     arguments: tuple[object, ...]
     line: int
     file: int
+    on_the_way: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,8 @@ class EventKind(StrEnum):
     HALT = "halt"
     """The program waits for the operator, without a routine of the integrator."""
     TOOL_CHANGE = "tool_change"
+    TAP_REVERSE = "tap_reverse"
+    """The spindle turns back at the bottom of a tapped hole."""
     MESSAGE = "message"
     UNKNOWN = "unknown"
 

@@ -10,7 +10,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
-from postproc.model import Plan, ToolPath
+from postproc.model import Event, MoveRole, Plan, ToolPath
 from postproc.planning.checks import Checker
 from postproc.planning.repeats import with_repeats, without_repeats
 from postproc.planning.route import Route, route
@@ -25,6 +25,7 @@ from postproc.planning.states import (
     TRAVEL,
     UPRIGHT,
     Chosen,
+    Moves,
     PlanOptions,
     Problem,
     Rule,
@@ -38,7 +39,7 @@ from postproc.planning.states import (
     strokes_of,
     tilt_grid,
 )
-from postproc.process import as_served, reordered, repeats, switched_off
+from postproc.process import as_served, hole_calls, reordered, repeats, switched_off
 from postproc.progress import Clock, Progress
 from postproc.units import DEG
 
@@ -253,7 +254,6 @@ def _assembled(
     table, times = routed.moves, routed.timed
     index, initial = _stiffness(problem, chosen)
     toolpath = problem.toolpath
-    first = np.searchsorted(table.tag, [event.index for event in toolpath.events])
     return Plan(
         name=options.name or toolpath.name,
         toolpath=toolpath,
@@ -274,11 +274,22 @@ def _assembled(
         stiffness=index,
         stiffness_initial=initial,
         clearance=np.full(len(toolpath), np.nan),
-        events=tuple(zip(first.tolist(), toolpath.events, strict=True)),
+        events=_events(toolpath, table),
         findings=tuple(findings),
         settings=record,
         orientation_speed=times.orientation,
     )
+
+
+def _events(toolpath: ToolPath, table: Moves) -> tuple[tuple[int, Event], ...]:
+    """Return the events of the file and of its holes, each with the move that it comes before."""
+    first = np.searchsorted(table.tag, [event.index for event in toolpath.events]).tolist()
+    found = [(move, 1, event) for move, event in zip(first, toolpath.events, strict=True)]
+    for tag, below, behind in hole_calls(toolpath):
+        rows = np.flatnonzero((table.tag == tag) & (table.role == MoveRole.RETRACT))
+        if len(rows):
+            found += [(int(rows[0]), 0, below), (int(rows[0]) + 1, 0, behind)]
+    return tuple((move, event) for move, _, event in sorted(found, key=lambda item: item[:2]))
 
 
 def _stiffness(problem: Problem, chosen: Chosen) -> tuple[FloatArray, FloatArray]:

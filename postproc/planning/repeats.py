@@ -35,7 +35,11 @@ def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
         else replace(finding, tag_index=int(distinct[finding.tag_index]))
         for finding in plan.findings
     )
-    moves = [move for move, _ in plan.events]
+    of_file = dict(zip(map(id, plan.toolpath.events), toolpath.events, strict=True))
+    events = tuple(
+        (move, of_file.get(id(event)) or replace(event, index=int(distinct[event.index])))
+        for move, event in plan.events
+    )
     return replace(
         plan,
         toolpath=toolpath,
@@ -43,6 +47,6 @@ def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
         stiffness=plan.stiffness[source],
         stiffness_initial=plan.stiffness_initial[source],
         clearance=plan.clearance[source],
-        events=tuple(zip(moves, toolpath.events, strict=True)),
+        events=events,
         findings=findings,
     )

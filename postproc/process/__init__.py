@@ -1,43 +1,46 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
-from postproc.process.coolant import coolant_mode
+from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
-<<<<<<< HEAD
-from postproc.process.repeats import repeats
-from postproc.process.spindle import CUTTING, Stretch, stretches, switched_off
-=======
 from postproc.process.repeats import apart, repeats
 from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
 from postproc.process.strokes import CHIP_LIFT, FEED_OUT, TAPS, hole_calls, pecks, turns_at
->>>>>>> c5cbf7a (Random CAM files through convert; repeats are one for planner and check)
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
     "AXIS_SHARE",
+    "CHIP_LIFT",
+    "COOLANTS",
     "CUTTING",
+    "FEED_OUT",
     "LOWERED_FROM",
     "LOWERED_TO",
     "PLUNGING",
     "SHARPEST",
+    "TAPS",
     "Stretch",
     "apart",
     "as_served",
     "coolant_mode",
     "feeds_of",
+    "hole_calls",
     "hole_runs",
     "load_cases",
     "machining_findings",
+    "may_stand",
     "operation_loads",
+    "pecks",
     "refusals",
     "reordered",
     "repeats",
     "stretches",
     "switched_off",
+    "turns_at",
     "weight_wrench",
     "word_findings",
 ]

@@ -1,22 +1,16 @@
-"""Which coolant a CAM file asks for."""
+"""Coolant words of CAM systems, and the number that the integrator's routine gets for each."""
 
 from __future__ import annotations
 
-_MODES = (
-    ("THRU", 3),
-    ("THROUGH", 3),
-    ("TAPKUL", 3),
-    ("HIGH", 3),
-    ("MIST", 2),
-    ("AIR", 4),
-    ("FLOOD", 1),
-)
+COOLANTS = {
+    "ON": 1, "FLOOD": 1, "MIST": 2, "THRU": 3, "THROUGH": 3, "TAPKUL": 3, "HIGH": 3, "AIR": 4,
+    "TAP": 5, "CUSTOM1": 6, "CUSTOM2": 7, "CUSTOM3": 8,
+}  # fmt: skip
+"""A kind stands before ON: ``COOLNT/ON,MIST`` is mist."""
 
 
 def coolant_mode(text: str) -> int:
-    """Return the number that the integrator's routine gets for the words of a CAM file.
-
-    1 flood, 2 mist, 3 through the tool, 4 air; flood where the file does not say.
-    """
-    words = text.upper()
-    return next((number for word, number in _MODES if word in words), 1)
+    """Return the number of the words behind COOLNT: that of the kind named, else flood."""
+    words = [word.strip() for word in text.upper().split(",")]
+    kinds = [COOLANTS[word] for word in words if word in COOLANTS and word != "ON"]
+    return kinds[0] if kinds else COOLANTS["ON"]

@@ -9,11 +9,11 @@ import numpy as np
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Cycle, CycleKind, MotionKind, ToolPath
-from postproc.process.spindle import direction_findings, stretches
+from postproc.process.spindle import direction_findings
+from postproc.process.strokes import TAPS, turns_at
 from postproc.units import MM
 
-TAPS = frozenset({CycleKind.TAP, CycleKind.TAP_LEFT, CycleKind.RIGID_TAP, CycleKind.RIGID_TAP_LEFT})
-LEFT_TAPS = frozenset({CycleKind.TAP_LEFT, CycleKind.RIGID_TAP_LEFT})
+_LEFT_TAPS = frozenset({CycleKind.TAP_LEFT, CycleKind.RIGID_TAP_LEFT})
 _RIGID = frozenset({CycleKind.RIGID_TAP, CycleKind.RIGID_TAP_LEFT})
 _NO_PITCH = 1e-3
 """Feed and pitch times speed agree within this share."""
@@ -32,9 +32,7 @@ def _tap_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, taps))
     if not len(rows):
         return []
-    turns = np.full(len(toolpath), math.nan)
-    for part in stretches(toolpath.events, len(toolpath)):
-        turns[part.first : part.stop] = part.turns
+    turns = turns_at(toolpath)
     found: dict[str, Finding] = {}
     for row in rows.tolist():
         cycle = toolpath.cycles[int(toolpath.cycle[row])]
@@ -65,11 +63,13 @@ def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, 
 
 def _disagreement(cycle: Cycle, turns: float, feed: float) -> str:
     """Return what in a tapping cycle contradicts the spindle, empty if nothing does."""
+    if cycle.dwell > 0.0:
+        return "a dwell at the bottom: the tap would cut on while it waits"
     if not abs(turns) > 0.0:
         return "tapping needs a spindle that turns at a known speed"
-    if (cycle.kind in LEFT_TAPS) != (turns < 0.0):
+    if (cycle.kind in _LEFT_TAPS) != (turns < 0.0):
         way = "counterclockwise" if turns < 0.0 else "clockwise"
-        hand = "left" if cycle.kind in LEFT_TAPS else "right"
+        hand = "left" if cycle.kind in _LEFT_TAPS else "right"
         return f"a {hand}-hand tap, but the spindle turns {way}"
     if not math.isfinite(feed):
         return "neither a feed nor a pitch is given"

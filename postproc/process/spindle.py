@@ -19,6 +19,8 @@ CUTTING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
 """Motions that may touch the part."""
 _ADDED = "added: the file leaves it on"
 _AGAIN = "added: the file does not stop it"
+_STANDING = frozenset({"SPINDL", "SPINDL/OFF"})
+"""Words by which cuts at a standstill are accepted."""
 _SWITCHES = {
     EventKind.SPINDLE_ON: EventKind.SPINDLE_OFF,
     EventKind.COOLANT_ON: EventKind.COOLANT_OFF,
@@ -114,3 +116,15 @@ def direction_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
             )
         )
     return found
+
+
+def may_stand(toolpath: ToolPath | None, cell: Cell) -> bool:
+    """Return whether the user knows that cuts at a standstill of the spindle are meant.
+
+    Args:
+        toolpath: the CAM file, whose words were accepted or not; None: what the cell accepts.
+        cell: its accepted words.
+    """
+    if toolpath is None:
+        return bool(_STANDING & {word.upper() for word in cell.reading.accept_words})
+    return any(use.word in _STANDING and not use.refused for use in toolpath.word_uses)

@@ -10,7 +10,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``word``: what the
-  CAM file asks for and no program does.
+  CAM file asks for and no program does;
+- ``spindle``: it stands or turns the wrong way in a cut, or still turns at the end.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
 """
@@ -18,6 +19,7 @@ With a model of the arm (``displacement``) it is the real tool that is compared 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,7 +31,7 @@ from postproc.kinematics import build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
-from postproc.process import as_served, refusals, switched_off
+from postproc.process import as_served, machining_findings, may_stand, refusals, switched_off
 from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.cam import (
@@ -47,6 +49,7 @@ from postproc.verification.checks import (
 from postproc.verification.collisions import check_collisions
 from postproc.verification.report import Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_settings
+from postproc.verification.spindle import check_spindle
 
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
@@ -102,6 +105,8 @@ def verify(
     comparison = None
     if toolpath is not None:
         result.findings += refusals(toolpath)
+        found = machining_findings(toolpath, cell)
+        result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
         toolpath = switched_off(as_served(toolpath, cell))
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
@@ -109,6 +114,7 @@ def verify(
         check_events(result, cell, toolpath, comparison.served, comparison.latest)
     is_cut = comparison.is_cut if comparison is not None else None
     check_speeds(result, cell, is_cut)
+    check_spindle(result, cell, is_cut, may_stand(toolpath, cell))
     report(3, 4, "collisions")
     checked = collisions and check_collisions(result, cell, kinematics, is_cut)
     return _report(name, result, cell, comparison, checked)

@@ -34,6 +34,7 @@ STANDING = frozenset(
         EventKind.OPTIONAL_STOP,
         EventKind.HALT,
         EventKind.TOOL_CHANGE,
+        EventKind.TAP_REVERSE,
     }
 )
 """Events at which the robot stands."""
@@ -162,8 +163,8 @@ def _exact(plan: Plan, borders: frozenset[int]) -> BoolArray:
 def is_flying(plan: Plan, index: int, kind: EventKind) -> bool:
     """Whether an event happens in the middle of a blended cut, where a stop would mark the part.
 
-    Coolant can be switched on the way; so can the speed of a spindle that turns already. All other
-    events need a robot that stands.
+    Coolant can be switched on the way. All other events need a robot that stands: a spindle is
+    waited for, at another speed too.
     """
     if not 0 < index < len(plan):
         return False
@@ -175,10 +176,6 @@ def is_flying(plan: Plan, index: int, kind: EventKind) -> bool:
     )
     if not is_chain:
         return False
-    if kind is EventKind.SPINDLE_ON:
-        earlier = [e.kind for i, e in plan.events if i < index]
-        spindle = [k for k in earlier if k in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF)]
-        return bool(spindle) and spindle[-1] is EventKind.SPINDLE_ON
     return kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF)
 
 

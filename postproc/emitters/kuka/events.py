@@ -91,7 +91,7 @@ class EventWriter:
 
 def _values(event: Event) -> dict[str, object]:
     """Return the numbers of an event as the templates know them."""
-    if event.kind is EventKind.SPINDLE_ON:
+    if event.kind in (EventKind.SPINDLE_ON, EventKind.TAP_REVERSE):
         rpm = round(event.value / RPM, 3)
         return {"rpm": int(rpm) if rpm == int(rpm) else rpm}
     if event.kind in (EventKind.COOLANT_ON, EventKind.COOLANT_OFF):

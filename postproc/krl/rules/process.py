@@ -38,12 +38,16 @@ def spindle(subject: Subject) -> None:
 
 @dataclass(slots=True)
 class _Spindle:
-    """Where the spindle was switched on, and the first cut while it stood."""
+    """Where the spindle was switched on, and the first cut while it stood.
+
+    ``may_leave``: it has just been switched off, and the tool may leave a bore at feed.
+    """
 
     on: tuple[str, int] | None = None
     used: bool = False
     speed: float | None = None
     cut: tuple[str, int] | None = None
+    may_leave: bool = False
 
 
 def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
@@ -59,6 +63,7 @@ def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
             if not state.used:
                 message = "the spindle is switched off and was never on"
                 subject.add(21, WARNING, *place, message)
+            state.may_leave = state.on is not None
             state.on, state.used, state.cut = None, True, None
         else:
             _follow(state, statement, place)
@@ -73,8 +78,9 @@ def _follow(state: _Spindle, statement: Statement, place: tuple[str, int]) -> No
             state.speed = number(statement.value)
     elif isinstance(statement, Move) and not statement.word.is_axis_motion:
         is_cut = state.speed is not None and state.speed <= FEED
-        if is_cut and state.on is None and state.cut is None:
+        if is_cut and state.on is None and state.cut is None and not state.may_leave:
             state.cut = place
+        state.may_leave = False
 
 
 def _called(statement: Statement) -> str:

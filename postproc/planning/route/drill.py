@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import MoveKind, MoveRole
-from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves, pecks
-from postproc.process import feeds_of
+from postproc.planning.states import Chosen, Moves, Problem, Strokes, moves
+from postproc.process import FEED_OUT, feeds_of, pecks
 
 ARRIVE = 100
 """Order of the move that arrives at a tag; moves on the way there come before."""
 _CLEAR = 110
 _FIRST_PECK = 120
+_OUT = 999_999
 LEAVE = 1_000_000
 TOUCH_SPEED = 0.1
 """Speed [m/s] to and from a point that is only touched, where no feed is given."""
@@ -38,8 +39,21 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     for cycle in np.unique(cycles).tolist():
         rows = cycles == cycle
         parts += _pecks(problem, strokes, chosen, tags[rows], feeds[rows], cycle)
-    parts.append(moves(tags, LEAVE, MoveKind.LIN, MoveRole.RETRACT, *top, rapid))
+    slow = _leaves_with_feed(problem, tags)
+    if slow.any():
+        clear = _at(problem, chosen, tags[slow], strokes.clear[tags[slow]])
+        parts.append(moves(tags[slow], _OUT, MoveKind.LIN, MoveRole.RETRACT, *clear, feeds[slow]))
+    there = slow & (strokes.clear[tags] >= strokes.top[tags] - 1e-9)
+    T_top, q_top = top
+    last = (T_top[~there], q_top[~there])
+    parts.append(moves(tags[~there], LEAVE, MoveKind.LIN, MoveRole.RETRACT, *last, rapid))
     return parts
+
+
+def _leaves_with_feed(problem: Problem, tags: IndexArray) -> BoolArray:
+    """Return which holes (m,) the tool leaves with the feed that it came with."""
+    kinds = [cycle.kind in FEED_OUT for cycle in problem.toolpath.cycles]
+    return np.array([*kinds, False])[np.asarray(problem.toolpath.cycle)[tags]]
 
 
 def _pecks(

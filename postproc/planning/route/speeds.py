@@ -13,7 +13,7 @@ from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.states import Moves, Problem
-from postproc.process import AXIS_SHARE
+from postproc.process import AXIS_SHARE, TAPS
 from postproc.timing import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,
@@ -135,15 +135,23 @@ def _capped(
         )
     speed[missing] = np.inf
     fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows] * (1.0 + 1e-9))]
+    tapped = _is_tapped(problem, table)
     for row in fast.tolist():
         tag = int(table.tag[row])
-        if cap[row] < SLOWEST:
+        if cap[row] < SLOWEST or tapped[row]:
             findings.append(failure(problem, tag, Reason.SPEED, _too_slow(problem, table, row)))
     cuts = fast[np.isin(table.role[fast], (MoveRole.CUT, MoveRole.PLUNGE)) & (cap[fast] >= SLOWEST)]
     for asked in np.unique(speed[cuts]).tolist():
         findings.append(_slower(problem, table, cuts[speed[cuts] == asked], asked, cap))
     speed[fast] = cap[fast]
     return np.where(np.isfinite(speed), speed, SLOWEST)
+
+
+def _is_tapped(problem: Problem, table: Moves) -> BoolArray:
+    """Return (m,) moves whose feed is bound to the spindle: in and out of a tapped hole."""
+    taps = [cycle.kind in TAPS for cycle in problem.toolpath.cycles]
+    own = np.array([*taps, False])[np.asarray(problem.toolpath.cycle)[table.tag]]
+    return np.asarray(own & (table.speed < problem.cell.motion.rapid_speed))
 
 
 def _too_slow(problem: Problem, table: Moves, row: int) -> str:
@@ -187,6 +195,7 @@ def _blends(
     exact[:-1] |= np.isin(table.role[1:], list(_EXACT)) | stops_before[1:]
     touching = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE, MoveRole.LIFT))
     exact[:-1] |= touching[:-1] != touching[1:]
+    exact[:-1] |= (table.role[:-1] == MoveRole.RETRACT) & (table.role[1:] == MoveRole.RETRACT)
     exact[:-1] |= _turns_back(table)
     exact[-1:] = True
     blend[exact] = 0.0

@@ -19,7 +19,7 @@ from postproc.planning.states.place import (
 from postproc.planning.states.postures import Postures, postures
 from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
-from postproc.planning.states.stroke import Strokes, pecks, strokes_of
+from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import (
     UPRIGHT,
     beside_in_grid,
@@ -59,7 +59,6 @@ __all__ = [
     "leaves_tilt_range",
     "moves",
     "path_normals",
-    "pecks",
     "place",
     "place_given",
     "postures",

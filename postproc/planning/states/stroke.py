@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model import Cycle, MotionKind, ToolPath
+from postproc.model import MotionKind, ToolPath
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,23 +40,3 @@ def strokes_of(toolpath: ToolPath, approach: float) -> Strokes:
     rows = heights[np.asarray(toolpath.cycle)] if n else np.zeros((0, 3))
     rows = np.where(is_stroke[:, None], rows, 0.0)
     return Strokes(is_stroke, rows[:, 0], rows[:, 1], rows[:, 2])
-
-
-def pecks(cycle: Cycle, chip: float = 1e-3) -> list[tuple[float, float]]:
-    """Return the pecks of a cycle: (depth to drill to, height to lift to) [m, m].
-
-    Depths count below the tag, heights above it (a height may be negative: chip breaking lifts by
-    ``chip`` only). The last peck drills to the cycle's depth; its height is the clearance.
-    """
-    first = cycle.peck_first or cycle.peck
-    step = cycle.peck or first
-    if step <= 0.0 or cycle.depth <= 0.0:
-        return [(cycle.depth, cycle.clearance)]
-    depths = []
-    depth = first
-    while depth < cycle.depth - 1e-9:
-        depths.append(depth)
-        depth += step
-    depths.append(cycle.depth)
-    lifts = [chip - d if cycle.break_chip else cycle.clearance for d in depths[:-1]]
-    return list(zip(depths, [*lifts, cycle.clearance], strict=True))

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable
 
 from postproc.model import EventKind, WordClass
+from postproc.process import COOLANTS
 from postproc.readers.apt import cycle as apt_cycle
 from postproc.readers.apt import feed as apt_feed
 from postproc.readers.apt import frames as apt_frames
@@ -223,6 +224,10 @@ def _message(state: AptState, statement: Statement, line: int) -> None:
 
 def _coolant(state: AptState, statement: Statement, line: int) -> None:
     off = "OFF" in statement.upper
+    for word in statement.upper:
+        if word and word != "OFF" and word not in COOLANTS:
+            reason = "a kind of coolant that has no number for the routine; flood is called"
+            state.uses.refuse(f"COOLNT/{word[:20]}", WordClass.PROCESS, line, reason)
     kind = EventKind.COOLANT_OFF if off else EventKind.COOLANT_ON
     state.add_event(kind, line, 0.0, ",".join(statement.upper))
 

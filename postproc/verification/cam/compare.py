@@ -8,9 +8,10 @@ the program gets from one point to the next is judged by what the file asks for:
 - a rapid: any way will do (collisions are another check);
 - a line or an arc: its whole length must be run by path motions within the path tolerance; the
   tool may leave and come back by joint motions or along its axis (see ``elements.follow``);
-- a hole: it must come down the hole's axis from the clearance height, stop exactly at the bottom,
-  wait there as asked, and leave along the axis to the retract height. Steps in between (pecks) are
-  free, but only what has been drilled may be entered faster than the feed.
+- a hole: it must come down the hole's axis from the clearance height in the pecks of its cycle,
+  stop exactly at the bottom, wait there as asked, and leave along the axis to the retract height,
+  with the feed where it is reamed, bored or tapped. Only what has been drilled may be entered
+  faster than the feed.
 
 A point that the program does not go to is *missed*; if it goes there at another time, it is out of
 *order*. Both count with the distance to where the program does go between the neighbours.
@@ -138,9 +139,8 @@ def compare(
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
-    on_axis = check_holes(
-        result, real, wanted, served, comparison.is_cut, tolerances.position, feeds
-    )
+    near, is_cut = tolerances.position, comparison.is_cut
+    on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
     _relative(result, comparison.is_cut | on_axis)
     feeds.report()
     return comparison

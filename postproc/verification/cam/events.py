@@ -17,7 +17,7 @@ from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
-from postproc.process import coolant_mode
+from postproc.process import coolant_mode, hole_calls
 from postproc.units import RPM
 from postproc.verification.report import Result
 
@@ -29,6 +29,7 @@ _COUNTED = (
     EventKind.STOP,
     EventKind.OPTIONAL_STOP,
     EventKind.TOOL_CHANGE,
+    EventKind.TAP_REVERSE,
 )
 _LISTED = 20
 
@@ -55,11 +56,22 @@ def check_events(
     """
     spans = _Spans(served, latest, len(result.paths))
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
+    everything = _asked(toolpath, spans)
     for kind in _COUNTED:
-        asked = [event for event in toolpath.events if event.kind is kind]
-        have = _calls(result, kind, names[str(kind)])
-        _compare_kind(result, kind, names[str(kind)], asked, have, spans)
+        name = names.get(str(kind), "")
+        asked = [(event, span) for event, span in everything if event.kind is kind]
+        if name:
+            _compare_kind(result, kind, name, asked, _calls(result, kind, name))
     _compare_dwells(result, toolpath, spans)
+
+
+def _asked(toolpath: ToolPath, spans: _Spans) -> list[tuple[Event, _Span]]:
+    """Return the events of the file and of its holes in their order, and where each belongs."""
+    found = [(event.index, 0, event, spans.of(event)) for event in toolpath.events]
+    for tag, below, behind in hole_calls(toolpath):
+        found.append((tag, 1, below, spans.at_bottom(tag)))
+        found.append((tag, 2, behind, spans.behind(tag)))
+    return [item[2:] for item in sorted(found, key=lambda item: item[:2])]
 
 
 def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
@@ -83,23 +95,31 @@ class _Spans:
         later = np.where((latest >= 0) & ~repeated[: len(latest)], latest, count)
         behind = np.minimum.accumulate(later[::-1])[::-1] if len(later) else later
         self._behind = np.r_[behind, count]
+        self._served, self._latest = served, latest
 
     def of(self, event: Event) -> _Span:
         """Return the span of an event."""
         index = min(max(event.index, 0), len(self._behind) - 1)
         return _Span(int(self._before[index]), int(self._behind[index]))
 
+    def at_bottom(self, tag: int) -> _Span:
+        """Return the span between the bottom of a hole and the way out."""
+        return _Span(int(self._served[tag]) + 1, int(self._latest[tag]) + 1)
+
+    def behind(self, tag: int) -> _Span:
+        """Return the span from the first motion out of a hole to the next tag."""
+        return _Span(int(self._served[tag]) + 2, int(self._behind[tag + 1]))
+
 
 def _compare_kind(
     result: Result,
     kind: EventKind,
     name: str,
-    asked: list[Event],
+    asked: list[tuple[Event, _Span]],
     have: list[TraceEvent],
-    spans: _Spans,
 ) -> None:
     words = str(kind).replace("_", " ")
-    text = _count(words, name, have, asked)
+    text = _count(words, name, have, [event for event, _ in asked])
     if len(have) < len(asked):
         _tell(result, have[-1] if have else None, text, Severity.ERROR)
         return
@@ -107,8 +127,8 @@ def _compare_kind(
         _tell(result, have[-1], text, Severity.WARNING)
         return
     faults = 0
-    for event, call in zip(asked, have, strict=True):
-        text = _difference(kind, words, event, call, spans.of(event))
+    for (event, span), call in zip(asked, have, strict=True):
+        text = _difference(kind, words, event, call, span)
         faults += bool(text)
         if text and faults <= _LISTED:
             _tell(result, call, text, Severity.ERROR)
@@ -121,15 +141,15 @@ def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) ->
 
 
 def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: _Span) -> str:
-    if kind is EventKind.SPINDLE_ON and event.value:
+    if kind is EventKind.COOLANT_ON and call.value != coolant_mode(event.text):
+        asked = coolant_mode(event.text)
+        return f"coolant {call.value:g}, line {event.line} asks for {asked} ({event.text})"
+    if kind in (EventKind.SPINDLE_ON, EventKind.TAP_REVERSE) and event.value:
         rpm = event.value / RPM
         if not math.isclose(call.value, rpm, rel_tol=1e-3, abs_tol=1e-3):
             return f"spindle speed {call.value:g} 1/min, line {event.line} asks for {rpm:g}"
     if kind is EventKind.TOOL_CHANGE and int(event.value) != call.value:
         return f"tool {call.value:g}, line {event.line} asks for {event.value:g}"
-    if kind is EventKind.COOLANT_ON and coolant_mode(event.text) != call.value:
-        asked = coolant_mode(event.text)
-        return f"coolant {call.value:g}, line {event.line} asks for {asked}"
     if not span.first <= call.motion <= span.last:
         when = "early" if call.motion < span.first else "late"
         return f"{words} comes too {when}: line {event.line} of the CAM file has it elsewhere"

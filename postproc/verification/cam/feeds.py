@@ -9,7 +9,7 @@ from postproc.cell import Cell
 from postproc.errors import RunKind, Severity
 from postproc.model import ToolPath
 from postproc.paths import feed_shares
-from postproc.process import LOWERED_FROM, LOWERED_TO, feeds_of
+from postproc.process import LOWERED_FROM, LOWERED_TO, TAPS, feeds_of
 from postproc.units import MM_PER_MIN
 from postproc.verification.report import Result
 
@@ -27,6 +27,9 @@ class Feeds:
         self._cell = cell
         self._feed = feeds_of(toolpath, cell)
         self._speed = result.paths.trace.column("speed")
+        taps = np.array([*(cycle.kind in TAPS for cycle in toolpath.cycles), False])
+        self._is_bound = taps[np.asarray(toolpath.cycle)]
+        self._bound: list[BoolArray] = []
         self._motions: list[AnyIntArray] = []
         self._wanted: list[FloatArray] = []
 
@@ -34,6 +37,7 @@ class Feeds:
         """Expect the feed of each tag (r,) at one motion (r,)."""
         self._motions.append(np.asarray(motions, dtype=np.int32))
         self._wanted.append(self._feed[rows])
+        self._bound.append(self._is_bound[rows])
 
     def expect(self, row: int, motions: tuple[int, ...]) -> None:
         """Expect the feed of a tag at all these motions."""
@@ -41,12 +45,13 @@ class Feeds:
             self.expect_rows(np.full(len(motions), row), np.array(motions, dtype=np.int32))
 
     def report(self) -> None:
-        """Compare and report the worst."""
+        """Compare and report the worst; the feed of a tap is bound to its spindle."""
         if not self._motions:
             return
         motions, wanted = np.concatenate(self._motions), np.concatenate(self._wanted)
         known = np.isfinite(wanted) & (wanted > 0.0)
         motions, wanted = motions[known], wanted[known]
+        bound = np.concatenate(self._bound)[known]
         if not len(motions):
             return
         have = self._speed[motions]
@@ -54,7 +59,7 @@ class Feeds:
         row = int(error.argmax())
         self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
         bad = np.flatnonzero(error > FEED_TOLERANCE)
-        forced = self._forced(motions[bad], have[bad] / wanted[bad])
+        forced = self._forced(motions[bad], have[bad] / wanted[bad]) & ~bound[bad]
         self._list(motions, have, wanted, bad[forced], Severity.WARNING)
         self._list(motions, have, wanted, bad[~forced], Severity.ERROR)
 

@@ -11,6 +11,8 @@ import numpy as np
 from postproc.arrays import BoolArray, IntArray
 from postproc.controller import EventWord
 from postproc.errors import RunKind
+from postproc.model import ToolPath
+from postproc.process import FEED_OUT
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths, stands
@@ -36,6 +38,7 @@ def check_holes(
     result: Result,
     real: RealPaths,
     wanted: Wanted,
+    toolpath: ToolPath,
     served: IntArray,
     is_cut: BoolArray,
     tolerance: float,
@@ -55,7 +58,8 @@ def check_holes(
     for row in rows.tolist():
         drilled = checker.check(row)
         is_cut[list(drilled)] = True
-        feeds.expect(row, drilled)
+        cycle = toolpath.cycles[int(toolpath.cycle[row])]
+        feeds.expect(row, (*drilled, *(checker.feed_out(row) if cycle.kind in FEED_OUT else ())))
         checker.dwell(row, dwells.get(int(served[row]), 0.0))
     on_axis[sorted(checker.along)] = True
     return on_axis
@@ -146,6 +150,19 @@ class _Holes:
         needed = height + self._near if wanted.break_chip[row] else needed - self._near
         if up < needed:
             self._tell(RunKind.PECK, vertex, "the tool does not come up before the next peck")
+
+    def feed_out(self, row: int) -> tuple[int, ...]:
+        """Return the motions that leave a hole, up to the height where its feed began."""
+        wanted, bottom = self._wanted, int(self._served[row])
+        base, axis = wanted.point[row].tolist(), wanted.axis[row].tolist()
+        clear = float(wanted.clear[row] + wanted.depth[row])
+        motions, height = [], 0.0
+        for vertex, above in self._walk(bottom, 1, base, axis, len(self._points)):
+            if height >= clear - self._near:
+                break
+            motions.append(vertex)
+            height = above
+        return tuple(motions)
 
     def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
         """Below the clearance height the tool may only move along the axis, never by PTP."""

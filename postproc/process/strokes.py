@@ -1,0 +1,69 @@
+"""How holes are made: pecks, the way out, and what the spindle does at the bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
+from postproc.process.spindle import stretches
+
+TAPS = frozenset({CycleKind.TAP, CycleKind.TAP_LEFT, CycleKind.RIGID_TAP, CycleKind.RIGID_TAP_LEFT})
+FEED_OUT = TAPS | {CycleKind.REAM, CycleKind.BORE}
+"""What leaves the hole with the feed, up to the height where the feed began."""
+_STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
+"""What leaves the hole with a spindle that stands."""
+CHIP_LIFT = 1e-3
+"""How far [m] the tool lifts to break the chip."""
+
+
+def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
+    """Return the pecks of a cycle: (depth to drill to, height to lift to) [m, m].
+
+    Depths count below the tag, heights above it (a height may be negative: chip breaking lifts by
+    ``chip`` only). The last peck drills to the cycle's depth; its height is the clearance.
+    """
+    first = cycle.peck_first or cycle.peck
+    step = cycle.peck or first
+    if step <= 0.0 or cycle.depth <= 0.0:
+        return [(cycle.depth, cycle.clearance)]
+    depths = []
+    depth = first
+    while depth < cycle.depth - 1e-9:
+        depths.append(depth)
+        depth += step
+    depths.append(cycle.depth)
+    lifts = [chip - d if cycle.break_chip else cycle.clearance for d in depths[:-1]]
+    return list(zip(depths, [*lifts, cycle.clearance], strict=True))
+
+
+def turns_at(toolpath: ToolPath) -> FloatArray:
+    """Return the speed (n,) [turns/s] of the spindle at each tag, as ``Stretch`` has it."""
+    turns = np.full(len(toolpath), np.nan)
+    for part in stretches(toolpath.events, len(toolpath)):
+        turns[part.first : part.stop] = part.turns
+    return turns
+
+
+def hole_calls(toolpath: ToolPath) -> Iterator[tuple[int, Event, Event]]:
+    """Yield (tag, call at the bottom, call behind the way out) of holes that need the spindle.
+
+    A bore is left by a spindle that stands, a tap by one that turns back. Where the file never
+    names the spindle, or it stands, there is nothing to call.
+    """
+    kinds = [cycle.kind for cycle in toolpath.cycles]
+    wanted = [i for i, kind in enumerate(kinds) if kind in TAPS or kind in _STANDS_OUT]
+    holes = np.asarray(toolpath.kind) == MotionKind.HOLE
+    rows = np.flatnonzero(holes & np.isin(toolpath.cycle, wanted))
+    turns = turns_at(toolpath) if len(rows) else np.zeros(0)
+    for row in rows.tolist():
+        speed, line = float(turns[row]), int(toolpath.line[row])
+        if not abs(speed) > 0.0:
+            continue
+        kind = kinds[int(toolpath.cycle[row])]
+        below = Event(row, EventKind.SPINDLE_OFF, 0.0, "bore: stop", line)
+        if kind in TAPS:
+            below = Event(row, EventKind.TAP_REVERSE, -speed, "tap: reverse", line)
+        yield row, below, Event(row, EventKind.SPINDLE_ON, speed, f"{kind}: as before", line)

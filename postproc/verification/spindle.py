@@ -1,0 +1,107 @@
+"""The spindle as the text of a program drives it: it turns, the right way, before anything cuts.
+
+Read from the calls of the integrator's routines and the motions between them alone. A program that
+never calls them leaves the spindle to others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import Cell
+from postproc.controller import EventWord, TraceEvent
+from postproc.errors import RunKind
+from postproc.geometry import angle_between
+from postproc.units import RPM
+from postproc.verification.checks import MACHINING_SPEED
+from postproc.verification.report import Result
+
+_BACK = np.deg2rad(179.0)
+"""A motion that turns by more goes back the way that the one before has come."""
+_LISTED = 20
+_SLOWER = 0.99
+"""Share of the speed of straight rapids from which on a motion may be one."""
+_ROUTINES = ("spindle_on", "spindle_off", "tap_reverse")
+_UNNAMED = np.inf
+"""Speed before the spindle is named at all."""
+
+
+def check_spindle(
+    result: Result, cell: Cell, is_cut: BoolArray | None, accepted: bool = False
+) -> None:
+    """Check that the spindle turns as the tool cuts, at every cut and at no time after the last.
+
+    Args:
+        result: the program; collects the findings.
+        cell: names of the routines, direction of the tool.
+        is_cut: (m,) motions that cut; None: path motions of machining speed.
+        accepted: whether the user knows that cuts at a standstill are meant.
+    """
+    hooks = {key: name.upper() for key, name in cell.krl.hooks.items()}
+    words = {hooks[key]: key for key in _ROUTINES if key in hooks}
+    calls = [
+        event
+        for event in result.paths.trace.events
+        if event.word is EventWord.HOOK and event.name in words
+    ]
+    if not calls:
+        return
+    trace = result.paths.trace
+    cuts = is_cut
+    if cuts is None:
+        slow = min(MACHINING_SPEED, _SLOWER * cell.motion.rapid_speed)
+        cuts = trace.is_cp & (trace.column("speed") <= slow) & ~_ways_back(result, calls)
+    turns = _turns(calls, words, len(result.paths))
+    way = 1.0 if cell.tool.cuts_clockwise else -1.0
+    if not accepted:
+        _tell(result, cuts & (turns == 0.0), "a cut while the spindle stands")
+        _tell(result, cuts & (turns == _UNNAMED), "a cut before the spindle is started")
+    with np.errstate(invalid="ignore"):
+        against = cuts & np.isfinite(turns) & (turns * way < 0.0)
+    _tell(result, against, "a cut while the spindle turns against the tool")
+    for event in calls:
+        if event.on_the_way:
+            text = f"{event.name} is called on the way: nobody waits for the spindle"
+            result.finding_at(RunKind.SPINDLE, _place(result, event), text)
+    if words[calls[-1].name] != "spindle_off":
+        text = "the program ends while the spindle turns"
+        result.finding_at(RunKind.SPINDLE, _place(result, calls[-1]), text)
+
+
+def _turns(calls: list[TraceEvent], words: Mapping[str, str], count: int) -> FloatArray:
+    """Return the speed (m,) at each motion: 0 standing, NaN where the text does not tell it."""
+    turns = np.full(count, _UNNAMED)
+    for event in calls:
+        turns[event.motion :] = 0.0 if words[event.name] == "spindle_off" else event.value * RPM
+    return turns
+
+
+def _ways_back(result: Result, calls: list[TraceEvent]) -> BoolArray:
+    """Return (m,) path motions right behind a call that go back the way of the one before."""
+    points = result.paths.end_point
+    step = np.diff(points, axis=0, prepend=points[:1])
+    known = np.isfinite(step).all(axis=1) & (np.linalg.norm(step, axis=1) > 0.0)
+    back = np.zeros(len(points), dtype=np.bool_)
+    called = np.zeros(len(points) + 1, dtype=np.bool_)
+    called[[event.motion for event in calls]] = True
+    rows = np.flatnonzero(known[1:] & known[:-1] & called[1:-1]) + 1
+    back[rows] = angle_between(step[rows], step[rows - 1]) > _BACK
+    return np.asarray(back & result.paths.trace.is_cp)
+
+
+def _tell(result: Result, bad: BoolArray, text: str) -> None:
+    """Report the first motion of each stretch."""
+    for motion in list(_starts(bad))[:_LISTED]:
+        result.finding(RunKind.SPINDLE, motion, text)
+
+
+def _starts(bad: BoolArray) -> Iterator[int]:
+    rows = np.flatnonzero(bad)
+    yield from rows[np.diff(rows, prepend=-2) > 1].tolist()
+
+
+def _place(result: Result, event: TraceEvent) -> tuple[str, int]:
+    return result.paths.trace.files[event.file], event.line
