@@ -7,7 +7,7 @@ import pytest
 
 from postproc.errors import PlanError
 from postproc.geometry.frames import angle_between, rotation_angle, rotation_x, rotation_z
-from postproc.planning.search.smooth import interpolated_spin
+from postproc.planning.search.between import Interpolation, carried_twist
 from postproc.planning.states.place import frames_across, place, spin_values, transported
 from postproc.units import DEG
 
@@ -77,12 +77,22 @@ def test_axes_all_around_use_transport(make_cell, make_path):
     assert np.allclose(placement.axis_base(np.arange(23)), -toolpath.axes, atol=1e-12)
 
 
+def interpolated(placement, spin):
+    """Spins of all tags at equal distances, from the first to the last of those given."""
+    n = len(placement)
+    none = np.zeros(n, dtype=bool)
+    between = Interpolation(np.arange(float(n)), carried_twist(placement), none, none)
+    first, last = np.array([0]), np.array([n - 1])
+    rows = between.rows(first, last)
+    ends = tuple(np.array([[spin[tag], 0.0, 0.0]]) for tag in (0, -1))
+    return np.append(spin[0], between.attitudes(rows, (first, last), ends)[:, 0])
+
+
 def test_wrap_goes_the_short_way(make_cell, make_path):
     """Optima +170 and -170 are 20 degrees apart, not 340."""
     placement = place(make_path(np.linspace([0, 0, 0], [1, 0, 0], 5), [0, 0, 1]), make_cell())
     spin = np.array([170.0, 0, 0, 0, -170.0]) * DEG
-    known = np.array([True, False, False, False, True])
-    full = interpolated_spin(placement, np.arange(5), np.arange(5.0), spin, known)
+    full = interpolated(placement, spin)
     steps = np.mod(np.diff(full) / DEG + 180.0, 360.0) - 180.0
     assert np.allclose(steps, 5.0)
 
@@ -96,10 +106,8 @@ def test_row_through_the_vertical_has_even_steps(make_cell, make_path):
     axes = np.stack([-np.cos(tilt), 1e-5 * np.sin(7.0 * tilt), np.sin(tilt)], axis=1)
     points = np.linspace([0, 0, 0], [0.6, 0, 0], len(tilt))
     placement = place(make_path(points, axes), make_cell())
-    known = np.zeros(len(tilt), dtype=bool)
-    known[[0, -1]] = True
     tags = np.arange(len(tilt))
-    spin = interpolated_spin(placement, tags, points[:, 0], np.zeros(len(tilt)), known)
+    spin = interpolated(placement, np.zeros(len(tilt)))
     R = placement.rotation(tags, spin)
     steps = rotation_angle(R[:-1], R[1:]) / DEG
     assert np.abs(steps - 5.0).max() < 1e-3

@@ -12,7 +12,7 @@ from postproc.collision.scene import Scene
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
-from postproc.planning.search import strategy
+from postproc.planning.search import moved, strategy
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import TagPoses
 from postproc.planning.states.settings import PlanOptions, settle
@@ -49,9 +49,9 @@ def crowded(make_cell, make_path, seed):
 def test_lazy_equals_eager(make_cell, make_path, seed):
     checker = crowded(make_cell, make_path, seed)
     tags = np.arange(5)
-    lazy = PoseSearch.of(checker, tags, each=False)
+    lazy = PoseSearch.of(checker, tags)
     found = lazy.run()
-    eager = PoseSearch.of(checker, tags, each=False)
+    eager = PoseSearch.of(checker, tags)
     every = np.arange(len(eager.states.q))
     bad = ~eager.check_states(every)
     eager.ladder.cost[every[bad]] = np.inf
@@ -65,9 +65,9 @@ def test_lazy_equals_eager(make_cell, make_path, seed):
 
 def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
     """Poses put back on the grid move their neighbours: what was found good may not be any more."""
-    check, rounds = strategy._failing, []
+    check, rounds = moved.failing, []
     monkeypatch.setattr(
-        strategy, "_failing", lambda *given: rounds.append(len(rounds)) or check(*given)
+        moved, "failing", lambda *given: rounds.append(len(rounds)) or check(*given)
     )
     repeated = 0
     for seed in range(0, 50, 3):
@@ -83,7 +83,7 @@ def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
 
 def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_path):
     checker = crowded(make_cell, make_path, 3)
-    search = PoseSearch.of(checker, np.arange(5), each=False)
+    search = PoseSearch.of(checker, np.arange(5))
     every = np.arange(len(search.states.q))
     bad = every[~search.check_states(every)]
     tags = search.states.tag_of(bad)
@@ -96,7 +96,8 @@ def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_pa
         search.states.branch[first].astype(np.int64),
         search.states.q[first].astype(np.float64),
         np.zeros(len(tags)),
+        np.ones(len(tags)),
     )
     passed = np.arange(len(tags)) % 2 == 0
     free = np.ones(len(tags), dtype=np.bool_)
-    assert np.array_equal(strategy._failing(checker, poses, free, passed), ~passed)
+    assert np.array_equal(moved.failing(checker, search.between, poses, free, passed), ~passed)

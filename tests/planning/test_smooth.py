@@ -15,7 +15,6 @@ import pytest
 from postproc.cell.cell import Limits, Tool
 from postproc.geometry.frames import rotation_x, transform
 from postproc.model.toolpath import MotionKind
-from postproc.planning.checks.feasible import Reason
 from postproc.planning.planner import plan
 from postproc.planning.search.keytags import key_tags, stretches
 from postproc.planning.states.settings import PlanOptions
@@ -81,6 +80,8 @@ def test_key_tags_keep_the_bound_too(make_cell, make_path):
     losses = {}
     for bound in (5.0, 20.0, 100.0):
         cell = paper_cell(make_cell, 214, 116, "ellipsoid", {"loss_bound_percent": bound})
+        heavy = replace(cell.optimize, objective={"normal": 1.0, "travel": 100.0})
+        cell = replace(cell, optimize=heavy)
         result = plan(toolpath, cell)
         assert not result.errors
         losses[bound] = np.nanmax(result.settings["loss"])
@@ -143,24 +144,3 @@ def test_which_tags_are_key(make_cell, make_path):
     assert {5, 6} <= set(np.nonzero(key_tags(split, wishes))[0].tolist())
     kind[7] = MotionKind.RAPID
     assert stretches(replace(toolpath, kind=kind)).tolist() == [0] * 7 + [1] * 8
-
-
-@pytest.mark.usefixtures("no_scene")
-def test_no_tag_is_given_up_in_silence(make_cell, make_path, monkeypatch):
-    """Where a cut between key tags cannot be run, its tag fails; it is not left out."""
-    import postproc.planning.search.smooth as module
-
-    real = module.check_chain
-
-    def refusing(checker, tags, attitudes, joints, branch):
-        verdict = real(checker, tags, attitudes, joints, branch)
-        verdict.refuse(np.flatnonzero(tags[1] == 3), Reason.SINGULAR)
-        return verdict
-
-    monkeypatch.setattr(module, "check_chain", refusing)
-    points = np.stack([np.full(6, 1.9), np.linspace(-0.1, 0.1, 6), np.ones(6)], axis=1)
-    cell = make_cell(options={"strategy": "smooth"})
-    result = plan(make_path(points, [-1.0, 0.0, 0.0]), cell)
-    missing = set(range(6)) - set(result.tag.tolist())
-    assert missing == {3}
-    assert [finding.tag_index for finding in result.errors] == [3]

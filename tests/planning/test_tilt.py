@@ -113,7 +113,7 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
     )
     toolpath = make_path([[0, 0, 0], [0.05, 0, 0], [0.1, 0.04, 0]], UP, [RAPID, LINEAR, LINEAR])
     checker = checker_of(toolpath, *settle(cell, PlanOptions()))
-    search = PoseSearch.of(checker, np.arange(3), each=False)
+    search = PoseSearch.of(checker, np.arange(3))
     path = search.run(steps=False).path
     problem = checker.problem
     forward = np.array([[1, 0, 0], [1, 0, 0], [0.05, 0.04, 0]])
@@ -122,9 +122,11 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
     rungs = [states_by_hand(problem, tag, forward[tag], weight) for tag in range(3)]
     cost, branch, q = zip(*rungs, strict=True)
     steps = []
+    length = np.linalg.norm(np.diff(toolpath.points, axis=0), axis=1) / 0.01
+    cost = [c * s for c, s in zip(cost, np.convolve(length, [0.5, 0.5]), strict=True)]
     for a, b in itertools.pairwise(range(3)):
         leap = np.abs(q[a][:, None] - q[b][None])
-        step = 0.05 * ((leap / (10 * DEG)) ** 2).sum(axis=2)
+        step = 0.05 / length[a] * ((leap / (10 * DEG)) ** 2).sum(axis=2)
         keeps = (branch[a][:, None] == branch[b][None]) & (leap.max(axis=2) <= np.pi)
         steps.append(np.where(keeps, step, np.inf))
     total = (
@@ -134,7 +136,7 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
         + steps[0][:, :, None]
         + steps[1][None]
     )
-    assert search.ladder.total(path) == pytest.approx(float(total.min()), abs=2e-5)
+    assert search.ladder.total(path) == pytest.approx(float(total.min()), rel=1e-4, abs=2e-5)
     if weight == 0.0:
         assert (search.states.attitude_of(path)[:, 1:] != 0.0).any()
 

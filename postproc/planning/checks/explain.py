@@ -26,6 +26,7 @@ HELPED = 20
 """At so many failing tags a remedy is looked for."""
 ALIKE = 50
 """So many tags at most that fail one after the other for the same reason share a remedy."""
+BRANCHES = 8
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 _BEYOND = frozenset(f"PLN{int(reason)}" for reason in COUNTED)
 MANY = 5
@@ -65,6 +66,33 @@ class Evidence:
     pair: IndexArray
     step_reason: Mapping[int, tuple[Reason, int]]
     chosen: Chosen
+
+
+GAVE_UP = "PLN106"
+
+
+def gave_up(
+    checker: Checker, chosen: Chosen, findings: list[Finding], tags: list[int]
+) -> list[Finding]:
+    """Return a finding for every tag without a pose that none of ``findings`` is about.
+
+    ``tags``: where the search stopped before all was refuted.
+    """
+    problem = checker.problem
+    said = {finding.tag_index for finding in findings}
+    lost = {*np.flatnonzero(~chosen.good).tolist(), *tags} - said
+    return [
+        Finding(
+            Severity.ERROR,
+            GAVE_UP,
+            f"tag {problem.toolpath.tag_name(tag)}: the search gave up: no way was found here, and "
+            "not every one is refuted",
+            tag,
+            problem.toolpath.source(tag),
+            hint="lift the tool off before this tag, or split the cut",
+        )
+        for tag in sorted(lost)
+    ]
 
 
 class _Remedies:
@@ -129,9 +157,9 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
     reasons = evidence.reason[low:high]
     first = np.flatnonzero(np.diff(evidence.states.config[low:high], prepend=-1))
     pin, same = pinned(checker.problem, tag), 1
-    if pin:  # all columns hold the one spin; the first of them was checked
-        same = evidence.states.spins.shape[-1]
-        first = first[evidence.states.column[low:high][first] % same == 0]
+    if pin:  # all columns hold the one spin; one of them was checked
+        same = max(1, int(evidence.states.tried[row]) // BRANCHES)
+        first = first[np.isfinite(evidence.states.cost[low:high][first])]
     counts = dict(zip(COUNTED, (evidence.states.refused[row] // same).tolist(), strict=True))
     for reason in COUNTED:
         counts[reason] = counts[reason] + int((reasons[first] == reason).sum())
@@ -167,8 +195,9 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
     pin = pinned(checker.problem, int(evidence.tags[row]))
     detail = f"{pin}no cut from tag {before} to here keeps one arm configuration"
+    hint = "" if pin else "lift the tool off here: both tags can be reached, no cut joins them"
     if other := pinned(checker.problem, int(evidence.tags[row - 1])):
         detail += f"; tag {before} is {other.rstrip(': ')}"
     if reason is Reason.COLLISION and 0 <= pair < len(checker.pairs):
         detail += f"; {checker.pairs[pair][0]} hits {checker.pairs[pair][1]}"
-    return failure(checker.problem, int(evidence.tags[row]), reason, detail)
+    return failure(checker.problem, int(evidence.tags[row]), reason, detail, hint)

@@ -22,6 +22,8 @@ LARGEST_TURN = 175.0 * DEG
 """A path motion that turns the tool farther could go either way round on the controller [rad]."""
 STEP_ANGLE = 4.0 * DEG
 """Largest turn [rad] of the tool between two checked poses."""
+SHORT = 0.3
+"""A motion below this share of both is checked at its ends only."""
 JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
 
@@ -210,13 +212,18 @@ class Checker:
             joints.append(solved)
         return heights, poses, joints
 
-    def lines(self, lines: Lines) -> tuple[Verdict, Track]:
-        """Check CP motions between their ends, which are taken as checked but for collision."""
+    def lines(self, lines: Lines, together: IndexArray | None = None) -> tuple[Verdict, Track]:
+        """Check CP motions between their ends, which are taken as checked but for collision.
+
+        ``together`` (m,): successive motions of the same number are looked at as one first, which
+        is faster where most are free.
+        """
         verdict = Verdict.clean(len(lines))
         track = self.track(lines, verdict)
         if self.scene is not None and len(lines):
             good = verdict.good[track.row]
-            self._sweep(verdict, track.row[good], track.q[good], lines.contact)
+            number = np.arange(len(lines)) if together is None else together
+            self._sweep(verdict, track.row[good], track.q[good], lines.contact, number)
         return verdict, track
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
@@ -262,9 +269,8 @@ class Checker:
     def _shares(self, lines: Lines) -> tuple[IndexArray, FloatArray]:
         """Return row and share of every sample, both ends of each motion included."""
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
-        pieces = np.ceil(
-            np.maximum(np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9, 2.0)
-        ).astype(np.int64)
+        size = np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9
+        pieces = np.ceil(np.maximum(size, np.where(size > SHORT, 2.0, 1.0))).astype(np.int64)
         row = np.repeat(np.arange(len(lines)), pieces + 1)
         first = np.cumsum(pieces + 1) - (pieces + 1)
         share = (np.arange(len(row)) - first[row]) / pieces[row]
@@ -278,13 +284,22 @@ class Checker:
         self.pairs = hits.pairs
         verdict.collide(rows[hits.hit], hits.pair[hits.hit])
 
-    def _sweep(self, verdict: Verdict, row: IndexArray, q: FloatArray, contact: BoolArray) -> None:
+    def _sweep(
+        self,
+        verdict: Verdict,
+        row: IndexArray,
+        q: FloatArray,
+        contact: BoolArray,
+        together: IndexArray,
+    ) -> None:
         """Check the motions between successive samples of the same row."""
         if self.scene is None or len(q) < 2:
             return
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
-        hits = self.scene.check_paths(q[start], q[start + 1], contact=contact[motion], track=motion)
+        hits = self.scene.check_paths(
+            q[start], q[start + 1], contact=contact[motion], track=together[motion]
+        )
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
 

@@ -2,7 +2,7 @@
 
 from postproc.planning.search.external_axes import plan_with_external_axes
 from postproc.planning.search.keytags import arc_length, key_tags
-from postproc.planning.search.pose_search import step_rules
+from postproc.planning.search.rungs import step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
 from postproc.planning.search.strategy import choose
 

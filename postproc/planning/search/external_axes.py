@@ -23,7 +23,7 @@ from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.planning.checks import Reason
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
-from postproc.planning.search.pose_search import step_rules
+from postproc.planning.search.rungs import step_rules
 from postproc.planning.states import Rule, Settings, sample
 from postproc.timing import joint_move_time
 from postproc.units import DEG

@@ -38,7 +38,6 @@ def free_path(
     check_steps: CheckSteps | None = None,
     beside: Beside | None = None,
     widen: Widen | None = None,
-    step_rounds: int = 200,
 ) -> Found:
     """Return the cheapest way of which every state and every step passes its check.
 
@@ -49,13 +48,15 @@ def free_path(
             unbroken steps of ways whose states all pass, once for each.
         beside: failing states (m,) -> further states known to fail, in any order.
         widen: failing steps -> steps worth a check along with them.
-        step_rounds: after so many rounds of failing steps the rungs whose steps still fail are cut
-            off from those before (``ladder.broken``).
+
+    Every round takes states or steps out, so there is an end; a rung into which no step is left is
+    cut off from those before (``ladder.broken``).
     """
-    ladder.solve()
+    if not ladder.solved:
+        ladder.solve()
     known = np.zeros(len(ladder.position), dtype=np.bool_)
     passed: set[tuple[int, int]] = set()
-    rounds = forbidden = failures = 0
+    rounds = forbidden = 0
     while True:
         rounds += 1
         path = ladder.path()
@@ -69,15 +70,11 @@ def free_path(
         bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)
         if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
-        failures += 1
         if widen is not None:
             more = [step for step in widen(bad) if step not in passed]
             bad = sorted({*bad, *_failing_steps(more, passed, check_steps)})
         forbidden += len(bad)
-        if failures > step_rounds:
-            ladder.cut(ladder.rung_of(np.array([to for _, to in bad])))
-        else:
-            ladder.forbid(bad)
+        ladder.forbid(bad)
 
 
 def _check(states: IndexArray, known: BoolArray, check: CheckStates) -> IndexArray:

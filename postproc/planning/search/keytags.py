@@ -12,6 +12,13 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
 from postproc.model import MotionKind, ToolPath
+from postproc.planning.states import Problem
+from postproc.units import DEG
+
+KEY_STEP = 0.02
+"""Longest way [m] on a cut from key tag to key tag, unless the points lie farther apart."""
+KEY_TURN = 5.0 * DEG
+"""Largest turn of the tool axis [rad] from key tag to key tag, likewise."""
 
 
 def stretches(toolpath: ToolPath) -> IndexArray:
@@ -57,14 +64,57 @@ def key_tags(toolpath: ToolPath, wishes: Optimize) -> BoolArray:
     if wishes.key_tags:
         return keys
     keys[1:-1] |= _corners(np.asarray(toolpath.points), wishes.key_corner)
-    way, axes = arc_length(toolpath), np.asarray(toolpath.axes)
-    last = 0
-    for tag in range(1, n):
-        turned = float(angle_between(axes[last], axes[tag])) > wishes.key_corner
-        far = way[tag] - way[last] >= wishes.key_every - 1e-9
-        if keys[tag] or turned or far:
-            keys[tag] = True
-            last = tag
+    return keys | _every(keys, arc_length(toolpath), toolpath, wishes)
+
+
+def _every(keys: BoolArray, way: FloatArray, toolpath: ToolPath, wishes: Optimize) -> BoolArray:
+    """Return (n,) the tags that follow the last key tag at the distance or turn of axis asked."""
+    result = np.zeros_like(keys)
+    least = float(np.cos(wishes.key_corner))
+    lengths, axes, known = way.tolist(), np.asarray(toolpath.axes).tolist(), keys.tolist()
+    last, (x, y, z) = 0, axes[0]
+    for tag in range(1, len(lengths)):
+        i, j, k = axes[tag]
+        turned = x * i + y * j + z * k < least
+        if known[tag] or turned or lengths[tag] - lengths[last] >= wishes.key_every - 1e-9:
+            result[tag] = True
+            last, (x, y, z) = tag, axes[tag]
+    return result
+
+
+def spaced(way: FloatArray, is_inner: BoolArray, step: float) -> BoolArray:
+    """Return (n,) the tags beside ``is_inner`` runs, and inside them one every ``step`` [m]."""
+    keys = ~is_inner
+    keys[:-1] |= keys[1:]
+    keys[:1] = keys[-1:] = True
+    number = np.floor(way / step)
+    keys[1:] |= np.diff(number) != 0
+    return keys
+
+
+def dense_key_tags(problem: Problem) -> BoolArray:
+    """Return (n,) the tags that a search sees: all but those close together inside cuts.
+
+    Inside cuts a tag every ``KEY_STEP`` of path and every ``KEY_TURN`` that the tool axis turns;
+    corners, pinned and named tags, and those where a tilt begins or ends.
+    """
+    toolpath, wishes, place = problem.toolpath, problem.cell.optimize, problem.placement
+    n = len(toolpath)
+    is_cut = np.isin(np.asarray(toolpath.kind), (MotionKind.LINEAR, MotionKind.ARC))
+    keys = spaced(arc_length(toolpath), is_cut, KEY_STEP)
+    axis = place.axis_base(np.arange(n))
+    turned = np.concatenate([[0.0], np.cumsum(angle_between(axis[:-1], axis[1:]))])
+    keys[1:] |= np.diff(np.floor(turned / KEY_TURN)) != 0
+    operation = np.diff(np.asarray(toolpath.operation)) != 0
+    keys[1:] |= operation
+    keys[:-1] |= operation
+    if wishes.tilt:
+        edge = np.diff(place.may_tilt.astype(np.int8)) != 0
+        keys[1:] |= edge
+        keys[:-1] |= edge
+    named = {*wishes.key_tags, *wishes.pins}
+    if named:
+        keys |= np.array([toolpath.tag_name(tag) in named for tag in range(n)])
     return keys
 
 

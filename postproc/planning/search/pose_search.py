@@ -3,161 +3,237 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.model import MotionKind
-from postproc.planning.checks import Checker, Evidence, Lines, Reason, Verdict, poses_between
+from postproc.planning.checks import Checker, Evidence, Reason
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.bridges import Bridges
+from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.free_path import Found, free_path
+from postproc.planning.search.rungs import (
+    FINE,
+    Wish,
+    bridges_of,
+    ladder_of,
+    states_on,
+)
 from postproc.planning.states import (
     NONE,
-    TRAVEL_UNIT,
     Chosen,
     Ladder,
-    Problem,
-    Rule,
     States,
     beside_in_grid,
-    leaves_tilt_range,
-    sample,
+    merged,
 )
+from postproc.units import DEG
 
-TIE_TRAVEL = 1e-7
-"""Weight of travel that only breaks ties."""
-_CHAIN_TRAVEL = 3e-3
-"""Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
-joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
-_TIE_SPIN = 1e-5
+_ALL = 8
+"""All tags inside a cut of no more become key tags where it fails."""
 _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
-_NARROW = 3
-"""How often steps into a tag may fail before those between other tilts are checked too."""
-_TILT_SHARES = np.arange(1.0, 8.0) / 8.0
-"""Where on a cut the tilt of the tool is checked."""
-
-
-def step_rules(problem: Problem) -> IndexArray:
-    """Return the ``Rule`` (n,) of the step into each tag: cuts keep branch and turns."""
-    kind = np.asarray(problem.toolpath.kind)
-    chain = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
-    return np.where(chain, Rule.CHAIN, Rule.FREE).astype(np.int64)
-
-
-def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, BoolArray]:
-    """Return the spins of tags, (S,) or (n, S) [rad], and which tags (n,) are pinned to one."""
-    given, pins = problem.settings.spins, problem.cell.optimize.pins
-    pinned = np.zeros(len(tags), dtype=np.bool_)
-    if not pins:
-        return given, pinned
-    spins = np.tile(given, (len(tags), 1))
-    for row, tag in enumerate(tags.tolist()):
-        spin = pins.get(problem.toolpath.tag_name(tag))
-        if spin is not None:
-            spins[row], pinned[row] = spin, True
-    return spins, pinned
+_TURN = 45.0 * DEG
+"""Where steps between two tags fail again, all steps that turn the tool by less are checked."""
 
 
 @dataclass(slots=True)
 class PoseSearch:
-    """A search over tags: their states, the graph, and why states and steps failed."""
+    """A search over key tags: their states, the graph, and why states and steps failed.
+
+    Tags between key tags follow by interpolation. ``stride`` (n,): every how many of the finest
+    spins a tag has; ``passed`` (N,): the state before from which the step into a state was found
+    good; ``wanted``: tags that would have to be key tags for a cut to be run.
+    """
 
     checker: Checker
+    between: Interpolation
+    wish: Wish
     tags: IndexArray
+    stride: IndexArray
     states: States
+    bridges: Bridges
     ladder: Ladder
     weight: FloatArray
+    share: FloatArray
     pinned: BoolArray
     reason: IndexArray
     pair: IndexArray
     seen: BoolArray
+    checked: BoolArray
+    passed: IndexArray
+    out: BoolArray
     failures: IndexArray
     stroked: BoolArray
+    wanted: set[int] = field(default_factory=set)
     step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
     cells: IndexArray | None = None
     fanned: dict[int, int] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, checker: Checker, tags: IndexArray, *, each: bool) -> PoseSearch:
-        """Return the search over tags (n,) in this order.
+    def of(
+        cls,
+        checker: Checker,
+        tags: IndexArray,
+        wish: Wish | None = None,
+        between: Interpolation | None = None,
+    ) -> PoseSearch:
+        """Return the search over key tags (n,), rising.
 
         Args:
             checker: of the problem.
             tags: (n,).
-            each: every tag takes its own best state. Travel and spin only break ties, but inside a
-                cut travel counts a little (``_CHAIN_TRAVEL``): a cut must still be a cut.
+            wish: what it is for; None: the best sequence of all.
+            between: how attitudes run between key tags; None: as ``Interpolation.of``.
         """
+        wish = wish or Wish()
         problem = checker.problem
-        spins, pinned = pinned_spins(problem, tags)
-        states = sample(problem, tags, spins, tilts=problem.tilts)
-        cost = states.cost
-        every = np.arange(len(cost))
-        if pinned.any():
-            cost[pinned[states.tag_of(every)] & (states.column % spins.shape[-1] > 0)] = np.inf
-        if each:
-            cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
-        rule = step_rules(problem)[tags]
-        weight = np.full(len(tags), problem.settings.weights.travel / TRAVEL_UNIT**2)
-        if each:
-            weight = np.where(rule == Rule.CHAIN, _CHAIN_TRAVEL, TIE_TRAVEL) / TRAVEL_UNIT**2
-        ladder = Ladder(states.offsets, states.q, cost, states.branch, rule, weight)
+        between = between or Interpolation.of(problem)
+        stride = np.full(len(tags), FINE if len(problem.settings.spins) > 1 else 1)
+        states, pinned = states_on(problem, tags, stride, wish)
+        ladder, weight, share = ladder_of(problem, between, tags, states, wish)
+        bridges = bridges_of(problem, tags, states, stride, pinned, ladder)
+        n, size = len(tags), len(states.q)
         return cls(
             checker,
+            between,
+            wish,
             tags,
+            stride,
             states,
+            bridges,
             ladder,
             weight,
+            share,
             pinned,
-            np.zeros(len(cost), dtype=np.int64),
-            np.full(len(cost), -1, dtype=np.int64),
-            np.zeros(int(states.config[-1]) + 1 if len(cost) else 0, dtype=np.bool_),
-            np.zeros(len(tags), dtype=np.int64),
-            np.zeros(len(tags), dtype=np.bool_),
+            reason=np.zeros(size, dtype=np.int64),
+            pair=np.full(size, -1, dtype=np.int64),
+            seen=np.zeros(size, dtype=np.bool_),
+            checked=np.zeros(size, dtype=np.bool_),
+            passed=np.full(size, NONE, dtype=np.int64),
+            out=np.zeros(size, dtype=np.bool_),
+            failures=np.zeros(n, dtype=np.int64),
+            stroked=np.zeros(n, dtype=np.bool_),
         )
 
+    def grow(self, tags: IndexArray, stride: IndexArray) -> None:
+        """Take more key tags (m,), or those known on a finer grid of spins; keep what is known."""
+        problem = self.checker.problem
+        states, pinned = states_on(problem, tags, stride, self.wish)
+        join = merged(self.states, self.tags, states, tags)
+        known, kept = self.ladder, np.isin(self.tags, tags, invert=True)
+
+        def by_tag(old: NDArray[Any], new: object) -> NDArray[Any]:
+            column = np.empty(len(join.tags), dtype=old.dtype)
+            column[join.is_new], column[~join.is_new] = new, old[kept]
+            return column
+
+        def by_state(old: NDArray[Any], new: object) -> NDArray[Any]:
+            column = np.full(len(join.source), new, dtype=old.dtype)
+            column[join.source >= 0] = old[join.source[join.source >= 0]]
+            return column
+
+        moved = np.full(len(self.states.q) + 1, NONE, dtype=np.int64)
+        moved[join.source[join.source >= 0]] = np.flatnonzero(join.source >= 0)
+        self.tags, self.states, self.cells = join.tags, join.states, None
+        self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
+        self.failures, self.stroked = by_tag(self.failures, 0), by_tag(self.stroked, False)
+        self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
+        self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
+        self.checked = by_state(self.checked, False)
+        self.passed = moved[by_state(self.passed, NONE)]
+        parts = ladder_of(problem, self.between, self.tags, self.states, self.wish)
+        self.ladder, self.weight, self.share = parts
+        self.ladder.cost[self.out] = np.inf
+        self.bridges = bridges_of(
+            problem, self.tags, self.states, self.stride, self.pinned, self.ladder
+        )
+        beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 3)
+        self.ladder.take_over(known, moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))
+
+    @property
+    def base_stride(self) -> int:
+        """Every how many of the finest spins are in the cell's grid."""
+        return FINE if self.states.spins.shape[-1] > 1 else 1
+
     def run(self, *, steps: bool = True) -> Found:
-        """Search; without ``steps`` only states are checked, not the motions between them."""
+        """Search; without ``steps`` only states are checked, not the motions between them.
+
+        Cuts that cannot be run between key tags are not taken out: ``wanted`` names tags to make
+        key instead.
+        """
+        self.wanted.clear()
         check_steps = self.check_steps if steps else None
-        return free_path(self.ladder, self.check_states, check_steps, self.beside, self.fan)
+        found = free_path(self.ladder, self.check_states, check_steps, self.beside, self.fan)
+        self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
+        return found
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run, strokes and all; keeps the reasons."""
-        fresh = states[self.reason[states] == Reason.NONE]
+        fresh = states[(self.reason[states] == Reason.NONE) & ~self.checked[states]]
+        self.checked[fresh] = True
         branch = self.states.branch[fresh].astype(np.int64)
         q = self.states.q[fresh].astype(np.float64)
         rungs = self.states.tag_of(fresh)
         verdict = self.checker.states(self.tags[rungs], q, self.states.attitude_of(fresh), branch)
         self.reason[fresh], self.pair[fresh] = verdict.reason, verdict.pair
-        self.seen[self.states.config[fresh]] = True
+        self.seen[self._first_copy(fresh)] = True
         return np.asarray(self.reason[states] == Reason.NONE)
 
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
-        """Return whether steps (m,) can be run as CP motions; joint moves always can.
+        """Return whether steps (m,) are to be kept.
 
-        Between tags that do not follow each other it is for others to say what lies between.
+        A cut from one tag to the next that cannot be run is not. One between key tags apart from
+        each other is, but the tags at which it fails are noted as ``wanted``. Joint moves always
+        can be run; tags between them stand where they are checked like cuts.
         """
-        rungs = self.states.tag_of(after)
-        follows = self.tags[rungs] == self.tags[np.maximum(rungs - 1, 0)] + 1
-        is_cut = step_rules(self.checker.problem)[self.tags[rungs]] == Rule.CHAIN
-        chain = np.nonzero(is_cut & (self.ladder.rule[rungs] == Rule.CHAIN) & follows)[0]
         good = np.ones(len(after), dtype=np.bool_)
-        if not len(chain):
+        rungs = self.states.tag_of(after)
+        first, last = self.tags[np.maximum(rungs - 1, 0)], self.tags[rungs]
+        to_do = (self.passed[after] != before) & (self.between.is_cut[last] | (last > first + 1))
+        rows = np.flatnonzero(to_do)
+        if not len(rows):
             return good
-        a, b = before[chain], after[chain]
-        verdict = check_chain(
-            self.checker,
-            (self.tags[rungs[chain] - 1], self.tags[rungs[chain]]),
-            (self.states.attitude_of(a), self.states.attitude_of(b)),
-            (self.states.q[a].astype(np.float64), self.states.q[b].astype(np.float64)),
-            self.states.branch[b].astype(np.int64),
-        )
-        for row in np.nonzero(~verdict.good)[0].tolist():
-            found = (Reason(int(verdict.reason[row])), int(verdict.pair[row]))
-            self.step_reason[int(rungs[chain[row]])] = found
-        good[chain] = verdict.good
+        spans = self._spans(before[rows], after[rows])
+        judged = judge(self.checker, self.between, spans)
+        fine = judged.good(len(rows))
+        self.passed[after[rows[fine]]] = before[rows[fine]]
+        bad = np.flatnonzero(judged.reason != Reason.NONE)
+        where, at = np.unique(judged.rows.span[bad], return_index=True)
+        for span, row in zip(where.tolist(), bad[at].tolist(), strict=True):
+            found = (Reason(int(judged.reason[row])), int(judged.pair[row]))
+            self.step_reason[int(spans.last[span])] = found
+        apart = spans.last - spans.first > 1
+        self._want(spans, judged.rows.span[bad], judged.rows.tag[bad])
+        good[rows[~fine & ~apart]] = False
         return good
+
+    def _want(self, spans: Spans, span: IndexArray, tag: IndexArray) -> None:
+        """Note for every span that fails at tags (k,) some of them, or tags beside them."""
+        for i in np.unique(span[(spans.last - spans.first)[span] > 1]).tolist():
+            first, last, bad = int(spans.first[i]), int(spans.last[i]), tag[span == i]
+            if last - first <= _ALL:
+                self.wanted |= set(range(first + 1, last))
+                continue
+            wish = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
+            inside = {at for at in wish if first < at < last}
+            self.wanted |= inside or {(first + last) // 2}
+
+    def _spans(self, before: IndexArray, after: IndexArray) -> Spans:
+        rungs = self.states.tag_of(after)
+        return Spans(
+            self.tags[np.maximum(rungs - 1, 0)],
+            self.tags[rungs],
+            self.states.attitude_of(before),
+            self.states.attitude_of(after),
+            self.states.q[before].astype(np.float64),
+            self.states.q[after].astype(np.float64),
+            self.states.branch[after].astype(np.int64),
+        )
 
     def beside(self, failing: IndexArray) -> IndexArray:
         """Return states that fail along with others: their turn copies, and colliding neighbours.
@@ -173,16 +249,17 @@ class PoseSearch:
         front = failing
         while len(front):
             poses = self._around(front, reach)
-            poses = poses[~self.seen[self.states.config[poses]]]
-            self.seen[self.states.config[poses]] = True
+            poses = poses[~self.seen[poses]]
+            self.seen[poses] = True
             rows = self.states.tag_of(poses)
             verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
             fails = ~verdict.good
             front, reach = poses[fails], _RIM
             self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
             found.append(front)
-        strokes = self._strokes_beside(failing)
-        return np.concatenate([self._copies(np.concatenate(found)), strokes])
+        found = [self._copies(np.concatenate(found)), self._strokes_beside(failing)]
+        self.bridges.changed(self.states.tag_of(np.concatenate([failing, *found])))
+        return np.concatenate(found)
 
     def _strokes_beside(self, failing: IndexArray) -> IndexArray:
         """Return states whose stroke leaves reach or limits, on the tags around such failures."""
@@ -207,9 +284,13 @@ class PoseSearch:
         self.reason[bad] = verdict.reason[~verdict.good]
         return np.asarray(bad)
 
+    def _first_copy(self, states: IndexArray) -> IndexArray:
+        """Return the first (m,) of the turn copies of each state."""
+        return np.asarray(np.searchsorted(self.states.config, self.states.config[states]))
+
     def _copies(self, states: IndexArray) -> IndexArray:
         """Return the turn copies of colliding states, with the reason noted for each."""
-        of_config = np.searchsorted(self.states.config, self.states.config[states])
+        of_config = self._first_copy(states)
         ends = np.searchsorted(self.states.config, self.states.config[states], side="right")
         count = ends - of_config
         copies = np.repeat(of_config, count) + (
@@ -227,7 +308,7 @@ class PoseSearch:
         width, n = self.states.spins.shape[-1], len(self.tags)
         if self.cells is None:
             self.cells = self._cell(np.arange(len(self.states.q)))
-        along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)
+        along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1) * FINE
         rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
         tilt, spin = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], width)
         inside = (rung >= 0) & (rung < n)
@@ -243,33 +324,46 @@ class PoseSearch:
         return np.asarray(found[self.cells[found] == wanted])
 
     def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Return the steps that leave or enter the same states as failing ones.
+        """Return the steps worth a check along with failing ones.
 
-        In their branch; at first those with the tilt of the failing step, where that is not enough
-        (``_NARROW``) those with any.
+        Those that leave or enter the same states; where steps into a tag failed before, all that
+        turn the tool by less than ``_TURN``.
         """
         more: set[tuple[int, int]] = set()
         for a, b in steps:
             rung = int(self.states.tag_of(np.array([b]))[0])
-            self.fanned[rung] = self.fanned.get(rung, 0) + 1
+            tag = int(self.tags[rung])
+            self.fanned[tag] = self.fanned.get(tag, 0) + 1
             before = np.arange(self.states.offsets[rung - 1], self.states.offsets[rung])
             now = np.arange(self.states.offsets[rung], self.states.offsets[rung + 1])
-            branch = self.states.branch[a]
-            narrow = self.fanned[rung] <= _NARROW
-            for state in now[self._open(now, branch, a, b if narrow else None)].tolist():
-                more.add((a, state))
-            for state in before[self._open(before, branch, b, a if narrow else None)].tolist():
-                more.add((state, b))
+            if self.fanned[tag] == 1:
+                more.update((a, state) for state in now[self._open(now, b, a)].tolist())
+                more.update((state, b) for state in before[self._open(before, a, b)].tolist())
+            elif self.fanned[tag] == 2:
+                more.update(self._all_steps(before, now))
         return sorted(more - set(steps))
 
-    def _open(self, states: IndexArray, branch: int, end: int, like: int | None) -> BoolArray:
-        """Return which states a step with ``end`` may join, of the tilt of ``like`` if given."""
+    def _open(self, states: IndexArray, like: int, end: int) -> BoolArray:
+        """Return which states a step with ``end`` may join, of the tilt of ``like``."""
         near = np.abs(self.states.q[states] - self.states.q[end]).max(axis=1) <= np.pi
         near &= np.isfinite(self.ladder.cost[states])
-        if like is not None:
-            width = self.states.spins.shape[-1]
-            near &= self.states.column[states] // width == self.states.column[like] // width
-        return np.asarray(near & (self.states.branch[states] == branch))
+        width = self.states.spins.shape[-1]
+        near &= self.states.column[states] // width == self.states.column[like] // width
+        return np.asarray(near & (self.states.branch[states] == self.states.branch[like]))
+
+    def _all_steps(self, before: IndexArray, now: IndexArray) -> list[tuple[int, int]]:
+        """Return all steps of a chain that turn the tool little."""
+        before = before[np.isfinite(self.ladder.cost[before])]
+        now = now[np.isfinite(self.ladder.cost[now])]
+        a, b = self.states.attitude_of(before), self.states.attitude_of(now)
+        turn = np.abs(b[:, None, 0] - a[None, :, 0])
+        near = np.minimum(turn, 2.0 * np.pi - turn) <= _TURN
+        near &= self.states.branch[now][:, None] == self.states.branch[before][None]
+        for j in range(6):
+            gap = np.subtract.outer(self.states.q[now, j], self.states.q[before, j])
+            near &= np.abs(gap) <= np.pi
+        to, start = np.nonzero(near)
+        return list(zip(before[start].tolist(), now[to].tolist(), strict=True))
 
     def _cell(self, states: IndexArray) -> IndexArray:
         column = self.states.column[states].astype(np.int64)
@@ -282,18 +376,28 @@ class PoseSearch:
         return np.asarray((rung * width + column) * 8 + branch)
 
     def chosen(self, found: Found) -> Chosen:
-        """Return the poses of all tags with exact joints."""
+        """Return the poses of all tags with exact joints, those between key tags filled in."""
         problem = self.checker.problem
-        n = len(self.tags)
+        n, k = len(problem), len(self.tags)
         good = found.path != NONE
-        rows = found.path[good]
+        rows, tags = found.path[good], self.tags[good]
         attitude, q = np.zeros((n, 3)), np.zeros((n, 6))
-        branch = np.zeros(n, dtype=np.int64)
-        attitude[good] = self.states.attitude_of(rows)
-        branch[good] = self.states.branch[rows]
-        T = problem.placement.tcp(self.tags[good], attitude[good])
-        q[good], _ = problem.solve(T, branch[good], self.states.q[rows].astype(np.float64))
-        return Chosen(attitude, branch, q, good, self.ladder.broken.copy())
+        branch, is_good = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.bool_)
+        attitude[tags] = self.states.attitude_of(rows)
+        branch[tags], is_good[tags] = self.states.branch[rows], True
+        T = problem.placement.tcp(tags, attitude[tags])
+        q[tags], _ = problem.solve(T, branch[tags], self.states.q[rows].astype(np.float64))
+        entry = np.zeros(n, dtype=np.bool_)
+        entry[self.tags] = self.ladder.broken
+        joined = np.flatnonzero(good[1:] & good[:-1] & ~self.ladder.broken[1:]) + 1
+        a, b = found.path[joined - 1], found.path[joined]
+        apart = self.tags[joined] - self.tags[joined - 1] > 1
+        a, b = a[apart & (self.passed[b] == a)], b[apart & (self.passed[b] == a)]
+        chosen = Chosen(attitude, branch, q, is_good, entry)
+        fill(problem, self.between, self._spans(a, b), chosen)
+        if k < n:
+            chosen.entry[1:] |= ~is_good[:-1]
+        return chosen
 
     def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
         """Return what the search did, for the record of the plan."""
@@ -314,69 +418,13 @@ class PoseSearch:
             self.ladder.rule,
             self.reason,
             self.pair,
-            self.step_reason,
-            chosen,
+            {
+                row: self.step_reason[tag]
+                for row, tag in enumerate(self.tags.tolist())
+                if tag in self.step_reason
+            },
+            chosen.at(self.tags),
         )
-
-
-def check_chain(
-    checker: Checker,
-    tags: tuple[IndexArray, IndexArray],
-    attitudes: tuple[FloatArray, FloatArray],
-    joints: tuple[FloatArray, FloatArray],
-    branch: IndexArray,
-) -> Verdict:
-    """Check cuts (m,) from tags to tags, in attitudes (m, 3)."""
-    problem, top = checker.problem, checker.strokes.top
-    T_from = problem.placement.tcp(tags[0], attitudes[0], top[tags[0]])
-    T_to = problem.placement.tcp(tags[1], attitudes[1])
-    q_from, _ = problem.solve(T_from, branch, joints[0])
-    q_to, _ = problem.solve(T_to, branch, joints[1])
-    lines = Lines(T_from, T_to, q_from, q_to, branch, np.ones(len(branch), dtype=np.bool_))
-    number = np.asarray(problem.toolpath.arc)[tags[1]]
-    arcs = problem.toolpath.arcs
-    if len(arcs):
-        is_arc = np.asarray(problem.toolpath.kind)[tags[1]] == MotionKind.ARC
-        lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
-        lines.radius = arcs.radius[number]
-        lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
-    leaves = _leaves_tilt_range(problem, tags, attitudes, lines)
-    verdict = checker.lines(lines)[0]
-    # As for a turn that could go either way round: the tool cannot turn so on this way.
-    verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
-    return verdict
-
-
-def _leaves_tilt_range(
-    problem: Problem,
-    tags: tuple[IndexArray, IndexArray],
-    attitudes: tuple[FloatArray, FloatArray],
-    lines: Lines,
-) -> BoolArray:
-    """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
-    place = problem.placement
-    leaves = np.zeros(len(lines), dtype=np.bool_)
-    tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
-    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
-    if not tilted.any():
-        return leaves
-    lines.tilts = tilts[0], tilts[1]
-    rows, k = np.flatnonzero(tilted), len(_TILT_SHARES)
-    T = poses_between(lines, np.repeat(rows, k), np.tile(_TILT_SHARES, len(rows)))
-    axis = -(T[:, :3, :3] @ place.tool_axis).reshape(len(rows), k, 3)
-    around = np.zeros((len(rows), 3))
-    if lines.normal is not None and lines.sweep is not None:
-        around = lines.normal[rows] * lines.sweep[rows, None]
-    first, last = tags[0][rows], tags[1][rows]
-    leaves[rows] = leaves_tilt_range(
-        axis,
-        _TILT_SHARES,
-        (-place.axis_base(first), -place.axis_base(last)),
-        (place.feed[first], place.feed[last]),
-        around,
-        problem.cell.optimize.tilt,
-    )
-    return leaves
 
 
 def travel(chosen: Chosen) -> float:

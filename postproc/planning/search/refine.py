@@ -7,7 +7,7 @@ the sum falls, so the result is never worse than the grid's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,7 @@ class TagPoses:
     """An attitude and a branch for each of n tags, with the joints that follow [rad].
 
     ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
-    each tag, 0 where it is free.
+    each tag, 0 where it is free; ``share`` (n,): of its own cost.
     """
 
     tags: IndexArray
@@ -35,6 +35,11 @@ class TagPoses:
     branch: IndexArray
     q: FloatArray
     weight: FloatArray
+    share: FloatArray
+
+    def weighted(self, weight: FloatArray) -> TagPoses:
+        """Return the same poses with another weight of travel."""
+        return replace(self, weight=weight)
 
     def travel(self, q: FloatArray) -> float:
         """Return the weighted sum of squared joint changes along joints (n, 6)."""
@@ -111,12 +116,10 @@ def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -
     fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
     rounded[:, at] = np.clip(fine, low, high)
     solved, good = _joints(problem, poses, rounded, q)
-    return TagPoses(
-        poses.tags,
-        np.where(good[:, None], rounded, poses.attitude),
-        poses.branch,
-        np.where(good[:, None], solved, poses.q),
-        poses.weight,
+    return replace(
+        poses,
+        attitude=np.where(good[:, None], rounded, poses.attitude),
+        q=np.where(good[:, None], solved, poses.q),
     )
 
 
@@ -186,7 +189,7 @@ def _joints(
 
 def _costs(problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray) -> FloatArray:
     T_base_tcp = poses.tcp(problem, attitude)
-    return evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)[0]
+    return poses.share * evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)[0]
 
 
 def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:

@@ -1,4 +1,14 @@
-"""Which pose every tag gets: the strategies ``global``, ``each`` and ``smooth``."""
+"""Which pose every tag gets: the strategies ``global``, ``each`` and ``smooth``, one search.
+
+They differ in which tags are key tags at first and in what travel weighs. Key tags take states of
+the grid, the best sequence of all; the tags between follow by interpolation, each with its own tip
+and axis. Key tags are added where a cut between two of them cannot be run or loses too much
+stiffness; then the poses leave the grid.
+
+``smooth`` is the smoothing of Jiao et al. 2022: few key tags, as the cell names or spaces them.
+With ``refine`` off these take the best spin of the grid each, as in the paper; with it they are
+chosen together, travel counted, so that the way between two of them rarely crosses a trough.
+"""
 
 from __future__ import annotations
 
@@ -6,144 +16,79 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray
 from postproc.cell import Strategy
 from postproc.errors import Finding
-from postproc.planning.checks import Checker, explained
-from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.pose_search import PoseSearch, check_chain, step_rules, travel
-from postproc.planning.search.refine import Bounds, TagPoses, refine
-from postproc.planning.states import Chosen, Problem, Rule
-from postproc.process import feeds_of
+from postproc.planning.checks import Checker, explained, gave_up
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.free_path import Found
+from postproc.planning.search.growth import Growth
+from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
+from postproc.planning.search.loss import LossBound, best_index, loss_of, loss_report
+from postproc.planning.search.moved import moved_off_grid
+from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.rungs import TIE_TRAVEL, Wish
+from postproc.planning.states import Chosen
 
 Step = Callable[[int, int, str], None]
-_REVERTS = 6
-_SPREADS = 6
-_HEAVIER = 8.0
 
 
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[str, object]]:
     """Return the pose of every tag, the findings, and a record of the work."""
-    if checker.problem.cell.optimize.strategy is Strategy.SMOOTH:
-        from postproc.planning.search.smooth import smooth
-
-        return smooth(checker, step)
-    tags = np.arange(len(checker.problem))
-    step(0, len(tags), "search")
-    wishes = checker.problem.cell.optimize
-    search = PoseSearch.of(checker, tags, each=wishes.strategy is Strategy.EACH)
-    found = search.run()
-    chosen = search.chosen(found)
+    problem = checker.problem
+    wishes, n = problem.cell.optimize, len(problem)
+    is_smooth = wishes.strategy is Strategy.SMOOTH
+    between = Interpolation.of(problem)
+    step(0, n, "search")
+    bound = LossBound(best_index(checker, between), wishes.loss_bound) if is_smooth else None
+    keys = key_tags(problem.toolpath, wishes) if is_smooth else dense_key_tags(problem)
+    search = PoseSearch.of(checker, np.flatnonzero(keys), _wish(checker, bound), between)
+    growth = Growth(between)
+    found, chosen = _run(search, growth, step)
+    if bound is not None:
+        while len(more := bound.more_keys(_is_key(search), loss_of(problem, chosen, bound.best))):
+            search.grow(more, np.full(len(more), search.base_stride))
+            found, chosen = _run(search, growth, step)
     record = search.record(found, chosen)
     if wishes.refine and wishes.strategy is Strategy.GLOBAL:
-        step(0, len(tags), "refine")
-        chosen = refined(checker, chosen, search.weight)
+        step(0, n, "refine")
+        chosen = moved_off_grid(search, chosen)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
-    step(len(tags), len(tags), "search")
-    return chosen, explained(checker, search.evidence(chosen)), record
+    step(n, n, "search")
+    findings = explained(checker, search.evidence(chosen))
+    findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
+    if bound is not None:
+        loss = loss_of(problem, chosen, bound.best)
+        findings.insert(0, loss_report(problem, loss, search.tags, wishes.loss_bound))
+        record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
+        if len(search.tags) > keys.sum():
+            record["key_tags_added"] = len(search.tags) - int(keys.sum())
+    return chosen, findings, record
 
 
-def refined(checker: Checker, chosen: Chosen, weight: FloatArray) -> Chosen:
-    """Return the chosen poses moved off the grid, where that stands the checks."""
-    problem, pins = checker.problem, checker.problem.cell.optimize.pins
-    tags = np.nonzero(chosen.good)[0]
-    if len(tags) == 0:
-        return chosen
-    linked = np.where(chosen.entry[tags] | np.append(True, np.diff(tags) > 1), 0.0, weight[tags])
-    grid = TagPoses(tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked)
-    names = problem.toolpath.tag_name
-    free = np.array([names(tag) not in pins for tag in tags.tolist()])
-    bounds = _bounds(problem, grid, free)
-    known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
-    for _ in range(_REVERTS):
-        poses = _slowed(problem, refine(problem, grid, bounds), bounds)
-        passed &= (poses.attitude == known.attitude).all(axis=1)
-        passed &= (poses.q == known.q).all(axis=1)
-        bad = _failing(checker, poses, np.asarray(bounds.free.any(axis=1)), passed)
-        if not bad.any():
-            break
-        bounds.free &= ~bad[:, None]
-        known, passed = poses, ~bad
-    else:
-        poses = grid
-    attitude, q = chosen.attitude.copy(), chosen.q.copy()
-    attitude[tags], q[tags] = poses.attitude, poses.q
-    return Chosen(attitude, chosen.branch, q, chosen.good, chosen.entry)
+def _wish(checker: Checker, bound: LossBound | None) -> Wish:
+    wishes = checker.problem.cell.optimize
+    if bound is None:
+        return Wish(each=wishes.strategy is Strategy.EACH)
+    least = bound.least if np.isfinite(bound.best).any() else None
+    number = stretches(checker.problem.toolpath)
+    return Wish(each=not wishes.refine, cut_travel=TIE_TRAVEL, least=least, stretch=number)
 
 
-def _bounds(problem: Problem, grid: TagPoses, free: BoolArray) -> Bounds:
-    """Return where the tags may move: ``free`` (n,) in spin, and in tilt where a cut has any."""
-    low, high = problem.cell.optimize.range
-    if high - low >= 2.0 * np.pi - 1e-9:
-        low, high = -np.inf, np.inf
-    allowed = problem.cell.optimize.tilt
-    limits = np.array([(low, high), allowed.lead, allowed.side])
-    chain = (step_rules(problem)[grid.tags] == Rule.CHAIN) & (grid.weight > 0.0)
-    cut = np.cumsum(~chain)
-    tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
-    tilted &= problem.placement.may_tilt[grid.tags]
-    return Bounds(
-        np.column_stack([free, tilted & any(allowed.lead), tilted & any(allowed.side)]),
-        np.minimum(limits[:, 0], grid.attitude),
-        np.maximum(limits[:, 1], grid.attitude),
-    )
+def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]:
+    """Search, and look closer until all that fails is refuted."""
+    n = len(search.checker.problem)
+    found = search.run()
+    while True:
+        tags, stride = growth.next(search, found)
+        if not len(tags):
+            return found, search.chosen(found)
+        step(min(len(search.tags), n - 1), n, "search")
+        search.grow(tags, stride)
+        found = search.run()
 
 
-def _slowed(problem: Problem, poses: TagPoses, bounds: Bounds) -> TagPoses:
-    """Return the poses with their spins spread where an axis would be too fast at the feed.
-
-    The weight of travel is raised on the steps that are too fast, so that the spin spreads over
-    the tags around them.
-    """
-    time = _feed_times(problem, poses)
-    speed = np.asarray(problem.cell.robot.qd_max)
-    for _ in range(_SPREADS):
-        need = np.abs(np.diff(poses.q, axis=0) / speed).max(axis=1, initial=0.0)
-        fast = np.append(False, need > time)
-        if not fast.any():
-            break
-        heavier = np.where(fast, _HEAVIER * poses.weight, poses.weight)
-        heavy = TagPoses(poses.tags, poses.attitude, poses.branch, poses.q, heavier)
-        poses = refine(problem, heavy, bounds)
-    return poses
-
-
-def _feed_times(problem: Problem, poses: TagPoses) -> FloatArray:
-    """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
-    toolpath, b = problem.toolpath, poses.tags[1:]
-    feed = feeds_of(toolpath, problem.cell)[b]
-    step = np.diff(arc_length(toolpath)[poses.tags])
-    is_cut = (step_rules(problem)[b] == Rule.CHAIN) & (poses.weight[1:] > 0.0)
-    timed = is_cut & np.isfinite(feed) & (step > 1e-6)
-    return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
-
-
-def _failing(checker: Checker, poses: TagPoses, free: BoolArray, passed: BoolArray) -> BoolArray:
-    """Return (n,) the tags that fail, by themselves or by a cut into or out of them.
-
-    ``free`` (n,): tags that may have been moved off the grid; ``passed`` (n,): tags that stand as
-    they did when they were found good, as were the cuts between two of them.
-    """
-    moved = np.nonzero(free & ~passed)[0]
-    bad = np.zeros(len(poses.tags), dtype=np.bool_)
-    verdict = checker.states(
-        poses.tags[moved], poses.q[moved], poses.attitude[moved], poses.branch[moved]
-    )
-    bad[moved[~verdict.good]] = True
-    rule = step_rules(checker.problem)[poses.tags]
-    b = np.nonzero((rule == Rule.CHAIN) & (poses.weight > 0.0))[0]
-    b = b[(b > 0)]
-    b = b[(free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])]
-    if len(b):
-        a = b - 1
-        verdict = check_chain(
-            checker,
-            (poses.tags[a], poses.tags[b]),
-            (poses.attitude[a], poses.attitude[b]),
-            (poses.q[a], poses.q[b]),
-            poses.branch[b],
-        )
-        fails = ~verdict.good
-        bad[a[fails]] = True
-        bad[b[fails]] = True
-    return bad & free
+def _is_key(search: PoseSearch) -> BoolArray:
+    keys = np.zeros(len(search.checker.problem), dtype=np.bool_)
+    keys[search.tags] = True
+    return keys

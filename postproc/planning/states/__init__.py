@@ -3,6 +3,7 @@
 from postproc.planning.states.candidates import States, context_of, evaluate, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
 from postproc.planning.states.ladder import NONE, Ladder, Rule
+from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (
     NO_POSE,
@@ -57,6 +58,7 @@ __all__ = [
     "has_pose",
     "in_order",
     "leaves_tilt_range",
+    "merged",
     "moves",
     "path_normals",
     "place",
@@ -64,6 +66,7 @@ __all__ = [
     "postures",
     "rounded_spin",
     "sample",
+    "sample_on",
     "settle",
     "spin_values",
     "stand_ins",

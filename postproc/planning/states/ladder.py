@@ -13,7 +13,7 @@ is worked out in blocks, a chain's group by group, so that memory stays bounded.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -29,6 +29,9 @@ WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""
 _SAME = 1e-11
 _HALF_TURN = np.pi + 1e-9
+
+
+MayJoin = Callable[[int, IndexArray, IndexArray, FloatArray], BoolArray]
 
 
 class Rule(IntEnum):
@@ -51,6 +54,8 @@ class Ladder:
         group: (N,) label that a chain must keep.
         rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
         weight: (n,) weight of the squared distance of that step.
+        may_join: rung, states (b,) of the one before, states (m,) of this one, costs (N,) to which
+            of them (m, b) a chain may join, within a group; None: all.
     """
 
     offsets: IndexArray
@@ -59,12 +64,12 @@ class Ladder:
     group: AnyIntArray
     rule: IndexArray
     weight: FloatArray
+    may_join: MayJoin | None = None
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
-    _cut: set[int] = field(init=False, default_factory=set)
     _solved: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
@@ -89,16 +94,53 @@ class Ladder:
         rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
         return rungs
 
+    @property
+    def solved(self) -> bool:
+        """Whether the values are those of the graph as it is."""
+        return self._solved
+
     def solve(self) -> None:
         """Find the value of every state from scratch."""
         for i in range(len(self)):
             self._update(i)
         self._solved = True
 
+    def take_over(self, known: Ladder, moved: IndexArray, rungs: IndexArray) -> None:
+        """Take values and forbidden steps of a solved ladder, and solve what is new.
+
+        Args:
+            known: the same graph before rungs were added or replaced.
+            moved: (N of ``known`` + 1,) the state that each became here, ``NONE`` if gone.
+            rungs: here, those that differ, and those behind them.
+        """
+        for steps in known._forbidden.values():
+            ends = moved[np.array(steps)]
+            for state, to in ends[(ends != NONE).all(axis=1)].tolist():
+                rung = int(np.searchsorted(self.offsets, to, side="right")) - 1
+                self._forbidden.setdefault(rung, []).append((state, to))
+        if not known._solved:
+            return
+        old = np.flatnonzero(moved[:-1] != NONE)
+        self.value[moved[old]], self.back[moved[old]] = known.value[old], known.back[old]
+        rung_before, rung_now = known.rung_of(old), self.rung_of(moved[old])
+        self.broken[rung_now] = known.broken[rung_before]
+        self._solved = True
+        self.value[self._within(rungs)] = np.nan
+        self._repair(rungs)
+
+    def _within(self, rungs: IndexArray) -> BoolArray:
+        """Return which states stand on some rungs."""
+        on = np.zeros(len(self), dtype=np.bool_)
+        on[rungs] = True
+        return np.repeat(on, np.diff(self.offsets))
+
     def remove(self, states: IndexArray) -> None:
         """Take states out and repair the values."""
         self.cost[states] = np.inf
-        self._repair(self.rung_of(np.asarray(states)))
+        rungs = np.unique(self.rung_of(np.asarray(states)))
+        if self.may_join is not None:
+            rungs = np.unique(np.minimum([rungs, rungs + 1], len(self) - 1))
+        self._repair(rungs)
 
     def forbid(self, steps: list[tuple[int, int]]) -> None:
         """Take single steps (state from, state to) out and repair the values."""
@@ -106,11 +148,6 @@ class Ladder:
         for rung, step in zip(rungs.tolist(), steps, strict=True):
             self._forbidden.setdefault(rung, []).append(step)
         self._repair(rungs)
-
-    def cut(self, rungs: IndexArray) -> None:
-        """Separate rungs from those before them for good and repair the values."""
-        self._cut.update(rungs.tolist())
-        self._repair(np.asarray(rungs))
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
@@ -167,7 +204,7 @@ class Ladder:
     def _step(self, i: int, low: int, high: int) -> FloatArray:
         cost: FloatArray = self.cost[low:high]
         before, after = int(self.offsets[i - 1]) if i else 0, int(self.offsets[i])
-        if i == 0 or high == low or after == before or i in self._cut:
+        if i == 0 or high == low or after == before:
             self.broken[i] = True
             return cost.copy()
         value = np.full(high - low, np.inf)
@@ -212,17 +249,20 @@ class Ladder:
         right[:, d + 1] = w
         steps: FloatArray = left @ right.T
         if self.rule[i] == Rule.CHAIN:
-            self._keep_chain(steps, before, now)
+            self._keep_chain(i, steps, before, now)
         for state, to in self._forbidden.get(i, ()):
             row, column = int(np.searchsorted(now, to)), int(np.searchsorted(before, state))
             if row < len(now) and now[row] == to and column < len(before):
                 steps[row, column] = np.inf if before[column] == state else steps[row, column]
         return steps
 
-    def _keep_chain(self, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
+    def _keep_chain(self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
         """Take out the steps that a chain may not do."""
         a, b = self.position[before], self.position[now]
-        steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+        if self.may_join is None:
+            steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+        else:
+            steps[~self.may_join(i, before, now, self.cost)] = np.inf
         reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
         for j in np.nonzero(reach > _HALF_TURN)[0]:
             steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf

@@ -25,6 +25,12 @@ class Chosen:
     good: BoolArray
     entry: BoolArray
 
+    def at(self, tags: IndexArray) -> Chosen:
+        """Return the poses of tags (k,) only."""
+        return Chosen(
+            self.attitude[tags], self.branch[tags], self.q[tags], self.good[tags], self.entry[tags]
+        )
+
     @property
     def spin(self) -> FloatArray:
         """(n,) spin about the CAM tool axis [rad]."""

@@ -1,0 +1,150 @@
+"""What stands between two key tags of a cut: spin and tilt interpolated over arc length.
+
+The spin is measured against a cross direction that is carried along the path by the smallest
+rotation from tool axis to tool axis (parallel transport): its *twist*. Every tag between two key
+tags keeps its own tip and axis; only the freedom about the axis is interpolated. The paper
+interpolates the first roll angle of the inverse rotation (Jiao et al. 2022, Eqs. 28-37), which
+fails where that angle wraps, where the tool is vertical, and by the signs printed; this is the same
+where the paper's holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.model import MotionKind
+from postproc.planning.search.keytags import arc_length
+from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
+
+_FULL_TURN = 2.0 * np.pi
+
+
+def carried_twist(placement: Placement) -> FloatArray:
+    """Return (n,) [rad] what to add to the spin of each tag for its twist along the path."""
+    n = len(placement)
+    axis = placement.axis_base(np.arange(n))
+    first, _ = cross_axes(placement.tool_axis)
+    cross = placement.R_base_tcp @ first
+    k = np.cross(axis[:-1], axis[1:])
+    cosine = np.einsum("ij,ij->i", axis[:-1], axis[1:])
+    u = cross[:-1]
+    along = np.einsum("ij,ij->i", k, u) / np.maximum(1.0 + cosine, 1e-12)
+    carried = u * cosine[:, None] + np.cross(k, u) + k * along[:, None]
+    sine = np.einsum("ij,ij->i", np.cross(carried, cross[1:]), axis[1:])
+    step = np.arctan2(sine, np.einsum("ij,ij->i", carried, cross[1:]))
+    return np.concatenate([[0.0], np.cumsum(step)])
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Tags of spans between key tags, one a row: the span (k,), the tag (k,), share (k,) 0..1.
+
+    The last row of every span is its end; its start has no row.
+    """
+
+    span: IndexArray
+    tag: IndexArray
+    share: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Interpolation:
+    """How attitudes run between key tags.
+
+    ``way`` (n,) [m]: length of the path; ``carried`` (n,) [rad]: twist at spin 0; ``may_tilt``,
+    ``is_cut`` (n,): tags that may tilt, that are entered by a cut.
+    """
+
+    way: FloatArray
+    carried: FloatArray
+    may_tilt: BoolArray
+    is_cut: BoolArray
+
+    @classmethod
+    def of(cls, problem: Problem) -> Interpolation:
+        """Return the interpolation along the path of a problem."""
+        place = problem.placement
+        is_cut = np.isin(np.asarray(problem.toolpath.kind), (MotionKind.LINEAR, MotionKind.ARC))
+        return cls(arc_length(problem.toolpath), carried_twist(place), place.may_tilt, is_cut)
+
+    def rows(self, first: IndexArray, last: IndexArray) -> Rows:
+        """Return the tags behind ``first`` (m,) up to ``last`` (m,) of every span."""
+        count = last - first
+        span = np.repeat(np.arange(len(first)), count)
+        place = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count) + 1
+        a, b = first[span], last[span]
+        tag = a + place
+        length = self.way[b] - self.way[a]
+        by_length = (self.way[tag] - self.way[a]) / np.where(length > 1e-9, length, 1.0)
+        share = np.where(length > 1e-9, by_length, place / np.maximum(count[span], 1))
+        share[tag == b] = 1.0
+        return Rows(span, tag, share)
+
+    def attitudes(
+        self, rows: Rows, tags: tuple[IndexArray, IndexArray], ends: tuple[FloatArray, FloatArray]
+    ) -> FloatArray:
+        """Return the attitudes (k, 3) [rad] of rows; the twist goes the short way round.
+
+        Args:
+            rows: of the spans.
+            tags: first and last (m,) of the spans.
+            ends: attitudes (m, 3) there.
+        """
+        start, end = ends[0][:, 0] + self.carried[tags[0]], ends[1][:, 0] + self.carried[tags[1]]
+        turn = end - start
+        turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
+        spin = (start[rows.span] - self.carried[rows.tag]) + rows.share * turn[rows.span]
+        tilt = ends[0][rows.span, 1:] + rows.share[:, None] * (ends[1] - ends[0])[rows.span, 1:]
+        tilt[~self.may_tilt[rows.tag]] = 0.0
+        result = np.column_stack([rounded_spin(spin), tilt])
+        at_end = rows.share == 1.0
+        result[at_end] = ends[1][rows.span[at_end]]
+        return result
+
+    def spin_of(self, tags: IndexArray, twist: FloatArray) -> FloatArray:
+        """Return the spin (k,) [rad] of tags (k,) at twists (k,)."""
+        return rounded_spin(twist - self.carried[tags])
+
+    def twists(self, tags: IndexArray, spin: FloatArray) -> FloatArray:
+        """Return the twist (k,) of successive tags, each within half a turn of the one before."""
+        return np.unwrap(spin + self.carried[tags])
+
+
+def slopes(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the slopes (k,) at knots of the monotone cubic through (x, y) (Fritsch, Carlson 1980).
+
+    Args:
+        x: (k,) rising.
+        y: (k,).
+    """
+    h, d = np.diff(x), np.diff(y) / np.diff(x)
+    result = np.zeros(len(x))
+    if len(x) < 3:
+        result[:] = d[0] if len(d) else 0.0
+        return result
+    left, right = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
+    same = d[:-1] * d[1:] > 0.0
+    safe = np.where(same, d[:-1], 1.0), np.where(same, d[1:], 1.0)
+    result[1:-1] = np.where(same, (left + right) / (left / safe[0] + right / safe[1]), 0.0)
+    result[0], result[-1] = d[0], d[-1]
+    return result
+
+
+def cubic(share: FloatArray, length: FloatArray, ends: tuple[FloatArray, ...]) -> FloatArray:
+    """Return values (k,) of the cubics with given ends at ``share`` of their length.
+
+    Args:
+        share: (k,) 0..1.
+        length: (k,) of the spans.
+        ends: value and value, slope and slope at start and end, (k,) each.
+    """
+    a, b, da, db = ends
+    t, t2, t3 = share, share**2, share**3
+    return np.asarray(
+        a * (2.0 * t3 - 3.0 * t2 + 1.0)
+        + b * (3.0 * t2 - 2.0 * t3)
+        + length * (da * (t3 - 2.0 * t2 + t) + db * (t3 - t2))
+    )

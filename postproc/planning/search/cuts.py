@@ -1,0 +1,287 @@
+"""Whether cuts between key tags can be run, tag by tag and between the tags.
+
+A span from one key tag to the next is judged along its whole inside: every tag between, with its
+own tip and axis at the interpolated spin and tilt, is solved in the branch of the span and followed
+from turn to turn; reach, limits and singularity first, then the straight motions between the tags,
+then collisions, the whole span as one sweep.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.model import MotionKind
+from postproc.planning.checks import Checker, Lines, Reason, poses_between
+from postproc.planning.search.between import Interpolation, Rows
+from postproc.planning.states import Chosen, Problem, leaves_tilt_range
+
+_ROWS = 16384
+"""So many tags are judged at once."""
+_FULL_TURN = 2.0 * np.pi
+_SAME = 0.1
+"""Joints [rad] that differ by less at the end of a span are those of its end."""
+_TILT_SHARES = np.arange(1.0, 8.0) / 8.0
+"""Where on a cut the tilt of the tool is checked."""
+
+
+@dataclass(slots=True)
+class Spans(Table):
+    """Cuts from key tag to key tag.
+
+    Args:
+        first, last: (m,) tags.
+        attitude_first, attitude_last: (m, 3) [rad].
+        q_first, q_last: (m, 6) [rad], good to tell the turn.
+        branch: (m,).
+    """
+
+    first: IndexArray
+    last: IndexArray
+    attitude_first: FloatArray
+    attitude_last: FloatArray
+    q_first: FloatArray
+    q_last: FloatArray
+    branch: IndexArray
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """The inside of spans: rows as ``Interpolation.rows`` gives them, with what was found.
+
+    ``attitude`` (k, 3), ``q`` (k, 6); ``reason``, ``pair`` (k,): of the tag or of the motion to it.
+    """
+
+    rows: Rows
+    attitude: FloatArray
+    q: FloatArray
+    reason: IndexArray
+    pair: IndexArray
+
+    def good(self, spans: int) -> BoolArray:
+        """Return (m,) which spans can be run."""
+        bad = np.zeros(spans, dtype=np.bool_)
+        bad[self.rows.span[self.reason != Reason.NONE]] = True
+        return ~bad
+
+
+def judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:
+    """Return what stands against spans (m,), all along."""
+    count = np.cumsum(spans.last - spans.first)
+    edges = np.unique(np.searchsorted(count, np.arange(0, count[-1:].sum(), _ROWS), side="left"))
+    bounds = np.append(edges, len(spans))
+    parts = [
+        (low, _judge(checker, between, spans.rows(np.arange(low, high))))
+        for low, high in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
+        if high > low
+    ]
+    if not parts:
+        nothing = np.zeros(0, dtype=np.int64)
+        rows = Rows(nothing, nothing, np.zeros(0))
+        return Judged(rows, np.zeros((0, 3)), np.zeros((0, 6)), nothing, nothing)
+    rows = Rows(
+        np.concatenate([low + part.rows.span for low, part in parts]),
+        np.concatenate([part.rows.tag for _, part in parts]),
+        np.concatenate([part.rows.share for _, part in parts]),
+    )
+    return Judged(
+        rows,
+        np.concatenate([part.attitude for _, part in parts]),
+        np.concatenate([part.q for _, part in parts]),
+        np.concatenate([part.reason for _, part in parts]),
+        np.concatenate([part.pair for _, part in parts]),
+    )
+
+
+def _judge(checker: Checker, between: Interpolation, spans: Spans) -> Judged:
+    rows = between.rows(spans.first, spans.last)
+    tags, ends = (spans.first, spans.last), (spans.attitude_first, spans.attitude_last)
+    attitude = between.attitudes(rows, tags, ends)
+    return judge_rows(checker, between, spans, rows, attitude)
+
+
+def judge_rows(
+    checker: Checker, between: Interpolation, spans: Spans, rows: Rows, attitude: FloatArray
+) -> Judged:
+    """Return what stands against spans whose tags stand in attitudes (k, 3)."""
+    problem, is_cut = checker.problem, between.is_cut[rows.tag]
+    place = problem.placement
+    lift = checker.strokes.top[spans.first]
+    T_first = place.tcp(spans.first, spans.attitude_first, lift)
+    q_first, reached_first = problem.solve(T_first, spans.branch, spans.q_first)
+    q, reached, T = joints_of(problem, between, spans, rows, attitude)
+    reason = np.full(len(rows.tag), int(Reason.NONE), dtype=np.int64)
+    _refuse(reason, ~reached | ~place.given[rows.tag], Reason.UNREACHABLE)
+    _refuse(reason, ~problem.within(q), Reason.JOINT_LIMIT)
+    _refuse(reason, ~problem.regular(q), Reason.SINGULAR)
+    _refuse(reason, ~_in_range(problem, rows, attitude), Reason.SINGULAR)
+    at_end = np.flatnonzero(rows.share == 1.0)
+    off = np.abs(q[at_end] - spans.q_last[rows.span[at_end]]).max(axis=1, initial=0.0)
+    _refuse(reason, at_end[(off > _SAME) & is_cut[at_end]], Reason.SINGULAR)
+    starts = np.flatnonzero(np.diff(rows.span, prepend=-1))
+    _refuse(reason, starts[~reached_first], Reason.UNREACHABLE)
+    pair = np.full(len(reason), -1, dtype=np.int64)
+    judged = Judged(rows, attitude, q, reason, pair)
+    open_ = judged.good(len(spans))[rows.span]
+    _check_motions(checker, judged, np.flatnonzero(open_ & is_cut), (T_first, q_first, T), spans)
+    _check_poses(checker, judged, np.flatnonzero(open_ & ~is_cut & (rows.share < 1.0)), spans)
+    return judged
+
+
+def _near_line(spans: Spans, rows: Rows, q: FloatArray) -> FloatArray:
+    """Return joints (k, 6) turned to be near to the straight joint motion of their span."""
+    line = spans.q_first[rows.span]
+    line = line + rows.share[:, None] * (spans.q_last[rows.span] - line)
+    return np.asarray(q + _FULL_TURN * np.round((line - q) / _FULL_TURN))
+
+
+def fill(problem: Problem, between: Interpolation, spans: Spans, chosen: Chosen) -> None:
+    """Write the poses of the tags inside spans that were found good, in place."""
+    rows = between.rows(spans.first, spans.last)
+    tags, ends = (spans.first, spans.last), (spans.attitude_first, spans.attitude_last)
+    attitude = between.attitudes(rows, tags, ends)
+    q = joints_of(problem, between, spans, rows, attitude)[0]
+    inner = rows.share < 1.0
+    at = rows.tag[inner]
+    chosen.attitude[at], chosen.q[at] = attitude[inner], q[inner]
+    chosen.branch[at], chosen.good[at] = spans.branch[rows.span[inner]], True
+
+
+def joints_of(
+    problem: Problem, between: Interpolation, spans: Spans, rows: Rows, attitude: FloatArray
+) -> tuple[FloatArray, BoolArray, FloatArray]:
+    """Return joints (k, 6) of rows, which (k,) are reached, and the poses (k, 4, 4)."""
+    T = problem.placement.tcp(rows.tag, attitude)
+    q, reached = problem.kinematics.ik_in(problem.placement.flange(T), spans.branch[rows.span])
+    q = np.where(reached[:, None], q, 0.0)
+    is_cut = between.is_cut[rows.tag]
+    if is_cut.all():
+        return _followed(rows, q, reached, spans.q_first), reached, T
+    followed = _followed(rows, q, reached, spans.q_first)
+    return np.where(is_cut[:, None], followed, _near_line(spans, rows, q)), reached, T
+
+
+def _refuse(reason: IndexArray, rows: IndexArray | BoolArray, why: Reason) -> None:
+    fresh = np.zeros(len(reason), dtype=np.bool_)
+    fresh[rows] = True
+    reason[fresh & (reason == Reason.NONE)] = why
+
+
+def _in_range(problem: Problem, rows: Rows, attitude: FloatArray) -> BoolArray:
+    """Return (k,) whether the spin of the tags inside spans is one that the cell allows."""
+    low, high = problem.cell.optimize.range
+    if high - low >= _FULL_TURN - 1e-9:
+        return np.ones(len(rows.tag), dtype=np.bool_)
+    spin = low + np.mod(attitude[:, 0] - low + 1e-6, _FULL_TURN) - 1e-6
+    return np.asarray((spin <= high + 1e-6) | (rows.share == 1.0))
+
+
+def _followed(rows: Rows, q: FloatArray, reached: BoolArray, q_first: FloatArray) -> FloatArray:
+    """Return joints (k, 6) turned to follow those before them in their span.
+
+    Where a pose is not reached, what comes behind it follows the last one that is.
+    """
+    if not len(q):
+        return q
+    starts = np.flatnonzero(np.diff(rows.span, prepend=-1))
+    last = np.maximum.accumulate(np.where(reached, np.arange(len(q)), -1))
+    start_of = starts[rows.span]
+    before = np.empty_like(q)
+    before[1:] = q[np.maximum(last[:-1], 0)]
+    none = np.append(-1, last[:-1]) < start_of
+    before[none] = q_first[rows.span[none]]
+    step = q - before
+    step -= _FULL_TURN * np.round(step / _FULL_TURN)
+    step[~reached] = 0.0
+    total = np.cumsum(step, axis=0)
+    base = np.vstack([np.zeros((1, 6)), total])[start_of]
+    near = q_first[rows.span] + total - base
+    return np.where(reached[:, None], q + _FULL_TURN * np.round((near - q) / _FULL_TURN), near)
+
+
+def _check_motions(
+    checker: Checker,
+    judged: Judged,
+    open_: IndexArray,
+    known: tuple[FloatArray, FloatArray, FloatArray],
+    spans: Spans,
+) -> None:
+    """Note what stands against the motions to rows ``open_`` of spans that are good so far."""
+    if not len(open_):
+        return
+    rows, (T_first, q_first, T) = judged.rows, known
+    is_first = np.diff(rows.span, prepend=-1)[open_] != 0
+    span, before = rows.span[open_], np.maximum(open_ - 1, 0)
+    T_from = np.where(is_first[:, None, None], T_first[span], T[before])
+    q_from = np.where(is_first[:, None], q_first[span], judged.q[before])
+    a_from = np.where(is_first[:, None], spans.attitude_first[span], judged.attitude[before])
+    tags = rows.tag[open_] - 1, rows.tag[open_]
+    lines = Lines(
+        T_from,
+        T[open_],
+        q_from,
+        judged.q[open_],
+        spans.branch[span],
+        np.ones(len(open_), dtype=np.bool_),
+    )
+    _as_arcs(checker.problem, tags[1], lines)
+    leaves = _leaves_tilt_range(checker.problem, tags, (a_from, judged.attitude[open_]), lines)
+    verdict = checker.lines(lines, span)[0]
+    # As for a turn that could go either way round: the tool cannot turn so on this way.
+    verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
+    judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
+
+
+def _check_poses(checker: Checker, judged: Judged, open_: IndexArray, spans: Spans) -> None:
+    """Note what stands against poses and strokes at rows ``open_`` that no cut enters."""
+    if not len(open_):
+        return
+    tags, branch = judged.rows.tag[open_], spans.branch[judged.rows.span[open_]]
+    verdict = checker.states(tags, judged.q[open_], judged.attitude[open_], branch)
+    judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
+
+
+def _as_arcs(problem: Problem, tags: IndexArray, lines: Lines) -> None:
+    """Make arcs of the motions to tags (m,) that the toolpath reaches by arcs."""
+    arcs = problem.toolpath.arcs
+    is_arc = np.asarray(problem.toolpath.kind)[tags] == MotionKind.ARC
+    if not len(arcs) or not is_arc.any():
+        return
+    number = np.asarray(problem.toolpath.arc)[tags]
+    lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
+    lines.radius = arcs.radius[number]
+    lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
+
+
+def _leaves_tilt_range(
+    problem: Problem,
+    tags: tuple[IndexArray, IndexArray],
+    attitudes: tuple[FloatArray, FloatArray],
+    lines: Lines,
+) -> BoolArray:
+    """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
+    place = problem.placement
+    leaves = np.zeros(len(lines), dtype=np.bool_)
+    tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
+    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
+    if not tilted.any():
+        return leaves
+    lines.tilts = tilts[0], tilts[1]
+    rows, k = np.flatnonzero(tilted), len(_TILT_SHARES)
+    T = poses_between(lines, np.repeat(rows, k), np.tile(_TILT_SHARES, len(rows)))
+    axis = -(T[:, :3, :3] @ place.tool_axis).reshape(len(rows), k, 3)
+    around = np.zeros((len(rows), 3))
+    if lines.normal is not None and lines.sweep is not None:
+        around = lines.normal[rows] * lines.sweep[rows, None]
+    first, last = tags[0][rows], tags[1][rows]
+    leaves[rows] = leaves_tilt_range(
+        axis,
+        _TILT_SHARES,
+        (-place.axis_base(first), -place.axis_base(last)),
+        (place.feed[first], place.feed[last]),
+        around,
+        problem.cell.optimize.tilt,
+    )
+    return leaves

@@ -1,0 +1,109 @@
+"""Where a search must look closer before it may say that something cannot be run.
+
+A cut that fails between key tags gets key tags where it fails. Where no way is left on the grid,
+all tags around the break become key tags and their spins are searched in finer steps, farther and
+farther out, up to the whole cut. What is still without a way then is refuted: every spin of the
+finest grid, in every branch, at every tag.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import BoolArray, IndexArray
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.free_path import Found
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import FINE
+from postproc.planning.states import NONE, Rule
+
+_WINDOWS = ((8, FINE), (40, 1), (300, 1), (3000, 1), (10**9, 1))
+"""Tags to each side of a break, and the stride on the finest grid of spins, tried in turn."""
+MOST_STATES = 12_000_000
+"""A search that holds more gives up: a good gigabyte."""
+_MOST_REFINED = 2000
+"""Tags without any pose that are searched on the finest grid, at most."""
+
+
+@dataclass(slots=True)
+class Growth:
+    """What was looked at more closely so far: the windows tried in each chain."""
+
+    between: Interpolation
+    tries: dict[int, int] = field(default_factory=dict)
+    gave_up: set[int] = field(default_factory=set)
+
+    def next(self, search: PoseSearch, found: Found) -> tuple[IndexArray, IndexArray]:
+        """Return tags to take as key tags, and the stride of each; none if all is said."""
+        n = len(self.between.way)
+        stride = np.zeros(n, dtype=np.int64)
+        stride[search.tags] = search.stride
+        wish = np.zeros(n, dtype=np.int64)
+        base = search.base_stride
+        for tag in search.wanted:
+            wish[tag] = base
+        if not search.wanted:
+            self._around_empties(search, found, wish, base)
+            self._around_breaks(search, found, wish, base)
+        more = (wish > 0) & ((stride == 0) | (wish < stride))
+        tags = np.flatnonzero(more)
+        if len(tags) and len(search.states.q) > MOST_STATES:
+            self.gave_up |= set(self._open(search, found).tolist())
+            tags = tags[:0]
+        return tags, wish[tags]
+
+    def _open(self, search: PoseSearch, found: Found) -> IndexArray:
+        """Return the tags at which something is not refuted but not found either."""
+        rungs = np.flatnonzero(self._broken(search, found) | (found.path == NONE))
+        return np.concatenate([search.tags[rungs], np.array(sorted(search.wanted), dtype=np.int64)])
+
+    @staticmethod
+    def _broken(search: PoseSearch, found: Found) -> BoolArray:
+        """Return (k,) the key tags into which a cut should lead but none does."""
+        has = found.path != NONE
+        broken = search.ladder.broken & (search.ladder.rule == Rule.CHAIN) & has
+        broken[1:] &= has[:-1]
+        broken[:1] = False
+        return np.asarray(broken)
+
+    def _around_empties(
+        self, search: PoseSearch, found: Found, wish: IndexArray, base: int
+    ) -> None:
+        """Ask for the finest grid at tags without a pose, and for the tags beside them."""
+        given = search.checker.problem.placement.given
+        rows = np.flatnonzero((found.path == NONE) & given[search.tags] & ~search.pinned)
+        wish[search.tags[rows[:_MOST_REFINED]]] = 1
+        last = len(search.tags) - 1
+        for row in np.flatnonzero(found.path == NONE).tolist():
+            low, high = search.tags[max(row - 1, 0)], search.tags[min(row + 1, last)]
+            inside = np.arange(low + 1, high)
+            wish[inside] = np.where(wish[inside] == 0, base, wish[inside])
+
+    def _around_breaks(self, search: PoseSearch, found: Found, wish: IndexArray, base: int) -> None:
+        """Ask for more tags and spins around the breaks of cuts."""
+        chain = np.cumsum(~self.between.is_cut)
+        for row in np.flatnonzero(self._broken(search, found)).tolist():
+            tag = int(search.tags[row])
+            number = int(chain[tag])
+            low, high = np.searchsorted(chain, [number, number + 1]).tolist()
+            attempt = self.tries.get(number, 0)
+            while attempt < len(_WINDOWS):
+                reach, stride = _WINDOWS[attempt]
+                attempt += 1
+                window = np.arange(max(low, tag - reach), min(high, tag + reach + 1))
+                finer = np.minimum(stride, base)
+                new = np.isin(window, search.tags, invert=True).any()
+                at = np.searchsorted(search.tags, window[np.isin(window, search.tags)])
+                new |= bool((search.stride[at] > finer).any())
+                if new:
+                    wish[window] = np.where(
+                        wish[window] == 0, finer, np.minimum(wish[window], finer)
+                    )
+                    break
+            self.tries[number] = attempt
+            span = (search.tags >= low) & (search.tags < high)
+            searched = span.sum() == high - low and (search.stride[span] == 1).all()
+            if attempt == len(_WINDOWS) and not (wish[low:high] > 0).any() and not searched:
+                self.gave_up.add(tag)

@@ -1,0 +1,111 @@
+"""How much stiffness every tag loses against its own optimum, and key tags that win it back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.errors import Finding, Severity
+from postproc.planning.checks import Checker
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.keytags import spaced
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import Wish
+from postproc.planning.states import NONE, Chosen, Problem, Rule, evaluate
+
+_WORTH = 0.98
+_PATIENCE = 4
+"""Key tags for less loss are added until so many rounds in turn did not lower the excess over the
+bound to the share ``_WORTH`` of the least so far."""
+_FEW = 8
+"""After so many rounds every tag beyond the bound becomes a key tag, not only the worst ones."""
+ROUNDING = 1e-6
+_SPACING = 0.01
+"""On cuts the optimum of single tags is looked for this often [m], and interpolated."""
+
+
+def best_index(checker: Checker, between: Interpolation) -> FloatArray:
+    """Return the best stiffness index (n,) [N/m] that each tag could have by itself."""
+    problem = checker.problem
+    n = len(problem)
+    if problem.settings.weights.main is None or not n:
+        return np.full(n, np.nan)
+    tags = np.flatnonzero(spaced(between.way, between.is_cut, _SPACING))
+    search = PoseSearch.of(checker, tags, Wish(each=True), between)
+    search.ladder.rule[:] = Rule.FREE
+    path = search.run(steps=False).path
+    good = path != NONE
+    best = np.full(len(tags), np.nan)
+    best[good] = search.states.index[path[good]]
+    if len(tags) == n:
+        return best
+    behind = np.clip(np.searchsorted(tags, np.arange(n)), 0, len(tags) - 1)
+    ahead = np.where(tags[behind] == np.arange(n), behind, np.maximum(behind - 1, 0))
+    length = between.way[tags[behind]] - between.way[tags[ahead]]
+    share = (between.way - between.way[tags[ahead]]) / np.where(length > 0.0, length, 1.0)
+    return np.asarray(best[ahead] + share * (best[behind] - best[ahead]))
+
+
+def loss_of(problem: Problem, chosen: Chosen, best: FloatArray) -> FloatArray:
+    """Return the loss (n,) of the index against each tag's own optimum; below 0 for a gain."""
+    loss = np.full(len(best), np.nan)
+    tags = np.nonzero(chosen.good & np.isfinite(best))[0]
+    if len(tags):
+        T = problem.placement.tcp(tags, chosen.attitude[tags])
+        index = evaluate(problem, tags, chosen.spin[tags], T, chosen.q[tags])[1]
+        loss[tags] = 1.0 - index / best[tags]
+    return loss
+
+
+@dataclass(slots=True)
+class LossBound:
+    """The bound of loss that a plan keeps where cuts that can be run do."""
+
+    best: FloatArray
+    bound: float
+    least_excess: float = np.inf
+    stale: int = 0
+    rounds: int = 0
+
+    @property
+    def least(self) -> FloatArray:
+        """(n,) [N/m] the index at the bound."""
+        return np.asarray((1.0 - self.bound - ROUNDING) * self.best)
+
+    def more_keys(self, keys: BoolArray, loss: FloatArray) -> IndexArray:
+        """Return tags to make key: between two key tags the worst one, later all beyond the bound.
+
+        None if the last rounds won nothing.
+        """
+        over = np.nan_to_num(loss, nan=0.0) - self.bound
+        excess = float(np.maximum(over, 0.0).sum())
+        self.stale = 0 if excess < _WORTH * self.least_excess else self.stale + 1
+        self.least_excess = min(excess, self.least_excess)
+        self.rounds += 1
+        lossy = np.flatnonzero((over > 0.0) & ~keys)
+        if self.stale >= _PATIENCE or not len(lossy) or self.rounds > _FEW:
+            return lossy if self.stale < _PATIENCE else lossy[:0]
+        span = np.cumsum(keys)[lossy]
+        order = np.lexsort((-over[lossy], span))
+        return np.sort(lossy[order[np.unique(span[order], return_index=True)[1]]])
+
+
+def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: float) -> Finding:
+    """Return the note of what is lost, a warning if that is more than the bound."""
+    text = f"{len(tags)} of {len(problem)} tags are key tags"
+    if np.isfinite(loss).any():
+        worst = int(np.nanargmax(loss))
+        text += (
+            f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
+            f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
+        )
+    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound:
+        return Finding(Severity.NOTE, "PLN304", text)
+    return Finding(
+        Severity.WARNING,
+        "PLN305",
+        f"{text}; no cuts that can be run keep it under the bound of {100.0 * bound:.0f} %",
+        hint='strategy "each" keeps every tag at its optimum, "global" weighs it against travel',
+    )

@@ -1,0 +1,181 @@
+"""Poses moved off the grid, and the spin between key tags made smooth, where that can be run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.planning.checks import Checker
+from postproc.planning.search.between import Interpolation, cubic, slopes
+from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.refine import Bounds, TagPoses, refine
+from postproc.planning.states import Chosen, Problem
+from postproc.process import feeds_of
+
+_REVERTS = 6
+_SPREADS = 6
+_HEAVIER = 8.0
+
+
+def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
+    """Return the chosen poses moved off the grid, where that stands the checks."""
+    checker, between = search.checker, search.between
+    problem, pins = checker.problem, checker.problem.cell.optimize.pins
+    kept = chosen.good[search.tags]
+    tags = search.tags[kept]
+    if len(tags) == 0:
+        return chosen
+    follows = np.append(False, np.diff(np.flatnonzero(kept)) == 1) & ~chosen.entry[tags]
+    linked = np.where(follows, search.weight[kept], 0.0)
+    grid = TagPoses(
+        tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked, search.share[kept]
+    )
+    names = problem.toolpath.tag_name
+    free = np.array([names(tag) not in pins for tag in tags.tolist()])
+    bounds = _bounds(problem, between, grid, free)
+    known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
+    for _ in range(_REVERTS):
+        poses = _slowed(problem, between, refine(problem, grid, bounds), bounds)
+        passed &= (poses.attitude == known.attitude).all(axis=1)
+        passed &= (poses.q == known.q).all(axis=1)
+        bad = failing(checker, between, poses, np.asarray(bounds.free.any(axis=1)), passed)
+        if not bad.any():
+            break
+        bounds.free &= ~bad[:, None]
+        known, passed = poses, ~bad
+    else:
+        poses = grid
+    return _filled(checker, between, poses, chosen)
+
+
+def _filled(checker: Checker, between: Interpolation, poses: TagPoses, chosen: Chosen) -> Chosen:
+    """Return the poses of all tags, the spin between key tags as a smooth curve where it runs."""
+    attitude, q = chosen.attitude.copy(), chosen.q.copy()
+    attitude[poses.tags], q[poses.tags] = poses.attitude, poses.q
+    result = Chosen(attitude, chosen.branch.copy(), q, chosen.good.copy(), chosen.entry)
+    spans = spans_of(between, poses)
+    spans = spans.rows(np.flatnonzero(spans.last - spans.first > 1))
+    if len(spans):
+        fill(checker.problem, between, spans, result)
+        _smoothed(checker, between, poses, spans, result)
+    return result
+
+
+def _smoothed(
+    checker: Checker, between: Interpolation, poses: TagPoses, spans: Spans, chosen: Chosen
+) -> None:
+    """Let the twist run as a monotone cubic between key tags, in place, where that can be run."""
+    cut = (poses.weight > 0.0) & between.is_cut[poses.tags]
+    slope = np.zeros(len(poses.tags))
+    twist = poses.attitude[:, 0] + between.carried[poses.tags]
+    starts = np.flatnonzero(~cut)
+    for low, high in zip(starts.tolist(), np.append(starts[1:], len(cut)).tolist(), strict=True):
+        at = poses.tags[low:high]
+        twist[low:high] = between.twists(at, poses.attitude[low:high, 0])
+        if high - low > 1 and (np.diff(between.way[at]) > 1e-9).all():
+            slope[low:high] = slopes(between.way[at], twist[low:high])
+    rows = between.rows(spans.first, spans.last)
+    tags, ends = (spans.first, spans.last), (spans.attitude_first, spans.attitude_last)
+    attitude = between.attitudes(rows, tags, ends)
+    a = np.searchsorted(poses.tags, spans.first)[rows.span]
+    b = np.searchsorted(poses.tags, spans.last)[rows.span]
+    length = between.way[poses.tags[b]] - between.way[poses.tags[a]]
+    curve = cubic(rows.share, length, (twist[a], twist[b], slope[a], slope[b]))
+    inner = rows.share < 1.0
+    attitude[inner, 0] = between.spin_of(rows.tag[inner], curve[inner])
+    judged = judge_rows(checker, between, spans, rows, attitude)
+    good = judged.good(len(spans))[rows.span] & inner
+    chosen.attitude[rows.tag[good]], chosen.q[rows.tag[good]] = attitude[good], judged.q[good]
+
+
+def spans_of(between: Interpolation, poses: TagPoses) -> Spans:
+    """Return the spans between successive key tags that are linked and hold a cut or tags."""
+    b = np.flatnonzero(poses.weight > 0.0)
+    b = b[b > 0]
+    last, first = poses.tags[b], poses.tags[b - 1]
+    b = b[between.is_cut[last] | (last - first > 1)]
+    a = b - 1
+    return Spans(
+        poses.tags[a],
+        poses.tags[b],
+        poses.attitude[a],
+        poses.attitude[b],
+        poses.q[a],
+        poses.q[b],
+        poses.branch[b],
+    )
+
+
+def _bounds(problem: Problem, between: Interpolation, grid: TagPoses, free: BoolArray) -> Bounds:
+    """Return where the tags may move: ``free`` (n,) in spin, and in tilt where a cut has any."""
+    low, high = problem.cell.optimize.range
+    if high - low >= 2.0 * np.pi - 1e-9:
+        low, high = -np.inf, np.inf
+    allowed = problem.cell.optimize.tilt
+    limits = np.array([(low, high), allowed.lead, allowed.side])
+    chain = between.is_cut[grid.tags] & (grid.weight > 0.0)
+    cut = np.cumsum(~chain)
+    tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
+    tilted &= problem.placement.may_tilt[grid.tags]
+    return Bounds(
+        np.column_stack([free, tilted & any(allowed.lead), tilted & any(allowed.side)]),
+        np.minimum(limits[:, 0], grid.attitude),
+        np.maximum(limits[:, 1], grid.attitude),
+    )
+
+
+def _slowed(problem: Problem, between: Interpolation, poses: TagPoses, bounds: Bounds) -> TagPoses:
+    """Return the poses with their spins spread where an axis would be too fast at the feed.
+
+    The weight of travel is raised on the steps that are too fast, so that the spin spreads over
+    the tags around them.
+    """
+    time = _feed_times(problem, between, poses)
+    speed = np.asarray(problem.cell.robot.qd_max)
+    for _ in range(_SPREADS):
+        need = np.abs(np.diff(poses.q, axis=0) / speed).max(axis=1, initial=0.0)
+        fast = np.append(False, need > time)
+        if not fast.any():
+            break
+        heavier = np.where(fast, _HEAVIER * poses.weight, poses.weight)
+        poses = refine(problem, poses.weighted(heavier), bounds)
+    return poses
+
+
+def _feed_times(problem: Problem, between: Interpolation, poses: TagPoses) -> FloatArray:
+    """Return how long (n-1,) the steps into cuts take at the feed [s], infinite for others."""
+    b = poses.tags[1:]
+    feed = feeds_of(problem.toolpath, problem.cell)[b]
+    step = np.diff(between.way[poses.tags])
+    is_cut = between.is_cut[b] & (poses.weight[1:] > 0.0)
+    timed = is_cut & np.isfinite(feed) & (step > 1e-6)
+    return np.where(timed, step / np.where(timed, feed, 1.0), np.inf)
+
+
+def failing(
+    checker: Checker,
+    between: Interpolation,
+    poses: TagPoses,
+    free: BoolArray,
+    passed: BoolArray,
+) -> BoolArray:
+    """Return (n,) the key tags that fail, by themselves or by a cut into or out of them.
+
+    ``free`` (n,): tags that may have been moved off the grid; ``passed`` (n,): tags that stand as
+    they did when they were found good, as were the cuts between two of them.
+    """
+    moved = np.nonzero(free & ~passed)[0]
+    bad = np.zeros(len(poses.tags), dtype=np.bool_)
+    verdict = checker.states(
+        poses.tags[moved], poses.q[moved], poses.attitude[moved], poses.branch[moved]
+    )
+    bad[moved[~verdict.good]] = True
+    spans = spans_of(between, poses)
+    b = np.searchsorted(poses.tags, spans.last)
+    changed = (free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])
+    b, spans = b[changed], spans.rows(np.flatnonzero(changed))
+    fails = b[~judge(checker, between, spans).good(len(spans))]
+    bad[fails - 1] = True
+    bad[fails] = True
+    return bad & free

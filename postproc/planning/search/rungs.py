@@ -1,0 +1,157 @@
+"""The graph that a search of key tags runs on: states, weights of tags and steps, runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.model import MotionKind
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.bridges import Bridges
+from postproc.planning.states import (
+    NONE,
+    TRAVEL_UNIT,
+    Ladder,
+    Problem,
+    Rule,
+    States,
+    sample_on,
+    spin_values,
+)
+
+TIE_TRAVEL = 1e-7
+"""Weight of travel that only breaks ties."""
+DEAR = 30.0
+"""Cost of a state beyond the bound of loss: taken only where nothing else can be run."""
+CUT_TRAVEL = 3e-3
+"""Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
+joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
+_TIE_SPIN = 1e-5
+CUT_UNIT = 0.01
+"""Length [m] of cut over which states and travel weigh as at one tag by itself: what a cut costs
+must not depend on how densely the CAM system set its points."""
+_LEAST_STEP = 1e-3
+"""A step on a cut counts as at least so long [m]."""
+FINE = 2
+"""Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a search is for.
+
+    ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
+    travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
+    stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
+    configuration, cuts or not; None: cuts do.
+    """
+
+    each: bool = False
+    cut_travel: float = CUT_TRAVEL
+    least: FloatArray | None = None
+    stretch: IndexArray | None = None
+
+
+def step_rules(problem: Problem) -> IndexArray:
+    """Return the ``Rule`` (n,) of the step into each tag: cuts keep branch and turns."""
+    kind = np.asarray(problem.toolpath.kind)
+    chain = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    return np.where(chain, Rule.CHAIN, Rule.FREE).astype(np.int64)
+
+
+def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexArray]:
+    """Return the finest grid of spins of tags, (S,) or (n, S) [rad], and the column of pins (n,).
+
+    A pinned tag stands at its own spin in all columns; that nearest to it is the one to take, by
+    which the tags beside it see where it stands. ``NONE`` where a tag is not pinned.
+    """
+    wishes, pins = problem.cell.optimize, problem.cell.optimize.pins
+    given = problem.settings.spins
+    if len(given) > 1:
+        given = spin_values(wishes.step / FINE, *wishes.range)
+    column = np.full(len(tags), NONE, dtype=np.int64)
+    if not pins:
+        return given, column
+    base = given[::FINE] if len(given) > 1 else given
+    spins = np.tile(given, (len(tags), 1))
+    for row, tag in enumerate(tags.tolist()):
+        spin = pins.get(problem.toolpath.tag_name(tag))
+        if spin is not None:
+            off = np.abs(np.mod(base - spin + np.pi, 2.0 * np.pi) - np.pi)
+            spins[row], column[row] = spin, int(np.argmin(off)) * (len(given) > 1) * FINE
+    return spins, column
+
+
+def states_on(
+    problem: Problem, tags: IndexArray, stride: IndexArray, wish: Wish
+) -> tuple[States, BoolArray]:
+    """Return the states of tags (n,) on their grids of spins, and which tags are pinned."""
+    spins, pin = pinned_spins(problem, tags)
+    pinned = pin != NONE
+    states = sample_on(problem, tags, spins, stride)
+    every = np.arange(len(states.q))
+    owner = states.tag_of(every)
+    if wish.least is not None:
+        dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
+        states.cost[dear] += DEAR
+    if pinned.any():
+        column = states.column % spins.shape[-1]
+        states.cost[pinned[owner] & (column != pin[owner])] = np.inf
+    if wish.each:
+        states.cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
+    return states, pinned
+
+
+def ladder_of(
+    problem: Problem, between: Interpolation, tags: IndexArray, states: States, wish: Wish
+) -> tuple[Ladder, FloatArray, FloatArray]:
+    """Return the graph of the states of tags (n,), with the weights of steps and tags."""
+    rule = step_rules(problem)[tags]
+    if wish.stretch is not None:
+        rule[1:] = np.where(np.diff(wish.stretch[tags]) == 0, Rule.CHAIN, Rule.FREE)
+    travel = np.full(len(tags), problem.settings.weights.travel)
+    if wish.each:
+        travel = np.where(rule == Rule.CHAIN, wish.cut_travel, TIE_TRAVEL)
+    weight, share = _scales(between, tags, travel)
+    cost = states.cost * np.repeat(share, np.diff(states.offsets))
+    return Ladder(states.offsets, states.q, cost, states.branch, rule, weight), weight, share
+
+
+def bridges_of(
+    problem: Problem,
+    tags: IndexArray,
+    states: States,
+    stride: IndexArray,
+    pinned: BoolArray,
+    ladder: Ladder,
+) -> Bridges:
+    """Return the runs of states, told to the graph; where the tool may tilt it does without."""
+    low, high = problem.cell.optimize.range
+    loose = ~np.isin(np.asarray(problem.toolpath.kind)[tags], (MotionKind.LINEAR, MotionKind.ARC))
+    loose[1:] |= pinned[1:] & pinned[:-1]
+    bridges = Bridges(states, stride, high - low >= 2.0 * np.pi - 1e-9, loose)
+    if len(states.tilts) == 1:
+        ladder.may_join = bridges.may_join
+    return bridges
+
+
+def _scales(
+    between: Interpolation, tags: IndexArray, travel: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return weight (n,) of the squared joint step into each tag, and of the tag's own cost.
+
+    Args:
+        between: lengths along the path.
+        tags: (n,) rising.
+        travel: (n,) weight of travel in units of 10 degrees, per ``CUT_UNIT`` on cuts.
+    """
+    length = np.maximum(np.diff(between.way[tags], prepend=np.nan), _LEAST_STEP) / CUT_UNIT
+    is_cut = between.is_cut[tags]
+    is_cut[:1] = False
+    weight = np.where(is_cut, travel / np.where(is_cut, length, 1.0), travel)
+    into = np.where(is_cut, length, 0.0)
+    out = np.append(into[1:], 0.0)
+    touched = is_cut | np.append(is_cut[1:], False)
+    return weight / TRAVEL_UNIT**2, np.where(touched, 0.5 * (into + out), 1.0)
