@@ -68,9 +68,6 @@ class Evidence:
     chosen: Chosen
 
 
-GAVE_UP = "PLN106"
-
-
 def gave_up(
     checker: Checker, chosen: Chosen, findings: list[Finding], tags: list[int]
 ) -> list[Finding]:
@@ -84,7 +81,7 @@ def gave_up(
     return [
         Finding(
             Severity.ERROR,
-            GAVE_UP,
+            "PLN106",
             f"tag {problem.toolpath.tag_name(tag)}: the search gave up: no way was found here, and "
             "not every one is refuted",
             tag,

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.geometry import angle_between, rotation_angle
 from postproc.model import MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, poses_between
 from postproc.planning.search.between import Interpolation, Rows
-from postproc.planning.states import Chosen, Problem, leaves_tilt_range
+from postproc.planning.states import BETWEEN, Chosen, Problem, leaves_tilt_range
 
 _ROWS = 16384
 """So many tags are judged at once."""
@@ -255,6 +256,30 @@ def _as_arcs(problem: Problem, tags: IndexArray, lines: Lines) -> None:
     lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
 
 
+def _leaves_cam_axis(
+    problem: Problem, tags: tuple[IndexArray, IndexArray], lines: Lines
+) -> BoolArray:
+    """Return which cuts (m,) between upright tags lean the tool out of the CAM axes on their way.
+
+    The controller turns the tool about one axis: where it spins while its axis turns, that leaves
+    the plane of the two CAM axes, by up to about a quarter of the product of both angles.
+    """
+    axes = tuple(problem.placement.axis_base(tag) for tag in tags)
+    leaves = np.zeros(len(lines), dtype=np.bool_)
+    turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+    rows = np.flatnonzero(0.25 * angle_between(*axes) * turn > BETWEEN)
+    if not len(rows):
+        return leaves
+    k = len(_TILT_SHARES)
+    share = np.tile(_TILT_SHARES, len(rows))[:, None]
+    T = poses_between(lines, np.repeat(rows, k), share[:, 0])
+    axis = T[:, :3, :3] @ problem.placement.tool_axis
+    a, b = (np.repeat(end[rows], k, axis=0) for end in axes)
+    off = angle_between(axis, a + share * (b - a)).reshape(len(rows), k).max(axis=1)
+    leaves[rows] = off > BETWEEN
+    return leaves
+
+
 def _leaves_tilt_range(
     problem: Problem,
     tags: tuple[IndexArray, IndexArray],
@@ -263,7 +288,7 @@ def _leaves_tilt_range(
 ) -> BoolArray:
     """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
     place = problem.placement
-    leaves = np.zeros(len(lines), dtype=np.bool_)
+    leaves = _leaves_cam_axis(problem, tags, lines)
     tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
     if not tilted.any():

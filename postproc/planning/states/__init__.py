@@ -22,6 +22,7 @@ from postproc.planning.states.problem import Compliance, Problem, path_normals, 
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import (
+    BETWEEN,
     UPRIGHT,
     beside_in_grid,
     feed_directions,
@@ -30,6 +31,7 @@ from postproc.planning.states.tilt import (
 )
 
 __all__ = [
+    "BETWEEN",
     "NONE",
     "NO_POSE",
     "OBJECTIVES",

@@ -26,6 +26,8 @@ from postproc.verification.report import Result
 BETWEEN = 0.5 * DEG
 """By so much [rad] lead and side tilt may leave their range between two tags."""
 _UPRIGHT = 0.01 * DEG
+_ON_THE_SPOT = 2e-6
+"""Where on a shorter way [m] a sample lies cannot be told: program text has 0.1 um."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,7 +196,7 @@ def check_between(
         low, high = np.searchsorted(paths.row, [covered[0], covered[-1] + 1])
         samples = np.arange(low, high)[np.isin(paths.row[low:high], covered)]
         samples = samples[np.isfinite(paths.axis[samples, 0])]
-        if not len(samples) or element.length < 1e-9:
+        if not len(samples) or element.length < _ON_THE_SPOT:
             continue
         share = _shares(element, paths.point[samples])
         arc = element if isinstance(element, Arc) else None
