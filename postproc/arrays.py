@@ -6,6 +6,7 @@ tables that may be a million rows long.
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields
@@ -75,6 +76,14 @@ def longest_rising(values: Sequence[int]) -> list[int]:
         chain.append(place)
         place = before[place]
     return chain[::-1]
+
+
+def runs(labels: AnyIntArray) -> list[tuple[int, int]]:
+    """Return the stretches [low, high) of equal labels (..., n)."""
+    n = labels.shape[-1]
+    changed = np.diff(np.atleast_2d(labels), axis=1).any(axis=0)
+    bounds = [0, *(np.flatnonzero(changed) + 1).tolist(), n] if n else []
+    return list(itertools.pairwise(bounds))
 
 
 def forward_filled(rows: FloatArray) -> FloatArray:

@@ -79,6 +79,7 @@ class RunKind(StrEnum):
     DWELL = "dwell"
     EVENT = "event"
     SPINDLE = "spindle"
+    TOOL = "tool"
     WORD = "word"
 
 

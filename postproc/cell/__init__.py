@@ -12,7 +12,9 @@ from postproc.cell.cell import (
     Provenance,
     Robot,
     TiltRange,
+    Tool,
     UrdfGeometry,
+    Workpiece,
 )
 from postproc.cell.choices import (
     ArcMotion,
@@ -25,6 +27,7 @@ from postproc.cell.choices import (
     Strategy,
 )
 from postproc.cell.file import load_cell, parse_cell
+from postproc.cell.forms import cam_key
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
     find_robot,
@@ -57,7 +60,10 @@ __all__ = [
     "Split",
     "Strategy",
     "TiltRange",
+    "Tool",
     "UrdfGeometry",
+    "Workpiece",
+    "cam_key",
     "cell_files",
     "cell_reference",
     "cell_text",

@@ -56,8 +56,7 @@ def cell_files(cell: Cell) -> Iterator[Path]:
     urdf = getattr(geometry, "path", None)
     if urdf is not None:
         yield Path(urdf)
-    solids = [*(mesh for _, mesh in cell.robot.link_meshes), *cell.tool.meshes]
-    solids += [*cell.workpiece.meshes, *cell.obstacles]
+    solids = [*(mesh for _, mesh in cell.robot.link_meshes), *cell.solids]
     for solid in solids:
         if solid.file is not None:
             yield solid.file

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
-from postproc.arrays import FloatArray, frozen_floats
+from postproc.arrays import AnyIntArray, FloatArray, frozen_floats
 from postproc.cell.choices import (
     ArcMotion,
     Index,
@@ -174,21 +174,29 @@ class Tool:
     """(3,) [m] in the flange."""
     meshes: tuple[MeshPlacement, ...] = ()
     cuts_clockwise: bool = True
+    cam: tuple[str, ...] = ()
+    """Numbers and names by which CAM files call it, as ``cam_key`` gives them."""
+    inertia: FloatArray | None = None
+    """(3,) [kg m^2], principal, None where it is not known."""
+    diameter: float = float("nan")
+    """Of the cutter [m]."""
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
         frozen_floats(self, "T_flange_tcp", (4, 4))
-        frozen_floats(self, "axis", (3,))
-        frozen_floats(self, "com", (3,))
+        for name in ("axis", "com", "inertia"):
+            frozen_floats(self, name, (3,))
 
 
 @dataclass(frozen=True, slots=True)
 class Workpiece:
-    """The workpiece: KUKA BASE number, CAM coordinates in robroot, solids in CAM coordinates."""
+    """A workpiece: KUKA BASE number, CAM coordinates in robroot, solids in CAM coordinates."""
 
     number: int
     T_robroot_base: FloatArray
     meshes: tuple[MeshPlacement, ...] = ()
+    cam: tuple[str, ...] = ()
+    """Names by which CAM files call this setup, as ``cam_key`` gives them."""
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -310,9 +318,8 @@ class KrlOptions:
     """How programs are written.
 
     ``emitter``: name of the registered emitter; the rest is for that of KUKA. ``advance``: motions
-    planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s]; ``inertia`` (3,)
-    [kg m^2] of the tool, principal, None where it is not known; ``hooks``: event to the routine
-    that the integrator defines.
+    planned ahead; ``orientation_speed`` [rad/s]; ``path_speed_max`` [m/s]; ``hooks``: event to the
+    routine that the integrator defines.
     """
 
     emitter: str
@@ -328,12 +335,7 @@ class KrlOptions:
     cam_lines: bool
     setup: bool
     hooks_example: bool
-    inertia: FloatArray | None
     hooks: Mapping[str, str]
-
-    def __post_init__(self) -> None:
-        """Check shapes and freeze."""
-        frozen_floats(self, "inertia", (3,))
 
     @property
     def is_spline(self) -> bool:
@@ -345,6 +347,10 @@ class KrlOptions:
 class Cell:
     """Everything about the cell that a plan needs. ``path``: the file it came from.
 
+    Whoever works with one tool in one setup takes ``tool`` and ``workpiece``: those at
+    ``tool_index`` and ``base_index``, the first ones unless ``with_tool`` has chosen others. The
+    solids of all setups stand in the cell, those of the other tools do not.
+
     ``origins`` maps keys of the cell file such as ``motion.feed_mm_min`` to where the value comes
     from: the file, the robot, or a default.
     """
@@ -352,8 +358,8 @@ class Cell:
     name: str
     path: str
     robot: Robot
-    tool: Tool
-    workpiece: Workpiece
+    tools: tuple[Tool, ...]
+    bases: tuple[Workpiece, ...]
     obstacles: tuple[MeshPlacement, ...]
     limits: Limits
     optimize: Optimize
@@ -365,11 +371,49 @@ class Cell:
     """What ``verify`` cannot judge and takes on trust."""
     external_axes: tuple[ExternalAxis, ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
-    joint_compliance: Callable[[FloatArray], FloatArray] | None = field(
-        default=None, compare=False, repr=False
+    joint_compliances: tuple[Callable[[FloatArray], FloatArray], ...] = field(
+        default=(), compare=False, repr=False
     )
-    """Joint angles (n, 6) [rad] to joint compliance (n, 6) [rad/(N*m)], where a model of the arm is
-    known; None: the constant ``joint_stiffness`` counts everywhere."""
+    """For each tool joint angles (n, 6) [rad] to joint compliance (n, 6) [rad/(N*m)], where a model
+    of the arm is known; none: the constant ``joint_stiffness`` counts everywhere."""
+    tool_index: int = 0
+    base_index: int = 0
+
+    @property
+    def tool(self) -> Tool:
+        """The tool in work."""
+        return self.tools[self.tool_index]
+
+    @property
+    def workpiece(self) -> Workpiece:
+        """The workpiece in work."""
+        return self.bases[self.base_index]
+
+    @property
+    def solids(self) -> tuple[MeshPlacement, ...]:
+        """The solids of all tools, all workpieces and of the obstacles."""
+        tools = [mesh for tool in self.tools for mesh in tool.meshes]
+        return (*tools, *(mesh for base in self.bases for mesh in base.meshes), *self.obstacles)
+
+    def with_tool(self, index: int, base: int = 0) -> Cell:
+        """Return the cell at work with one of its tools in one of its setups."""
+        if (index, base) == (self.tool_index, self.base_index):
+            return self
+        return replace(self, tool_index=index, base_index=base)
+
+    def rebased(self, move: Callable[[FloatArray], FloatArray]) -> Cell:
+        """Return the cell with every T_robroot_base (4, 4) as ``move`` gives it."""
+        moved = (replace(base, T_robroot_base=move(base.T_robroot_base)) for base in self.bases)
+        return replace(self, bases=tuple(moved))
+
+    def tcp_of(self, tool: AnyIntArray) -> FloatArray:
+        """Return T_flange_tcp (n, 4, 4) of tools (n,)."""
+        return np.array([entry.T_flange_tcp for entry in self.tools])[tool]
+
+    @property
+    def joint_compliance(self) -> Callable[[FloatArray], FloatArray] | None:
+        """What a model of the arm knows with the tool in work."""
+        return self.joint_compliances[self.tool_index] if self.joint_compliances else None
 
     @property
     def has_stiffness(self) -> bool:

@@ -25,6 +25,7 @@ from postproc.cell.cell import (
     Tool,
     Workpiece,
 )
+from postproc.cell.forms import cam_key, check_forms
 from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
 from postproc.cell.robotfile import (
     LENGTHS,
@@ -35,6 +36,7 @@ from postproc.cell.robotfile import (
 )
 from postproc.cell.schema import (
     CellFile,
+    CutterTable,
     DimensionsTable,
     ExternalAxisTable,
     Placement,
@@ -42,11 +44,13 @@ from postproc.cell.schema import (
     Solid,
     Table,
     ToolSolid,
+    ToolTable,
+    WorkpieceTable,
 )
 from postproc.cell.urdf import read_urdf_robot
 from postproc.errors import CellError
 from postproc.files import read_bytes
-from postproc.geometry import transform_from_kuka
+from postproc.geometry import transform, transform_from_kuka
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
@@ -71,7 +75,7 @@ def load_cell(path: str | Path) -> Cell:
     Raises:
         CellError: with file and line. CEL001 not TOML, CEL002 unknown key, CEL003 missing key,
             CEL004 wrong type, unit or range, CEL005 missing file, CEL010 unknown robot,
-            CEL011 the URDF cannot be used.
+            CEL011 the URDF cannot be used, CEL012 and CEL013 contradicting tools or bases.
         ReadError: if the file is missing or unreadable.
     """
     return parse_cell(read_bytes(path), path)
@@ -84,6 +88,7 @@ def parse_cell(raw: bytes, path: str | Path) -> Cell:
         file = CellFile.model_validate(toml.data)
     except ValidationError as problem:
         raise _complaint(toml, problem) from None
+    check_forms(toml, file)
     return _Builder(toml, file, Path(path).parent).cell()
 
 
@@ -103,12 +108,8 @@ class _Builder:
             name=file.name or Path(self.toml.path).stem,
             path=self.toml.path,
             robot=robot,
-            tool=self._tool(),
-            workpiece=Workpiece(
-                file.workpiece.number,
-                _transform(file.workpiece.frame),
-                self._solids(file.workpiece.meshes, ("workpiece", "meshes"), "workpiece"),
-            ),
+            tools=self._tools(),
+            bases=self._bases(),
             obstacles=self._solids(file.obstacles, ("obstacles",), "obstacle"),
             limits=limits_of(file.limits),
             optimize=optimize_of(file.optimize),
@@ -161,17 +162,45 @@ class _Builder:
         solids = self._solids(tables, ("robot", "link_meshes"), "link")
         return tuple((table.link, solid) for table, solid in zip(tables, solids, strict=True))
 
-    def _tool(self) -> Tool:
-        table = self.file.tool
+    def _tools(self) -> tuple[Tool, ...]:
+        file = self.file
+        if not file.tools:
+            return (self._tool(file.tool, ("tool",), file.krl.inertia_kg_m2),)
+        shared = file.krl.inertia_kg_m2
+        return tuple(self._tool(t, ("tools", i), shared) for i, t in enumerate(file.tools))
+
+    def _tool(self, table: ToolTable, at: Location, inertia: list[float] | None) -> Tool:
+        T_flange_tcp, axis = _transform(table.frame), _AXES[table.axis]
+        meshes = self._solids(table.meshes, (*at, "meshes"), "tool")
+        if table.cutter is not None:
+            meshes += (_cutter(table.cutter, T_flange_tcp, axis),)
+        own = table.inertia_kg_m2 or inertia
         return Tool(
             number=table.number,
             name=table.name,
-            T_flange_tcp=_transform(table.frame),
-            axis=_AXES[table.axis],
+            T_flange_tcp=T_flange_tcp,
+            axis=axis,
             mass=float("nan") if table.mass_kg is None else table.mass_kg,
             com=None if table.cog_mm is None else np.array(table.cog_mm) * MM,
-            meshes=self._solids(table.meshes, ("tool", "meshes"), "tool"),
+            meshes=meshes,
             cuts_clockwise=table.spindle == "cw",
+            cam=tuple(map(cam_key, table.cam)),
+            inertia=None if own is None else np.array(own),
+            diameter=float("nan") if table.cutter is None else table.cutter.diameter_mm * MM,
+        )
+
+    def _bases(self) -> tuple[Workpiece, ...]:
+        file = self.file
+        if not file.bases:
+            return (self._base(file.workpiece, ("workpiece",)),)
+        return tuple(self._base(table, ("bases", i)) for i, table in enumerate(file.bases))
+
+    def _base(self, table: WorkpieceTable, at: Location) -> Workpiece:
+        return Workpiece(
+            table.number,
+            _transform(table.frame),
+            self._solids(table.meshes, (*at, "meshes"), "workpiece"),
+            tuple(map(cam_key, table.cam)),
         )
 
     def _motion(self, robot: Robot) -> Motion:
@@ -239,6 +268,21 @@ def _solid(table: Solid, name: str, file: Path | None) -> MeshPlacement:
         radius=0.0 if table.cylinder is None else table.cylinder.radius_mm * MM,
         length=0.0 if table.cylinder is None else table.cylinder.length_mm * MM,
         cutting=isinstance(table, ToolSolid) and table.cutting,
+    )
+
+
+def _cutter(table: CutterTable, T_flange_tcp: FloatArray, axis: FloatArray) -> MeshPlacement:
+    """Return the cylinder of a cutter, in the flange: its tip at the TCP."""
+    length = table.length_mm * MM
+    main = int(np.argmax(np.abs(axis)))
+    R = np.roll(np.eye(3), main + 1, axis=1)  # a proper rotation whose third column is ``main``
+    T_tcp_mesh = transform(R, -0.5 * length * axis)
+    return MeshPlacement(
+        name="cutter",
+        T_owner_mesh=T_flange_tcp @ T_tcp_mesh,
+        radius=0.5 * table.diameter_mm * MM,
+        length=length,
+        cutting=True,
     )
 
 

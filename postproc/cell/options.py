@@ -89,7 +89,6 @@ def krl_of(table: KrlTable) -> KrlOptions:
         cam_lines=table.cam_lines,
         setup=table.setup,
         hooks_example=table.hooks_example,
-        inertia=None if table.inertia_kg_m2 is None else np.array(table.inertia_kg_m2),
         hooks=table.hooks.model_dump(exclude_none=True),
     )
 

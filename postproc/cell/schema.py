@@ -45,6 +45,7 @@ LengthRange = Annotated[list[Length], Field(min_length=2, max_length=2)]
 SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Text = Annotated[str, Field(min_length=1, max_length=255)]
+CamNames = list[Text | Annotated[int, Field(ge=0)]]
 KrlName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,23}$")]
 
 
@@ -190,11 +191,22 @@ class RobotTable(Table):
         return self
 
 
+class CutterTable(Table):
+    """The solid of a cutter: a cylinder from the TCP back against the tool axis."""
+
+    diameter_mm: Positive = Field(description="diameter [mm]")
+    length_mm: Positive = Field(description="length from the TCP to the holder [mm]")
+
+
 class ToolTable(Table):
-    """The tool on the flange."""
+    """A tool on the flange."""
 
     number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA TOOL number")
     name: Text = Field(default="tool", description="name of the tool")
+    cam: CamNames = Field(
+        default=[],
+        description="numbers and names by which CAM files call this tool; each suffices",
+    )
     frame: Placement = Field(
         default=Placement(), description="TCP in the flange, as in KUKA's TOOL_DATA"
     )
@@ -203,7 +215,15 @@ class ToolTable(Table):
     )
     mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
     cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
+    inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="principal inertia of the tool for LOAD_DATA [kg*m^2]"
+    )
     meshes: list[ToolSolid] = Field(default=[], description="solids of the tool, in the flange")
+    cutter: CutterTable | None = Field(
+        default=None,
+        description="solid of the cutter, which may touch the workpiece during a cut: a cylinder "
+        "from the TCP back against the tool axis",
+    )
     spindle: Literal["cw", "ccw"] = Field(
         default="cw",
         description="which way the tool cuts, seen from the spindle towards the tool; a CAM file "
@@ -212,9 +232,12 @@ class ToolTable(Table):
 
 
 class WorkpieceTable(Table):
-    """The workpiece."""
+    """A workpiece."""
 
     number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA BASE number")
+    cam: CamNames = Field(
+        default=[], description="names by which CAM files call this setup; each suffices"
+    )
     frame: Placement = Field(default=Placement(), description="CAM coordinates in the robot root")
     meshes: list[Solid] = Field(
         default=[], description="solids of the workpiece, in CAM coordinates"
@@ -487,7 +510,8 @@ class KrlTable(Table):
         default=False, description="write PP_HOOKS, an example of the routines of krl.hooks"
     )
     inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, description="principal inertia of the tool for LOAD_DATA [kg*m^2]"
+        default=None,
+        description="principal inertia for LOAD_DATA of a cell with one tool [kg*m^2]",
     )
     hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
 
@@ -546,8 +570,18 @@ class CellFile(Table):
         default=None, description="name of the cell; default: name of the file"
     )
     robot: RobotTable = Field(description="the arm")
-    tool: ToolTable = Field(default=ToolTable(axis="+z"), description="the tool")
-    workpiece: WorkpieceTable = Field(default=WorkpieceTable(), description="the workpiece")
+    tool: ToolTable = Field(
+        default=ToolTable(axis="+z"), description="the tool of a cell with one tool"
+    )
+    tools: list[ToolTable] = Field(
+        default=[], description="the tools of a cell with several, instead of tool"
+    )
+    workpiece: WorkpieceTable = Field(
+        default=WorkpieceTable(), description="the workpiece of a cell with one setup"
+    )
+    bases: list[WorkpieceTable] = Field(
+        default=[], description="the setups of a cell with several, instead of workpiece"
+    )
     obstacles: list[Solid] = Field(default=[], description="solids in the world")
     limits: LimitsTable = Field(default=LimitsTable(), description="margins")
     optimize: OptimizeTable = Field(default=OptimizeTable(), description="use of the redundancy")

@@ -64,7 +64,6 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
     zero = np.zeros(6)
     T_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK]) @ arm.fk(zero)
-    T_world_base = T_world_robroot @ cell.T_robroot_base
     links, findings = _links(cell, arm)
     bodies = [
         *links,
@@ -72,7 +71,11 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
             _placed(s, "tool", LAST_LINK, T_link6_flange, "cutting" if s.cutting else "tool")
             for s in cell.tool.meshes
         ),
-        *(_placed(s, "workpiece", WORLD, T_world_base) for s in cell.workpiece.meshes),
+        *(
+            _placed(s, "workpiece", WORLD, T_world_robroot @ base.T_robroot_base)
+            for base in cell.bases
+            for s in base.meshes
+        ),
         *(_placed(s, "obstacle", WORLD, np.eye(4)) for s in cell.obstacles),
     ]
     if not cell.tool.meshes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from operator import is_
 from typing import Any
 
 import numpy as np
@@ -258,18 +259,20 @@ class _ByParts:
 
     def __init__(self, cell: Cell, kinematics: Arm) -> None:
         self.cell, self.kinematics = cell, kinematics
-        solids = (cell.robot, cell.tool, cell.workpiece, cell.obstacles)
+        solids = (cell.robot, cell.tool, cell.workpiece, *cell.bases, cell.obstacles)
         self._parts = (kinematics, *solids, cell.limits, cell.external_axes)
 
     def __hash__(self) -> int:
         return hash(tuple(map(id, self._parts)))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByParts) and all(
-            mine is theirs for mine, theirs in zip(self._parts, other._parts, strict=True)
+        return (
+            isinstance(other, _ByParts)
+            and len(self._parts) == len(other._parts)
+            and all(map(is_, self._parts, other._parts))
         )
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _shared(key: _ByParts) -> Scene:
     return Scene.build(key.cell, key.kinematics)

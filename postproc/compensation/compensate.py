@@ -22,7 +22,8 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
-from postproc.compensation.real_arm import RealArm, left_out, real_point
+from postproc.compensation.real_arm import RealArm, left_out
+from postproc.compensation.solve import ACCURACY, LARGEST, Compensated, solve
 from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel, stiffness_of
@@ -36,10 +37,6 @@ from postproc.units import DEG, MM, UM
 
 WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
 """Moves in which the process force acts; in all others only the dead load does."""
-ACCURACY = 1e-7
-"""The iteration ends when every real tool point is this close [m] to its target."""
-LARGEST = 0.05
-"""A shift beyond this [m] is no compensation but a wrong model."""
 SETTLED = 1.0 * UM
 """Shifts that change by less from one run of the program to the next are settled."""
 RUNS = 8
@@ -52,21 +49,6 @@ SHIFT_MARGIN = 0.25 * DEG
 """What compensation may take of a joint's margins [rad]: plans to be compensated keep more."""
 FAR = 0.5
 """From this share of extrapolation of the stiffness field on, a pose is far from the measured."""
-_STEPS = 30
-
-
-@dataclass(frozen=True, slots=True)
-class Compensated:
-    """Joint angles whose loaded tool point is the target.
-
-    q (n, 6) [rad]; shift (n, 3) [m] of the commanded tool point, robroot; left (n,) [m] distance
-    that remains; reached (n,): the shifted pose exists on the same branch.
-    """
-
-    q: FloatArray
-    shift: FloatArray
-    left: FloatArray
-    reached: BoolArray
 
 
 def with_shift_margin(cell: Cell) -> Cell:
@@ -134,7 +116,8 @@ def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
 
     def displacement(q: FloatArray, move: IntArray) -> FloatArray:
         nothing = np.zeros_like(q)
-        return arm.displacement(Moments(q, nothing, nothing, process[move]))
+        tool = plan.tool_of_moves[move]
+        return arm.displacement(Moments(q, nothing, nothing, process[move], tool))
 
     return in_pieces(plan, cell, arm.kinematics, displacement, STRAIGHT)
 
@@ -142,10 +125,19 @@ def _in_pieces(plan: Plan, cell: Cell, arm: RealArm) -> Plan:
 def _solved(
     arm: RealArm, rows: _Rows, conditions: Mapping[str, Any], file: ModelFile
 ) -> Compensated:
+    """Return the commands of all rows, each with its own tool on the arm."""
     process = rows.process * rows.working[:, None]
-    wrench = arm.wrench(rows.q, process)
-    T_flange_tcp = arm.cell.tool.T_flange_tcp
-    solved = solve(arm.model, arm.kinematics, T_flange_tcp, rows.q, wrench, conditions)
+    parts = []
+    tools = np.unique(rows.tool)
+    for tool in tools.tolist():
+        own = np.flatnonzero(rows.tool == tool)
+        q = rows.q[own]
+        wrench = arm.wrench(q, process[own], tool)
+        here = {name: values[own] for name, values in conditions.items()}
+        T_flange_tcp = arm.cell.tools[tool].T_flange_tcp
+        parts.append(solve(arm.models[tool], arm.kinematics, T_flange_tcp, q, wrench, here))
+    order = np.argsort(np.concatenate([np.flatnonzero(rows.tool == tool) for tool in tools]))
+    solved = Compensated.concat(parts).rows(order)
     largest = float(np.linalg.norm(solved.shift, axis=1).max(initial=0.0))
     if largest > LARGEST:
         raise DataError(
@@ -156,59 +148,18 @@ def _solved(
     return solved
 
 
-def solve(
-    model: RobotModel,
-    kinematics: Kinematics,
-    T_flange_tcp: FloatArray,
-    q: FloatArray,
-    wrench: FloatArray,
-    conditions: Mapping[str, Any] | None = None,
-) -> Compensated:
-    """Find commands whose loaded real tool point is the nominal tool point of ``q``.
-
-    Args:
-        model: forward model of the real arm.
-        kinematics: nominal arm, which the controller computes with.
-        T_flange_tcp: (4, 4) tool.
-        q: (n, 6) planned joint angles [rad].
-        wrench: (n, 6) load on the tool at each pose, robroot.
-        conditions: further columns of the model: ``direction`` of approach, joint speeds ``qd``.
-    """
-    T_tcp_flange = inverse(T_flange_tcp)
-    T_target = kinematics.fk(q) @ T_flange_tcp
-    slot = kinematics.slot(q)
-    rows = np.arange(len(q))
-    shift = np.zeros((len(q), 3))
-    command = np.array(q, dtype=np.float64)
-    reached = np.ones(len(q), dtype=bool)
-    left = np.zeros((len(q), 3))
-    for _ in range(_STEPS):
-        left = real_point(model, command, wrench, conditions) - T_target[:, :3, 3]
-        if float(np.max(np.linalg.norm(left, axis=1), initial=0.0)) < ACCURACY:
-            break
-        shift = shift - np.where(reached[:, None], left, 0.0)
-        if float(np.max(np.abs(shift), initial=0.0)) > LARGEST:
-            break
-        T = T_target.copy()
-        T[:, :3, 3] += shift
-        branches, valid = kinematics.ik(T @ T_tcp_flange)
-        reached = valid[rows, slot]
-        found = kinematics.split_wrist(kinematics.nearest(branches[rows, slot], q), q)
-        command = np.where(reached[:, None], found, command)
-    return Compensated(command, shift, np.linalg.norm(left, axis=1), reached)
-
-
 @dataclass(frozen=True, slots=True)
 class _Rows:
     """Moves of a plan, then the points on the way of its arcs.
 
-    q (r, 6); working (r,); process (r, 6) wrench in TCP axes; arc: indices of the moves whose
-    way point is row m + k.
+    q (r, 6); working (r,); process (r, 6) wrench in TCP axes; tool (r,): index in the cell; arc:
+    indices of the moves whose way point is row m + k.
     """
 
     q: FloatArray
     working: BoolArray
     process: FloatArray
+    tool: IntArray
     arc: IntArray
 
 
@@ -219,7 +170,9 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
     T_robroot_base = _T_robroot_base(plan, cell, kinematics)[arc]
     T_base_aux = np.array(plan.T_base_tcp[arc])
     T_base_aux[:, :3, 3] = plan.aux[arc]
-    branches, valid = kinematics.ik(T_robroot_base @ T_base_aux @ inverse(cell.tool.T_flange_tcp))
+    tool = plan.tool_of_moves
+    T_robroot_flange = T_robroot_base @ T_base_aux @ inverse(cell.tcp_of(tool[arc]))
+    branches, valid = kinematics.ik(T_robroot_flange)
     at = np.arange(len(arc))
     slot = kinematics.slot(q[arc])
     # the way point's own orientation lies between those of the ends; the difference to the end's
@@ -232,6 +185,7 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
         np.concatenate([q, q_aux]),
         np.concatenate([working, working[arc]]),
         np.concatenate([process, process[arc]]),
+        np.concatenate([tool, tool[arc]]),
         arc,
     )
 
@@ -270,7 +224,7 @@ def process_of(plan: Plan, cell: Cell) -> FloatArray:
 
 def _T_robroot_base(plan: Plan, cell: Cell, kinematics: Kinematics) -> FloatArray:
     """Return the workpiece frame (m, 4, 4) at each move; external axes move it."""
-    T_robroot_tcp = kinematics.fk(plan.q) @ cell.tool.T_flange_tcp
+    T_robroot_tcp = kinematics.fk(plan.q) @ cell.tcp_of(plan.tool_of_moves)
     T: FloatArray = T_robroot_tcp @ inverse(plan.T_base_tcp)
     return T
 
@@ -380,10 +334,11 @@ def _note(
 ) -> str:
     """Return one short line for the program: model, loads, largest shift. No path, no date."""
     size = np.linalg.norm(solved.shift[: len(plan)], axis=1) / MM
-    mass = cell.tool.mass
     parts = []
-    if dead and np.isfinite(mass) and mass > 0.0:
-        parts.append(f"tool {mass:g} kg")
+    masses = np.array([cell.tools[tool].mass for tool in np.unique(plan.tool_of_moves)])
+    known = masses[np.isfinite(masses) & (masses > 0.0)]
+    if dead and len(known):
+        parts.append(f"tool {', '.join(f'{mass:g}' for mass in known)} kg")
     acting = np.unique(rows.process[rows.working], axis=0)
     if len(acting) == 1:
         force, moment = np.split(acting[0], 2)

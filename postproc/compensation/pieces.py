@@ -95,7 +95,7 @@ def _between(
     T_start, T_end = plan.T_base_tcp[row - 1], plan.T_base_tcp[row]
     T = line_poses(T_start, T_end, share)
     q_end = np.asarray(plan.q)[row]
-    T_flange_tcp = cell.tool.T_flange_tcp
+    T_flange_tcp = cell.tcp_of(plan.tool_of_moves[row])
     T_robroot_base = kinematics.fk(q_end) @ T_flange_tcp @ inverse(T_end)
     slots, valid = kinematics.ik(T_robroot_base @ T @ inverse(T_flange_tcp))
     slot = kinematics.slot(q_end)

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Tool
 from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
@@ -31,10 +32,15 @@ def cell_with_model(cell: Cell, file: ModelFile) -> Cell:
     A joint that the data could not see keeps the cell's stiffness. A model without any stiffness
     changes nothing.
     """
-    kinematics, p_flange_tcp = build(cell.robot), np.asarray(cell.tool.T_flange_tcp[:3, 3])
-    stiffness, locate = cell.joint_stiffness, lambda q: apply(kinematics.fk(q), p_flange_tcp)
-    field = stiffness_of(file, stiffness, locate)
-    return cell if field is None else replace(cell, joint_compliance=field.compliance)
+    kinematics = build(cell.robot)
+
+    def locate(q: FloatArray, tool: Tool) -> FloatArray:
+        return apply(kinematics.fk(q), tool.T_flange_tcp[:3, 3])
+
+    stiffness = cell.joint_stiffness
+    fields = [stiffness_of(file, stiffness, partial(locate, tool=tool)) for tool in cell.tools]
+    known = tuple(field.compliance for field in fields if field is not None)
+    return replace(cell, joint_compliances=known) if known else cell
 
 
 def compensation_model(kinematics: Kinematics, cell: Cell, file: ModelFile) -> RobotModel:
@@ -124,11 +130,14 @@ def real_point(
 
 @dataclass(frozen=True, slots=True)
 class RealArm:
-    """The arm of a cell with its model, as a displacement of the tool for verification."""
+    """The arm of a cell with its model, as a displacement of the tool for verification.
+
+    ``models``: of the arm with each tool of the cell.
+    """
 
     cell: Cell
     kinematics: Kinematics
-    model: RobotModel
+    models: tuple[RobotModel, ...]
     dead: bool
 
     @classmethod
@@ -139,18 +148,27 @@ class RealArm:
             DataError: from the model file.
         """
         kinematics = build(cell.robot)
-        model = compensation_model(kinematics, cell, file)
-        return cls(cell, kinematics, model, carries_dead_load(file))
+        models = tuple(
+            compensation_model(kinematics, cell.with_tool(index), file)
+            for index in range(len(cell.tools))
+        )
+        return cls(cell, kinematics, models, carries_dead_load(file))
+
+    @property
+    def model(self) -> RobotModel:
+        """The model with the first tool; which effects it has does not depend on the tool."""
+        return self.models[0]
 
     @property
     def follows_motion(self) -> bool:
         """Whether an effect depends on how the joints move: from which side, how fast."""
         return any(effect_of(name).follows_motion for name in self.model.states)
 
-    def wrench(self, q: FloatArray, process: FloatArray) -> FloatArray:
-        """Return the wrench (n, 6) of tool and process at joint angles (n, 6), robroot."""
+    def wrench(self, q: FloatArray, process: FloatArray, tool: int = 0) -> FloatArray:
+        """Return the wrench (n, 6) of a tool and process at joint angles (n, 6), robroot."""
         working = np.ones(len(q), dtype=np.bool_)
-        return loads(q, self.cell, self.kinematics, working, self.dead, process)
+        cell = self.cell.with_tool(tool)
+        return loads(q, cell, self.kinematics, working, self.dead, process)
 
     def displacement(self, moments: Moments) -> FloatArray:
         """Return real minus nominal tool point (n, 3) [m], robroot."""
@@ -161,7 +179,12 @@ class RealArm:
         return np.concatenate(parts) if parts else np.zeros((0, 3))
 
     def _part(self, moments: Moments) -> FloatArray:
-        wrench = self.wrench(moments.q, moments.process)
-        conditions = {"direction": moments.direction, "qd": moments.qd}
-        real = real_point(self.model, moments.q, wrench, conditions)
-        return np.asarray(real - self.model.nominal(moments.q))
+        tool = np.zeros(len(moments), dtype=np.int64) if moments.tool is None else moments.tool
+        moved = np.zeros((len(moments), 3))
+        for index in np.unique(tool).tolist():
+            rows = np.flatnonzero(tool == index)
+            own, model = moments.rows(rows), self.models[index]
+            wrench = self.wrench(own.q, own.process, index)
+            conditions = {"direction": own.direction, "qd": own.qd}
+            moved[rows] = real_point(model, own.q, wrench, conditions) - model.nominal(own.q)
+        return moved

@@ -164,7 +164,8 @@ def _bad(
     q = read.q[motion]
     kind = np.where(_is_line(plan) & (read.kind[motion] == MoveKind.LIN), MoveKind.LIN, plan.kind)
     yield "a motion of another kind", read.kind[motion] != kind
-    T, T_plan = (build(cell.robot).fk(joints) @ cell.tool.T_flange_tcp for joints in (q, plan.q))
+    T_flange_tcp = cell.tcp_of(plan.tool_of_moves)
+    T, T_plan = (build(cell.robot).fk(joints) @ T_flange_tcp for joints in (q, plan.q))
     off = np.linalg.norm(T[:, :3, 3] - T_plan[:, :3, 3], axis=1)
     turned = rotation_angle(T[:, :3, :3], T_plan[:, :3, :3])
     yield "the tool is not where the plan has it", ~(off < POSITION) | ~(turned < ANGLE)

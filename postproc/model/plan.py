@@ -17,6 +17,7 @@ from postproc.arrays import (
     columns_at,
     columns_joined,
     freeze_columns,
+    runs,
 )
 from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, ToolPath
@@ -54,7 +55,7 @@ class Plan:
         name: program name as asked for.
         toolpath: what was read.
         kind: (m,) ``MoveKind``; role: (m,) ``MoveRole``; tag: (m,) index of the tag served.
-        T_base_tcp: (m, 4, 4) commanded TCP pose at the move's end, workpiece frame ($BASE) [m].
+        T_base_tcp: (m, 4, 4) commanded TCP pose at the move's end, in $BASE of the move [m].
         aux: (m, 3) point on the way of a CIRC [m], workpiece frame, NaN else.
         q: (m, 6) joint angles at the move's end [rad], turns included.
         spin: (m,) angle about the tool axis against the reference [rad]; branch: (m,) 0..7.
@@ -66,6 +67,8 @@ class Plan:
         dwell: (m,) wait after the move [s].
         duration: (m,) estimated time of the move [s].
         external: (m, k) external axes [m or rad], k = 0 without any.
+        tool, base: (m,) indices into the tools and bases of the cell; None: the first for all. A
+            pose is that of the tool of its row in the base of its row.
         stiffness: (n,) index along the objective's direction per tag [N/m], NaN without stiffness.
         stiffness_initial: (n,) the same at spin 0 before optimisation.
         clearance: (n,) smallest distance per tag [m], NaN where not asked for.
@@ -95,6 +98,8 @@ class Plan:
     stiffness_initial: FloatArray = field(metadata=column("tag"))
     clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
+    tool: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
+    base: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
     compensation: FloatArray | None = field(default=None, metadata=column("move", 3))
     compensation_note: str = ""
@@ -137,6 +142,24 @@ class Plan:
         """Return the number of moves."""
         return len(self.kind)
 
+    @property
+    def tool_of_moves(self) -> IntArray:
+        """(m,) index of each move's tool in the cell."""
+        return np.zeros(len(self), dtype=np.int32) if self.tool is None else self.tool
+
+    @property
+    def base_of_moves(self) -> IntArray:
+        """(m,) index of each move's base in the cell."""
+        return np.zeros(len(self), dtype=np.int32) if self.base is None else self.base
+
+    def stretches(self) -> list[tuple[int, int, int, int]]:
+        """Return the stretches of moves [low, high) with one tool in one base, and these two."""
+        tool, base = self.tool_of_moves, self.base_of_moves
+        return [
+            (low, high, int(tool[low]), int(base[low]))
+            for low, high in runs(np.stack([tool, base]))
+        ]
+
     def rows(self, index: Rows) -> Plan:
         """Return the moves ``index`` (k,), growing; one may stand several times.
 
@@ -156,6 +179,9 @@ class Plan:
         Raises:
             ValueError: for a compensation of some of them only.
         """
+        if any(part.tool is not None for part in parts):
+            frames = [(part.tool_of_moves, part.base_of_moves) for part in parts]
+            parts = [replace(p, tool=f[0], base=f[1]) for p, f in zip(parts, frames, strict=True)]
         changes = columns_joined(parts, "move")
         for name in columns_at(parts[0], "tag", np.arange(0)):
             changes[name] = getattr(parts[0], name)

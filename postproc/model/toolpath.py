@@ -174,14 +174,17 @@ class WordUse:
 class CamSetup:
     """A machining coordinate system that the file names, and where the file says it lies.
 
-    It holds for the tags of later lines, up to the next one. ``matrix``: three rows of four
-    numbers, p_part = R p_setup + t [m]; None where the file gives only a name. The points of the
-    toolpath are NOT moved by it.
+    ``matrix``: three rows of four numbers, p_part = R p_setup + t [m]; None where the file gives
+    only a name. ``carried``: whether the points of the file are in its coordinates and were moved
+    to those of the part by the matrix; else they stand as the file gives them. ``aliases``: other
+    names that a cell may claim it by.
     """
 
     name: str
     line: int
     matrix: tuple[tuple[float, ...], ...] | None = None
+    carried: bool = False
+    aliases: tuple[str, ...] = ()
 
     @property
     def is_identity(self) -> bool:
@@ -251,7 +254,7 @@ class ToolPath:
         kind: (n,) ``MotionKind``.
         feed: (n,) [m/s]; NaN for rapids and where the file gives none.
         line: (n,) 1-based source line; operation, tool, arc, cycle: (n,) indices into the tables
-            below, -1 = none.
+            below, -1 = none; setup: likewise, None where the file names no coordinate system.
         rotations: (n, 3, 3) full orientation R_part_tcp where the input gave one, else None.
         joints: (n, 6) joint targets [rad] of the input, NaN where none, else None.
         names: ids of the tags where the input has them, else None.
@@ -283,6 +286,7 @@ class ToolPath:
     arcs: Arcs = field(default_factory=Arcs.none)
     cycles: tuple[Cycle, ...] = ()
     events: tuple[Event, ...] = ()
+    setup: IntArray | None = field(default=None, metadata=column("tag", dtype=np.int32))
     rotations: FloatArray | None = field(default=None, metadata=column("tag", 3, 3))
     joints: FloatArray | None = field(default=None, metadata=column("tag", 6))
     names: tuple[str, ...] | None = field(default=None, metadata=column("tag", dtype=None))
@@ -360,9 +364,13 @@ class ToolPath:
         """
         if any(part.names is not None for part in parts):
             parts = [part.named() for part in parts]
+        if any(part.setup is not None for part in parts):
+            parts = [replace(part, setup=part.setup_of_tags) for part in parts]
         changes = columns_joined(parts, "tag")
         first = np.cumsum([0, *(len(part) for part in parts)]).tolist()
-        for name in ("operation", "tool", "arc", "cycle"):
+        for name in ("operation", "tool", "setup", "arc", "cycle"):
+            if changes[name] is None:
+                continue
             tables = [getattr(part, f"{name}s") for part in parts]
             start = np.cumsum([0, *(len(table) for table in tables)])
             own = np.repeat(start[:-1], np.diff(first))
@@ -380,6 +388,11 @@ class ToolPath:
             for event in part.events
         )
         return replace(parts[0], **changes)
+
+    @property
+    def setup_of_tags(self) -> IntArray:
+        """(n,) index of each tag's setup, -1 = none."""
+        return np.full(len(self), -1, dtype=np.int32) if self.setup is None else self.setup
 
     def named(self) -> ToolPath:
         """Return the toolpath in which every tag has a name of its own."""

@@ -1,7 +1,7 @@
 """From executed motions to joint paths, moments and times."""
 
 from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
-from postproc.paths.motion import Paths, Shift, joint_paths
+from postproc.paths.motion import Paths, Shift, Station, joint_paths
 from postproc.paths.times import SLOWEST, cycle_time, durations, feed_shares, speed_shares
 from postproc.paths.world import run_in_cell
 
@@ -11,6 +11,7 @@ __all__ = [
     "Moments",
     "Paths",
     "Shift",
+    "Station",
     "Timeline",
     "cycle_time",
     "durations",

@@ -64,9 +64,6 @@ class Externals:
 
     def at(self, cell: Cell, values: FloatArray) -> Cell:
         """Return the cell as it stands with the axes at ``values`` (k,)."""
-        T_robroot_base = self.shift(values[None])[0] @ cell.T_robroot_base
-        return replace(
-            cell,
-            robot=replace(cell.robot, T_world_robroot=self.robroot(values[None])[0]),
-            workpiece=replace(cell.workpiece, T_robroot_base=T_robroot_base),
-        )
+        shift = self.shift(values[None])[0]
+        robot = replace(cell.robot, T_world_robroot=self.robroot(values[None])[0])
+        return replace(cell.rebased(lambda T: shift @ T), robot=robot)

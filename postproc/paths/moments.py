@@ -8,7 +8,7 @@ Where the robot stops they are 0.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,13 +30,15 @@ class Moments:
 
     q (n, 6) commanded joint angles [rad]; qd (n, 6) their speed [rad/s]; direction (n, 6) sign of
     each joint's last motion, 0 before the first; process (n, 6) wrench of the process ON the tool
-    at and in axes of the TCP [N, N*m], 0 where the tool does not work.
+    at and in axes of the TCP [N, N*m], 0 where the tool does not work. ``tool`` (n,): index of the
+    tool in the cell, None: the first for all.
     """
 
     q: FloatArray
     qd: FloatArray
     direction: FloatArray
     process: FloatArray
+    tool: AnyIntArray | None = None
 
     def __len__(self) -> int:
         """Return the number of moments."""
@@ -44,17 +46,18 @@ class Moments:
 
     def rows(self, rows: AnyIntArray) -> Moments:
         """Return some of the moments."""
-        return Moments(self.q[rows], self.qd[rows], self.direction[rows], self.process[rows])
+        tool = None if self.tool is None else self.tool[rows]
+        return Moments(self.q[rows], self.qd[rows], self.direction[rows], self.process[rows], tool)
 
     def under(self, process: FloatArray) -> Moments:
         """Return the same moments with the tool at work under one wrench (6,)."""
         loaded = np.broadcast_to(process, self.process.shape)
-        return Moments(self.q, self.qd, self.direction, loaded)
+        return replace(self, process=loaded)
 
     def idle(self) -> Moments:
         """Return the same moments with the tool not at work: no load, and speed is no matter."""
         nothing = np.zeros_like(self.q)
-        return Moments(self.q, nothing, self.direction, nothing)
+        return replace(self, qd=nothing, process=nothing)
 
 
 Displacement = Callable[[Moments], FloatArray]
@@ -69,7 +72,8 @@ def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
     row, share, q, _ = paths.in_order()
     q = forward_filled(q)
     timeline = Timeline.of(paths, cell)
-    every = Moments(q, timeline.speed(row, share), directions(q), np.zeros_like(q))
+    tool = paths.station.tool[row]
+    every = Moments(q, timeline.speed(row, share), directions(q), np.zeros_like(q), tool)
     sampled = paths.trace.is_cp[row]
     return every.rows(np.flatnonzero(share == 1.0)), every.rows(np.flatnonzero(sampled))
 

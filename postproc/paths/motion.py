@@ -99,7 +99,7 @@ class Paths:
         station = self.station
         T = self.curves.flange(row, share, station.externals, self.external)
         external = self.curves.external_at(row, share, self.external)
-        points: FloatArray = station.in_part(T, external)[0]
+        points: FloatArray = station.in_part(T, external, row)[0]
         if self.shift is not None:
             points = points + self.shift.at(row, share)
         return points
@@ -123,28 +123,59 @@ class Shift:
 
 @dataclass(frozen=True, slots=True)
 class Station:
-    """Part, real tool and external axes of a cell."""
+    """Parts, real tools and external axes of a cell.
+
+    ``tool``, ``base`` (m,): index of each motion's tool and base in the cell: those of the numbers
+    that the program has selected. The part of a motion is that of its base.
+    """
 
     cell: Cell
     externals: Externals
+    tool: AnyIntArray
+    base: AnyIntArray
+
+    @classmethod
+    def of(cls, trace: Trace, cell: Cell) -> Station:
+        """Return the station of a trace; a number that the cell does not have is its first."""
+        tools = {tool.number: index for index, tool in enumerate(cell.tools)}
+        bases = {base.number: index for index, base in enumerate(cell.bases)}
+        rows = [
+            (tools.get(setting.tool_number, 0), bases.get(setting.base_number, 0))
+            for setting in trace.settings
+        ]
+        tool, base = np.array(rows or [(0, 0)], dtype=np.int64)[trace.setting].T
+        return cls(cell, Externals.of(cell), tool, base)
 
     def in_part(
-        self, T_robroot_flange: FloatArray, external: FloatArray
+        self, T_robroot_flange: FloatArray, external: FloatArray, row: AnyIntArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part."""
-        T_part_robroot = inverse(self.cell.T_robroot_base)
-        if self.externals:
-            T_part_robroot = inverse(self.externals.shift(external) @ self.cell.T_robroot_base)
-        T = T_part_robroot @ T_robroot_flange @ self.cell.tool.T_flange_tcp
-        return T[:, :3, 3], T[:, :3, :3] @ self.cell.tool.axis
+        """Return the real TCP (n, 3) [m] and tool axis (n, 3) in the part, at motions ``row``."""
+        T_part_robroot = inverse(self._parts(external, row))
+        tools = self.cell.tools
+        if len(tools) == 1:
+            T = T_part_robroot @ T_robroot_flange @ tools[0].T_flange_tcp
+            return T[:, :3, 3], T[:, :3, :3] @ tools[0].axis
+        own = self.tool[row]
+        T = T_part_robroot @ T_robroot_flange @ self.cell.tcp_of(own)
+        axis = np.array([tool.axis for tool in tools])[own]
+        return T[:, :3, 3], np.einsum("nij,nj->ni", T[:, :3, :3], axis)
 
-    def turned_to_part(self, vectors: FloatArray, external: FloatArray) -> FloatArray:
-        """Return vectors (n, 3) of robroot in axes of the part."""
-        T_robroot_part = self.cell.T_robroot_base
-        if not self.externals:
-            return np.asarray(vectors @ T_robroot_part[:3, :3])
-        T = self.externals.shift(external) @ T_robroot_part
+    def turned_to_part(
+        self, vectors: FloatArray, external: FloatArray, row: AnyIntArray
+    ) -> FloatArray:
+        """Return vectors (n, 3) of robroot in axes of the part, at motions ``row``."""
+        T = self._parts(external, row)
+        if T.ndim == 2:
+            return np.asarray(vectors @ T[:3, :3])
         return np.asarray(np.einsum("nji,nj->ni", T[:, :3, :3], vectors))
+
+    def _parts(self, external: FloatArray, row: AnyIntArray) -> FloatArray:
+        """Return T_robroot_part (n, 4, 4), or (4, 4) where it is one for all."""
+        bases = self.cell.bases
+        T = np.asarray(bases[0].T_robroot_base)
+        if len(bases) > 1:
+            T = np.array([base.T_robroot_base for base in bases])[self.base[row]]
+        return self.externals.shift(external) @ T if self.externals else T
 
 
 def joint_paths(
@@ -158,7 +189,7 @@ def joint_paths(
 
     Args:
         trace: executed motions.
-        cell: its workpiece frame is the part, its tool the real one.
+        cell: its bases are the parts, its tools the real ones.
         kinematics: of the cell's robot.
         step_length: longest sampled piece [m].
         step_angle: largest sampled turn [rad].
@@ -179,7 +210,7 @@ class _Solver:
     ) -> None:
         self.trace, self.cell, self.kinematics = trace, cell, kinematics
         self.externals = Externals.of(cell)
-        self.station = Station(cell, self.externals)
+        self.station = Station.of(trace, cell)
         self.external = self.externals.values(np.asarray(trace.external))
         self.curves = curves_of(trace, kinematics, self.externals, self.external)
         self.row, self.share = self._samples(step_length, step_angle)
@@ -200,7 +231,8 @@ class _Solver:
             if index < len(self.trace):
                 self._nearest_target(index)
             start = index
-        end_point, end_axis = self.station.in_part(self.curves.T_robroot_flange, self.external)
+        ends = self.curves.T_robroot_flange
+        end_point, end_axis = self.station.in_part(ends, self.external, np.arange(len(ends)))
         return Paths(
             self.trace,
             self.curves,
@@ -368,7 +400,9 @@ class _Solver:
         slots, valid = self.kinematics.ik(T)
         rows = np.arange(len(T))
         external = self.curves.external_at(self.row[samples], self.share[samples], self.external)
-        self.point[low:high], self.axis[low:high] = self.station.in_part(T, external)
+        self.point[low:high], self.axis[low:high] = self.station.in_part(
+            T, external, self.row[samples]
+        )
         return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan)
 
     def _note_unreachable(self, row: AnyIntArray, principal: FloatArray) -> None:

@@ -31,9 +31,9 @@ def run_in_cell(
 
 def _world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) -> World:
     """Return what the program finds: frames that a set-up module enters, else those of the cell."""
-    tools = {cell.tool.number: pose_of(cell.tool.T_flange_tcp)}
-    T_world_base = cell.robot.T_world_robroot @ cell.workpiece.T_robroot_base
-    bases = {cell.workpiece.number: pose_of(T_world_base)}
+    tools = {tool.number: pose_of(tool.T_flange_tcp) for tool in cell.tools}
+    T_world_robroot = cell.robot.T_world_robroot
+    bases = {base.number: pose_of(T_world_robroot @ base.T_robroot_base) for base in cell.bases}
     for module in modules:
         for routine in module.routines:
             for statement in routine.statements:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
@@ -39,7 +39,16 @@ from postproc.planning.states import (
     strokes_of,
     tilt_grid,
 )
-from postproc.process import as_served, hole_calls, reordered, repeats, switched_off
+from postproc.planning.stretches import plan_stretches
+from postproc.process import (
+    ToolStretch,
+    as_served,
+    claimed,
+    hole_calls,
+    reordered,
+    repeats,
+    switched_off,
+)
 from postproc.progress import Clock, Progress
 from postproc.units import DEG
 
@@ -74,17 +83,57 @@ def plan(
     """
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
-    toolpath = switched_off(toolpath)
+    claims = claimed(switched_off(toolpath), cell)
+    toolpath = claims.toolpath
+    if any(finding.is_error for finding in claims.findings) and not options.partial:
+        return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
     distinct = np.flatnonzero(~repeats(toolpath))
     if len(distinct) < len(toolpath) and not cell.optimize.free_order:
         return with_repeats(
             plan(without_repeats(toolpath, distinct), cell, options, progress), toolpath, distinct
         )
+    stretches = claims.stretches()
+    if cell.optimize.free_order:
+        toolpath = reordered(toolpath, _order(toolpath, cell, settings, stretches))
+        cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
+    result = plan_stretches(
+        toolpath,
+        cell,
+        stretches,
+        lambda part, here: _served(part, here, settings, options, progress),
+        lambda part, here: checker_of(part, here, settings),
+    )
+    return replace(result, findings=(*claims.findings, *result.findings))
+
+
+def _order(
+    toolpath: ToolPath, cell: Cell, settings: Settings, stretches: list[ToolStretch]
+) -> IndexArray:
+    """Return the order (n,) of the tags in which the holes of every stretch are done quickest."""
+    order = np.arange(len(toolpath))
+    for stretch in stretches:
+        if not stretch.is_claimed:
+            continue
+        rows = order[stretch.low : stretch.high]
+        part, here = toolpath.rows(rows), cell.with_tool(stretch.tool, stretch.base)
+        if cell.external_axes:
+            own = ordered_by_place(part)
+        else:
+            own = ordered(problem_of(part, here, settings))
+        order[stretch.low : stretch.high] = rows[own]
+    return order
+
+
+def _served(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    options: PlanOptions,
+    progress: Progress | None,
+) -> Plan:
+    """Return the plan of one tool in one base."""
     if not cell.external_axes:
         return _planned(toolpath, cell, settings, options, progress)
-    if cell.optimize.free_order:
-        toolpath = reordered(toolpath, ordered_by_place(toolpath))
-        cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
     return plan_with_external_axes(
         toolpath,
         cell,
@@ -103,8 +152,6 @@ def _planned(
 ) -> Plan:
     """Return the plan in a cell without external axes."""
     clock = Clock(progress)
-    if cell.optimize.free_order:
-        toolpath = reordered(toolpath, ordered(problem_of(toolpath, cell, settings)))
     checker = checker_of(toolpath, cell, settings)
     problem = checker.problem
     clock.lap("place")

@@ -1,5 +1,6 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
+from postproc.process.claims import Claims, ToolStretch, claimed, tool_words
 from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
@@ -23,9 +24,12 @@ __all__ = [
     "PLUNGING",
     "SHARPEST",
     "TAPS",
+    "Claims",
     "Stretch",
+    "ToolStretch",
     "apart",
     "as_served",
+    "claimed",
     "coolant_mode",
     "feeds_of",
     "hole_calls",
@@ -40,6 +44,7 @@ __all__ = [
     "repeats",
     "stretches",
     "switched_off",
+    "tool_words",
     "turns_at",
     "weight_wrench",
     "word_findings",

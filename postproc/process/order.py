@@ -23,6 +23,7 @@ def hole_runs(toolpath: ToolPath) -> list[tuple[int, int]]:
             (hole[1:] != hole[:-1])
             | (np.diff(np.asarray(toolpath.operation)) != 0)
             | (np.diff(np.asarray(toolpath.tool)) != 0)
+            | (np.diff(toolpath.setup_of_tags) != 0)
         )
     for event in toolpath.events:
         parted[event.index] = True

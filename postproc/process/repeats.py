@@ -16,7 +16,8 @@ def repeats(toolpath: ToolPath) -> BoolArray:
     kind = np.asarray(toolpath.kind)
     again = np.isin(kind[1:], (MotionKind.RAPID, MotionKind.LINEAR))
     again &= np.isin(kind[:-1], (MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC))
-    again &= np.diff(np.asarray(toolpath.tool)) == 0
+    for column in (np.asarray(toolpath.tool), toolpath.setup_of_tags):
+        again &= np.diff(column) == 0
     again &= ~apart(np.hstack([toolpath.points, toolpath.axes]))[1:]
     return np.concatenate([np.zeros(min(1, len(kind)), dtype=np.bool_), again])
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.cell import Cell
+from postproc.cell import Cell, Tool
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Event, EventKind, MotionKind, ToolPath
+from postproc.process.claims import claimed
 from postproc.units import RPM
 
 CUTTING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
@@ -96,26 +97,29 @@ def _cuts_before_spindle(toolpath: ToolPath, place: int) -> bool:
 
 
 def direction_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return an error for each stretch of cuts in which the spindle turns against the tool."""
+    """Return an error for each stretch of cuts in which the spindle turns against a tool."""
     found = []
-    tool, cuts = cell.tool, np.isin(toolpath.kind, CUTTING)
+    serving = np.where(np.isin(toolpath.kind, CUTTING), claimed(toolpath, cell).tool, -1)
     for part in stretches(toolpath.events, len(toolpath)):
-        against = part.turns < 0.0 if tool.cuts_clockwise else part.turns > 0.0
-        if part.event is None or not against or not cuts[part.first : part.stop].any():
-            continue
-        way, own = ("counterclockwise", "cw") if part.turns < 0.0 else ("clockwise", "ccw")
-        found.append(
-            Finding(
-                Severity.ERROR,
-                "PRC001",
-                f"the spindle turns {way} at {abs(part.turns) / RPM:g} 1/min, but tool "
-                f'{tool.number} cuts the other way: spindle = "{own}"',
-                source=SourceRef(toolpath.path, part.event.line),
-                hint=f'spindle = "{"ccw" if own == "cw" else "cw"}" in the tool of the cell, if '
-                "this tool cuts that way",
-            )
-        )
+        for index in np.unique(serving[part.first : part.stop]).tolist():
+            tool = cell.tools[index]
+            against = part.turns < 0.0 if tool.cuts_clockwise else part.turns > 0.0
+            if part.event is not None and index >= 0 and against:
+                found.append(_against(toolpath, part.event, part.turns, tool))
     return found
+
+
+def _against(toolpath: ToolPath, event: Event, turns: float, tool: Tool) -> Finding:
+    way, own = ("counterclockwise", "cw") if turns < 0.0 else ("clockwise", "ccw")
+    return Finding(
+        Severity.ERROR,
+        "PRC001",
+        f"the spindle turns {way} at {abs(turns) / RPM:g} 1/min, but tool "
+        f'{tool.number} cuts the other way: spindle = "{own}"',
+        source=SourceRef(toolpath.path, event.line),
+        hint=f'spindle = "{"ccw" if own == "cw" else "cw"}" in the tool of the cell, if '
+        "this tool cuts that way",
+    )
 
 
 def may_stand(toolpath: ToolPath | None, cell: Cell) -> bool:

@@ -1,14 +1,13 @@
-"""Whether a CAM file asks for what a program does not do: its words, and its tools."""
+"""Whether a CAM file asks for what a program does not do: its words."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from postproc.errors import Finding, RunKind, Severity, SourceRef
-from postproc.model import CamTool, EventKind, MotionKind, ToolPath, WordUse
-from postproc.units import MM
+from postproc.model import EventKind, MotionKind, ToolPath, WordUse
 
 _MOST_LINES = 12
 
@@ -16,18 +15,18 @@ _MOST_LINES = 12
 def word_findings(toolpath: ToolPath) -> tuple[Finding, ...]:
     """Return one finding for each word that is not carried out as it stands, with its lines.
 
-    A refused one is an error WRD001, those left out for the same reason are one note WRD003;
-    several tools are an error WRD002; a spindle that is never named is a note WRD004.
+    A refused one is an error WRD001, those left out for the same reason are one note WRD003; a
+    spindle that is never named is a note WRD004.
     """
     refused = [_refused(toolpath, use) for use in toolpath.word_uses if use.refused]
-    return (*refused, *_several_tools(toolpath), *_notes(toolpath), *_no_spindle(toolpath))
+    return (*refused, *_notes(toolpath), *_no_spindle(toolpath))
 
 
-def refusals(toolpath: ToolPath) -> tuple[Finding, ...]:
+def refusals(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return those that forbid a program, of the kind ``word``."""
     return tuple(
         Finding(Severity.ERROR, RunKind.WORD, item.message, source=item.source, hint=item.hint)
-        for item in word_findings(toolpath)
+        for item in findings
         if item.is_error
     )
 
@@ -75,32 +74,6 @@ def _notes(toolpath: ToolPath) -> list[Finding]:
 
 def _quoted(word: str) -> str:
     return f'"{word}"' if not word.replace("/", "").replace("-", "").isalnum() else word
-
-
-def _several_tools(toolpath: ToolPath) -> list[Finding]:
-    """Return the error that the file changes the tool: the cell knows the TCP of one only."""
-    tools = toolpath.tools
-    if len(tools) < 2:
-        return []
-    shown = ", ".join(f"{_tool_text(tool)} in line {tool.line}" for tool in tools[:_MOST_LINES])
-    more = f" and {len(tools) - _MOST_LINES} more" if len(tools) > _MOST_LINES else ""
-    return [
-        Finding(
-            Severity.ERROR,
-            "WRD002",
-            f"the file works with {len(tools)} tools, the cell has one: {shown}{more}",
-            source=SourceRef(toolpath.path, tools[1].line),
-            hint="post one file for each tool, with a cell for each: TCP, load and solids of "
-            "another tool are not those of the cell",
-        )
-    ]
-
-
-def _tool_text(tool: CamTool) -> str:
-    number = f"tool {tool.number}" if tool.number else "tool"
-    name = f" {tool.name}" if tool.name else ""
-    size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
-    return f"{number}{name}{size}"
 
 
 def _no_spindle(toolpath: ToolPath) -> list[Finding]:

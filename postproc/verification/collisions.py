@@ -28,7 +28,7 @@ def check_collisions(
         is_cut: (m,) motions on which cutting solids may touch the workpiece; None: all path
             motions, as no CAM file tells.
     """
-    if not (cell.obstacles or cell.tool.meshes or cell.workpiece.meshes):
+    if not cell.solids:
         return False
     from postproc.collision import Scene
 
@@ -41,10 +41,14 @@ def check_collisions(
         return True
     is_cp = paths.trace.is_cp
     touch = is_cp if is_cut is None else _with_way_out(is_cut, is_cp)
-    hits = Scene.build(cell, kinematics).check_paths(q[:-1], q[1:], touch[motion[1:]])
     reported = _Reported(result)
-    for row in np.flatnonzero(hits.hit).tolist():
-        reported.add(int(motion[row + 1]), hits.pairs[int(hits.pair[row])])
+    tool = paths.station.tool[motion[1:]]
+    for index in np.unique(tool).tolist():
+        rows = np.flatnonzero(tool == index)
+        scene = Scene.build(cell.with_tool(index), kinematics)
+        hits = scene.check_paths(q[rows], q[rows + 1], touch[motion[rows + 1]])
+        for row in np.flatnonzero(hits.hit).tolist():
+            reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
     return True
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Tool
 from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
 from postproc.krl import Aggregate, Assign, KrlModule
@@ -63,8 +63,9 @@ def _faults(
     if settings.ipo_tcp and not trace.is_axes[motions].all():
         yield RunKind.FRAME, first, "$IPO_MODE is #TCP: the tool would stand and the part move"
     yield from _orientation(result, settings, motions)
-    if not _has_load(cell, settings):
-        yield RunKind.LOAD, first, f"the load in force is not that of tool {cell.tool.number}"
+    tool = cell.tools[result.paths.station.tool[first]]
+    if not _has_load(tool, settings):
+        yield RunKind.LOAD, first, f"the load in force is not that of tool {tool.number}"
     blended = motions[is_cp & ~trace.is_exact[motions]]
     if len(blended) and settings.cori > MOST_CORI * (1.0 + _SAME):
         text = f"$APO.CORI is {settings.cori / DEG:g} deg, expected at most {MOST_CORI / DEG:g}"
@@ -94,20 +95,20 @@ def _orientation(
         yield RunKind.ORIENTATION, int(arcs[0]), text
 
 
-def _has_load(cell: Cell, settings: Settings) -> bool:
-    used = settings.tool_number if settings.tool_number >= 0 else cell.tool.number
+def _has_load(tool: Tool, settings: Settings) -> bool:
+    used = settings.tool_number if settings.tool_number >= 0 else tool.number
     if settings.load_number == used:
         return True
-    return _is_mass(cell, settings.load_mass)
+    return _is_mass(tool, settings.load_mass)
 
 
-def _is_mass(cell: Cell, mass: float) -> bool:
-    return math.isfinite(mass) and math.isclose(mass, cell.tool.mass, rel_tol=_SAME, abs_tol=1e-6)
+def _is_mass(tool: Tool, mass: float) -> bool:
+    return math.isfinite(mass) and math.isclose(mass, tool.mass, rel_tol=_SAME, abs_tol=1e-6)
 
 
-def _may_be_mass(cell: Cell, mass: float) -> bool:
+def _may_be_mass(tool: Tool, mass: float) -> bool:
     """Return whether a load is the tool's, not measured (below 0), or nothing tells."""
-    return mass < 0.0 or math.isnan(cell.tool.mass) or _is_mass(cell, mass)
+    return mass < 0.0 or math.isnan(tool.mass) or _is_mass(tool, mass)
 
 
 def _shares(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
@@ -149,14 +150,17 @@ def _unset(result: Result) -> None:
 
 
 def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None:
-    """Check the load data that the program or its set-up enters for the tool of the cell."""
-    name = f"LOAD_DATA[{cell.tool.number}]"
+    """Check the load data that the program or its set-up enters for the tools of the cell."""
+    tools = {f"LOAD_DATA[{tool.number}]": tool for tool in cell.tools}
     for module in modules:
         for statement in (s for routine in module.routines for s in routine.statements):
-            if not isinstance(statement, Assign) or not statement.target.upper().startswith(name):
+            if not isinstance(statement, Assign):
+                continue
+            name = statement.target.upper().partition("]")[0] + "]"
+            if name not in tools:
                 continue
             mass = statement.value.get("M") if isinstance(statement.value, Aggregate) else None
-            if isinstance(mass, float | int) and _may_be_mass(cell, float(mass)):
+            if isinstance(mass, float | int) and _may_be_mass(tools[name], float(mass)):
                 continue
             place = (module.src_path, statement.line)
             text = f"{name} is not the mass of the tool of the cell"

@@ -55,7 +55,8 @@ def check_spindle(
         slow = min(MACHINING_SPEED, _SLOWER * cell.motion.rapid_speed)
         cuts = trace.is_cp & (trace.column("speed") <= slow) & ~_ways_back(result, calls)
     turns = _turns(calls, words, len(result.paths))
-    way = 1.0 if cell.tool.cuts_clockwise else -1.0
+    ways = np.array([1.0 if tool.cuts_clockwise else -1.0 for tool in cell.tools])
+    way = ways[result.paths.station.tool]
     if not accepted:
         _tell(result, cuts & (turns == 0.0), "a cut while the spindle stands")
         _tell(result, cuts & (turns == _UNNAMED), "a cut before the spindle is started")

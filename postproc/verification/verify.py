@@ -9,8 +9,9 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
-  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``word``: what the
-  CAM file asks for and no program does;
+  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
+  tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
+  does;
 - ``spindle``: it stands or turns the wrong way in a cut, or still turns at the end.
 
 With a model of the arm (``displacement``) it is the real tool that is compared with the CAM file.
@@ -31,7 +32,15 @@ from postproc.kinematics import build
 from postproc.krl import KrlModule, require_sound
 from postproc.model import ToolPath
 from postproc.paths import Displacement, cycle_time, durations, joint_paths, run_in_cell
-from postproc.process import as_served, machining_findings, may_stand, refusals, switched_off
+from postproc.process import (
+    as_served,
+    claimed,
+    machining_findings,
+    may_stand,
+    refusals,
+    switched_off,
+    word_findings,
+)
 from postproc.progress import Progress
 from postproc.units import DEG, MM
 from postproc.verification.cam import (
@@ -104,7 +113,9 @@ def verify(
     report(2, 4, "comparison")
     comparison = None
     if toolpath is not None:
-        result.findings += refusals(toolpath)
+        claims = claimed(toolpath, cell)
+        toolpath = claims.toolpath
+        result.findings += refusals((*word_findings(toolpath), *claims.findings))
         found = machining_findings(toolpath, cell)
         result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
         toolpath = switched_off(as_served(toolpath, cell))
@@ -156,24 +167,34 @@ def _report(
 
 def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
     """Compare tool and base of every path motion with those of the cell."""
+    station = result.paths.station
+    tools = [(tool.number, tool.T_flange_tcp) for tool in cell.tools]
+    bases = [(base.number, base.T_robroot_base) for base in cell.bases]
     expected = (
-        ("tool", "tool", trace.tools, cell.tool.T_flange_tcp, cell.tool.number),
-        ("base", "base", trace.bases, cell.T_robroot_base, cell.workpiece.number),
+        ("tool", trace.tools, station.tool, tools),
+        ("base", trace.bases, station.base, bases),
     )
     cartesian = ~trace.is_axes
-    for what, field_name, frames, T, number in expected:
-        rows = trace.column(field_name).astype(np.int64)
-        for row in np.unique(rows[cartesian]).tolist():
+    for what, frames, own, entries in expected:
+        rows = trace.column(what).astype(np.int64)
+        used = trace.column(f"{what}_number").astype(np.int64)
+        kinds = np.stack([rows, used, own])[:, cartesian]
+        for row, selected, index in np.unique(kinds, axis=1).T.tolist():
+            number, T = entries[index]
             off = float(np.linalg.norm(frames[row][:3, 3] - T[:3, 3]))
             turned = float(rotation_angle(frames[row][:3, :3], T[:3, :3]))
-            first = int(np.flatnonzero(cartesian & (rows == row))[0])
-            if off > _SAME_FRAME or turned > _SAME_TURN:
-                used = int(trace.column(f"{what}_number")[first])
+            same = (rows == row) & (used == selected) & (own == index)
+            first = int(np.flatnonzero(cartesian & same)[0])
+            name = f"{what} {selected if selected >= 0 else 'frame'}"
+            if len(entries) > 1 and selected != number:
+                text = f"{name} is selected, and the cell has no such {what}"
+                result.finding(RunKind.FRAME, first, text)
+            elif off > _SAME_FRAME or turned > _SAME_TURN:
                 result.finding(
                     RunKind.FRAME,
                     first,
-                    f"{what} {used if used >= 0 else 'frame'} is {off / MM:.3f} mm and "
-                    f"{turned / DEG:.3f} deg off {what} {number} of the cell",
+                    f"{name} is {off / MM:.3f} mm and {turned / DEG:.3f} deg off {what} {number} "
+                    "of the cell",
                 )
 
 

@@ -210,7 +210,7 @@ def test_options_are_typed_and_in_si(tmp_path):
     assert motion.home[4] == pytest.approx(math.pi / 4)
     assert (krl.kss, krl.path_speed_max) == (Kss.V8_5, 0.5)
     assert krl.orientation_speed == pytest.approx(math.pi / 2)
-    np.testing.assert_array_equal(krl.inertia, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(cell.tool.inertia, [1.0, 2.0, 3.0])
     assert (krl.hooks["stop"], krl.hooks["spindle_on"]) == ("HALT_HERE", "PP_SPINDLE_ON")
 
 
@@ -369,5 +369,5 @@ def test_reference_page_names_every_key():
     ):
         assert f"| `{key}` |" in page
     assert '| `axis` | `"+x"`' in page
-    assert "## `[robot.base]`, `[tool.frame]`, `[workpiece.frame]`" in page
+    assert "## `[robot.base]`, `[tool.frame]`, `[tools.frame]`, `[workpiece.frame]`" in page
     assert "list of 3: number" in page

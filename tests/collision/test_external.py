@@ -47,7 +47,7 @@ def frozen(cell, values):
         cell,
         external_axes=(),
         robot=replace(cell.robot, T_world_robroot=world),
-        workpiece=replace(cell.workpiece, T_robroot_base=T_robroot_base),
+        bases=(replace(cell.workpiece, T_robroot_base=T_robroot_base),),
     )
 
 

@@ -42,8 +42,10 @@ def cell(tool_name="spindle", path="cell.toml", **krl) -> Cell:
         name="test cell",
         path=path,
         robot=robot,
-        tool=Tool(1, tool_name, transform(np.eye(3), [0.107, 0.0, 0.362]), np.array([1.0, 0, 0])),
-        workpiece=Workpiece(2, transform(np.eye(3), [1.5, 0.0, 0.6])),
+        tools=(
+            Tool(1, tool_name, transform(np.eye(3), [0.107, 0.0, 0.362]), np.array([1.0, 0, 0])),
+        ),
+        bases=(Workpiece(2, transform(np.eye(3), [1.5, 0.0, 0.6])),),
         obstacles=(),
         limits=Limits(0.03, 0.08, 0.0, 0.0),
         optimize=optimize_of(OptimizeTable()),
@@ -138,7 +140,7 @@ def with_axis(cell: Cell, name: str, kind: str) -> Cell:
     return replace(cell, external_axes=(axis,))
 
 
-def heavy(cell: Cell) -> Cell:
+def heavy(cell: Cell, inertia=None) -> Cell:
     """The cell with a tool of known mass and centre of gravity."""
-    tool = replace(cell.tool, mass=120.0, com=np.array([0.0, 0.0, 0.18]))
-    return replace(cell, tool=tool)
+    tool = replace(cell.tool, mass=120.0, com=np.array([0.0, 0.0, 0.18]), inertia=inertia)
+    return replace(cell, tools=(tool,))

@@ -175,17 +175,16 @@ def test_tool_and_base_are_set_with_the_load_and_after_initmov(krl):
         assert not any(re.match(r"\$(TOOL|BASE|LOAD)\b", line) for line in texts.code(files, name))
 
 
-def test_no_inertia_is_made_up():
-    """J = 0,0,0 in LOAD_DATA is taken for a point mass."""
-    cell = plans.heavy(plans.cell(setup=True))
-    files = render_files(emit(job(), cell))
-    text = files["TEST_SETUP.src"].decode()
+def test_load_data_are_those_of_the_cell():
+    """No mass is made up; an inertia that is not known is that of a point, and is named."""
+    text = write(job(), setup=True)["TEST_SETUP.src"].decode()
     assert "LOAD_DATA[1]=" not in text
-    note = (
-        "; enter by hand: not known inertia, from the cell: mass 120 kg, centre of gravity 0, 0, "
-    )
-    assert note + "180 mm" in text
-    cell = plans.heavy(plans.cell(setup=True, inertia_kg_m2=[1.0, 2.0, 3.5]))
+    assert "; enter by hand: not known mass, centre of gravity" in text
+    cell = plans.heavy(plans.cell(setup=True))
+    text = render_files(emit(job(), cell))["TEST_SETUP.src"].decode()
+    assert "LOAD_DATA[1]={M 120.0000,CM {X 0.0000,Y 0.0000,Z 180.0000," in text
+    assert "; the inertia is not known: as of a mass in one point" in text
+    cell = plans.heavy(plans.cell(setup=True), np.array([1.0, 2.0, 3.5]))
     text = render_files(emit(job(), cell))["TEST_SETUP.src"].decode()
     load = (
         "LOAD_DATA[1]={M 120.0000,CM {X 0.0000,Y 0.0000,Z 180.0000,A 0.00000,B 0.00000,C 0.00000},"

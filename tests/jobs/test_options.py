@@ -89,6 +89,10 @@ FINI
     )
     + "</Resource></OLPData>",
     "apart.csv": "x,y,z,i,j,k,depth\n0,-4000,0,0,0,1,5\n0,4000,0,0,0,1,5\n",
+    "tools.csv": "x,y,z,i,j,k,depth,tool\n0,0,0,0,0,1,5,1\n40,0,0,0,0,1,5,MILL\n",
+    "bases.csv": "x,y,z,i,j,k,depth,base\n0,0,0,0,0,1,5,A\n40,0,0,0,0,1,5,B\n",
+    "cutter.apt": "UNITS/MM\nLOADTL/1\nCUTTER/6\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
+    "FINI\n",
     "two.csv": "x,y,z,i,j,k,feed,operation\n"
     + "".join(f"{30 * i},0,0,0,0,1,600,{'ROUGH' if i < 3 else 'FINE'}\n" for i in range(6)),
 }
@@ -177,6 +181,9 @@ DIP = {
 }
 """A tool that goes 20 mm into the part at its tip."""
 HEAD = {"tool.meshes": [NOSE]}
+ROOF = {"box": {"size_mm": [20.0, 20.0, 20.0]}, "xyz_mm": [1700.0, 0.0, 850.0]}
+LONG = "long form"
+"""Stands for a key: tool and workpiece become the only entries of tools and bases."""
 ABOVE = {**BLOCK, "xyz_mm": [1800.0, 40.0, 930.0]}
 WRIST_AT = {"xyz_mm": [652.0, 0.0, -60.0]}
 WRIST = {**NOSE, **WRIST_AT}
@@ -253,7 +260,19 @@ CASES: dict[str, tuple[Any, ...]] = {
     **solids("tool.meshes", NOSE, {"obstacles": [ABOVE]}),
     "tool.meshes[].cutting": (DIP, {"tool.meshes.0.cutting": False}, MILL),
     "tool.spindle": ({}, {"tool.spindle": "ccw"}, MILL),
+    "tool.cam": ({"tool.cam": ["1"]}, {"tool.cam": ["1", "MILL"]}, "tools.csv"),
+    "tool.inertia_kg_m2": (SETUP, {"tool.inertia_kg_m2": [1.0, 2.0, 3.0]}),
+    "tool.cutter.diameter_mm": (
+        {"tool.cutter": {"diameter_mm": 6.0, "length_mm": 50.0}},
+        {"tool.cutter.diameter_mm": 8.0},
+        "cutter.apt",
+    ),
+    "tool.cutter.length_mm": (
+        {"tool.cutter": {"diameter_mm": 6.0, "length_mm": 50.0}, "obstacles": [ROOF]},
+        {"tool.cutter.length_mm": 300.0},
+    ),
     "workpiece.number": ({}, {"workpiece.number": 3}),
+    "workpiece.cam": ({"workpiece.cam": ["A"]}, {"workpiece.cam": ["A", "B"]}, "bases.csv"),
     "workpiece.frame.xyz_mm": ({}, {"workpiece.frame.xyz_mm": [1600.0, 0.0, 700.0]}),
     "workpiece.frame.abc_deg": ({}, {"workpiece.frame.abc_deg": [10.0, 0.0, 0.0]}),
     **solids("workpiece.meshes", {**BLOCK, "xyz_mm": [100.0, 40.0, 60.0]}, HEAD),
@@ -392,16 +411,24 @@ CASES: dict[str, tuple[Any, ...]] = {
 }
 """Key of the cell to what else stands in the cell, the change, the input and more of the call."""
 
+for short, form in (("tool.", "tools[]."), ("workpiece.", "bases[].")):
+    for name in [key for key in CASES if key.startswith(short)]:
+        setup, *rest = CASES[name]
+        CASES[form + name.removeprefix(short)] = ({**setup, LONG: True}, *rest)
+
 
 def cell_text(*changes: dict[str, Any]) -> str:
     """Return the base cell with dotted keys set; a list is addressed by number."""
     cell = copy.deepcopy(BASE)
-    for key, value in [item for change in changes for item in change.items()]:
+    items = [item for change in changes for item in change.items()]
+    for key, value in [item for item in items if item[0] != LONG]:
         *way, last = key.split(".")
         at: Any = cell
         for part in way:
             at = at[int(part)] if isinstance(at, list) else at.setdefault(part, {})
         at[last] = copy.deepcopy(value)
+    if any(key == LONG for key, _ in items):
+        cell["tools"], cell["bases"] = [cell.pop("tool")], [cell.pop("workpiece")]
     return "\n".join(toml_table(cell)) + "\n"
 
 

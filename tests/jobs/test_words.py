@@ -110,13 +110,19 @@ def test_inspect_never_stops(tmp_path, run):
 
 def test_a_second_tool_stops_and_cannot_be_accepted(tmp_path, cell, run):
     source, lines = source_in(tmp_path, [(10, "LOADTL/7,LENGTH,180")])
+    text = cell.read_text()
     call = ("convert", source, "--cell", cell, "-o", tmp_path / "out", "--json")
-    for more in ((), ("--accept-words", "LOADTL,WRD002"), ("--partial",)):
+    code, _, err = run(*call)
+    assert code == 2, "the one tool claims neither"
+    assert "error WRD002: tool 1, called in line 3" in err
+    cell.write_text(text.replace('name = "head"\n', 'name = "head"\ncam = ["1"]\n'))
+    for more in ((), ("--accept-words", "LOADTL,WRD002")):
         code, document, _ = run(*call, *more)
         (item,) = document["failures"]
         assert (code, document["files"], item["code"]) == (1, [], "WRD002")
-        assert item["line"] == lines["LOADTL/7,LENGTH,180"][0]
-        assert "tool 1 in line 3, tool 7 in line 11" in item["detail"]
+        called = lines["LOADTL/7,LENGTH,180"][0]
+        assert f"tool 7, called in line {called}" in item["detail"]
+        assert item["line"] > called
         assert "--accept-words" not in item["hint"]
 
 
@@ -130,7 +136,8 @@ def test_a_list_with_two_tools_stops(tmp_path, cell, run):
     path = tmp_path / "holes.csv"
     path.write_text("x,y,z,i,j,k,depth,tool\n0,0,0,0,0,1,5,3\n40,0,0,0,0,1,5,4\n")
     code, document, _ = run("convert", path, "--cell", cell, "-o", tmp_path / "out", "--json")
-    assert (code, [item["code"] for item in document["failures"]]) == (1, ["WRD002"])
+    assert (code, document["schema"]) == (2, "postproc.error/1")
+    assert document["code"] == "WRD002"
 
 
 def test_a_file_without_a_spindle_is_noted(tmp_path, cell, run):

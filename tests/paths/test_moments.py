@@ -125,7 +125,7 @@ def test_loads_of_operations_turn_with_the_tool(cell):
     kinematics = build(cell.robot)
     q = np.radians([[0.0, -60, 100, 10, 40, 0], [20.0, -50, 90, 0, 60, 30]])
     process = np.array([[100.0, 0, 0, 0, 1, 0], [0.0, -40, 0, 0, 0, 2]])
-    light = replace(cell, tool=replace(cell.tool, mass=float("nan")))
+    light = replace(cell, tools=(replace(cell.tool, mass=float("nan")),))
     wrench = loads(q, light, kinematics, np.array([True, True]), process=process)
     R = (kinematics.fk(q) @ cell.tool.T_flange_tcp)[:, :3, :3]
     for i in range(2):

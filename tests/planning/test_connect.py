@@ -30,7 +30,7 @@ def checker_of(make_cell, make_path):
     def make(*obstacles):
         cell = make_cell(obstacles=obstacles)
         rod = solid("rod", [0.05, 0.05, 0.4], 0.0, 0.0, 0.2)
-        cell = replace(cell, tool=replace(cell.tool, meshes=(rod,)))
+        cell = replace(cell, tools=(replace(cell.tool, meshes=(rod,)),))
         path = make_path([[1.9, 0.0, 0.9], [1.9, 0.1, 0.9]], [-1.0, 0.0, 0.0])
         cell, settings = settle(cell, PlanOptions())
         problem = problem_of(path, cell, settings)

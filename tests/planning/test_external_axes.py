@@ -91,7 +91,7 @@ def test_positioner_turns_the_part(make_cell, make_path):
     drum[:3, 3] = T[:3, 3]
     solid = MeshPlacement("drum", drum, radius=0.38, length=0.5)
     cell = make_cell()
-    cell = replace(cell, workpiece=replace(cell.workpiece, meshes=(solid,)))
+    cell = replace(cell, bases=(replace(cell.workpiece, meshes=(solid,)),))
     result = plan(toolpath, replace(cell, external_axes=(turn,)))
     assert not result.errors
     assert len(np.unique(result.external)) > 1

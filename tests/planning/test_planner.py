@@ -268,7 +268,7 @@ class TestFailures:
         cell = make_cell()
         T = np.eye(4)
         T[2, 3] = 0.3
-        straight = replace(cell, tool=Tool(1, "t", T, np.array([0.0, 0.0, 1.0])))
+        straight = replace(cell, tools=(Tool(1, "t", T, np.array([0.0, 0.0, 1.0])),))
         result = plan(row_of_holes(make_path, n=3), straight)
         assert any(finding.code == "PLN303" for finding in result.findings)
         result = plan(row_of_holes(make_path, n=3), cell)
@@ -283,7 +283,7 @@ def test_fixture_in_the_way(make_cell, make_path):
     post = MeshPlacement("post", T, size=np.array([0.6, 0.1, 0.6]))
     drill = MeshPlacement("drill", np.eye(4), size=np.array([0.05, 0.05, 0.05]))
     cell = make_cell()
-    cell = replace(cell, obstacles=(post,), tool=replace(cell.tool, meshes=(drill,)))
+    cell = replace(cell, obstacles=(post,), tools=(replace(cell.tool, meshes=(drill,)),))
     result = plan(toolpath, cell)
     check_invariants(result, cell)
     assert not result.errors
@@ -422,7 +422,7 @@ def test_workpiece_frame_moves_everything(make_cell, make_path, no_scene):
     T[:3, 3] = [0.3, -0.2, 0.5]
     R, p = T[:3, :3].T, T[:3, 3]
     moved = replace(toolpath, points=(toolpath.points - p) @ R.T, axes=toolpath.axes @ R.T)
-    shifted = replace(cell, workpiece=Workpiece(1, T))
+    shifted = replace(cell, bases=(Workpiece(1, T),))
     one = plan(toolpath, cell, PlanOptions(strategy="each"))
     two = plan(moved, shifted, PlanOptions(strategy="each"))
     assert np.allclose(one.stiffness, two.stiffness, rtol=0.02)

@@ -38,7 +38,7 @@ def crowded(make_cell, make_path, seed):
     T[:3, 3] = [0.0, 0.0, 0.18]
     head = MeshPlacement("head", T, radius=0.06, length=0.36)
     cell = make_cell(optimize={"step": 20.0 * DEG}, options={"turns": seed % 2 == 0})
-    cell = replace(cell, obstacles=tuple(boxes), tool=replace(cell.tool, meshes=(head,)))
+    cell = replace(cell, obstacles=tuple(boxes), tools=(replace(cell.tool, meshes=(head,)),))
     cell, settings = settle(cell, PlanOptions())
     problem = problem_of(toolpath, cell, settings)
     scene = Scene.build(cell, problem.kinematics)

@@ -30,9 +30,9 @@ def test_shift_of_the_workpiece(make_cell, make_path):
     size, axis = re.search(r"workpiece ([+-]\d+) mm along ([xyz])", finding.hint).groups()
     T = np.eye(4)
     T["xyz".index(axis), 3] = float(size) * MM
-    assert not plan(toolpath, replace(cell, workpiece=Workpiece(1, T))).errors
+    assert not plan(toolpath, replace(cell, bases=(Workpiece(1, T),))).errors
     T["xyz".index(axis), 3] *= 0.5
-    assert plan(toolpath, replace(cell, workpiece=Workpiece(1, T))).errors
+    assert plan(toolpath, replace(cell, bases=(Workpiece(1, T),))).errors
 
 
 @pytest.mark.usefixtures("no_scene")

@@ -39,7 +39,7 @@ def paper_cell(make_cell, below, ahead, index, options):
         options={"index": index, "strategy": "smooth"} | options,
         limits=Limits(0.0, 0.0, 0.0, np.inf),
     )
-    return replace(cell, tool=Tool(1, "spindle", T, np.array([1.0, 0.0, 0.0])))
+    return replace(cell, tools=(Tool(1, "spindle", T, np.array([1.0, 0.0, 0.0])),))
 
 
 @pytest.mark.usefixtures("no_scene")

@@ -47,7 +47,7 @@ def test_classes_are_those_of_every_posture_checked(make_cell, make_path):
     post = MeshPlacement("post", T, size=np.array([0.5, 0.3, 0.5]))
     head = MeshPlacement("head", np.eye(4), size=np.array([0.2, 0.2, 0.4]))
     cell = make_cell()
-    cell = replace(cell, obstacles=(post,), tool=replace(cell.tool, meshes=(head,)))
+    cell = replace(cell, obstacles=(post,), tools=(replace(cell.tool, meshes=(head,)),))
     toolpath = holes(make_path)
     found = map_of(toolpath, cell)
     cell, settings = settle(cell, PlanOptions())

@@ -109,7 +109,7 @@ def test_brute_force_over_spin_and_tilt(make_cell, make_path, weight):
             "objective": {"axial": 1.0, "tilt": weight, "travel": 0.05},
         },
         options=TILTED | {"refine": False},
-        workpiece=AHEAD,
+        bases=(AHEAD,),
     )
     toolpath = make_path([[0, 0, 0], [0.05, 0, 0], [0.1, 0.04, 0]], UP, [RAPID, LINEAR, LINEAR])
     checker = checker_of(toolpath, *settle(cell, PlanOptions()))
@@ -187,7 +187,7 @@ def axial_stiffness(problem, q, axis):
 def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
     tilts = {"lead_deg": [-8.0, 12.0], "side_tilt_deg": [0.0, 6.0]}
     wishes = {"strategy": strategy, "objective": {"radial": 1.0, "tilt": 0.0}}
-    cell = make_cell(options=wishes | tilts, workpiece=AHEAD)
+    cell = make_cell(options=wishes | tilts, bases=(AHEAD,))
     x = np.linspace(0.0, 0.2, 11)
     points = np.concatenate([np.stack([x, 0 * x, 0 * x], axis=1), [[0.2, 0.1, 0], [0.3, 0.1, 0]]])
     kinds = [RAPID] + [LINEAR] * 10 + [HOLE, HOLE]
@@ -206,6 +206,6 @@ def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
     assert np.allclose(result.T_base_tcp[at_tag, :3, 3], points[:11], atol=1e-12)
     alone = plan(
         make_path(points, UP, kinds, cycle=cycle, cycles=cycles),
-        make_cell(options=wishes, workpiece=AHEAD),
+        make_cell(options=wishes, bases=(AHEAD,)),
     )
     assert np.nanmean(result.stiffness[:11]) > np.nanmean(alone.stiffness[:11])

@@ -119,7 +119,7 @@ def test_a_setup_of_mcsys_has_its_number_for_a_name(read_text):
 
 def test_a_second_work_offset_is_refused_the_first_is_the_part_s(read_text):
     toolpath = reads(read_text, "ZERO/1\nGOTO/0,0,0\nZERO/1\nGOTO/0,0,1\nZERO/2\n")
-    assert [setup.name for setup in toolpath.setups] == ["1", "1", "2"]
+    assert [setup.name for setup in toolpath.setups] == ["1", "2"]
     assert refused(toolpath) == [("ZERO", (7,))]
 
 

@@ -2,14 +2,16 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
 
+from postproc.cell.file import load_cell
 from postproc.cli.app import run
-from postproc.errors import ReadError
+from postproc.errors import CellError, ReadError
 from postproc.model.toolpath import MotionKind
-from postproc.process import word_findings
+from postproc.process import claimed, word_findings
 from postproc.readers import ReadOptions, read
 from postproc.readers.apt.arcs import tangency
 from postproc.readers.apt.finish import straight_neighbours
@@ -30,6 +32,14 @@ REASONS = {
 """Why a file cannot be read as it is: no orientation, or columns that only a person can name."""
 
 
+CELL = """\
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr500_r2830"
+[workpiece]
+frame = { xyz_mm = [1600, 0, 700] }
+"""
+HOME = "[motion]\nhome_deg = [0, -90, 90, 0, 45, 0]\nfeed_mm_min = 600\n[optimize]\nstep_deg = 30\n"
 TOOLS, CUTCOM = "several tools", "--accept-words CUTCOM"
 NEEDS = {
     "az__Dem-target1.apt": (),
@@ -107,16 +117,67 @@ def test_what_each_file_needs_to_pass(corpus):
         toolpath = read(corpus / "apt" / name)
         found = word_findings(toolpath)
         errors = [finding for finding in found if finding.is_error]
-        assert [finding.code for finding in errors] == [
-            {CUTCOM: "WRD001", TOOLS: "WRD002"}[need] for need in needs
-        ], name
-        for need, finding in zip(needs, errors, strict=True):
-            assert need in finding.hint or need is TOOLS
+        assert [finding.code for finding in errors] == ["WRD001"] * (CUTCOM in needs), name
+        assert all(CUTCOM in finding.hint for finding in errors)
         notes = [finding.code for finding in found if not finding.is_error]
         assert ("WRD004" in notes) == (name in NO_SPINDLE), name
         accepted = word_findings(toolpath.accepting(["CUTCOM"]))
-        left = [finding.code for finding in accepted if finding.is_error]
-        assert left == (["WRD002"] if TOOLS in needs else []), name
+        assert not any(finding.is_error for finding in accepted), name
+
+
+def test_files_with_several_tools_need_them_in_the_cell(corpus, tmp_path):
+    """One tool without a claim is refused; the table of inspect, filled in, claims them all."""
+    for name, needs in NEEDS.items():
+        toolpath = read(corpus / "apt" / name)
+        one = tmp_path / "one.toml"
+        one.write_text(CELL + '[tool]\naxis = "+z"\n')
+        if TOOLS not in needs:
+            assert not claimed(toolpath, load_cell(one)).findings, name
+            continue
+        with pytest.raises(CellError, match="is claimed by no tool"):
+            claimed(toolpath, load_cell(one))
+        many = tmp_path / "many.toml"
+        many.write_text(CELL + tools_table(toolpath))
+        claims = claimed(toolpath, load_cell(many))
+        assert not [finding for finding in claims.findings if finding.is_error], name
+        cell = load_cell(many)
+        for tag in (0, len(toolpath) // 2, len(toolpath) - 1):
+            tool = toolpath.tools[toolpath.tool[tag]]
+            assert str(tool.number) in cell.tools[claims.tool[tag]].cam
+        lines = np.asarray(toolpath.line)
+        text = (corpus / "apt" / name).read_text(errors="replace").splitlines()
+        calls = [i for i, line in enumerate(text, 1) if line.startswith("LOAD/TOOL")]
+        for low, high in zip(calls, [*calls[1:], len(text)], strict=True):
+            number = text[low - 1].partition(",")[2].split(",")[0].strip()
+            mine = claims.tool[(lines > low) & (lines < high)]
+            assert {number in cell.tools[tool].cam for tool in mine.tolist()} <= {True}, name
+
+
+@pytest.mark.parametrize("name", ["az__Paralelipipedo-furos.apt", "az__Dem-target2.apt"])
+def test_files_with_several_tools_convert(corpus, tmp_path, capsys, name):
+    cell = tmp_path / "cell.toml"
+    toolpath = read(corpus / "apt" / name)
+    cell.write_text(CELL + tools_table(toolpath) + HOME)
+    source, out = str(corpus / "apt" / name), str(tmp_path / "out")
+    call = ["convert", source, "--cell", str(cell), "-o", out, "--accept-words", "CUTCOM"]
+    assert run([*call, "--name", "part", "--json"]) == 0, capsys.readouterr().err
+    text = "".join(path.read_text() for path in sorted((tmp_path / "out").glob("*.src")))
+    used = {toolpath.tools[index].number for index in toolpath.tool}
+    assert {int(n) for n in re.findall(r"BAS\(#TOOL,(\d+)\)", text)} <= set(range(1, 17))
+    assert {int(n) for n in re.findall(r"PP_TOOL_CHANGE\((\d+)\)", text)} == used
+    capsys.readouterr()
+    check = ["verify", f"{out}/part.src", "--cell", str(cell), "--against", source]
+    assert run([*check, "--accept-words", "CUTCOM", "--json"]) == 0, capsys.readouterr()
+
+
+def tools_table(toolpath):
+    """Return the tools of a file as a cell has them: each of its own length."""
+    numbers = sorted({tool.number for tool in toolpath.tools})
+    return "".join(
+        f'[[tools]]\nnumber = {place}\ncam = ["{number}"]\naxis = "+x"\n'
+        f"frame = {{ xyz_mm = [{100 + 5 * place}, 0, 362] }}\n"
+        for place, number in enumerate(numbers, start=1)
+    )
 
 
 @pytest.mark.parametrize("name", ["az__Dem-target2.apt", "az__lateral-leg-holder.apt"])

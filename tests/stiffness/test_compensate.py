@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Process
-from postproc.compensation.compensate import compensate, solve
+from postproc.compensation.compensate import compensate
 from postproc.compensation.real_arm import RealArm, loads
+from postproc.compensation.solve import solve
 from postproc.errors import DataError
 from postproc.gap import stiffness_tables
 from postproc.gap.robot_model import RobotModel
@@ -220,8 +221,11 @@ def test_frames_of_the_workpiece_do_not_matter(cell, arm, postures, tmp_path):
     name = constant_model(tmp_path / "m.toml")
     turned = replace(
         cell,
-        workpiece=replace(
-            cell.workpiece, T_robroot_base=transform(np.diag([-1.0, -1.0, 1.0]), [2.0, 0.3, 0.1])
+        bases=(
+            replace(
+                cell.workpiece,
+                T_robroot_base=transform(np.diag([-1.0, -1.0, 1.0]), [2.0, 0.3, 0.1]),
+            ),
         ),
     )
     one, two = (compensate(plan_of(c, arm, q), c, name) for c in (cell, turned))

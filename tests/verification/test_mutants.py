@@ -48,6 +48,11 @@ class Text:
         self.lines[at] = changed
         return self
 
+    def every(self, pattern, new):
+        """Replace in all lines that match: a change of tool selects the frames again."""
+        self.lines = [re.sub(pattern, new, line) for line in self.lines]
+        return self
+
     def drop(self, pattern, number=0, count=1):
         at = self.at(pattern, number)
         del self.lines[at : at + count]
@@ -116,14 +121,14 @@ MUTANTS = {
         ),
         "axis",
     ),
-    "wrong tool number": (lambda t: t.sub(r"BAS\(#TOOL,1\)", "BAS(#TOOL,2)"), "frame"),
-    "wrong base number": (lambda t: t.sub(r"BAS\(#BASE,1\)", "BAS(#BASE,3)"), "frame"),
+    "wrong tool number": (lambda t: t.every(r"BAS\(#TOOL,1\)", "BAS(#TOOL,2)"), "frame"),
+    "wrong base number": (lambda t: t.every(r"BAS\(#BASE,1\)", "BAS(#BASE,3)"), "frame"),
     "tool number of no controller": (lambda t: t.sub(r"BAS\(#TOOL,1\)", "BAS(#TOOL,99)"), "KRL110"),
-    "tool not set": (lambda t: t.drop(r"BAS\(#TOOL,1\)"), "KRL109"),
-    "base not set": (lambda t: t.drop(r"BAS\(#BASE,1\)"), "frame"),
+    "tool not set": (lambda t: t.every(r"BAS\(#TOOL,1\)", ""), "KRL109"),
+    "base not set": (lambda t: t.every(r"BAS\(#BASE,1\)", ""), "frame"),
     "base zero": (lambda t: t.sub(r"BAS\(#BASE,1\)", "BAS(#BASE,0)"), "KRL110"),
     "a tool frame of its own": (
-        lambda t: t.sub(r"BAS\(#TOOL,1\)", "$TOOL={X 107.0,Y 0.0,Z 360.0,A 0.0,B 0.0,C 0.0}"),
+        lambda t: t.every(r"BAS\(#TOOL,1\)", "$TOOL={X 107.0,Y 0.0,Z 360.0,A 0.0,B 0.0,C 0.0}"),
         "frame",
     ),
     "an axis value off": (

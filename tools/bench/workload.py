@@ -79,12 +79,14 @@ def workload_cell(
             q_min=limits[:, 0],
             q_max=limits[:, 1],
         ),
-        tool=replace(
-            cell.tool,
-            T_flange_tcp=np.array(scene["flange_to_tcp"]),
-            meshes=solids(files["tool"], T_flange_scene6),
+        tools=(
+            replace(
+                cell.tool,
+                T_flange_tcp=np.array(scene["flange_to_tcp"]),
+                meshes=solids(files["tool"], T_flange_scene6),
+            ),
         ),
-        workpiece=replace(cell.workpiece, meshes=workpiece),
+        bases=(replace(cell.workpiece, meshes=workpiece),),
         obstacles=solids([*files["obst"], *more], np.eye(4)),
     )
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
-from postproc.compensation.compensate import solve
 from postproc.compensation.real_arm import loads
+from postproc.compensation.solve import solve
 from postproc.gap import RobotModel, stiffness_tables
 from postproc.geometry.frames import inverse, rotation_y, transform
 from postproc.kinematics import Kinematics, build

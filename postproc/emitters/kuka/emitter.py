@@ -111,7 +111,9 @@ class _Program:
         """Return the separate modules that the cell asks for."""
         modules = []
         if self.style.setup:
-            body = setup_statements(self.cell, self.templates)
+            used = (self.plan.tool_of_moves, self.plan.base_of_moves)
+            tools, bases = (sorted(set(column.tolist())) for column in used)
+            body = setup_statements(self.cell, tools, bases, self.templates)
             modules.append(self._module(name + SETUP_ENDING, body))
         if self.style.hooks_example:
             modules.append(hooks_module(self.style, self.templates))
@@ -154,13 +156,10 @@ class _Program:
         return dict(found)
 
     def _writer(self, part: Part) -> PartWriter:
-        cell, style = self.cell, self.style
+        style = self.style
         is_named = self.plan.toolpath.names is not None
         points = PointStore(
-            self._status_turn,
-            self._point_name if is_named else None,
-            cell.tool.number,
-            cell.workpiece.number,
+            self._status_turn, self._point_name if is_named else None, self._numbers
         )
         forms = FormWriter(points, style.kss) if style.motion is MotionStyle.FORMS else None
         return PartWriter(
@@ -170,7 +169,7 @@ class _Program:
             style=style,
             events=self.events,
             by_index=self.by_index,
-            values=self._values(),
+            values=self._values,
             points=points,
             forms=forms,
         )
@@ -193,11 +192,18 @@ class _Program:
 
     # ----------------------------------------------------------------------------- the frame
 
-    def _values(self) -> dict[str, object]:
+    def _numbers(self, index: int) -> tuple[int, int]:
+        """Return the numbers of tool and base of a move."""
+        tool, base = self.plan.tool_of_moves[index], self.plan.base_of_moves[index]
+        return self.cell.tools[tool].number, self.cell.bases[base].number
+
+    def _values(self, index: int) -> dict[str, object]:
+        """Return what the frame templates get at a move."""
         style = self.style
+        tool, base = self._numbers(index)
         return {
-            "tool_number": self.cell.tool.number,
-            "base_number": self.cell.workpiece.number,
+            "tool_number": tool,
+            "base_number": base,
             "advance": style.advance,
             "positioner": any(axis.kind == "positioner" for axis in self.cell.external_axes),
             "orientation_speed": style.orientation_speed / DEG,
@@ -211,11 +217,11 @@ class _Program:
             "operations": f"operations: {names}" if names else "",
             "points": f"motions: {len(plan)}",
             "compensation": plan.compensation_note,
-            "tool_name": self.cell.tool.name,
+            "tool_name": self.cell.tools[self.plan.tool_of_moves[0]].name,
         }
 
     def _main(self, body: Sequence[Statement]) -> list[Statement]:
-        values, texts = self._values(), self._texts()
+        values, texts = self._values(0), self._texts()
         return [
             *self.templates.statements("main_head", values, texts),
             *body,
@@ -224,7 +230,7 @@ class _Program:
 
     def _sub(self, number: int, part: Part) -> tuple[list[Statement], list[Statement]]:
         """Return the statements and the data of a sub-program."""
-        values = self._values()
+        values = self._values(part.first)
         title = f"part {number} of {len(self.parts)}: motions {part.first + 1} to {part.stop}"
         texts = {**self._texts(), "part": title}
         writer = self._writer(part)

@@ -49,7 +49,7 @@ class FormWriter:
             Assign("FDAT_ACT", Expr(f"F{name}")),
             Call("BAS", (Enum("PTP_PARAMS"), float(percent))),
         ]
-        head = f"PTP {name} Vel={speed} % {data} {self._frames}"
+        head = f"PTP {name} Vel={speed} % {data} {self._frames(index)}"
         old = f"{_RELEASE},%VPTP,%P 1:PTP, 2:{name}, 3:, 5:{speed}, 7:{data}"
         new = self._params(name, "False", f"MoveDataPtpName={data}", f"VelocityPtp={speed}", "PTP")
         motion = Move(MoveWord.PTP, Expr(f"X{name}"))
@@ -68,7 +68,7 @@ class FormWriter:
             Call("BAS", (Enum("CP_PARAMS"), speed_m_s)),
         ]
         cont = "CONT " if blend else ""
-        head = f"LIN {name} {cont}Vel={speed} m/s {data} {self._frames}"
+        head = f"LIN {name} {cont}Vel={speed} m/s {data} {self._frames(index)}"
         old = f"{_RELEASE},%VLIN,%P 1:LIN, 2:{name}, 3:{''.join(blend)}, 5:{speed}, 7:{data}"
         new = self._params(
             name, str(bool(blend)), f"MoveDataName={data}", f"VelocityPath={speed}", "LIN"
@@ -76,9 +76,9 @@ class FormWriter:
         motion = Move(MoveWord.LIN, Expr(f"X{name}"), blend=blend)
         return self._form(head, old, new, code, motion)
 
-    @property
-    def _frames(self) -> str:
-        return f"Tool[{self.points.tool}] Base[{self.points.base}]"
+    def _frames(self, index: int) -> str:
+        tool, base = self.points.numbers(index)
+        return f"Tool[{tool}] Base[{base}]"
 
     @staticmethod
     def _params(name: str, blending: str, data: str, speed: str, word: str) -> str:

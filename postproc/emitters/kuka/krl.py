@@ -124,8 +124,9 @@ def _points(trace: Trace, paths: Paths) -> FloatArray:
     point = np.array(trace.target[:, :3])
     axes = np.asarray(trace.is_axes)
     if axes.any():
-        cell, kinematics = paths.station.cell, build(paths.station.cell.robot)
+        kinematics = build(paths.station.cell.robot)
         tools = trace.tools[trace.column("tool").astype(np.int64)]
         T_robroot_tcp = kinematics.fk(trace.target[axes]) @ tools[axes]
-        point[axes] = (inverse(cell.T_robroot_base) @ T_robroot_tcp)[:, :3, 3]
+        bases = trace.bases[trace.column("base").astype(np.int64)]
+        point[axes] = (inverse(bases[axes]) @ T_robroot_tcp)[:, :3, 3]
     return point

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from postproc.cell import KrlOptions, MotionStyle, PointPlace
@@ -69,8 +69,8 @@ class PartWriter:
     Args:
         plan: the whole plan; table: its columns; part: the moves of this file.
         style: the cell's choices; events: what events become.
-        by_index: events by the move they come before; values: what the frame templates get.
-        points: the data list of this file; forms: writer of inline forms, None for none.
+        by_index: events by the move they come before; values: what the frame templates get at a
+            move. points: the data list of this file; forms: writer of inline forms, None for none.
     """
 
     plan: Plan
@@ -79,7 +79,7 @@ class PartWriter:
     style: KrlOptions
     events: EventWriter
     by_index: Mapping[int, Sequence[Event]]
-    values: Mapping[str, object]
+    values: Callable[[int], Mapping[str, object]]
     points: PointStore
     forms: FormWriter | None = None
     out: list[Statement] = field(default_factory=list)
@@ -122,6 +122,8 @@ class PartWriter:
         if operation != self._operation:
             self._close_operation()
             self._open_operation(operation)
+        if self._frames_change(index):
+            self._frames(index)
         if index in self.by_index:
             self._events_before(index)
 
@@ -135,6 +137,25 @@ class PartWriter:
             flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
             made = self.events.statements(event, flying=flying)
             (self._pending if flying else self.out).extend(made)
+            if event.kind is EventKind.TOOL_CHANGE and index < len(self.plan):
+                self._frames(index)
+
+    def _frames(self, index: int) -> None:
+        """Select the tool and the base of a move."""
+        self.out += self.events.templates.statements("frames", self.values(index))
+
+    def _frames_change(self, index: int) -> bool:
+        """Return whether tool or base change before a move, and no routine changes the tool.
+
+        Such a routine may select what it needs itself: behind its call both are selected anew. The
+        head of a file selects those of its first move.
+        """
+        if index == self.part.first:
+            return False
+        columns = (self.plan.tool_of_moves, self.plan.base_of_moves)
+        changed = any(int(column[index]) != int(column[index - 1]) for column in columns)
+        events = self.by_index.get(index, ())
+        return changed and all(event.kind is not EventKind.TOOL_CHANGE for event in events)
 
     def _open_operation(self, operation: int) -> None:
         self._operation = operation
@@ -230,6 +251,7 @@ class PartWriter:
             and table.blend_mm[last] > 0.0
             and table.kind[last + 1] != MoveKind.PTP
             and table.operation[last + 1] == table.operation[first]
+            and not self._frames_change(last + 1)
         ):
             last += 1
         return last + 1
@@ -262,7 +284,7 @@ class PartWriter:
     def _restore(self) -> None:
         """Set again what BAS(#CP_PARAMS) and BAS(#PTP_PARAMS) of a form have changed."""
         self.modal.is_disturbed = False
-        self.out += self.events.templates.statements("motion_speeds", self.values)
+        self.out += self.events.templates.statements("motion_speeds", self.values(self.part.first))
 
     def _percent(self, percent: float) -> None:
         if percent != self.modal.percent:

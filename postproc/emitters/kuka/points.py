@@ -25,6 +25,8 @@ from postproc.krl import (
 
 StatusTurn = Callable[[int], tuple[int, int]]
 """Move index to S and T."""
+FrameNumbers = Callable[[int], tuple[int, int]]
+"""Move index to the numbers of tool and base."""
 NO_APPROXIMATION_MM = 100.0
 """APO_DIST of a form without CONT: what the pad itself writes; it is not used then."""
 
@@ -37,13 +39,12 @@ class PointStore:
         status_turn: S and T of the posture in which a move ends.
         point_name: the CAM system's name of the point a move goes to, empty without one; None
             where the CAM file names no points.
-        tool: number of the tool, base: of the base, for FDAT.
+        numbers: of tool and base of a move, for FDAT.
     """
 
     status_turn: StatusTurn
     point_name: Callable[[int], str] | None
-    tool: int
-    base: int
+    numbers: FrameNumbers
     declarations: list[Statement] = field(default_factory=list)
     _names: NameAllocator = field(default_factory=NameAllocator)
     _motion_data: dict[tuple[str, Value], str] = field(default_factory=dict)
@@ -56,9 +57,10 @@ class PointStore:
     def form_point(self, index: int, target: Pose) -> str:
         """Put the point of a form with its tool and base into the list; return it without X."""
         name = self._point(index, target)
+        tool, base = self.numbers(index)
         frames = (
-            ("TOOL_NO", self.tool),
-            ("BASE_NO", self.base),
+            ("TOOL_NO", tool),
+            ("BASE_NO", base),
             ("IPO_FRAME", Enum("BASE")),
             ("POINT2[]", Text(" ")),
         )

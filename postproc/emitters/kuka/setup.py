@@ -7,9 +7,10 @@ in the cell is what counts.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, KrlOptions
+from postproc.cell import Cell, KrlOptions, Tool
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.geometry import kuka_from_transform
 from postproc.krl import Aggregate, KrlModule, Pose, Statement, value_text
@@ -21,21 +22,34 @@ SETUP_ENDING = "_SETUP"
 """Behind the program's name: the module that enters tool, base and load data."""
 
 
-def setup_statements(cell: Cell, templates: TemplateSet) -> list[Statement]:
-    """Return the body of the set-up module; errors as ``TemplateSet.statements``."""
-    load = _load(cell)
-    values: dict[str, object] = {
-        "tool_number": cell.tool.number,
-        "base_number": cell.workpiece.number,
-        "tool_frame": value_text(_frame(cell.tool.T_flange_tcp)),
-        "base_frame": value_text(_frame(cell.robot.T_world_robroot @ cell.T_robroot_base)),
-        "load": "" if load is None else value_text(load),
-    }
-    texts = {
-        "tool_name": f"tool: {cell.tool.name}",
-        "load_note": "" if load is not None else _load_note(cell),
-    }
-    return templates.statements("setup", values, texts)
+def setup_statements(
+    cell: Cell, tools: Sequence[int], bases: Sequence[int], templates: TemplateSet
+) -> list[Statement]:
+    """Return the body of the set-up module; errors as ``TemplateSet.statements``.
+
+    Args:
+        cell: all tools and bases.
+        tools: indices of those that the program uses.
+        bases: likewise.
+        templates: of the cell.
+    """
+    statements = templates.statements("setup", {})
+    for index in tools:
+        tool = cell.tools[index]
+        load = _load(tool)
+        values: dict[str, object] = {
+            "tool_number": tool.number,
+            "tool_frame": value_text(_frame(tool.T_flange_tcp)),
+            "load": "" if load is None else value_text(load),
+        }
+        texts = {"tool_name": f"tool: {tool.name}", "load_note": _load_note(tool)}
+        statements += templates.statements("setup_tool", values, texts)
+    for index in bases:
+        base = cell.bases[index]
+        T_world_base = cell.robot.T_world_robroot @ base.T_robroot_base
+        values = {"base_number": base.number, "base_frame": value_text(_frame(T_world_base))}
+        statements += templates.statements("setup_base", values)
+    return statements
 
 
 def hooks_module(style: KrlOptions, templates: TemplateSet) -> KrlModule:
@@ -49,16 +63,15 @@ def _frame(T: FloatArray) -> Pose:
     return Pose(x, y, z, a, b, c)
 
 
-def _load(cell: Cell) -> Aggregate | None:
-    """Return LOAD_DATA, None if mass, centre of gravity or inertia is not known.
+def _load(tool: Tool) -> Aggregate | None:
+    """Return LOAD_DATA, None if mass or centre of gravity is not known.
 
-    An inertia of 0 would be taken for a point mass, so none is made up.
+    An inertia that nobody has measured is 0: that of a mass in one point.
     """
-    tool, inertia = cell.tool, cell.krl.inertia
-    if math.isnan(tool.mass) or tool.com is None or inertia is None:
+    if math.isnan(tool.mass) or tool.com is None:
         return None
     x, y, z = (float(v) / MM for v in tool.com)
-    jx, jy, jz = inertia
+    jx, jy, jz = (0.0, 0.0, 0.0) if tool.inertia is None else tool.inertia
     return Aggregate(
         (
             ("M", float(tool.mass)),
@@ -68,8 +81,12 @@ def _load(cell: Cell) -> Aggregate | None:
     )
 
 
-def _load_note(cell: Cell) -> str:
-    tool = cell.tool
+def _load_note(tool: Tool) -> str:
+    """Return what of the load is not known, empty if all is."""
+    if not math.isnan(tool.mass) and tool.com is not None:
+        if tool.inertia is None:
+            return "the inertia is not known: as of a mass in one point, enter the measured one"
+        return ""
     known = []
     if not math.isnan(tool.mass):
         known.append(f"mass {tool.mass:g} kg")
@@ -83,6 +100,5 @@ def _load_note(cell: Cell) -> str:
         )
         if absent
     ]
-    missing.append("inertia")
     have = f", from the cell: {', '.join(known)}" if known else ""
     return f"enter by hand: not known {', '.join(missing)}{have}"

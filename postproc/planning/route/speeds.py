@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
@@ -235,7 +234,7 @@ def _durations(
     duration[alone] = line_time(length[alone], np.maximum(speed[alone], SLOWEST))
     group = np.cumsum(starts)
     chained = np.nonzero(path & ~(starts & stop))[0]
-    for low, high in _runs(group[chained]):
+    for low, high in runs(group[chained]):
         rows = chained[low:high]
         way = np.concatenate([[0.0], np.cumsum(length[rows])])
         cap = np.maximum(speed[rows], SLOWEST)
@@ -243,12 +242,3 @@ def _durations(
     turned = np.zeros(len(table))
     turned[1:] = np.abs(np.diff(table.q[:, :], axis=0)).max(axis=1) / ORIENTATION_SPEED
     return np.where(path & (length <= _SHORT), np.maximum(duration, turned), duration)
-
-
-def _runs(labels: IndexArray) -> list[tuple[int, int]]:
-    """Return the stretches [low, high) of equal labels."""
-    if not len(labels):
-        return []
-    edges = np.nonzero(np.diff(labels))[0] + 1
-    bounds = [0, *edges.tolist(), len(labels)]
-    return list(itertools.pairwise(bounds))

@@ -21,18 +21,17 @@ MakeChecker = Callable[[Cell], Checker]
 def cell_at(cell: Cell, values: FloatArray) -> Cell:
     """Return the cell with its external axes at values (k,) [m or rad], as one without them."""
     T_world_robroot = np.asarray(cell.robot.T_world_robroot)
-    T_world_base = T_world_robroot @ cell.T_robroot_base
+    turned = np.eye(4)
     for axis, value in zip(cell.external_axes, values.tolist(), strict=True):
         if axis.kind == "rail":
             T_world_robroot = transform(np.eye(3), value * axis.axis) @ T_world_robroot
         else:
             R = rotation_about(axis.axis, np.array(value))
             origin = axis.T_world_axis[:3, 3]
-            T_world_base = transform(R, origin - R @ origin) @ T_world_base
+            turned = transform(R, origin - R @ origin) @ turned
     robot = replace(cell.robot, T_world_robroot=T_world_robroot)
-    T_robroot_base = inverse(T_world_robroot) @ T_world_base
-    workpiece = replace(cell.workpiece, T_robroot_base=T_robroot_base)
-    return replace(cell, robot=robot, workpiece=workpiece, external_axes=())
+    shift = inverse(T_world_robroot) @ turned @ np.asarray(cell.robot.T_world_robroot)
+    return replace(cell.rebased(lambda T: shift @ T), robot=robot, external_axes=())
 
 
 @dataclass(frozen=True, slots=True)

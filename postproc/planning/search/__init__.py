@@ -1,6 +1,6 @@
 """The best sequence of states."""
 
-from postproc.planning.search.external_axes import plan_with_external_axes
+from postproc.planning.search.external_axes import plan_with_external_axes, travel_moves
 from postproc.planning.search.keytags import arc_length, key_tags
 from postproc.planning.search.rungs import step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
@@ -14,4 +14,5 @@ __all__ = [
     "ordered_by_place",
     "plan_with_external_axes",
     "step_rules",
+    "travel_moves",
 ]

@@ -208,7 +208,9 @@ def _joined(
         here = replace(part.within(toolpath, low), external=external)
         findings += here.findings
         if before is not None and len(here):
-            pieces.append(_between(cell, before, here, make_checker, findings))
+            between = travel_moves(cell, before, here, make_checker)
+            findings += between.findings
+            pieces.append(between)
         pieces.append(here)
         before = here if len(here) else before
     whole = Plan.concat(pieces)
@@ -216,14 +218,12 @@ def _joined(
     return replace(whole, findings=tuple(dict.fromkeys(findings)), settings=settings)
 
 
-def _between(
-    cell: Cell,
-    before: Plan,
-    after: Plan,
-    make_checker: MakeChecker,
-    findings: list[Finding],
-) -> Plan:
-    """Return the moves from one position to the next: to a travel pose, the axes, and on."""
+def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecker) -> Plan:
+    """Return the moves from one position to the next: to a travel pose, the axes, and on.
+
+    What stands in their way is among the findings of the plan.
+    """
+    findings: list[Finding] = []
     places = before.external[-1], after.external[0]
     q_from, q_to, tag = before.q[-1], after.q[0], int(after.tag[0])
     travel = travel_between(cell, q_from, q_to, places, make_checker)
@@ -271,6 +271,7 @@ def _between(
         aux=np.full((k, 3), np.nan),
         external=where,
         events=(),
+        findings=tuple(findings),
     )
 
 

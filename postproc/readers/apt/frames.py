@@ -25,7 +25,9 @@ def msys_statement(state: AptState, statement: Statement, line: int) -> None:
     numbers = _all_numbers(state, statement, line, _FRAME_NUMBERS)
     x, y = np.array(numbers[3:6]), np.array(numbers[6:9])
     R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, line, statement.text)
-    state.set_frame(R, np.array(numbers[:3]) * state.scale)
+    origin = np.array(numbers[:3]) * state.scale
+    state.set_frame(R, origin)
+    state.setups.place("MSYS", line, R, origin, carried=True)
 
 
 def origin_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -49,7 +51,9 @@ def origin_statement(state: AptState, statement: Statement, line: int) -> None:
             "points are taken as they stand", "--dialect catia if the points are to be moved by it",
         )  # fmt: skip
         return
-    state.set_frame(R, np.array(numbers[:3]) * state.scale)
+    origin = np.array(numbers[:3]) * state.scale
+    state.set_frame(R, origin)
+    state.setups.place("ORIGIN", line, R, origin, carried=True)
 
 
 def mcsys_statement(state: AptState, statement: Statement, line: int) -> None:
@@ -85,8 +89,8 @@ def _name_setup(
     R = rotation(np.column_stack([x, y, np.cross(x, y)]), state.faults, line)
     matrix = np.column_stack([R, np.array(origin) * state.scale])
     rows = tuple(tuple((row + 0.0).tolist()) for row in matrix)
-    setup = CamSetup(name, line, rows)
-    state.setups.append(setup)
+    setup = CamSetup(name, line, rows, aliases=(f"{word}_{name}",) if name != word else ())
+    state.setups.call(setup)
     if not setup.is_identity:
         state.uses.refuse(
             word, WordClass.COORDINATES, line,
@@ -99,8 +103,8 @@ def zero_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle ZERO/n (MANUSnc): the number of a work offset; one alone is the part's own."""
     (number,) = _all_numbers(state, statement, line, 1)
     name = f"{number:g}"
-    offsets = {setup.name for setup in state.setups if setup.matrix is None}
-    state.setups.append(CamSetup(name, line))
+    offsets = {setup.name for setup in state.setups.setups if setup.matrix is None}
+    state.setups.call(CamSetup(name, line, aliases=(f"ZERO_{name}",)))
     if offsets - {name}:
         state.uses.refuse(
             "ZERO", WordClass.COORDINATES, line,
@@ -113,6 +117,7 @@ def csys_statement(state: AptState, statement: Statement, line: int) -> None:
     numbers = _all_numbers(state, statement, line, _MATRIX_NUMBERS)
     matrix = np.array(numbers).reshape(3, ROW)
     R = rotation(matrix[:, :3], state.faults, line, statement.text)
+    state.setups.place("CSYS", line, R, matrix[:, 3] * state.scale, carried=False)
     if state.dialect.axis_rule is AxisRule.SETUP:
         state.set_axis(*R[:, 2].tolist())
     elif not np.allclose(matrix, np.eye(3, ROW), atol=1e-9):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model import CamSetup, CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.arctext import FREE
 from postproc.readers.apt.byturns import ByTurns
@@ -17,7 +17,7 @@ from postproc.readers.apt.heights import Heights
 from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.resolve import resolve_points
-from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, TiltedTable
+from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, SetupTable, TiltedTable
 from postproc.readers.apt.tools import ToolTable
 from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
@@ -127,7 +127,7 @@ class AptState:
         self.uses = WordUses()
         self.centre_points = False
         """Whether the file says that its points are those of the tool centre."""
-        self.setups: list[CamSetup] = []
+        self.setups = SetupTable()
         self.homes: list[tuple[int, int]] = []
         """Tag before which, and line where, GOHOME stands."""
         self.words: Counter[str] = Counter()

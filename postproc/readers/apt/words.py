@@ -53,7 +53,10 @@ def comment(state: AptState, text: str, line: int) -> None:
     elif state.matrix.is_open:
         frame = state.matrix.row(body, state.faults)
         if frame is not None:
-            state.set_frame(frame[0], frame[1] * state.scale)
+            R, origin = frame[0], frame[1] * state.scale
+            state.set_frame(R, origin)
+            name = state.matrix.name.lstrip("*").strip()
+            state.setups.place("CATIA", line, R, origin, carried=True, name=name)
     elif body.startswith("->"):
         _creo_comment(state, body[2:], line)
     elif body.upper() == _NX_CENTRE:

@@ -51,6 +51,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "feed": ("feed", "feedrate", "f", "vorschub"),
     "operation": ("operation", "op", "process", "step", "bearbeitung"),
     "tool": ("tool", "toolnumber", "toolno", "t", "werkzeug"),
+    "base": ("base", "setup", "workoffset", "werkstueck", "basis"),
     "clearance": ("clearance", "approach", "safety", "rapto"),
     "retract": ("retract", "retraction", "rtrcto"),
     "dwell": ("dwell", "dwelltime"),
@@ -82,7 +83,7 @@ _ROLE = {name: role for role, names in NAMES.items() for name in names}
 _POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
 LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
 _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
-TEXT_ROLES = frozenset({"id", "operation", "motion"})
+TEXT_ROLES = frozenset({"id", "operation", "motion", "tool", "base"})
 POSITION = ("x", "y", "z")
 NORMAL = ("i", "j", "k")
 _HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
@@ -175,7 +176,8 @@ def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults)
         raise faults.error(
             "CSV011",
             f"--columns: {unknown[0]!r} is no column, known are x y z i j k a b c roll pitch yaw "
-            "qw qx qy qz id depth diameter feed operation tool clearance retract dwell peck motion "
+            "qw qx qy qz id depth diameter feed operation tool base clearance retract dwell peck "
+            "motion "
             "and - for one to leave out",
             1,
         )

@@ -1,14 +1,13 @@
-"""Rows of a point list to motions: which are holes, their drill cycles, operations and tools."""
+"""Rows of a point list to motions: which are holes, and their drill cycles."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
-from postproc.model import CamTool, Cycle, CycleKind, Event, EventKind, MotionKind, Operation
+from postproc.model import Cycle, CycleKind, MotionKind
 from postproc.readers.text import Faults
 from postproc.units import MM
 
@@ -136,49 +135,3 @@ def _cycle(row: list[float]) -> Cycle:
         dwell=dwell,
         diameter=diameter if diameter >= 0.0 else float("nan"),
     )
-
-
-def operation_runs(
-    names: list[str] | None, line: IntArray
-) -> tuple[IntArray, tuple[Operation, ...]]:
-    """Return the operation (n,) of each row; an empty name goes on with the one before."""
-    n = len(line)
-    if names is None:
-        return np.full(n, _NONE, dtype=np.int32), ()
-    runs: list[Operation] = []
-    index: list[int] = []
-    for name, same in groupby(names):
-        if name and not (runs and runs[-1].name == name):
-            runs.append(Operation(name, int(line[len(index)])))
-        index += [len(runs) - 1] * sum(1 for _ in same)
-    return np.array(index, dtype=np.int32), tuple(runs)
-
-
-def tool_calls(
-    numbers: FloatArray | None, line: IntArray, faults: Faults
-) -> tuple[IntArray, tuple[CamTool, ...], tuple[Event, ...]]:
-    """Return the tool (n,) of each row, the distinct tools, and an event for every change.
-
-    Raises:
-        ReadError: CSV033 for a number that no tool can have.
-    """
-    n = len(line)
-    if numbers is None:
-        return np.full(n, _NONE, dtype=np.int32), (), ()
-    wrong = np.flatnonzero(~np.isnan(numbers) & ((numbers < 0) | (numbers != np.round(numbers))))
-    if len(wrong):
-        raise faults.error("CSV033", "a tool number must be whole", int(line[wrong[0]]))
-    known = ~np.isnan(numbers)
-    distinct, index = np.unique(numbers[known], return_inverse=True)
-    column = np.full(n, _NONE, dtype=np.int32)
-    column[known] = index.reshape(-1)
-    changes = np.flatnonzero(np.diff(column, prepend=_NONE) != 0)
-    first = {int(column[row]): int(line[row]) for row in changes[::-1].tolist()}
-    tools = tuple(
-        CamTool(int(number), line=first.get(i, 1)) for i, number in enumerate(distinct.tolist())
-    )
-    events = tuple(
-        Event(row, EventKind.TOOL_CHANGE, float(numbers[row]), "", int(line[row]))
-        for row in changes.tolist()
-    )
-    return column, tools, events

@@ -21,6 +21,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import MotionKind, ToolPath
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
+from postproc.readers.csv.calls import operation_runs, setup_calls, tool_calls
 from postproc.readers.csv.columns import (
     LENGTH_ROLES,
     NORMAL,
@@ -31,7 +32,7 @@ from postproc.readers.csv.columns import (
     column_of,
     columns_of,
 )
-from postproc.readers.csv.holes import HoleColumns, motion_kinds, operation_runs, tool_calls
+from postproc.readers.csv.holes import HoleColumns, motion_kinds
 from postproc.readers.csv.orientation import rotations_from, unit_rows
 from postproc.readers.csv.repeats import merged_repeats
 from postproc.readers.csv.table import (
@@ -49,6 +50,10 @@ from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 FAR_AWAY = 50.0
 """Farther from the origin than this [m] no workpiece of a robot cell lies."""
 SEPARATORS = (";", "\t", ",", " ")
+MODAL_TEXTS = frozenset({"motion", "tool", "base"})
+"""An empty field of these repeats the row before."""
+KEYS = ("operation", "tool", "base")
+"""Rows of one name that differ in these are not repeated measurements."""
 SURE = 0.45
 """Below what a reader says that knows its own words."""
 
@@ -138,8 +143,8 @@ def _joined(columns: list[Column], parts: list[Rows], faults: Faults) -> _Column
         joined.numbers[role] = values
     for column in texts:
         joined.texts[columns[column].role] = [text for part in parts for text in part.texts[column]]
-    if "motion" in joined.texts:
-        joined.texts["motion"] = list(accumulate(joined.texts["motion"], _last_given))
+    for role in MODAL_TEXTS & set(joined.texts):
+        joined.texts[role] = list(accumulate(joined.texts[role], _last_given))
     return joined
 
 
@@ -183,7 +188,8 @@ def _toolpath(
     points = np.column_stack([lengths[role] for role in POSITION])
     names, operations = data.texts.get("id"), data.texts.get("operation")
     rows: IndexArray | slice = slice(None)
-    merged = merged_repeats(names, operations, points, data.line, faults) if names else None
+    others = [data.texts[role] for role in KEYS if role in data.texts]
+    merged = merged_repeats(names, others, points, data.line, faults) if names else None
     if merged is not None:
         points, rows = merged
     line = data.line[rows]
@@ -192,8 +198,8 @@ def _toolpath(
     holes = _hole_columns(data, lengths, rows)
     kind, cycle, cycles = motion_kinds(holes, line, faults)
     operation, runs = operation_runs(_texts_of(operations, rows), line)
-    numbers = data.numbers["tool"][rows] if "tool" in data.numbers else None
-    tool, tools, events = tool_calls(numbers, line, faults)
+    tool, tools, events = tool_calls(_texts_of(data.texts.get("tool"), rows), line, faults)
+    setup, setups = setup_calls(_texts_of(data.texts.get("base"), rows), line)
     kept_names = _texts_of(names, rows)
     return ToolPath(
         path=path,
@@ -214,6 +220,8 @@ def _toolpath(
         tools=tools,
         cycles=cycles,
         events=events,
+        setup=setup,
+        setups=setups,
         rotations=rotations,
         names=tuple(kept_names) if kept_names else None,
         extra={} if holes.diameter is None else {"diameter": holes.diameter},

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
@@ -13,16 +15,17 @@ SPREAD = 1.0 * MM
 
 
 def merged_repeats(
-    names: list[str], operations: list[str] | None, points: FloatArray, line: IntArray,
+    names: list[str], others: Sequence[list[str]], points: FloatArray, line: IntArray,
     faults: Faults,
 ) -> tuple[FloatArray, IndexArray] | None:  # fmt: skip
     """Return the mean point of each name and the first row of each, None if no name repeats.
 
-    Rows without a name stay as they are, and one hole may stand in several operations.
+    Rows without a name stay as they are, and one hole may stand in several operations, with several
+    tools and in several bases.
 
     Args:
         names: of the n rows.
-        operations: of the n rows, None without such a column.
+        others: columns of the n rows that tell rows of one name apart.
         points: (n, 3) [m].
         line: (n,) source lines.
         faults: for the warning and the error.
@@ -30,9 +33,9 @@ def merged_repeats(
     Raises:
         ReadError: CSV040 if rows of one name are far apart.
     """
-    if len(set(names)) == len(names) and "" not in names:
+    keys = list(zip(names, *others, strict=True))
+    if len(set(keys)) == len(names) and "" not in names:
         return None
-    keys = list(zip(names, operations, strict=True)) if operations is not None else names
     index: dict[object, int] = {}
     group = np.array(
         [

@@ -26,13 +26,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
 from postproc.geometry import angle_between
 from postproc.model import MotionKind, ToolPath
-from postproc.paths import Displacement
+from postproc.paths import Displacement, Station
+from postproc.process import Claims, claimed
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
@@ -43,7 +44,7 @@ from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
 
 _FAR = 1e9
-"""Where a motion goes that goes nowhere."""
+"""Where a motion ends that cannot serve a tag [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +119,11 @@ def compare(
         real = real_paths(paths, cell, toolpath, displacement)
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
+    claims = claimed(toolpath, cell)
+    own[[stretch.low for stretch in claims.stretches()]] = True
     moving = np.where(stands(paths)[:, None], _FAR, _visited(real))
-    visits = match(wanted.point, moving, tolerances.position, own, real.case)
+    visited, case = _by_frames(moving, real.case, claims, paths.station)
+    visits = match(wanted.point, visited, tolerances.position, own, case)
     served = visits.first
     comparison = Comparison(
         wanted,
@@ -133,7 +137,7 @@ def compare(
         None if displacement is None else np.zeros(n),
     )
     tilts = Tilts.of(toolpath, cell)
-    _points(result, comparison, toolpath, tolerances, tilts)
+    _points(result, comparison, claims, cell, tolerances, tilts)
     path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
     feeds = Feeds(result, toolpath, cell)
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
@@ -152,6 +156,24 @@ def _visited(real: RealPaths) -> FloatArray:
     return np.where(np.isfinite(points), points, _FAR)
 
 
+def _by_frames(
+    visited: FloatArray, case: IntArray, claims: Claims, station: Station
+) -> tuple[FloatArray, IntArray]:
+    """Return the end points by load, tool and base, far away where these are others, and cases.
+
+    A tag is served with the tool and in the base that the file means, or not at all.
+    """
+    wanted = np.stack([case, claims.tool, claims.base])
+    distinct, number = np.unique(wanted, axis=1, return_inverse=True)
+    if distinct.shape[1] < 2 and len(station.cell.tools) == len(station.cell.bases) == 1:
+        return visited, case
+    own = [
+        np.where(((station.tool == tool) & (station.base == base))[:, None], visited[load], _FAR)
+        for load, tool, base in distinct.T.tolist()
+    ]
+    return np.stack(own), number.reshape(-1).astype(np.int32)
+
+
 def _relative(result: Result, serves: BoolArray) -> None:
     """Report relative motions that serve nothing: the file has none, and they shift the arm."""
     trace = result.paths.trace
@@ -166,10 +188,12 @@ def _relative(result: Result, serves: BoolArray) -> None:
 def _points(
     result: Result,
     comparison: Comparison,
-    toolpath: ToolPath,
+    claims: Claims,
+    cell: Cell,
     tolerances: Tolerances,
     tilts: Tilts,
 ) -> None:
+    toolpath = claims.toolpath
     paths, wanted, served = result.paths, comparison.wanted, comparison.served
     found = np.flatnonzero(served >= 0)
     if len(found):
@@ -188,7 +212,7 @@ def _points(
             value = float(comparison.tilt[most] / DEG)
             result.measure("tilt", value, "deg", int(served[most]))
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
-    _missed(result, comparison, toolpath, tolerances.position, tilts)
+    _missed(result, comparison, claims, cell, tolerances.position, tilts)
 
 
 def _measure_points(result: Result, comparison: Comparison, found: AnyIntArray) -> None:
@@ -214,9 +238,15 @@ def _wrong_axes(
 
 
 def _missed(
-    result: Result, comparison: Comparison, toolpath: ToolPath, tolerance: float, tilts: Tilts
+    result: Result,
+    comparison: Comparison,
+    claims: Claims,
+    cell: Cell,
+    tolerance: float,
+    tilts: Tilts,
 ) -> None:
     """Report tags that no motion goes to, with how far off the program is there."""
+    toolpath, station = claims.toolpath, result.paths.station
     served, wanted, paths = comparison.served, comparison.wanted, result.paths
     lost = np.flatnonzero(served < 0)
     if not len(lost):
@@ -243,11 +273,26 @@ def _missed(
         comparison.axis_error[row] = float(error[0])
         if number < AT_MOST:
             kind, text = _how(wanted, row, visited, nearest, tolerance)
+            used = int(station.tool[nearest]), int(station.base[nearest])
+            asked = int(claims.tool[row]), int(claims.base[row])
+            if used != asked and gap.min() <= tolerance:
+                kind, text = _other_tool(cell, used, asked)
             result.finding(kind, nearest, f"tag {_tag(toolpath, row)}: {text}" + _more(len(lost)))
     worst = int(lost[int(comparison.position_error[lost].argmax())])
     if np.isfinite(comparison.position_error[worst]):
         value = float(comparison.position_error[worst] / MM)
         result.measure("position", value, "mm", min(int(max(before[worst], 0)), len(paths) - 1))
+
+
+def _other_tool(cell: Cell, used: tuple[int, int], asked: tuple[int, int]) -> tuple[RunKind, str]:
+    """Return kind and words: which tool and base go there instead of those that the file means."""
+    words = [
+        f"tool {cell.tools[tool].number} in base {cell.bases[base].number}"
+        for tool, base in (used, asked)
+        if tool >= 0 and base >= 0
+    ]
+    wanted = " ".join(words[1:]) or "no such tool"
+    return RunKind.TOOL, f"{words[0]} goes there, the file asks for {wanted}"
 
 
 def _how(

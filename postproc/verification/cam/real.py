@@ -86,7 +86,8 @@ def _in_part(paths: Paths, at_ends: FloatArray, at_samples: FloatArray) -> Float
     external = np.concatenate(
         [paths.external, paths.curves.external_at(paths.row, paths.share, paths.external)]
     )
-    return paths.station.turned_to_part(np.concatenate([at_ends, at_samples]), external)
+    row = np.concatenate([np.arange(len(paths)), paths.row])
+    return paths.station.turned_to_part(np.concatenate([at_ends, at_samples]), external, row)
 
 
 def _moved(paths: Paths, idle: FloatArray, loaded: FloatArray, works: BoolArray) -> Paths:

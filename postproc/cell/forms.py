@@ -1,0 +1,63 @@
+"""Short and long form of tools and setups in a cell file, and the CAM names that they claim."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from postproc.cell.schema import CellFile, ToolTable, WorkpieceTable
+from postproc.errors import CellError
+from postproc.toml import Location, TomlText
+
+_FORMS = (("tool", "tools", "TOOL"), ("workpiece", "bases", "BASE"))
+
+
+def cam_key(name: str | int) -> str:
+    """Return a CAM number or name as it is compared: ``07``, ``7`` and ``7.0`` are one.
+
+    >>> cam_key("007"), cam_key(7), cam_key(" Drill_635 ")
+    ('7', '7', 'DRILL_635')
+    """
+    text = str(name).strip().upper()
+    number = re.fullmatch(r"0*(\d+)(\.0*)?", text)
+    return number[1] if number else text
+
+
+def check_forms(toml: TomlText, file: CellFile) -> None:
+    """Refuse both forms at once, and entries that cannot be told apart.
+
+    Raises:
+        CellError: CEL012 for both forms, CEL013 for one number or CAM name in two entries.
+    """
+    for short, form, what in _FORMS:
+        if form not in file.model_fields_set:
+            continue
+        if short in file.model_fields_set:
+            text = f"both [{short}] and [[{form}]] are given, expected one of them"
+            raise CellError("CEL012", text, toml.source((form,)))
+        entries: Sequence[ToolTable | WorkpieceTable] = getattr(file, form)
+        if not entries:
+            text = f"{form} is empty, expected at least one entry"
+            raise CellError("CEL012", text, toml.source((form,)))
+        _told_apart(toml, form, what, entries)
+    if len(file.tools) > 1 and file.krl.inertia_kg_m2 is not None:
+        at: Location = ("krl", "inertia_kg_m2")
+        text = "krl.inertia_kg_m2 is of one tool: give each of tools its own inertia_kg_m2"
+        raise CellError("CEL012", text, toml.source(at))
+
+
+def _told_apart(
+    toml: TomlText, form: str, what: str, entries: Sequence[ToolTable | WorkpieceTable]
+) -> None:
+    numbers: dict[int, int] = {}
+    claims: dict[str, int] = {}
+    for place, entry in enumerate(entries):
+        other = numbers.setdefault(entry.number, place)
+        if other != place:
+            text = f"{form}: entries {other + 1} and {place + 1} are both {what} {entry.number}"
+            raise CellError("CEL013", text, toml.source((form, place)))
+        for name in entry.cam:
+            other = claims.setdefault(cam_key(name), place)
+            if other != place:
+                text = f"{form}: entries {other + 1} and {place + 1} both claim {str(name)!r}"
+                raise CellError("CEL013", text, toml.source((form, place, "cam")))

@@ -1,0 +1,127 @@
+"""A job of several tools and setups: each stretch planned with its own, joined at a safe posture.
+
+The tool is changed at home, or where the cell has none in a folded posture that is free with every
+tool. Every stretch begins and ends there, so that what happens at a change happens to an arm that
+stands clear of everything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import Cell
+from postproc.errors import CellError, SourceRef
+from postproc.kinematics import build
+from postproc.model import Plan, ToolPath
+from postproc.planning.checks import Checker
+from postproc.planning.search import travel_moves
+from postproc.process import ToolStretch, switched_off
+from postproc.units import DEG
+
+PlanHere = Callable[[ToolPath, Cell], Plan]
+CheckerHere = Callable[[ToolPath, Cell], Checker]
+_FOLDED = (-90.0, 90.0, 0.0, 30.0, 0.0)
+"""A2 to A6 of an arm that keeps close to itself [deg]."""
+_SIDES = (0.0, 90.0, -90.0, 45.0, -45.0, 135.0, -135.0)
+"""A1 of it [deg], tried in turn."""
+
+
+def plan_stretches(
+    toolpath: ToolPath,
+    cell: Cell,
+    stretches: list[ToolStretch],
+    plan_here: PlanHere,
+    checker_here: CheckerHere,
+) -> Plan:
+    """Return the plan of a toolpath; stretches that the cell does not claim are left out.
+
+    Args:
+        toolpath: points in the base of each tag.
+        cell: all tools and bases.
+        stretches: of one tool in one base, all tags in order.
+        plan_here: a stretch, and the cell at work with its tool, to a plan.
+        checker_here: the same to the checks.
+
+    Raises:
+        CellError: PLN210 if no posture to change tools in is found.
+    """
+    known = [stretch for stretch in stretches if stretch.is_claimed]
+    if len(known) < 2 and len(stretches) < 2:
+        tool, base = (known[0].tool, known[0].base) if known else (0, 0)
+        return _with_frames(plan_here(toolpath, cell.with_tool(tool, base)), tool, base)
+    if len(known) > 1:
+        cell = _with_home(cell, known)
+    named = toolpath.named()
+    pieces: list[Plan] = []
+    before: Plan | None = None
+    for stretch in known:
+        here = cell.with_tool(stretch.tool, stretch.base)
+        part = named.rows(np.arange(stretch.low, stretch.high))
+        if _is_left(stretches, stretch):
+            part = switched_off(part)
+        own = plan_here(part, here).within(toolpath, stretch.low)
+        own = _with_frames(own, stretch.tool, stretch.base)
+        if before is not None and len(own) and _has_travelled(before, own):
+            pieces.append(_travel(before, own, cell, part, checker_here))
+        pieces.append(own)
+        before = own if len(own) else before
+    whole = Plan.concat(pieces)
+    return replace(whole, settings={**whole.settings, "stretches": len(known)})
+
+
+def _is_left(stretches: list[ToolStretch], stretch: ToolStretch) -> bool:
+    """Return whether what follows a stretch is left out, with all that it switches off."""
+    following = stretches[stretches.index(stretch) + 1 :]
+    return bool(following) and not following[0].is_claimed
+
+
+def _with_frames(plan: Plan, tool: int, base: int) -> Plan:
+    if (tool, base) == (0, 0):
+        return plan
+    m = len(plan)
+    return replace(plan, tool=np.full(m, tool), base=np.full(m, base))
+
+
+def _has_travelled(before: Plan, after: Plan) -> bool:
+    return not np.array_equal(before.external[-1], after.external[0])
+
+
+def _travel(
+    before: Plan, after: Plan, cell: Cell, part: ToolPath, checker_here: CheckerHere
+) -> Plan:
+    """Return the moves of the external axes between two stretches, with the tool of the first."""
+    tool, base = int(before.tool_of_moves[-1]), int(before.base_of_moves[-1])
+    here = cell.with_tool(tool, base)
+    return _with_frames(
+        travel_moves(here, before, after, lambda standing: checker_here(part, standing)), tool, base
+    )
+
+
+def _with_home(cell: Cell, stretches: list[ToolStretch]) -> Cell:
+    """Return the cell with a posture to change tools in."""
+    if cell.motion.home is not None:
+        return cell
+    from postproc.collision import Scene
+
+    kinematics = build(cell.robot)
+    postures = _folded(cell)
+    free = kinematics.within_limits(postures, cell.limits.joint_margin)
+    for tool in sorted({stretch.tool for stretch in stretches}):
+        free &= ~Scene.shared(cell.with_tool(tool), kinematics).check(postures).hit
+    if not free.any():
+        raise CellError(
+            "PLN210",
+            "no folded posture was found that is free with every tool, to change them in",
+            SourceRef(cell.path),
+            hint="give [motion] home_deg, a posture in which the tools are changed",
+        )
+    home = postures[int(np.argmax(free))]
+    return replace(cell, motion=replace(cell.motion, home=home))
+
+
+def _folded(cell: Cell) -> FloatArray:
+    return np.array([(side, *_FOLDED) for side in _SIDES]) * DEG

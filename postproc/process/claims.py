@@ -1,0 +1,385 @@
+"""Which tool and which base of the cell every tag of a CAM file means.
+
+A CAM file calls tools by numbers and names (LOADTL, TLDATA, tool profiles) and setups by names
+(MSYS, CSYS, object frames). An entry of the cell claims them by its ``cam``. A cell with one tool
+takes a file that never changes the tool as it is; the same holds for setups.
+
+A setup that the file itself places needs no entry: its points are carried by its matrix, into the
+coordinates of the part, or into those of a setup that an entry claims. An entry that claims it
+wins: then the points stay as they are written, and the base lies where the cell says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from postproc.arrays import AnyIntArray, FloatArray, IntArray, runs
+from postproc.cell import Cell, Tool, Workpiece, cam_key
+from postproc.errors import CellError, Finding, Severity, SourceRef
+from postproc.geometry import apply, inverse
+from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolPath, WordUse
+from postproc.units import MM
+
+UNCLAIMED = -1
+SETUP_WORDS = frozenset({"MCSYS", "MCS", "MCS2", "ZERO"})
+"""Words that name a setup of which only a cell can say where the points lie."""
+_MOST_LINES = 12
+_SAME_DIAMETER = 0.01 * MM
+
+
+@dataclass(frozen=True, slots=True)
+class ToolStretch:
+    """Tags [low, high) that one tool serves in one base: indices into those of the cell."""
+
+    low: int
+    high: int
+    tool: int
+    base: int
+
+    @property
+    def is_claimed(self) -> bool:
+        """Whether the cell knows both."""
+        return self.tool >= 0 and self.base >= 0
+
+
+@dataclass(frozen=True, slots=True)
+class Claims:
+    """A toolpath as the tools and bases of a cell serve it.
+
+    ``toolpath``: points and axes in the base of each tag; ``tool``, ``base`` (n,): indices into
+    those of the cell, -1 where no entry claims what the file asks for; ``findings``: what is
+    wrong with that.
+    """
+
+    toolpath: ToolPath
+    tool: IntArray
+    base: IntArray
+    findings: tuple[Finding, ...] = ()
+
+    def stretches(self) -> list[ToolStretch]:
+        """Return the stretches with one tool in one base, in order."""
+        return [
+            ToolStretch(low, high, int(self.tool[low]), int(self.base[low]))
+            for low, high in runs(np.stack([self.tool, self.base]))
+        ]
+
+
+def claimed(toolpath: ToolPath, cell: Cell) -> Claims:
+    """Return what each tag means in a cell; done twice it is as done once.
+
+    Raises:
+        CellError: if no tag at all has a tool and a base, with what the file asks for.
+    """
+    sorter = _Sorter(toolpath, cell)
+    tool, base = sorter.tools(), sorter.bases()
+    if len(toolpath) and not ((tool >= 0) & (base >= 0)).any():
+        worst = next(finding for finding in sorter.findings if finding.is_error)
+        raise CellError(worst.code, worst.message, worst.source, worst.hint)
+    served = sorter.served(tool)
+    findings = (*sorter.findings, *_lost_arcs(served, tool, base))
+    return Claims(served, tool, base, findings)
+
+
+@dataclass(slots=True)
+class _Sorter:
+    """Finds the entries for one toolpath; collects the findings on the way."""
+
+    toolpath: ToolPath
+    cell: Cell
+    findings: list[Finding] = field(default_factory=list)
+    maps: dict[int, FloatArray] = field(default_factory=dict)
+    """Setup to T_base_points (4, 4), where the points have to move."""
+    at_home: set[int] = field(default_factory=set)
+    """Setups that an entry claims."""
+
+    # ----------------------------------------------------------------------------------- tools
+
+    def tools(self) -> IntArray:
+        """Return the tool (n,) of each tag."""
+        toolpath, cell = self.toolpath, self.cell
+        column = np.asarray(toolpath.tool)
+        called = np.unique(column[column >= 0]).tolist()
+        entry = {index: self._tool_of(toolpath.tools[index]) for index in called}
+        if len(cell.tools) == 1 and len(called) < 2:
+            entry = dict.fromkeys(called, 0)
+        for index in called:
+            if entry[index] == UNCLAIMED:
+                self._unclaimed_tool(index)
+            elif entry[index] >= 0:
+                self._compare_diameter(toolpath.tools[index], cell.tools[entry[index]])
+        nobody = self._nobody(column, called)
+        table = np.array([entry.get(index, UNCLAIMED) for index in range(len(toolpath.tools))])
+        return _taken(table, column, nobody)
+
+    def _tool_of(self, tool: CamTool) -> int:
+        names = [tool.name] if tool.name else []
+        names += [str(tool.number)] if tool.number > 0 else []
+        return self._entry(names, self.cell.tools, "WRD021", "tool", tool.line)
+
+    def _nobody(self, column: IntArray, called: list[int]) -> int:
+        """Return the tool of tags before the first call: the only one there can be, or none."""
+        rows = np.flatnonzero(column < 0)
+        if not len(rows) or (len(self.cell.tools) == 1 and len(called) < 2):
+            return 0
+        message = (
+            f"no tool is called before {self._lines(rows)}, and the cell has "
+            f"{len(self.cell.tools)} tools"
+        )
+        self._error("WRD002", message, int(rows[0]), "let the file name the tool of every motion")
+        return UNCLAIMED
+
+    def _unclaimed_tool(self, index: int) -> None:
+        toolpath, tool = self.toolpath, self.toolpath.tools[index]
+        rows = np.flatnonzero(np.asarray(toolpath.tool) == index)
+        name = tool_words(tool)
+        key = tool.name or str(tool.number)
+        self._error(
+            "WRD002",
+            f"{name}, called in line {tool.line}, is claimed by no tool of the cell: "
+            f"{self._lines(rows)}",
+            int(rows[0]),
+            f'give the entry of [[tools]] that means it cam = ["{key}"]; inspect prints the table',
+        )
+
+    def _compare_diameter(self, tool: CamTool, entry: Tool) -> None:
+        if abs(tool.diameter - entry.diameter) > _SAME_DIAMETER:
+            self.findings.append(
+                Finding(
+                    Severity.WARNING,
+                    "WRD022",
+                    f"{tool_words(tool)} has another diameter than the cutter of tool "
+                    f"{entry.number} {entry.name} in the cell, {entry.diameter / MM:g} mm",
+                    source=SourceRef(self.toolpath.path, tool.line),
+                )
+            )
+
+    # ----------------------------------------------------------------------------------- bases
+
+    def bases(self) -> IntArray:
+        """Return the base (n,) of each tag, and remember where its points have to go."""
+        toolpath, cell = self.toolpath, self.cell
+        column = toolpath.setup_of_tags
+        called = np.unique(column[column >= 0]).tolist()
+        entry = {index: self._base_of(toolpath.setups[index]) for index in called}
+        self.at_home = {index for index in called if entry[index] >= 0}
+        for index in self.at_home:
+            self._map(index, _moved_back(toolpath.setups[index]))
+        rest = [index for index in called if entry[index] == UNCLAIMED]
+        if len(cell.bases) == 1 and len(called) < 2:
+            entry = dict.fromkeys(called, 0)
+            rest = []
+        home, T_home_part = self._part_base(entry)
+        for index in rest:
+            if home >= 0 and self._is_placed(index):
+                entry[index] = home
+                self._map(index, T_home_part)
+            else:
+                self._unclaimed_base(index)
+        nobody = self._nowhere(column, home, T_home_part)
+        table = np.array([entry.get(index, UNCLAIMED) for index in range(len(toolpath.setups))])
+        return _taken(table, column, nobody)
+
+    def _base_of(self, setup: CamSetup) -> int:
+        names = [setup.name, *setup.aliases]
+        return self._entry(names, self.cell.bases, "WRD021", "setup", setup.line)
+
+    def _part_base(self, entry: dict[int, int]) -> tuple[int, FloatArray]:
+        """Return the base in which the coordinates of the part are known, and T_base_part.
+
+        That of no setup; else the one whose setups all lie at one place of the part.
+        """
+        bases, setups = self.cell.bases, self.toolpath.setups
+        if len(bases) == 1 and not self.at_home:
+            return 0, np.eye(4)
+        free = [index for index, base in enumerate(bases) if not base.cam]
+        if len(free) == 1:
+            return free[0], np.eye(4)
+        known = [(entry[index], _moved_back(setups[index])) for index in sorted(self.at_home)]
+        if not known or any(base != known[0][0] for base, _ in known):
+            return UNCLAIMED, np.eye(4)
+        same = all(np.allclose(T, known[0][1], atol=1e-9) for _, T in known)
+        return known[0] if same else (UNCLAIMED, np.eye(4))
+
+    def _is_placed(self, index: int) -> bool:
+        return self.toolpath.setups[index].matrix is not None
+
+    def _nowhere(self, column: IntArray, home: int, T_home_part: FloatArray) -> int:
+        """Return the base of tags without a setup: that of the part, or none."""
+        rows = np.flatnonzero(column < 0)
+        if not len(rows):
+            return UNCLAIMED
+        if home >= 0:
+            self._map(UNCLAIMED, T_home_part)
+            return home
+        message = (
+            f"no setup is named for {self._lines(rows)}, and the cell has "
+            f"{len(self.cell.bases)} bases"
+        )
+        hint = "leave cam out of the one base that holds the coordinates of the part"
+        self._error("WRD020", message, int(rows[0]), hint)
+        return UNCLAIMED
+
+    def _unclaimed_base(self, index: int) -> None:
+        setup = self.toolpath.setups[index]
+        rows = np.flatnonzero(self.toolpath.setup_of_tags == index)
+        self._error(
+            "WRD020",
+            f"setup {setup.name}, line {setup.line}, is claimed by no base of the cell: "
+            f"{self._lines(rows)}",
+            int(rows[0]),
+            f'give the entry of [[bases]] that means it cam = ["{setup.name}"]; '
+            "inspect prints the table",
+        )
+
+    def _map(self, index: int, T: FloatArray) -> None:
+        if not np.array_equal(T, np.eye(4)):
+            self.maps[index] = T
+
+    # --------------------------------------------------------------------------------- the path
+
+    def served(self, tool: IntArray) -> ToolPath:
+        """Return the toolpath with points and axes in the base of each tag."""
+        toolpath = self._moved()
+        if toolpath.rotations is not None and len(self.cell.tools) > 1:
+            axis = np.array([entry.axis for entry in self.cell.tools])[tool]
+            axes = -np.einsum("nij,nj->ni", toolpath.rotations, axis) + 0.0
+            toolpath = replace(toolpath, axes=axes)
+        events = tuple(
+            replace(event, value=float(self.cell.tools[tool[event.index]].number))
+            if event.kind is EventKind.TOOL_CHANGE
+            and not event.value
+            and event.index < len(tool)
+            and tool[event.index] >= 0
+            else event
+            for event in toolpath.events
+        )
+        uses = tuple(self._settled_uses())
+        if (events, uses) == (toolpath.events, toolpath.word_uses):
+            return toolpath
+        return replace(toolpath, events=events, word_uses=uses)
+
+    def _moved(self) -> ToolPath:
+        """Return the toolpath with its points moved; its setups say so."""
+        toolpath = self.toolpath
+        if not self.maps:
+            return toolpath
+        column = toolpath.setup_of_tags
+        T = np.stack([self.maps.get(i, np.eye(4)) for i in range(-1, len(toolpath.setups))])
+        T_tag = T[column + 1]
+        R = T_tag[:, :3, :3]
+        rotations = toolpath.rotations
+        of_arc = np.zeros(len(toolpath.arcs), dtype=np.int64)
+        has_arc = np.asarray(toolpath.arc) >= 0
+        of_arc[toolpath.arc[has_arc]] = np.flatnonzero(has_arc)
+        arcs = toolpath.arcs
+        setups = (
+            _served_setup(setup, index in self.at_home, self.maps.get(index))
+            for index, setup in enumerate(toolpath.setups)
+        )
+        return replace(
+            toolpath,
+            points=apply(T_tag, toolpath.points),
+            axes=np.einsum("nij,nj->ni", R, toolpath.axes),
+            rotations=None if rotations is None else R @ rotations,
+            arcs=Arcs(
+                apply(T_tag[of_arc], arcs.centre),
+                np.einsum("nij,nj->ni", R[of_arc], arcs.normal),
+                arcs.radius,
+                arcs.sweep,
+            ),
+            setups=tuple(setups),
+        )
+
+    def _settled_uses(self) -> Iterator[WordUse]:
+        """Yield the words of the file without the refusals that a claimed setup answers."""
+        for use in self.toolpath.word_uses:
+            if not use.refused or use.word not in SETUP_WORDS:
+                yield use
+                continue
+            tags = np.searchsorted(self.toolpath.line, use.lines, side="right")
+            setups = np.append(self.toolpath.setup_of_tags, UNCLAIMED)[tags].tolist()
+            pairs = zip(use.lines, setups, strict=True)
+            left = tuple(line for line, setup in pairs if setup not in self.at_home)
+            if left:
+                yield replace(use, lines=left)
+
+    # ------------------------------------------------------------------------------------- text
+
+    def _entry(
+        self,
+        names: Sequence[str],
+        entries: Sequence[Tool | Workpiece],
+        code: str,
+        what: str,
+        line: int,
+    ) -> int:
+        """Return the entry that claims one of the names; an error if two do."""
+        keys = {cam_key(name) for name in names}
+        found = [index for index, entry in enumerate(entries) if keys & set(entry.cam)]
+        if len(found) > 1:
+            numbers = " and ".join(str(entries[index].number) for index in found)
+            message = f"{what} {' '.join(names)} is claimed by the entries of both {numbers}"
+            source = SourceRef(self.toolpath.path, line)
+            self.findings.append(Finding(Severity.ERROR, code, message, source=source))
+            return UNCLAIMED - 1
+        return found[0] if found else UNCLAIMED
+
+    def _error(self, code: str, message: str, tag: int, hint: str) -> None:
+        source = self.toolpath.source(tag)
+        self.findings.append(Finding(Severity.ERROR, code, message, tag, source, hint=hint))
+
+    def _lines(self, rows: AnyIntArray) -> str:
+        """Return the lines of tags as ``12 motions in lines 7 to 18, 40 to 52``."""
+        groups = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+        line = np.asarray(self.toolpath.line)
+        shown = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups[:_MOST_LINES]]
+        more = f" and {len(groups) - _MOST_LINES} more" if len(groups) > _MOST_LINES else ""
+        return f"{len(rows)} motions in lines {', '.join(shown)}{more}"
+
+
+def tool_words(tool: CamTool) -> str:
+    """Return a CAM tool as ``tool 7 DRILL (D 6.35 mm)``."""
+    number = f"tool {tool.number}" if tool.number > 0 else "tool"
+    name = f" {tool.name}" if tool.name else ""
+    size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
+    return f"{number}{name}{size}"
+
+
+def _taken(table: IntArray, column: IntArray, nobody: int) -> IntArray:
+    """Return the entries (n,) of tags; those of no call have ``nobody``."""
+    entries = np.maximum(np.append(table, nobody), UNCLAIMED)
+    return np.asarray(entries[column], dtype=np.int32)
+
+
+def _moved_back(setup: CamSetup) -> FloatArray:
+    """Return T_setup_points (4, 4): from the points of a toolpath to the setup's own."""
+    if not setup.carried or setup.matrix is None:
+        return np.eye(4)
+    return np.asarray(inverse(np.vstack([setup.matrix, [0.0, 0.0, 0.0, 1.0]])))
+
+
+def _served_setup(setup: CamSetup, is_claimed: bool, T: FloatArray | None) -> CamSetup:
+    if is_claimed:
+        return replace(setup, carried=False)
+    if T is None or setup.matrix is None:
+        return setup
+    matrix = (T @ np.vstack([setup.matrix, [0.0, 0.0, 0.0, 1.0]]))[:3]
+    return replace(setup, matrix=tuple(tuple(row) for row in matrix.tolist()))
+
+
+def _lost_arcs(toolpath: ToolPath, tool: IntArray, base: IntArray) -> Iterator[Finding]:
+    """Yield the arcs that begin where tool or base change: their way has no start."""
+    changes = [low for low, _ in runs(np.stack([tool, base]))][1:]
+    for tag in changes:
+        if toolpath.kind[tag] == MotionKind.ARC:
+            yield Finding(
+                Severity.ERROR,
+                "WRD023",
+                "an arc begins where the tool or the base changes",
+                tag,
+                toolpath.source(tag),
+                hint="let the CAM system move to the start of the arc behind the change",
+            )

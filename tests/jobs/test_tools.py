@@ -1,0 +1,276 @@
+"""Jobs of several tools and setups: from the CAM file to the checked program, and back."""
+
+import re
+
+import numpy as np
+import pinocchio
+import pytest
+
+from postproc.cell.file import load_cell
+from postproc.controller.modules import load_program
+from postproc.kinematics import build
+from postproc.paths import joint_paths, run_in_cell
+from postproc.units import MM
+from tests import wing
+from tests.kinematics.test_forward import pinocchio_arm
+
+SETUP = "[krl]\nsetup = true\n"
+MSYS_2 = "400.0000,100.0000,0.0000,1.0000,0.0000,0.0000,0.0000,1.0000,0.0000"
+
+
+@pytest.fixture
+def job(tmp_path):
+    """Return a function that writes CAM file and cell, and returns their paths."""
+
+    def make(*tables, source=wing.apt_text, count=3, name="wing.cls", **changes):
+        cam, cell = tmp_path / name, tmp_path / "cell.toml"
+        cam.write_text(source(count))
+        cell.write_text(wing.cell_text(*tables, **changes))
+        return cam, cell
+
+    return make
+
+
+@pytest.fixture
+def converted(job, run, tmp_path):
+    """Return a function that converts a job and expects it to be good."""
+
+    def convert(*tables, **changes):
+        cam, cell = job(*tables, **changes)
+        out = tmp_path / "out"
+        code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+        assert (code, document["failures"]) == (0, []), err
+        return cam, cell, out / f"{document['program']}.src"
+
+    return convert
+
+
+def tips(program, cell):
+    """Return number of tool and base, and the tip in that base [mm], at the end of each motion.
+
+    The joints are those of the text, the tip is found by pinocchio with the frames of the cell.
+    """
+    cell = load_cell(cell)
+    modules, kinematics = load_program(program), build(cell.robot)
+    trace = run_in_cell(modules, modules[0].name, cell, kinematics)
+    q = joint_paths(trace, cell, kinematics).q
+    numbers = [trace.column(name).astype(int) for name in ("tool_number", "base_number")]
+    tools = {tool.number: tool.T_flange_tcp for tool in cell.tools}
+    bases = {base.number: base.T_robroot_base for base in cell.bases}
+    model, flange = pinocchio_arm(cell.robot.geometry)
+    data = model.createData()
+    points = []
+    for row, tool, base in zip(q, *numbers, strict=True):
+        pinocchio.framesForwardKinematics(model, data, row)
+        T = np.linalg.inv(bases[base]) @ data.oMf[flange].homogeneous @ tools[tool]
+        points.append(T[:3, 3] / MM)
+    return *numbers, np.array(points)
+
+
+def assert_every_hole_is_drilled(program, cell, count):
+    """The bottom of every hole is reached by the tip of its tool in its base, in order."""
+    tool, base, points = tips(program, cell)
+    at = 0
+    for hole in wing.holes(count):
+        bottom = np.array([hole.x, hole.y, -wing.DEPTHS[hole.tool]])
+        mine = (tool == 6 + hole.tool) & (base == 2 + hole.setup)
+        near = np.flatnonzero(mine & (np.linalg.norm(points - bottom, axis=1) < 0.01))
+        near = near[near >= at]
+        assert len(near), hole
+        at = int(near[0]) + 1
+
+
+def test_three_tools_in_two_setups(converted, run):
+    cam, cell, program = converted(SETUP)
+    code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
+    assert (code, report["violations"], report["collisions_checked"]) == (0, [], True)
+    assert (report["matched"], report["tags"]) == (30, 30)
+    assert_every_hole_is_drilled(program, cell, 3)
+    text = program.read_text()
+    calls = re.findall(r"^(PP_TOOL_CHANGE\(\d\)|BAS\(#TOOL,\d\)|BAS\(#BASE,\d\))", text, re.M)
+    want = [
+        f"{word}{number})"
+        for setup in (3, 4)
+        for tool in (1, 2, 3)
+        for word, number in
+        (("PP_TOOL_CHANGE(", tool), ("BAS(#TOOL,", 6 + tool), ("BAS(#BASE,", setup))
+    ]  # fmt: skip
+    assert calls == ["BAS(#TOOL,7)", "BAS(#BASE,3)", *want], "head, then every change"
+    assert run("lint", program, "--json")[0] == 0
+
+
+def test_tools_are_changed_at_home(converted):
+    """Between two calls of the routine the arm stands at home, by joint angles, on both sides."""
+    _, _, program = converted()
+    lines = [line.split(" ;")[0] for line in program.read_text().splitlines()]
+    home = [i for i, line in enumerate(lines) if line.startswith("PTP {A1 0.00000,A2 -90.00000")]
+    moves = [i for i, line in enumerate(lines) if re.match(r"PTP|LIN|CIRC", line)]
+    changes = [i for i, line in enumerate(lines) if line.startswith("PP_TOOL_CHANGE")]
+    assert len(changes) == 6
+    for change in changes[1:]:
+        assert max(i for i in moves if i < change) in home
+        assert min(i for i in moves if i > change) in home
+    assert moves[0] in home
+    assert moves[-1] in home
+
+
+def test_every_file_selects_its_own_frames(converted, run):
+    cam, cell, program = converted("[krl]\nmax_points_per_file = 20\n")
+    files = sorted(program.parent.glob("wing_0*.src"))
+    assert len(files) > 4
+    for file in files:
+        lines = file.read_text().splitlines()
+        first = next(i for i, line in enumerate(lines) if re.match(r"PTP|LIN|CIRC", line))
+        assert any(line.startswith("BAS(#TOOL,") for line in lines[:first])
+        assert any(line.startswith("BAS(#BASE,") for line in lines[:first])
+    assert run("verify", program, "--cell", cell, "--against", cam, "--json")[0] == 0
+    assert_every_hole_is_drilled(program, cell, 3)
+
+
+def test_forms_name_the_tool_of_their_point(converted, run):
+    cam, cell, program = converted('[krl]\nmotion = "forms"\n')
+    assert run("verify", program, "--cell", cell, "--against", cam, "--json")[0] == 0
+    data = program.with_suffix(".dat").read_text()
+    assert set(re.findall(r"TOOL_NO (\d+),BASE_NO (\d+)", data)) == {
+        (str(tool), str(base)) for tool in (7, 8, 9) for base in (3, 4)
+    }
+    assert re.search(r"Tool\[9\] Base\[4\]", program.read_text())
+
+
+def test_load_data_of_every_tool_with_a_mass(converted):
+    text = wing.cell_text().replace("mass_kg = 81\ncog_mm = [0, 0, 200]\n", "")
+    _, _, program = converted(SETUP)
+    setup = program.with_name("wing_SETUP.src").read_text()
+    for number, mass in ((7, 80), (8, 81), (9, 82)):
+        assert f"LOAD_DATA[{number}]={{M {mass}.0000,CM {{X 0.0000,Y 0.0000,Z 200.0000" in setup
+        assert f"TOOL_DATA[{number}]=" in setup
+    assert {"BASE_DATA[3]", "BASE_DATA[4]"} <= set(re.findall(r"BASE_DATA\[\d\]", setup))
+    assert text.count("mass_kg") == 2
+
+
+def test_the_same_from_a_list(converted, run):
+    cam, cell, program = converted(source=wing.csv_text, name="wing.csv")
+    code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
+    assert (code, report["violations"]) == (0, [])
+    assert_every_hole_is_drilled(program, cell, 3)
+
+
+@pytest.mark.parametrize("source", [wing.apt_text, wing.csv_text])
+def test_one_tool_missing_stops_with_its_lines(job, run, tmp_path, source):
+    name = "wing.cls" if source is wing.apt_text else "wing.csv"
+    cam, cell = job(tools=wing.TOOLS[:2], source=source, name=name)
+    out = tmp_path / "out"
+    call = ("convert", cam, "--cell", cell, "-o", out, "--json")
+    code, document, err = run(*call)
+    assert (code, document["files"], out.exists()) == (1, [], False)
+    assert {item["code"] for item in document["failures"]} == {"WRD002"}
+    lines = cam.read_text().splitlines()
+    first = document["failures"][0]
+    assert re.search(r"REAM|,3,MSYS_1|GOTO", lines[first["line"] - 1])
+    assert "tool 3" in first["detail"]
+    assert f'cam = ["{"REAM" if "REAM" in first["detail"] else 3}"]' in first["hint"]
+    assert f"{cam}:{first['line']}: error WRD002" in err
+    code, document, _ = run(*call, "--partial")
+    assert code == 1
+    assert "wing.src" in document["files"], "the stretches of the other tools"
+
+
+def test_nothing_claimed_is_a_wrong_input(job, run, tmp_path):
+    cam, cell = job()
+    cell.write_text(re.sub(r"cam = .*\n", "", cell.read_text()))
+    code, _, err = run("convert", cam, "--cell", cell, "-o", tmp_path / "out")
+    assert code == 2
+    assert re.match(rf"{re.escape(str(cam))}:\d+: error WRD002: tool 1, called in line 4", err)
+
+
+def test_a_longer_cutter_is_refused_where_it_collides(job, run, tmp_path):
+    """A roof 280 mm above the panel: the head of the reamer stands 33 mm below it, then in it."""
+    roof = (
+        '[[obstacles]]\nname = "roof"\nbox = { size_mm = [160, 160, 40] }\n'
+        "xyz_mm = [1515, -300, 900]\n"
+    )
+    cam, cell = job(roof)
+    call = ("convert", cam, "--cell", cell, "-o", tmp_path / "out", "--json")
+    code, document, err = run(*call)
+    assert (code, document["failures"]) == (0, []), err
+    cell.write_text(wing.cell_text(roof, longer={3: 60.0}))
+    code, document, _ = run(*call)
+    assert code == 1
+    assert {item["reason"] for item in document["failures"]} == {"collision"}
+    assert all("roof" in item["detail"] for item in document["failures"])
+    lines = cam.read_text().splitlines()
+    third, fourth = (lines.index(text) + 1 for text in ("LOADTL/3", "MSYS/" + MSYS_2))
+    assert {third < item["line"] < fourth for item in document["failures"]} == {True}
+
+
+def test_verify_sees_another_tool_in_the_text(converted, run):
+    cam, cell, program = converted()
+    verify = ("verify", program, "--cell", cell, "--against", cam, "--json")
+    text = program.read_text()
+    for wrong, by in (("BAS(#TOOL,8)", "BAS(#TOOL,7)"), ("BAS(#BASE,4)", "BAS(#BASE,3)")):
+        program.write_text(text.replace(wrong, by), newline="")
+        code, report, _ = run(*verify)
+        assert code == 1
+        assert "tool" in {item["kind"] for item in report["violations"]}, wrong
+    program.write_text(text.replace("BAS(#TOOL,9)", "BAS(#TOOL,5)"), newline="")
+    kinds = {item["kind"] for item in run(*verify)[1]["violations"]}
+    assert "frame" in kinds
+
+
+def test_setups_that_the_file_places_need_no_entry(job, run, tmp_path):
+    """Both MSYS carried into one base: the holes lie where the matrices put them."""
+    cam, cell = job()
+    text = cell.read_text()
+    head, _, rest = text.partition("[[bases]]")
+    _, _, motion = rest.partition("[motion]")
+    base = "[[bases]]\nnumber = 3\nframe = { xyz_mm = [1500, -200, 600] }\n"
+    for claim, moved in (("", True), ('cam = ["MSYS_2"]\n', False)):
+        cell.write_text(head + base + claim + "[motion]" + motion)
+        out = tmp_path / f"out{moved}"
+        code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+        assert (code, document["failures"]) == (0, []), err
+        _, _, points = tips(out / "wing.src", cell)
+        shift = np.array([0, 0, 0]) if moved else -np.array(wing.SETUPS[2])
+        for setup, origin in wing.SETUPS.items():
+            bottom = np.add(origin, [15.0, 0.0, -12.0]) + shift
+            assert np.linalg.norm(points - bottom, axis=1).min() < 0.01, (setup, claim)
+
+
+def test_without_home_a_folded_posture_is_found(job, run, tmp_path):
+    cam, cell = job()
+    cell.write_text(cell.read_text().replace("home_deg = [0, -90, 90, 0, 45, 0]\n", ""))
+    out = tmp_path / "out"
+    assert run("convert", cam, "--cell", cell, "-o", out, "--json")[0] == 0
+    assert run("verify", out / "wing.src", "--cell", cell, "--against", cam, "--json")[0] == 0
+
+
+def test_one_tool_without_a_claim_serves_a_file_of_one(job, run, tmp_path):
+    cam, cell = job()
+    cam.write_text(re.sub(r"LOADTL/[23]", "LOADTL/1", cam.read_text()))
+    text = wing.cell_text(tools=wing.TOOLS[:1])
+    cell.write_text(text.replace('cam = [1, "DRILL"]\n', ""))
+    call = ("convert", cam, "--cell", cell, "-o", tmp_path / "out", "--json")
+    code, document, err = run(*call)
+    assert (code, document["failures"]) == (0, []), err
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "words"),
+    [
+        ('[tool]\naxis = "+z"\n', "CEL012", "both [tool] and [[tools]]"),
+        ("[workpiece]\nnumber = 2\n", "CEL012", "both [workpiece] and [[bases]]"),
+        ('[[tools]]\nnumber = 7\naxis = "+z"\n', "CEL013", "entries 1 and 4 are both TOOL 7"),
+        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["01"]\n', "CEL013", "both claim '01'"),
+        ('[[tools]]\nnumber = 1\naxis = "+z"\ncam = ["ream"]\n', "CEL013", "both claim 'ream'"),
+    ],
+)
+def test_entries_that_contradict_each_other(job, run, tmp_path, change, code, words):
+    cam, cell = job()
+    text = cell.read_text()
+    cell.write_text(text.replace("[motion]", f"{change}[motion]"))
+    exit_code, _, err = run("convert", cam, "--cell", cell, "-o", tmp_path / "out")
+    assert exit_code == 2
+    assert code in err.splitlines()[0]
+    assert words in err.splitlines()[0]
+    line = int(err.split(":")[1])
+    assert cell.read_text().splitlines()[line - 1].startswith(("[[tools]]", "[[bases]]", "cam"))
