@@ -203,6 +203,8 @@ class Plan:
         Args:
             toolpath: the whole.
             low: tag of the whole at which the stretch begins.
+
+        An event that the whole has too is the very one of the whole.
         """
         changes: dict[str, Any] = {}
         for name, values in columns_at(self, "tag", np.arange(len(self.toolpath))).items():
@@ -212,9 +214,9 @@ class Plan:
             replace(i, tag_index=None if i.tag_index is None else i.tag_index + low)
             for i in self.findings
         )
-        events = tuple(
-            (move, replace(event, index=event.index + low)) for move, event in self.events
-        )
+        known = {event: event for event in toolpath.events}
+        shifted = [(move, replace(e, index=e.index + low)) for move, e in self.events]
+        events = tuple((move, known.get(event, event)) for move, event in shifted)
         return replace(
             self, toolpath=toolpath, tag=self.tag + low, findings=findings, events=events, **changes
         )

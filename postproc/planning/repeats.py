@@ -35,9 +35,10 @@ def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
         else replace(finding, tag_index=int(distinct[finding.tag_index]))
         for finding in plan.findings
     )
+    behind = np.append(distinct, len(toolpath))
     of_file = dict(zip(map(id, plan.toolpath.events), toolpath.events, strict=True))
     events = tuple(
-        (move, of_file.get(id(event)) or replace(event, index=int(distinct[event.index])))
+        (move, of_file.get(id(event)) or replace(event, index=int(behind[event.index])))
         for move, event in plan.events
     )
     return replace(

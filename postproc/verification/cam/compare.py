@@ -26,25 +26,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
 from postproc.geometry import angle_between
 from postproc.model import MotionKind, ToolPath
-from postproc.paths import Displacement, Station
+from postproc.paths import Displacement
 from postproc.process import Claims, claimed
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes
-from postproc.verification.cam.matching import SAME_AXIS, Wanted, match, wanted_of
+from postproc.verification.cam.matching import FAR, SAME_AXIS, Wanted, by_frames, match, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
-
-_FAR = 1e9
-"""Where a motion ends that cannot serve a tag [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +118,8 @@ def compare(
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
     claims = claimed(toolpath, cell)
     own[[stretch.low for stretch in claims.stretches()]] = True
-    moving = np.where(stands(paths)[:, None], _FAR, _visited(real))
-    visited, case = _by_frames(moving, real.case, claims, paths.station)
+    moving = np.where(stands(paths)[:, None], FAR, _visited(real))
+    visited, case = by_frames(moving, real.case, claims, paths.station)
     visits = match(wanted.point, visited, tolerances.position, own, case)
     served = visits.first
     comparison = Comparison(
@@ -153,25 +150,7 @@ def compare(
 def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
-    return np.where(np.isfinite(points), points, _FAR)
-
-
-def _by_frames(
-    visited: FloatArray, case: IntArray, claims: Claims, station: Station
-) -> tuple[FloatArray, IntArray]:
-    """Return the end points by load, tool and base, far away where these are others, and cases.
-
-    A tag is served with the tool and in the base that the file means, or not at all.
-    """
-    wanted = np.stack([case, claims.tool, claims.base])
-    distinct, number = np.unique(wanted, axis=1, return_inverse=True)
-    if distinct.shape[1] < 2 and len(station.cell.tools) == len(station.cell.bases) == 1:
-        return visited, case
-    own = [
-        np.where(((station.tool == tool) & (station.base == base))[:, None], visited[load], _FAR)
-        for load, tool, base in distinct.T.tolist()
-    ]
-    return np.stack(own), number.reshape(-1).astype(np.int32)
+    return np.where(np.isfinite(points), points, FAR)
 
 
 def _relative(result: Result, serves: BoolArray) -> None:

@@ -15,8 +15,11 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
 from postproc.model import Cycle, MotionKind, ToolPath
-from postproc.process import apart
+from postproc.paths import Station
+from postproc.process import Claims, apart
 
+FAR = 1e9
+"""Where a motion ends that cannot serve a tag [m]."""
 SAME_AXIS = 1e-6
 """Two tool axes that differ by less than this [rad] are one; else the tool turns on the spot."""
 MAX_PAIRS = 5_000_000
@@ -134,6 +137,24 @@ def match(
     count = visited.shape[1]
     last = found if latest is None else np.asarray(count - 1 - latest[::-1], dtype=np.int32)
     return Visits(found[group], last[group])
+
+
+def by_frames(
+    visited: FloatArray, case: IntArray, claims: Claims, station: Station
+) -> tuple[FloatArray, IntArray]:
+    """Return the end points by load, tool and base, far away where these are others, and cases.
+
+    A tag is served with the tool and in the base that the file means, or not at all.
+    """
+    wanted = np.stack([case, claims.tool, claims.base])
+    distinct, number = np.unique(wanted, axis=1, return_inverse=True)
+    if distinct.shape[1] < 2 and len(station.cell.tools) == len(station.cell.bases) == 1:
+        return visited, case
+    own = [
+        np.where(((station.tool == tool) & (station.base == base))[:, None], visited[load], FAR)
+        for load, tool, base in distinct.T.tolist()
+    ]
+    return np.stack(own), number.reshape(-1).astype(np.int32)
 
 
 def _earliest(
