@@ -40,6 +40,8 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "tool_changes": sum(event.kind is EventKind.TOOL_CHANGE for event in toolpath.events),
         "tool_axes": distinct_axes(toolpath.axes),
         "box_mm": _box_mm(toolpath.points),
+        "start_mm": None if toolpath.start is None else _mm(toolpath.start),
+        "cycles": cycle_levels(toolpath),
         "cutting_length_mm": round(cutting / MM, _LENGTH_DIGITS),
         "rapid_length_mm": round(rapid / MM, _LENGTH_DIGITS),
         "feeds_mm_min": _feeds_mm_min(toolpath.feed),
@@ -50,6 +52,38 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "warnings": [_warning(finding) for finding in toolpath.warnings],
         "recovered": [_warning(finding) for finding in toolpath.recovered],
     }
+
+
+def cycle_levels(toolpath: ToolPath) -> list[dict[str, Any]]:
+    """Return each drill cycle with the levels of its first hole, along the tool axis there."""
+    holes = np.flatnonzero(toolpath.kind == MotionKind.HOLE)
+    numbers, first, count = np.unique(
+        toolpath.cycle[holes], return_index=True, return_counts=True
+    )
+    found = []
+    for number, row, times in zip(numbers.tolist(), holes[first].tolist(), count, strict=True):
+        if number < 0:
+            continue
+        cycle = toolpath.cycles[number]
+        top = float(toolpath.points[row] @ toolpath.axes[row])
+        levels = {
+            "approach_mm": top + cycle.clearance, "surface_mm": top, "depth_mm": top - cycle.depth,
+            "retract_mm": top + cycle.retract,
+        }  # fmt: skip
+        found.append(
+            {
+                "cycle": str(cycle.kind),
+                "line": int(toolpath.line[row]),
+                "holes": int(times),
+                **{name: _mm(value) for name, value in levels.items()},
+            }
+        )
+    return sorted(found, key=lambda item: item["line"])
+
+
+def _mm(value: Any) -> Any:  # noqa: ANN401 - a number or a point
+    """Return a number or a point [m] in mm, rounded as all lengths are."""
+    return (np.round(np.asarray(value) / MM, _LENGTH_DIGITS) + 0.0).tolist()
 
 
 def lengths(toolpath: ToolPath) -> tuple[float, float]:
@@ -115,6 +149,17 @@ def text_lines(toolpath: ToolPath) -> list[str]:
         ),
         ("feeds", f"{feeds} mm/min" if facts["feeds_mm_min"] else feeds),
         ("unknown words", unknown),
+    ]
+    if toolpath.start is not None:
+        rows.insert(8, ("start", f"{_corner(facts['start_mm'])} mm, not driven"))
+    rows += [
+        (
+            f"{item['cycle']} cycle",
+            f"{item['holes']} holes; first in line {item['line']}, heights along the tool axis: "
+            f"approach {item['approach_mm']:g}, surface {item['surface_mm']:g}, "
+            f"depth {item['depth_mm']:g}, retract {item['retract_mm']:g} mm",
+        )
+        for item in facts["cycles"]
     ]
     return [f"{name:<14} {value}" for name, value in rows]
 

@@ -311,10 +311,11 @@ def test_nothing_moves_sideways_in_a_hole(cell):
         down = [at(-30, 40, 0), at(-3, 40, 0), *pecks, at(-3, 40, 0), at(5.5, 40, 0)]
         return [*down, "$VEL.CP=0.0025", at(12, 40, 0), "$VEL.CP=1.0", at(-30, 40, 0)]
 
-    first = ["$VEL.CP=1.0", at(-30, 0, 0), at(-3, 0, 0), "$VEL.CP=0.0025", at(12, 0, 0)]
+    first = ["$VEL.CP=1.0", at(-30, 0, 0), at(-3, 0, 0), "$VEL.CP=0.0025", at(6, 0, 0)]
+    first += ["$VEL.CP=1.0", at(-3, 0, 0), "$VEL.CP=0.0025", at(12, 0, 0)]
     first += ["$VEL.CP=1.0", at(-30, 0, 0)]
     good = drilled(cell, *first, *deep([at(-3, 40, 0)]), cycle=cycle)
-    assert kinds(good) == {"peck"}  # the first hole is drilled at once
+    assert kinds(good) == set()
     for lift in ([at(2, 43, 0)], [START], [at(-3, 90, 0)]):
         assert "plunge" in kinds(drilled(cell, *first, *deep(lift), cycle=cycle))
 
@@ -338,20 +339,21 @@ def test_events_in_their_place(cell):
     early = ["PP_SPINDLE_ON(3000)", FIRST, *REST, "PP_SPINDLE_OFF()"]
     assert kinds(check(cell, toolpath, *early)) == {"event"}
     late = [FIRST, REST[0], REST[1], "PP_SPINDLE_ON(3000)", *REST[2:], "PP_SPINDLE_OFF()"]
-    assert kinds(check(cell, toolpath, *late)) == {"event"}
+    assert kinds(check(cell, toolpath, *late)) == {"event", "spindle"}
     speed = [FIRST, "PP_SPINDLE_ON(300)", *REST, "PP_SPINDLE_OFF()"]
     assert kinds(check(cell, toolpath, *speed)) == {"event"}
     none = check(cell, toolpath, FIRST, *REST)
     assert kinds(none) == {"event"}
     assert len(none.violations) == 2
     flying = [FIRST, "TRIGGER WHEN DISTANCE=0 DELAY=0 DO PP_SPINDLE_ON(3000) PRIO=-1"]
-    assert kinds(check(cell, toolpath, *flying, *REST, "PP_SPINDLE_OFF()")) == set()
+    assert kinds(check(cell, toolpath, *flying, *REST, "PP_SPINDLE_OFF()")) == {"spindle"}
 
 
 def test_more_events_than_asked_for_are_a_warning(cell):
-    report = check(cell, path_of(SQUARE), FIRST, "PP_SPINDLE_ON(3000)", *REST)
+    calls = ("PP_SPINDLE_ON(3000)", *REST, "PP_SPINDLE_OFF()")
+    report = check(cell, path_of(SQUARE), FIRST, *calls)
     assert kinds(report) == set()
-    assert [w.code for w in report.warnings] == ["event"]
+    assert [w.code for w in report.warnings] == ["event", "event"]
 
 
 def test_stops_may_be_halts(cell):
@@ -373,8 +375,10 @@ def test_hooks_may_have_other_names(tmp_path):
     toolpath = with_events(ON)
     rest = (*REST, "PP_SPINDLE_OFF()")
     assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *rest)) == set()
-    assert kinds(check(cell, toolpath, FIRST, "PP_SPINDLE_ON(3000)", *rest)) == {"event"}
-    assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *REST)) == {"event"}
+    other = check(cell, toolpath, FIRST, "PP_SPINDLE_ON(3000)", *rest)
+    assert kinds(other) == {"event", "spindle"}
+    left_on = check(cell, toolpath, FIRST, "Mill_Start(3000)", *REST)
+    assert kinds(left_on) == {"event", "spindle"}
 
 
 # --------------------------------------------------------------------------- sub-programs

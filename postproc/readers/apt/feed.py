@@ -77,12 +77,17 @@ def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float
             unit = word
         elif word in _FEED_REFUSED:
             state.uses.refuse(f"FEDRAT/{word}", WordClass.PROCESS, line, _FEED_REFUSED[word])
-        elif word and (number is None or "MAXIPM" not in statement.upper):
+        elif word and not _goes_with(statement.upper, number):
             raise state.faults.error(
                 "APT051", f"FEDRAT has {word[:20]!r}, expected a number and a unit such as MMPM",
                 line, statement.text,
             )  # fmt: skip
     return value, unit
+
+
+def _goes_with(words: tuple[str, ...], number: float | None) -> bool:
+    """Return whether a word belongs to a refused one: INVERS,AUTO, or the number of MAXIPM."""
+    return "INVERS" in words or (number is not None and "MAXIPM" in words)
 
 
 def feed_value(state: AptState, value: float, unit: str, line: int) -> float:

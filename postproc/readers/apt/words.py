@@ -30,6 +30,8 @@ _MODES = {
     "TOOL": "another tool axis than that of the points",
     "AXIS": "another tool axis than that of the points",
 }
+_TOOL_NAMES = ("solidworks", "camworks")
+"""Seats that write the name of the coming tool as INSERT."""
 _CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
 
 
@@ -216,8 +218,10 @@ def _insert(state: AptState, statement: Statement, line: int) -> None:
         reason = "text for the control that looks like code; it is not sent"
         state.uses.note("INSERT", WordClass.PROCESS, line, reason)
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
-    else:
+    elif state.dialect.name in _TOOL_NAMES:
         state.add_tool(line, name=text)
+    elif text:
+        state.add_event(EventKind.MESSAGE, line, 0.0, text)
 
 
 def _message(state: AptState, statement: Statement, line: int) -> None:

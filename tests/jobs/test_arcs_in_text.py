@@ -1,0 +1,153 @@
+"""Arcs of every seat against closed forms, from the CAM file to the text of the program.
+
+The text is read by patterns of its own: start, auxiliary and end point of each CIRC give its
+circle, and a helix is checked point by point.
+"""
+
+import numpy as np
+import pytest
+
+from tests.jobs.emitted import converted, steps
+
+HEADS = {
+    "fusion": "PARTNO/'x'\nUNITS/MM\nMODE/MILL\n",
+    "hsmworks": "UNITS/MM\nLOADTL/1, IN, 0, LENGTH, 60, OSETNO, 1\n",
+    "mfgsuite": "UNITS/MM\nOPNAME/'a'\n",
+    "nx": "TOOL PATH/A,TOOL,T\nMSYS/0,0,0,1,0,0,0,1,0\n",
+}
+RADIUS = 20.0
+CENTRE = np.array([10.0, -15.0, 40.0])
+PLANES = {"xy": (0, 0, 1), "yz": (1, 0, 0), "tilted": (0.6, 0, 0.8)}
+SEATS = (
+    "fusion", "hsmworks", "mfgsuite", "camplete", "manusnc", "postworks", "catia", "nx",
+    "solidworks", "creo", "camworks", "surfcam", "apt",
+)  # fmt: skip
+SHAPES = [("xy", 180), ("xy", 360), ("xy", 270), ("tilted", 270), ("yz", 180), ("yz", 75)]
+
+
+def can_write(seat, plane, sweep):
+    """CAMWorks knows one plane, MfgSuite the principal ones; CATIA and NCL no full circle."""
+    if seat in ("catia", "postworks") and sweep % 180 == 0:
+        return seat == "catia" and sweep == 180
+    return not (seat == "camworks" and plane != "xy") and (seat, plane) != ("mfgsuite", "tilted")
+
+
+CASES = [
+    (seat, plane, sweep, sense)
+    for seat in SEATS
+    for plane, sweep in SHAPES
+    for sense in (1, -1)
+    if can_write(seat, plane, sweep)
+]
+
+
+def numbers(values):
+    return ",".join(f"{float(value):.6f}" for value in np.ravel(values))
+
+
+def circle(plane):
+    """Return a function of an angle [deg] and a rise [mm] to a point, ccw about the plane."""
+    n = np.array(PLANES[plane], dtype=float)
+    u = np.cross(n, [0.36, 0.48, 0.8])
+    u /= np.linalg.norm(u)
+
+    def at(degrees, rise=0.0):
+        a = np.radians(degrees)
+        return CENTRE + RADIUS * (np.cos(a) * u + np.sin(a) * np.cross(n, u)) + rise * n
+
+    return n, at
+
+
+def written(seat, n, at, sweep, sense, rise):
+    """Return the record of the arc in the seat's own form, with its end point."""
+    end = at(sense * sweep, rise)
+    goto = f"GOTO/{numbers(end)}\n"
+    about, tangent = sense * n, sense * np.cross(n, at(0) - CENTRE) / RADIUS
+    centre = numbers(CENTRE)
+    if seat in ("fusion", "hsmworks"):
+        return f"MOVARC/{centre},{numbers(about)},{RADIUS},ANGLE,{sweep}\n{goto}"
+    if seat == "mfgsuite":
+        slope = f"ARCSLP/ {rise}\n" if rise else ""
+        return f"{slope}MOVARC/ CENTER,{centre}, AXIS,{numbers(about)}, RADIUS,{RADIUS}\n{goto}"
+    if seat in ("camplete", "manusnc"):
+        return f"CIRCLE/{centre},{numbers(-about)},{RADIUS},{sweep},0.0,0.0,0.0\n{goto}"
+    if seat == "nx":
+        return f"CIRCLE/{centre},{numbers(-about)},{RADIUS},0.06,0.5,10.0,0.0\n{goto}"
+    if seat == "camworks":
+        way = "COUNTERCLOCKWISE" if sense > 0 else "CLOCKWISE"
+        return f"CIRCLE/{centre},{numbers(n)},{RADIUS},{way}\n{goto}"
+    leave = sense * np.cross(n, end - CENTRE) / RADIUS
+    if seat == "postworks":
+        which = "ON,2,INTOF" if sweep > 180 else "ON"
+        return (
+            f"INDIRP/{numbers(at(0) + tangent)}\nTLON,GOFWD/(CIRCLE/CANON,{centre},{numbers(n)},"
+            f"{RADIUS}),{which},(PLANE/{numbers([*leave, leave @ CENTRE])})\n"
+        )
+    if seat == "catia":
+        which = "ON,2,INTOF" if sweep > 180 else "ON"
+        across = f"PERPTO,(VECTOR/{numbers(n)})"
+        return (
+            f"PSIS/(PLANE/(POINT/{centre}),{across})\nINDIRV/{numbers(tangent)}\n"
+            f"TLON,GOFWD/ (CYLNDR/{centre},$\n{numbers(n)},{RADIUS}),{which},(PLANE/PERPTO,"
+            f"(PLANE/(POINT/{centre}),{across}),$\n(POINT/{centre}),(POINT/{numbers(end)}))\n"
+        )
+    radius = "" if seat == "solidworks" else f",{RADIUS}"
+    return f"CIRCLE/{centre},{numbers(about)}{radius}\n{goto}"
+
+
+def job_of(folder, seat, plane, sweep, sense, rise=0.0):
+    n, at = circle(plane)
+    tangent = sense * np.cross(n, at(0) - CENTRE) / RADIUS
+    end = at(sense * sweep, rise)
+    out = sense * np.cross(n, at(sense * sweep) - CENTRE) / RADIUS
+    text = (
+        f"{HEADS.get(seat, 'UNITS/MM')}\nRAPID\nGOTO/{numbers(at(0) - 30 * tangent)},0,0,1\n"
+        f"FEDRAT/600,MMPM\nGOTO/{numbers(at(0))}\n{written(seat, n, at, sweep, sense, rise)}"
+        f"GOTO/{numbers(end + 10 * out)}\n{'END-OF-PATH' if seat == 'nx' else 'FINI'}\n"
+    ).replace("\n\n", "\n")
+    return converted(folder, text, dialect=seat), n, at
+
+
+def turned(start, through, end, n):
+    """Return the way round [deg] about ``n`` from a start over a point to an end."""
+    u = (start - CENTRE) / np.linalg.norm(start - CENTRE)
+    v = np.cross(n, u)
+    on, last = (np.arctan2((p - CENTRE) @ v, (p - CENTRE) @ u) for p in (through, end))
+    on, last = np.degrees(on) % 360.0, np.degrees(last) % 360.0
+    last = 360.0 if last < 1e-3 else last
+    return last if on < last else last - 360.0
+
+
+@pytest.mark.parametrize(("seat", "plane", "sweep", "sense"), CASES)
+def test_an_arc_of_the_text_is_the_circle_of_the_file(tmp_path, seat, plane, sweep, sense):
+    job, n, at = job_of(tmp_path, seat, plane, sweep, sense)
+    before, way = None, 0.0
+    for step in steps(job):
+        if step.word == "CIRC":
+            for point in (before, step.aux, step.point):
+                assert abs(np.linalg.norm(point - CENTRE) - RADIUS) < 2e-4
+                assert abs((point - CENTRE) @ n) < 2e-4
+            way += turned(before, step.aux, step.point, n)
+            last = step.point
+        before = step.point if step.point is not None else before
+    assert way == pytest.approx(sense * sweep, abs=2e-3)
+    np.testing.assert_allclose(last, at(sense * sweep), atol=1e-4)
+
+
+@pytest.mark.parametrize("seat", ["fusion", "hsmworks", "mfgsuite", "camplete", "manusnc", "nx"])
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("rise", [6.0, -3.0])
+def test_a_helix_of_the_text_rises_evenly(tmp_path, seat, sense, rise):
+    sweep = 270.0
+    job, n, at = job_of(tmp_path, seat, "xy", sweep, sense, rise)
+    points = [step.point for step in steps(job) if step.word == "LIN"]
+    points = points[[np.linalg.norm(p - at(0)) < 1e-3 for p in points].index(True) : -1]
+    assert len(points) > 20
+    u = (at(0) - CENTRE) / RADIUS
+    v = np.cross(n, u)
+    angle = np.degrees(np.unwrap([np.arctan2((p - CENTRE) @ v, (p - CENTRE) @ u) for p in points]))
+    assert angle[-1] == pytest.approx(sense * sweep, abs=1e-2)
+    for point, a in zip(points, angle, strict=True):
+        assert np.linalg.norm(point - at(a, rise * a / (sense * sweep))) < 5e-4
+    chord = np.abs(np.diff(angle)).max()
+    assert RADIUS * (1.0 - np.cos(np.radians(chord) / 2.0)) < 0.011
