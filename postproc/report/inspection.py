@@ -57,9 +57,7 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
 def cycle_levels(toolpath: ToolPath) -> list[dict[str, Any]]:
     """Return each drill cycle with the levels of its first hole, along the tool axis there."""
     holes = np.flatnonzero(toolpath.kind == MotionKind.HOLE)
-    numbers, first, count = np.unique(
-        toolpath.cycle[holes], return_index=True, return_counts=True
-    )
+    numbers, first, count = np.unique(toolpath.cycle[holes], return_index=True, return_counts=True)
     found = []
     for number, row, times in zip(numbers.tolist(), holes[first].tolist(), count, strict=True):
         if number < 0:
