@@ -63,7 +63,7 @@ HOOKED = [
     ("COOLNT/CUSTOM3", r"PP_COOLANT_ON\(8\)"), ("COOLNT/OFF", r"PP_COOLANT_OFF\(\)"),
     ("STOP", r"PP_STOP\(\)"), ("OPSTOP", r"PP_OPTIONAL_STOP\(\)"), ("INSERT/STOP", r"PP_STOP\(\)"),
 ]  # fmt: skip
-KEPT = "PARTNO/ROW PPRINT/ROW TPRINT/ROW INSERT/ROW MACHIN/ROW OPNAME/'ROW' REWIND/1".split()
+KEPT = ["PARTNO/ROW", "PPRINT/ROW", "TPRINT/ROW", "INSERT/ROW", "MACHIN/ROW", "OPNAME/'ROW'", "REWIND/1"]
 NOTED = [
     "LINTOL/.01", "INTOL/.01", "OUTTOL/.01", "TOLER/.01", "MCHTOL/.01", "PPTOL/.01", "SMOOTH/ON",
     "SLOWDN/ON", "ALIGN/ON", "MATERL/2", "TABLE/1", "TCP/ON", "SELECT/TOOL,3", "SELCTL/3",
@@ -173,8 +173,7 @@ def test_taps_are_refused_where_the_cell_names_no_routine(tmp_path):
 def test_every_word_that_is_executed_or_hooked_has_a_handler():
     """Motions are taken out of the file in bulk, before the handlers see the rest."""
     motions = set(
-        "GOTO RAPID CIRCLE ARC MOVARC ARCSLP GODLTA TLON INDIRV INDIRP PSIS RETRCT CLEARP CLRSRF"
-        .split()
+        ["GOTO", "RAPID", "CIRCLE", "ARC", "MOVARC", "ARCSLP", "GODLTA", "TLON", "INDIRV", "INDIRP", "PSIS", "RETRCT", "CLEARP", "CLRSRF"]
     )  # fmt: skip
     acting = {word for word, rule in WORDS.items() if rule.action in (Action.EXECUTE, Action.HOOK)}
     assert acting - motions - set(_HANDLERS) == {"UNLOAD"}, "refused: nothing puts a tool away"
