@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell import load_cell
 from postproc.cell.cell import ExternalAxis, MeshPlacement
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
@@ -15,7 +16,9 @@ from postproc.planning.checks.grade import Grade, grade_counts, grades
 from postproc.planning.maps.spin_map import SpinClass, spin_map
 from postproc.planning.planner import plan, problem_of
 from postproc.planning.states.settings import PlanOptions, settle
+from postproc.readers import read
 from postproc.units import DEG
+from tests.places import FIXTURES
 
 
 def holes(make_path, x=1.9, n=4):
@@ -38,6 +41,21 @@ def test_map_and_plan_agree(make_cell, make_path):
     at = np.abs(found.spins[None] - found.chosen[:, None]).argmin(axis=1)
     assert (found.classes[np.arange(4), at] == SpinClass.FREE).all()
     assert np.isnan(found.stiffness[found.classes != SpinClass.FREE]).all()
+
+
+def test_the_move_home_is_not_the_spin_of_the_last_tag():
+    """The last tag of this path is a rapid, and the arm goes home behind it."""
+    folder = FIXTURES / "trim_5axis"
+    cell = load_cell(str(folder / "cell.toml"))
+    toolpath = read(str(folder / "trim.cls"))
+    assert toolpath.kind[-1] == MotionKind.RAPID
+    result = plan(toolpath, cell)
+    found = spin_map(result, cell)
+    there = np.linalg.norm(result.T_base_tcp[:, :3, 3] - toolpath.points[-1], axis=1) < 1e-6
+    spins = result.spin[there & (result.tag == len(toolpath) - 1)]
+    assert len(spins)
+    assert not there[-1], "the program ends at home"
+    assert np.abs(found.chosen[-1] - spins[-1]) < 1e-6
 
 
 def test_classes_are_those_of_every_posture_checked(make_cell, make_path):

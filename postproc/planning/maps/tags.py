@@ -15,14 +15,21 @@ from postproc.process import repeats
 
 FARTHEST = 0.1
 """Clearances beyond this [m] are given as this: near solids matter, and far ones cost time."""
+_SAME_PLACE = 1e-6
 
 
 def moves_of_tags(plan: Plan) -> IndexArray:
-    """Return for each tag (n,) the last move that works at it, else its last, else -1."""
+    """Return for each tag (n,) the last move that works at it, else the nearest to it, else -1.
+
+    A tag that nothing works at is a rapid; the move home behind it counts as its move, too.
+    """
     last = np.full(len(plan.toolpath), -1)
-    working = np.isin(plan.role, (MoveRole.CUT, MoveRole.PLUNGE))
-    for rows in (np.flatnonzero(plan.tag >= 0), np.flatnonzero((plan.tag >= 0) & working)):
-        last[plan.tag[rows]] = rows
+    rows = np.flatnonzero(plan.tag >= 0)
+    off = plan.T_base_tcp[rows, :3, 3] - plan.toolpath.points[plan.tag[rows]]
+    near = np.argsort(-np.round(np.linalg.norm(off, axis=1) / _SAME_PLACE), kind="stable")
+    working = np.isin(plan.role[rows], (MoveRole.CUT, MoveRole.PLUNGE))
+    for some in (rows[near], rows[working]):
+        last[plan.tag[some]] = some
     for tag in np.flatnonzero(repeats(plan.toolpath)):  # planned with the tag before
         last[tag] = max(last[tag], last[tag - 1])
     return last
