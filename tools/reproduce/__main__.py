@@ -397,10 +397,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--configurations", type=int, default=64)
     parser.add_argument("--periods", choices=list(LONG_WAY), default="long")
     parser.add_argument("--repeatability", action="store_true", help="add 22 um per arrival")
+    parser.add_argument("--tables", choices=["all", "errors"], default="all")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         errors_table(chosen, folder)
+        if chosen.tables == "errors":
+            return
         force_table(chosen, folder)
         visibility_table(chosen, folder)
         timing_table(folder)
