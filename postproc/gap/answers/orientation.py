@@ -1,4 +1,4 @@
-"""Measured orientations: a witness that no fit has seen.
+"""Measured orientations: an independent check that no fit has used.
 
 Effects are fitted to measured points. Where the tool's orientation was measured too, the model says
 what it should be, up to how the target sits on the tool; an effect that is right brings the

@@ -27,10 +27,10 @@ def summary(content: dict[str, Any]) -> list[str]:
     else:
         lines += _unexplained(rest)
     if content["orientation"]:
-        witness = content["orientation"]
+        check = content["orientation"]
         lines.append(
-            f"Measured orientations, which no fit has seen: {witness['rms_before_deg']:.4f} deg rms"
-            f" off before, {witness['rms_after_deg']:.4f} with what was adopted."
+            f"Measured orientations, which no fit has seen: {check['rms_before_deg']:.4f} deg rms"
+            f" off before, {check['rms_after_deg']:.4f} with what was adopted."
         )
     if content["outliers"]:
         shown = ", ".join(content["outliers"][:8])
