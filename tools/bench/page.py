@@ -36,9 +36,9 @@ SEED = 20261122
 HEAD = """\
 # Benchmark
 
-Version {version}, on a machine with {cores} cores; each case ran on one of them, in a process of its own. Times are
-processor time. The page is written by one command, `python -m tools.bench page`; it needs the workloads that lie beside the
-repository, and takes about 20 minutes.
+Version {version}, on a machine with {cores} cores; each case ran on one of them, in a process of
+its own. Times are processor time. The page is written by one command, `python -m tools.bench page`;
+it needs the workloads that lie beside the repository, and takes about 20 minutes.
 """
 
 
@@ -78,8 +78,8 @@ def _peer(python: str | None) -> Iterator[str]:
         "whole turns. It has no refinement. It needs about 7 MB for each hole, so larger ones are "
         "left out.\n"
     )
-    yield "| holes | ours [s] | tesseract [s] | ours [MB] | tesseract [MB] | ours [rad²] | tesseract [rad²] |"
-    yield "| --: | --: | --: | --: | --: | --: | --: |"
+    names = (f"ours [{unit}] | tesseract [{unit}]" for unit in ("s", "MB", "rad²"))
+    yield f"| holes | {' | '.join(names)} |\n|{' --: |' * 7}"
     script = str(Path(__file__).with_name("tesseract.py"))
     for size in (size for size in SIZES if size <= PEER_MOST):
         words = ["--workloads", str(WORKLOADS), "--kind", "base", "--size", str(size)]
@@ -140,7 +140,7 @@ def diagnosis(arguments: argparse.Namespace) -> Iterator[str]:
         f"equilibrium), with effects withheld; seed {SEED}, {arguments.cases} cases. Designs: "
         "wide, in a grid or in one patch, with and without loads "
         "(`python -m tools.blind generate`, then `score`). Outside the library: an effect that the "
-        "product does not know. The weak spot is the small campaign of similar poses: there, causes "
+        "product does not know. The weak spot is the small campaign of similar poses, where causes "
         "look alike.\n"
     )
     with tempfile.TemporaryDirectory() as folder:
