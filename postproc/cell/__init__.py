@@ -30,6 +30,7 @@ from postproc.cell.file import load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
+    LENGTHS,
     find_robot,
     load_robot,
     missing_numbers,
@@ -38,10 +39,12 @@ from postproc.cell.robotfile import (
     robot_notes,
     robot_title,
 )
+from postproc.cell.robotnames import same_type, type_of
 from postproc.cell.text import cell_text
 from postproc.cell.urdf import fixed_parts, origin_of, read_chain, values_of
 
 __all__ = [
+    "LENGTHS",
     "ArcMotion",
     "Cell",
     "ExternalAxis",
@@ -79,6 +82,8 @@ __all__ = [
     "robot_names",
     "robot_notes",
     "robot_title",
+    "same_type",
     "shared_cell",
+    "type_of",
     "values_of",
 ]

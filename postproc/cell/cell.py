@@ -20,6 +20,7 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
+from postproc.errors import CellError, SourceRef
 from postproc.units import STANDARD_GRAVITY
 
 
@@ -162,13 +163,15 @@ class Robot:
 class Tool:
     """The tool on the flange: TCP, tool axis (unit, TCP axes, out of the tool into the part).
 
+    ``known_axis`` is None for a tool of a controller that nobody has told the axis of; ``source``:
+    where the cell has it.
     ``cuts_clockwise``: which way the spindle turns while it cuts, seen from it towards the tool.
     """
 
     number: int
     name: str
     T_flange_tcp: FloatArray
-    axis: FloatArray
+    known_axis: FloatArray | None
     mass: float = float("nan")
     com: FloatArray | None = None
     """(3,) [m] in the flange."""
@@ -180,12 +183,30 @@ class Tool:
     """(3,) [kg m^2], principal, None where it is not known."""
     diameter: float = float("nan")
     """Of the cutter [m]."""
+    source: SourceRef | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
         frozen_floats(self, "T_flange_tcp", (4, 4))
-        for name in ("axis", "com", "inertia"):
+        for name in ("known_axis", "com", "inertia"):
             frozen_floats(self, name, (3,))
+
+    @property
+    def axis(self) -> FloatArray:
+        """(3,) unit, TCP axes, out of the tool into the part.
+
+        Raises:
+            CellError: CEL031 if the cell does not say it: no job can use this tool.
+        """
+        if self.known_axis is None:
+            raise CellError(
+                "CEL031",
+                f"tool {self.number} {self.name!r} has no axis: which axis of its TCP frame points "
+                "into the part is not known",
+                self.source,
+                'add axis = "+z", or the one that is true on the robot',
+            )
+        return self.known_axis
 
 
 @dataclass(frozen=True, slots=True)

@@ -170,16 +170,17 @@ class _Builder:
         return tuple(self._tool(t, ("tools", i), shared) for i, t in enumerate(file.tools))
 
     def _tool(self, table: ToolTable, at: Location, inertia: list[float] | None) -> Tool:
-        T_flange_tcp, axis = _transform(table.frame), _AXES[table.axis]
+        T_flange_tcp = _transform(table.frame)
+        axis = None if table.axis is None else _AXES[table.axis]
         meshes = self._solids(table.meshes, (*at, "meshes"), "tool")
-        if table.cutter is not None:
+        if table.cutter is not None and axis is not None:
             meshes += (_cutter(table.cutter, T_flange_tcp, axis),)
         own = table.inertia_kg_m2 or inertia
         return Tool(
             number=table.number,
             name=table.name,
             T_flange_tcp=T_flange_tcp,
-            axis=axis,
+            known_axis=axis,
             mass=float("nan") if table.mass_kg is None else table.mass_kg,
             com=None if table.cog_mm is None else np.array(table.cog_mm) * MM,
             meshes=meshes,
@@ -187,6 +188,7 @@ class _Builder:
             cam=tuple(map(cam_key, table.cam)),
             inertia=None if own is None else np.array(own),
             diameter=float("nan") if table.cutter is None else table.cutter.diameter_mm * MM,
+            source=self.toml.source(at),
         )
 
     def _bases(self) -> tuple[Workpiece, ...]:

@@ -29,6 +29,11 @@ def type_of(trafoname: str) -> str:
     return " ".join(words)
 
 
+def same_type(a: str, b: str) -> bool:
+    """Return whether two $TRAFONAME name the same arm."""
+    return normal(type_of(a)) == normal(type_of(b))
+
+
 def nearest(name: str, names: Sequence[str]) -> list[str]:
     """Return up to five of ``names``, the most like ``name`` first."""
     by_normal = {normal(known): known for known in names}

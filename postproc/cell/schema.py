@@ -210,8 +210,10 @@ class ToolTable(Table):
     frame: Placement = Field(
         default=Placement(), description="TCP in the flange, as in KUKA's TOOL_DATA"
     )
-    axis: AxisName = Field(
-        description="axis of the TCP frame that points out of the tool into the part"
+    axis: AxisName | None = Field(
+        default=None,
+        description="axis of the TCP frame that points out of the tool into the part; without it "
+        "no job can use the tool",
     )
     mass_kg: NotNegative | None = Field(default=None, description="mass of the tool [kg]")
     cog_mm: Vector | None = Field(default=None, description="centre of gravity in the flange [mm]")
@@ -235,6 +237,7 @@ class WorkpieceTable(Table):
     """A workpiece."""
 
     number: Annotated[int, Field(ge=1, le=128)] = Field(default=1, description="KUKA BASE number")
+    name: Text | None = Field(default=None, description="name of the base, as on the controller")
     cam: CamNames = Field(
         default=[], description="names by which CAM files call this setup; each suffices"
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from types import NoneType
 from typing import Any, get_args
 
@@ -17,24 +17,67 @@ Values = Mapping[str, Any]
 _WIDTH = 100
 
 
-def cell_text(values: Values) -> str:
+_LONG_FORM = {"tool": "tools", "workpiece": "bases"}
+"""Table of one entry -> list that stands instead of it."""
+
+
+def cell_text(values: Values, remarks: Mapping[str, Sequence[str]] | None = None) -> str:
     """Return the text of a cell file.
 
     Args:
         values: what differs from the defaults, nested by table, such as
-            ``{"robot": {"model": "kuka_kr500_r2830"}}``.
+            ``{"robot": {"model": "kuka_kr500_r2830"}}``; a list of tables has an entry for each.
+        remarks: comments by table, those of the file under ``""``, those of the first entry of a
+            list under ``tools.0``.
 
     Returns:
         TOML that holds every table; keys without a value stand there as comments.
     """
-    lines = ['schema = "postproc.cell/1"']
+    said = remarks or {}
+    lines = [*_comments(said.get("", ())), 'schema = "postproc.cell/1"']
     lines += _keys({"name": CellFile.model_fields["name"]}, values)
     for key, field in CellFile.model_fields.items():
         kind = _table_of(field)
         name = field.alias or key
-        if kind is not None:
-            lines += _table(name, kind, field, values.get(name))
+        other = next((short for short, long in _LONG_FORM.items() if long == name), "")
+        if kind is None or values.get(_LONG_FORM.get(name, "")) or (other and not values.get(name)):
+            continue
+        if isinstance(values.get(name), list) and values[name]:
+            lines += _entries(name, kind, values[name], said)
+            continue
+        table = list(_table(name, kind, field, values.get(name)))
+        words = [
+            *said.get(name, ()),
+            *(said.get(_LONG_FORM[name], ()) if name in _LONG_FORM else ()),
+        ]
+        lines += [*table[:2], *_comments(words), *table[2:]]
     return "\n".join(lines) + "\n"
+
+
+def _comments(remarks: Sequence[str]) -> Iterator[str]:
+    for remark in remarks:
+        yield from textwrap.wrap(
+            " ".join(remark.split()), _WIDTH, initial_indent="# ", subsequent_indent="#   "
+        )
+
+
+def _entries(
+    name: str,
+    kind: type[BaseModel],
+    entries: Sequence[Values],
+    remarks: Mapping[str, Sequence[str]],
+) -> Iterator[str]:
+    """Yield the tables of a list: of each entry what is given, other keys once in the first."""
+    if remarks.get(name):
+        yield ""
+        yield from _comments(remarks[name])
+    fields = kind.model_fields
+    for place, entry in enumerate(entries):
+        yield ""
+        yield f"[[{name}]]"
+        yield from _comments(remarks.get(f"{name}.{place}", ()))
+        given = {key: field for key, field in fields.items() if key in entry}
+        yield from _keys(given if place else fields, entry)
 
 
 def _table(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,10 @@ class CellCheck:
         """Whether no finding is an error."""
         return not any(finding.severity is Severity.ERROR for finding in self.findings)
 
+    def with_findings(self, more: Sequence[Finding]) -> CellCheck:
+        """Return the check with further findings, in order of severity and line."""
+        return replace(self, findings=_in_order([*self.findings, *more]))
+
 
 def check_cell(cell: Cell) -> CellCheck:
     """Return what a loaded cell is and what is wrong with it.
@@ -53,9 +57,14 @@ def check_cell(cell: Cell) -> CellCheck:
         _reachable_directions(cell, kinematics),
     )
     findings = [finding for check in _CHECKS for finding in check(context)]
+    return CellCheck(cell, _facts(context), _in_order(findings))
+
+
+def _in_order(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     order = list(Severity)
-    findings.sort(key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
-    return CellCheck(cell, _facts(context), tuple(findings))
+    return tuple(
+        sorted(findings, key=lambda i: (order.index(i.severity), i.source.line if i.source else 0))
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +89,8 @@ class _Context:
 
 def _tool(context: _Context) -> Iterator[Finding]:
     tool, robot = context.cell.tool, context.cell.robot
+    if tool.known_axis is None:
+        return
     if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
         text = "the tool axis lies on A6: turning about it turns A6 alone, no stiffness to gain"
         yield context.finding(Severity.WARNING, "CEL101", text, "tool", "frame")
@@ -92,6 +103,13 @@ def _tool(context: _Context) -> Iterator[Finding]:
     if tool.mass > 0 and tool.com is None:
         text = "no cog_mm: the centre of gravity is needed for load data and sag"
         yield context.finding(Severity.NOTE, "CEL104", text, "tool")
+
+
+def _axes(context: _Context) -> Iterator[Finding]:
+    for tool in context.cell.tools:
+        if tool.known_axis is None:
+            text = f"tool {tool.number} {tool.name} has no axis: no job can use it yet"
+            yield Finding(Severity.NOTE, "CEL142", text, source=tool.source)
 
 
 def _solids(context: _Context) -> Iterator[Finding]:
@@ -123,9 +141,11 @@ def _stiffness(context: _Context) -> Iterator[Finding]:
 
 
 def _workpiece(context: _Context) -> Iterator[Finding]:
-    if not context.is_given("workpiece.frame"):
+    if not context.is_given("workpiece.frame") and "bases" not in context.toml.data:
         text = "no workpiece frame: CAM coordinates are taken as robot root coordinates"
         yield context.finding(Severity.WARNING, "CEL110", text, "workpiece")
+    if context.cell.tool.known_axis is None:
+        return
     if not context.reachable and missing_numbers(context.cell) is None:
         text = "the origin of the workpiece frame cannot be reached with the tool along any axis"
         yield context.finding(Severity.WARNING, "CEL111", text, "workpiece", "frame")
@@ -133,6 +153,8 @@ def _workpiece(context: _Context) -> Iterator[Finding]:
 
 def _reachable_directions(cell: Cell, kinematics: Kinematics) -> tuple[str, ...]:
     """Return the workpiece axes along which the tool can point at the frame's origin."""
+    if cell.tool.known_axis is None:
+        return ()
     spins = np.arange(_SPINS) * (360.0 / _SPINS) * DEG
     margin = cell.limits.joint_margin
     found = []
@@ -240,6 +262,7 @@ def _emitter(context: _Context) -> Iterator[Finding]:
 _CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
     _tool,
+    _axes,
     _solids,
     _stiffness,
     _workpiece,
@@ -264,7 +287,7 @@ def _facts(context: _Context) -> dict[str, Any]:
             "name": cell.tool.name,
             "xyz_mm": _rounded(tcp),
             "abc_deg": _rounded(tcp_abc),
-            "axis": _axis_name(np.asarray(cell.tool.axis)),
+            "axis": _axis_name(cell.tool.known_axis),
             "mass_kg": None if np.isnan(cell.tool.mass) else cell.tool.mass,
             "solids": len(cell.tool.meshes),
         },
@@ -292,6 +315,8 @@ def _rounded(values: FloatArray) -> list[float]:
     return [round(float(value), 6) + 0.0 for value in values]
 
 
-def _axis_name(axis: FloatArray) -> str:
+def _axis_name(axis: FloatArray | None) -> str | None:
+    if axis is None:
+        return None
     place = int(np.argmax(np.abs(axis)))
     return f"{'+' if axis[place] > 0 else '-'}{'xyz'[place]}"

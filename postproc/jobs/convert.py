@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.cell import shared_cell
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.progress import Clock, Progress
@@ -163,10 +164,18 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         cycle_words=request.cycle_words or habits.cycle_words,
         feed_units=request.feed_units or habits.feed_units,
         accept_words=(*habits.accept_words, *given),
-        tool_axis=tuple(float(v) for v in cell.tool.axis),
+        tool_axis=tuple(float(v) for v in _known_axis(cell)),
         surface_normals=_surface_normals(cell),
     )
-    return with_joint_targets(read(request.source, request.format or habits.format, options), cell)
+    toolpath = read(request.source, request.format or habits.format, options)
+    if np.isnan(toolpath.axes).any():
+        cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
+    return with_joint_targets(toolpath, cell)
+
+
+def _known_axis(cell: Cell) -> FloatArray:
+    known = cell.tool.known_axis
+    return np.full(3, np.nan) if known is None else known
 
 
 def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:

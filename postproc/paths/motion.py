@@ -157,7 +157,8 @@ class Station:
             return T[:, :3, 3], T[:, :3, :3] @ tools[0].axis
         own = self.tool[row]
         T = T_part_robroot @ T_robroot_flange @ self.cell.tcp_of(own)
-        axis = np.array([tool.axis for tool in tools])[own]
+        used = np.unique(own)
+        axis = np.array([tools[k].axis for k in used])[np.searchsorted(used, own)]
         return T[:, :3, 3], np.einsum("nij,nj->ni", T[:, :3, :3], axis)
 
     def turned_to_part(

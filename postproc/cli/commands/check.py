@@ -9,6 +9,7 @@ import click
 from postproc.cli.common import Session, answer, standard_options
 
 if TYPE_CHECKING:
+    from postproc.cell import Cell
     from postproc.errors import Finding
 
 EPILOG = """\b
@@ -16,23 +17,33 @@ Examples:
   postproc check cell.toml
   postproc check cell.toml --json
   postproc check cell.toml --report cell.html
+  postproc check cell.toml --backup ARCHIVE.zip
 """
 
 
 @click.command(epilog=EPILOG)
 @click.argument("cell", metavar="CELL.toml")
 @click.option("--report", metavar="FILE.html", help="Write a page that draws the cell.")
+@click.option(
+    "--backup", metavar="ARCHIVE", help="Backup of the controller to compare with: ZIP or folder."
+)
 @standard_options
-def command(session: Session, /, cell: str, report: str | None) -> int:
+def command(session: Session, /, cell: str, report: str | None, backup: str | None) -> int:
     """Load a cell, say what it is and what is wrong with it.
 
     Errors make the exit code 1: home in collision, a tool heavier than the payload, an objective
-    that cannot work. Warnings and notes do not.
+    that cannot work, with --backup a number that is another one on the controller. Warnings and
+    notes do not.
     """
     from postproc.cell import load_cell
     from postproc.jobs.check_cell import check_cell
 
-    checked = check_cell(load_cell(cell))
+    loaded = load_cell(cell)
+    checked = check_cell(loaded)
+    compared: dict[str, Any] = {}
+    if backup:
+        compared, different = _compared(loaded, backup)
+        checked = checked.with_findings(different)
     if report:
         from pathlib import Path
 
@@ -42,11 +53,39 @@ def command(session: Session, /, cell: str, report: str | None) -> int:
         write_files({Path(report): page_of_cell(checked)})
     findings = [_entry(finding) for finding in checked.findings]
     session.document(
-        {"schema": "postproc.check/1", "ok": checked.is_good, **checked.facts, "findings": findings}
+        {
+            "schema": "postproc.check/1",
+            "ok": checked.is_good,
+            **checked.facts,
+            **compared,
+            "findings": findings,
+        }
     )
     session.show(_summary(checked.facts))
+    if compared:
+        found = compared["backup"]
+        counts = f"{found['compared']} numbers compared, {len(found['differences'])} differences"
+        session.show(f"backup     {counts}")
     session.findings(checked.findings)
     return answer(checked.is_good)
+
+
+def _compared(cell: Cell, backup: str) -> tuple[dict[str, Any], tuple[Finding, ...]]:
+    """Return the comparison with a controller for JSON, and its findings."""
+    from postproc.jobs.controller_backup import compare_backup
+
+    comparison, findings = compare_backup(cell, backup)
+    differences = [
+        {
+            "key": difference.key,
+            "cell": difference.cell,
+            "controller": difference.controller,
+            "severity": str(difference.severity),
+            "text": difference.text,
+        }
+        for difference in comparison.differences
+    ]
+    return {"backup": {"compared": comparison.compared, "differences": differences}}, findings
 
 
 def _entry(finding: Finding) -> dict[str, Any]:

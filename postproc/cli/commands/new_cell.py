@@ -16,11 +16,16 @@ from postproc.errors import CellError, SourceRef, UsageError
 EPILOG = """\b
 Examples:
   postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x
+  postproc new-cell --backup ARCHIVE.zip -o cell.toml
   postproc new-cell -o cell.toml
   postproc new-cell --keys
 """
 _AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 _TRIPLE = (float, float, float)
+_OF_BACKUP = (
+    "urdf", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz", "workpiece_abc",
+)  # fmt: skip
+"""Options that say what a backup says."""
 
 
 @click.command(epilog=EPILOG)
@@ -31,6 +36,7 @@ _TRIPLE = (float, float, float)
     shell_complete=completion.robots,
     help="Built-in robot, see postproc robots.",
 )
+@click.option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")
 @click.option("--urdf", metavar="FILE", help="URDF file instead of a built-in robot.")
 @click.option("--name", help="Name of the cell; default: that of the file.")
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
@@ -45,6 +51,7 @@ _TRIPLE = (float, float, float)
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
     """Write a cell file with every key, its default and its meaning.
 
+    With --backup it takes over the arm, soft limits, tools, bases, loads and home of a controller.
     On a terminal it asks for robot, tool and workpiece where the call does not say them; in a pipe
     the robot must be named and the rest takes its defaults, to be edited.
     """
@@ -57,6 +64,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         session.show(page)
         return answer(good=True)
     output = _output(options)
+    if options["backup"]:
+        return _from_backup(session, options, output)
     if sys.stdin.isatty() and not (session.json or session.quiet):
         _ask(options)
     _must_load(cell_text(_values(options, Path(output.name))))
@@ -67,10 +76,34 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(good=True)
 
 
+def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int:
+    """Write the cell of a controller."""
+    from postproc.files import write_files
+    from postproc.jobs.controller_backup import cell_from_backup
+
+    given = [key for key in _OF_BACKUP if options[key] is not None]
+    if given:
+        option = f"--{given[0].replace('_', '-')}"
+        raise UsageError("CLI012", f"{option} does not go with --backup, which says it")
+    made = cell_from_backup(options["backup"], options["name"] or output.stem, options["robot"])
+    _must_load(made.text)
+    write_files({output: made.text.encode("utf-8")})
+    for note in made.notes:
+        session.say(f"note: {note}")
+    facts = {"file": str(output), "robot": made.robot, "notes": list(made.notes), **made.facts}
+    session.document({"schema": "postproc.new_cell/1", **facts})
+    counts = f"{len(made.facts['tools'])} tools, {len(made.facts['bases'])} bases"
+    session.show(
+        f"{output}: cell with {made.robot}, {counts}; give the tools their axis, then: "
+        f"postproc check {output} --backup {options['backup']}"
+    )
+    return answer(good=True)
+
+
 def _output(options: dict[str, Any]) -> Path:
-    if not options["output"]:
+    if not (options["output"] or options["backup"]):
         raise UsageError("CLI010", "no file to write, expected -o CELL.toml")
-    output = Path(options["output"])
+    output = Path(options["output"] or "cell.toml")
     if output.exists() and not options["force"]:
         raise UsageError(
             "CLI011", "is there already", SourceRef(str(output)), "--force overwrites it"

@@ -1,0 +1,207 @@
+"""Where a cell and a controller differ, number by number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from postproc.arrays import FloatArray
+from postproc.backup.arm import limits_of, match_arm
+from postproc.backup.controller import Controller
+from postproc.backup.frames import BaseEntry, ToolEntry
+from postproc.cell import LENGTHS, Cell, OpwGeometry, Tool, Workpiece
+from postproc.errors import Severity
+from postproc.geometry import inverse, kuka_from_transform, rotation_angle, transform_from_kuka
+from postproc.units import DEG, MM
+
+LENGTH_MM = 1e-3
+ANGLE_DEG = 1e-3
+_SPEED = 1e-3
+"""Share of a speed."""
+_MASS_KG = 1e-3
+_LENGTH_OF_ARM_MM = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One number that differs: key of the cell, both values in units of the key, weight, words."""
+
+    key: str
+    at: tuple[str | int, ...]
+    cell: Any
+    controller: Any
+    severity: Severity
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class BackupComparison:
+    """How many numbers were compared, and those that differ."""
+
+    compared: int
+    differences: tuple[Difference, ...]
+
+
+def compare(cell: Cell, controller: Controller) -> BackupComparison:
+    """Return where a cell and a controller differ.
+
+    An error is what would make programs wrong on this controller: lengths, wider limits, another
+    frame, mass or root. What one side lacks is a warning in the cell, a note on the controller.
+    """
+    counted = _Counted()
+    found = [*_arm(cell, controller, counted), *_frames(cell, controller, counted)]
+    return BackupComparison(counted.numbers, tuple(found))
+
+
+@dataclass(slots=True)
+class _Counted:
+    """How many numbers have been compared."""
+
+    numbers: int = 0
+
+    def differ(self, a: ArrayLike, b: ArrayLike, tolerance: float) -> bool:
+        """Return whether two equally long lists of numbers are apart."""
+        own, other = np.atleast_1d(np.asarray(a, float)), np.atleast_1d(np.asarray(b, float))
+        self.numbers += own.size
+        return not bool(np.abs(own - other).max() <= tolerance)
+
+
+def _arm(cell: Cell, controller: Controller, counted: _Counted) -> Iterator[Difference]:
+    robot, machine = cell.robot, controller.machine
+    if isinstance(robot.geometry, OpwGeometry):
+        own = [float(getattr(robot.geometry, key)) / MM for key in LENGTHS]
+        for key, mine, theirs in zip(LENGTHS, own, machine.lengths_mm, strict=True):
+            if counted.differ(mine, theirs, _LENGTH_OF_ARM_MM):
+                yield _number("robot.dimensions_mm." + key, ("robot",), mine, theirs, "mm")
+    limits, _ = limits_of(machine, match_arm(machine).robot)
+    for axis, (low, high) in enumerate(limits):
+        span = [float(robot.q_min[axis] / DEG), float(robot.q_max[axis] / DEG)]
+        if counted.differ(span, [low, high], ANGLE_DEG):
+            is_wider = span[0] < low - ANGLE_DEG or span[1] > high + ANGLE_DEG
+            yield Difference(
+                f"robot.limits_deg[{axis + 1}]", ("robot", "limits_deg"), span, [low, high],
+                Severity.ERROR if is_wider else Severity.NOTE,
+                f"limits of A{axis + 1} are {span[0]:g} to {span[1]:g} deg, on the controller "
+                f"{low:g} to {high:g}{', the cell allows more' if is_wider else ''}",
+            )  # fmt: skip
+    for axis, theirs in enumerate(machine.speed_deg_s or ()):
+        speed = float(robot.qd_max[axis] / DEG)
+        if counted.differ(speed, theirs, _SPEED * theirs):
+            key = f"robot.speed_deg_s[{axis + 1}]"
+            severity = Severity.WARNING if speed > theirs else Severity.NOTE
+            yield _number(key, ("robot", "speed_deg_s"), speed, theirs, "deg/s", severity)
+    T_world_robroot = transform_from_kuka(machine.root[:3], machine.root[3:])
+    yield from _frame(
+        "robot.base", ("robot", "base"), robot.T_world_robroot, T_world_robroot, counted
+    )
+
+
+def _number(
+    key: str,
+    at: tuple[str | int, ...],
+    mine: float,
+    theirs: float,
+    unit: str,
+    severity: Severity = Severity.ERROR,
+) -> Difference:
+    text = f"{key} is {mine:g} {unit}, on the controller {theirs:g}"
+    return Difference(key, at, mine, theirs, severity, text)
+
+
+def _frame(
+    key: str, at: tuple[str | int, ...], mine: FloatArray, theirs: FloatArray, counted: _Counted
+) -> Iterator[Difference]:
+    """Yield a frame that differs; angles are compared as rotations, B near 90 has many."""
+    step = np.asarray(mine)[:3, 3] - np.asarray(theirs)[:3, 3]
+    turn = float(rotation_angle(np.asarray(mine)[:3, :3], np.asarray(theirs)[:3, :3]) / DEG)
+    is_apart = counted.differ(step / MM, np.zeros(3), LENGTH_MM)
+    if counted.differ([turn] * 3, np.zeros(3), ANGLE_DEG) or is_apart:
+        text = (
+            f"{key} is {_shown(mine)}, on the controller {_shown(theirs)}: "
+            f"{float(np.linalg.norm(step)) / MM:.3f} mm and {turn:.3f} deg apart"
+        )
+        yield Difference(key, at, _listed(mine), _listed(theirs), Severity.ERROR, text)
+
+
+def _listed(T: FloatArray) -> list[float]:
+    xyz, abc = kuka_from_transform(np.asarray(T))
+    return [round(float(value), 6) + 0.0 for value in (*xyz, *abc)]
+
+
+def _shown(T: FloatArray) -> str:
+    return " ".join(f"{value:g}" for value in _listed(T))
+
+
+def _frames(cell: Cell, controller: Controller, counted: _Counted) -> Iterator[Difference]:
+    tools = {tool.number: tool for tool in controller.tools if tool.is_carried}
+    for place, tool in enumerate(cell.tools):
+        if tool.number in tools:
+            yield from _tool(("tools", place), tool, tools.pop(tool.number), counted)
+        elif not _is_zero(tool.T_flange_tcp):
+            yield _lacking(f"TOOL_DATA[{tool.number}]", ("tools", place), controller.tools)
+    bases = {base.number: base for base in controller.bases if base.is_fixed}
+    root = controller.machine.root
+    T_robroot_world = inverse(transform_from_kuka(root[:3], root[3:]))
+    for place, base in enumerate(cell.bases):
+        if base.number in bases:
+            entry = bases.pop(base.number)
+            yield from _base(("bases", place), base, entry, T_robroot_world, counted)
+        elif not _is_zero(base.T_robroot_base):
+            yield _lacking(f"BASE_DATA[{base.number}]", ("bases", place), controller.bases)
+    left: list[tuple[str, ToolEntry | BaseEntry]] = [("TOOL", tool) for tool in tools.values()]
+    left += [("BASE", base) for base in bases.values()]
+    for name, item in left:
+        text = f"{name}_DATA[{item.number}] {item.name} of the controller is not in the cell"
+        key = f"{name.lower()}s[{item.number}]"
+        yield Difference(key, (), None, list(item.frame), Severity.NOTE, text)
+
+
+def _is_zero(T: FloatArray) -> bool:
+    """Return whether a frame is that of a number which the controller does not use."""
+    return bool(np.allclose(T, np.eye(4), atol=1e-12))
+
+
+def _lacking(
+    name: str, at: tuple[str | int, ...], entries: Sequence[ToolEntry | BaseEntry]
+) -> Difference:
+    known = ", ".join(str(entry.number) for entry in entries) or "none"
+    text = f"{name} is not used on the controller, used are {known}"
+    return Difference(name, at, None, None, Severity.WARNING, text)
+
+
+def _tool(
+    at: tuple[str | int, ...], tool: Tool, entry: ToolEntry, counted: _Counted
+) -> Iterator[Difference]:
+    key = f"tools[{tool.number}]"
+    T_flange_tcp = transform_from_kuka(entry.frame[:3], entry.frame[3:])
+    yield from _frame(f"{key}.frame", (*at, "frame"), tool.T_flange_tcp, T_flange_tcp, counted)
+    if entry.mass_kg is None:
+        return
+    if np.isnan(tool.mass):
+        text = f"{key} has no mass_kg, on the controller {entry.mass_kg:g}"
+        yield Difference(f"{key}.mass_kg", at, None, entry.mass_kg, Severity.WARNING, text)
+    elif counted.differ(tool.mass, entry.mass_kg, _MASS_KG):
+        yield _number(f"{key}.mass_kg", (*at, "mass_kg"), float(tool.mass), entry.mass_kg, "kg")
+    if tool.com is not None and entry.cog is not None:
+        mine, theirs = [float(v / MM) for v in tool.com], list(entry.cog[:3])
+        if counted.differ(mine, theirs, LENGTH_MM):
+            text = f"{key}.cog_mm is {mine}, on the controller {theirs}"
+            yield Difference(f"{key}.cog_mm", (*at, "cog_mm"), mine, theirs, Severity.ERROR, text)
+
+
+def _base(
+    at: tuple[str | int, ...],
+    base: Workpiece,
+    entry: BaseEntry,
+    T_robroot_world: FloatArray,
+    counted: _Counted,
+) -> Iterator[Difference]:
+    T_world_base = transform_from_kuka(entry.frame[:3], entry.frame[3:])
+    yield from _frame(
+        f"bases[{base.number}].frame", (*at, "frame"), base.T_robroot_base,
+        T_robroot_world @ T_world_base, counted,
+    )  # fmt: skip

@@ -1,0 +1,133 @@
+"""What a backup says of a controller: arm, limits, tools, bases, home, in KUKA's units."""
+
+from __future__ import annotations
+
+import configparser
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from postproc.backup.archive import Archive, open_archive
+from postproc.backup.external import ExternalKinematic, external_kinematics
+from postproc.backup.frames import BaseEntry, ToolEntry, base_entries, tool_entries
+from postproc.backup.layout import Layout, find_files
+from postproc.backup.machine import Machine, machine_of
+from postproc.backup.rewritten import rewritten_data
+from postproc.backup.variables import Variables, decoded, read_variables
+
+_SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
+_CONNECTION = re.compile(r'ConnectionString="([^"]*)"')
+_HOMES = ("XHOME", "XHOME1", "XHOME2", "XHOME3", "XHOME4", "XHOME5")
+
+
+@dataclass(frozen=True, slots=True)
+class Controller:
+    """One controller.
+
+    Args:
+        path: the backup as given by the caller.
+        machine: lengths, limits and speeds of the arm.
+        tools, bases: what is used, by number.
+        homes: name to A1..A6 [deg] of the home positions.
+        externals: external kinematics.
+        software: such as ``V8.6.5``, empty where nothing says it.
+        robot_name, serial: as the controller calls the robot.
+        notes: what a person should know of the files.
+        rewritten: names of data that programs assign, such as ``TOOL_DATA[11]``.
+    """
+
+    path: str
+    machine: Machine
+    tools: tuple[ToolEntry, ...] = ()
+    bases: tuple[BaseEntry, ...] = ()
+    homes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    externals: tuple[ExternalKinematic, ...] = ()
+    software: str = ""
+    robot_name: str = ""
+    serial: str = ""
+    notes: tuple[str, ...] = ()
+    rewritten: tuple[str, ...] = ()
+
+    @property
+    def kss(self) -> tuple[int, int] | None:
+        """Major and minor number of the system software, None where nothing says it."""
+        match = _SOFTWARE.search(self.software)
+        return (int(match[1]), int(match[2])) if match else None
+
+
+def read_backup(path: str | Path) -> Controller:
+    """Return what a backup says.
+
+    Raises:
+        ReadError: BAK001 to BAK006 if it is none, is broken or hostile, or holds no or more than
+            one robot; BAK007 if its robot is no six-axis arm with a central hand.
+    """
+    archive = open_archive(path)
+    layout = find_files(archive, str(path))
+    data = read_variables(archive, layout.machine)
+    config = read_variables(archive, layout.config) if layout.config else None
+    robcor = read_variables(archive, layout.robcor) if layout.robcor else None
+    machine = machine_of(data, robcor)
+    info = _archive_info(archive, layout)
+    notes = list(machine.notes)
+    if config is None:
+        notes.append("no R1/System/$config.dat: tools, bases, loads and home are not known")
+    if int(info.get("lastdisk", "0") or 0) if info.get("lastdisk", "0").isdigit() else 0:
+        notes.append(f"one of {int(info['lastdisk']) + 1} disks: the others may hold more")
+    externals = external_kinematics(data, config)
+    return Controller(
+        path=str(path),
+        machine=machine,
+        tools=tool_entries(config) if config else (),
+        bases=base_entries(config) if config else (),
+        homes=_homes(config, data),
+        externals=externals,
+        software=info.get("version", "") or _software(archive, data),
+        robot_name=info.get("robname", ""),
+        serial=info.get("irserialnr", ""),
+        notes=tuple(notes),
+        rewritten=rewritten_data(archive, layout),
+    )
+
+
+def _archive_info(archive: Archive, layout: Layout) -> dict[str, str]:
+    """Return the keys of am.ini, empty where there is none or it is no INI."""
+    if not layout.info:
+        return {}
+    parser = configparser.RawConfigParser(strict=False, interpolation=None, allow_no_value=True)
+    try:
+        parser.read_string(decoded(archive.read(layout.info)))
+    except (configparser.Error, ValueError):
+        return {}
+    found = [item for section in parser.sections() for item in parser.items(section)]
+    return {key: _line(value) for key, value in found if value}
+
+
+def _line(text: str) -> str:
+    return " ".join(re.sub(r"[^\x20-\x7e\xa0-\uffff]", " ", text).split())[:100]
+
+
+def _software(archive: Archive, data: Variables) -> str:
+    """Return the version from WorkVisual's folder, else from the machine data."""
+    for name in archive.names("connections.xml"):
+        match = _CONNECTION.search(decoded(archive.read(name)))
+        parts = match[1].split(";") if match else []
+        for part in parts:
+            if re.fullmatch(r"V\d+\.\d+(\.\d+)*", part):  # beside host names: never copied
+                return part
+    _, _, version = data.text("$V_R1MADA").rpartition("/KUKA")
+    return f"V{version}" if re.fullmatch(r"\d+\.\d+(\.\d+)*", version) else ""
+
+
+def _homes(config: Variables | None, data: Variables) -> dict[str, tuple[float, ...]]:
+    keys = "A1 A2 A3 A4 A5 A6"
+    found: dict[str, tuple[float, ...]] = {}
+    for name in _HOMES:
+        angles = config.parts(name, keys) if config else None
+        if angles is not None:
+            found[name] = tuple(angles)
+    angles = data.parts("$H_POS", keys)
+    if angles is not None and any(angles):
+        found["$H_POS"] = tuple(angles)
+    return found

@@ -1,0 +1,140 @@
+"""The variables of a data list of the controller: names without case, values as Python's own."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from postproc.backup.archive import Archive
+from postproc.errors import KrlError, ReadError, SourceRef
+from postproc.krl import (
+    Aggregate,
+    Assign,
+    Axes,
+    Declaration,
+    Enum,
+    Pose,
+    Text,
+    Value,
+    components,
+    parse_files,
+)
+
+_TARGET = re.compile(r"([$\w]+)\s*(?:\[\s*([\d,\s]*)\])?$")
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}
+
+
+@dataclass(frozen=True, slots=True)
+class Variables:
+    """The values of a data list: (NAME, index) to value, index 0 for what is no array.
+
+    Numbers are float or int, strings str, enumeration constants ``#NAME``, structures a mapping
+    with upper-case keys (brackets of strings dropped).
+    """
+
+    place: str
+    values: Mapping[tuple[str, int], Any]
+    lines: Mapping[tuple[str, int], int]
+
+    def source(self, name: str, index: int = 0) -> SourceRef:
+        """Return where a variable has its value."""
+        return SourceRef(self.place, self.lines.get((name, index), 1))
+
+    def get(self, name: str, index: int = 0) -> Any:  # noqa: ANN401 - any value of KRL
+        """Return a value, None where it is not given."""
+        return self.values.get((name, index))
+
+    def number(self, name: str, index: int = 0) -> float | None:
+        """Return a finite number, None where there is none."""
+        value = self.get(name, index)
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            return float(value)
+        return None
+
+    def text(self, name: str, index: int = 0) -> str:
+        """Return a string without the blanks around it, empty where there is none."""
+        value = self.get(name, index)
+        return value.strip() if isinstance(value, str) else ""
+
+    def parts(self, name: str, keys: str, index: int = 0) -> list[float] | None:
+        """Return components of a structure such as ``X Y Z``, None unless all are numbers."""
+        return numbers_of(self.get(name, index), keys)
+
+    def indices(self, name: str) -> list[int]:
+        """Return the indices of an array that have a value."""
+        return sorted(index for known, index in self.values if known == name)
+
+
+def numbers_of(value: Any, keys: str) -> list[float] | None:  # noqa: ANN401 - any value of KRL
+    """Return components of a structure, None unless all are finite numbers."""
+    found = [value.get(key) for key in keys.split()] if isinstance(value, dict) else [None]
+    if not all(isinstance(v, int | float) and math.isfinite(v) for v in found):
+        return None
+    return [float(v) for v in found]
+
+
+def read_variables(archive: Archive, name: str) -> Variables:
+    """Return the variables of a data list in a backup.
+
+    Raises:
+        ReadError: BAK005 if it is no data list, BAK003 and BAK004 as ``Archive.read``.
+    """
+    place = archive.place(name)
+    text = decoded(archive.read(name))
+    try:
+        (module,) = parse_files({file_name(name): text.encode("utf-8", errors="replace")})
+    except KrlError as problem:
+        line = problem.source.line if problem.source else 1
+        raise ReadError("BAK005", problem.message, SourceRef(place, line)) from None
+    if module.data is None:
+        raise ReadError("BAK005", "no KRL data list, expected DEFDAT", SourceRef(place))
+    values: dict[tuple[str, int], Any] = {}
+    lines: dict[tuple[str, int], int] = {}
+    for target, value, line in _assigned(module.data.statements):
+        match = _TARGET.match(target.strip())
+        if match is not None:
+            first = (match[2] or "").split(",")[0].strip()
+            key = match[1].upper(), int(first) if first.isdigit() and len(first) < 6 else 0
+            values[key], lines[key] = _plain(value), line
+    return Variables(place, values, lines)
+
+
+def file_name(name: str) -> str:
+    """Return the name of a file without its folders."""
+    return name.replace("\\", "/").rpartition("/")[2]
+
+
+def decoded(raw: bytes) -> str:
+    """Return text of a controller: UTF-8 where it is, else the code page of Western Windows."""
+    for mark, encoding in _MARKS.items():
+        if raw.startswith(mark):
+            return raw.decode(encoding, errors="replace")
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace")
+
+
+def _assigned(statements: Any) -> Iterator[tuple[str, Value, int]]:  # noqa: ANN401
+    for statement in statements:
+        if isinstance(statement, Assign):
+            yield statement.target, statement.value, statement.line
+        elif isinstance(statement, Declaration):
+            for variable in statement.variables:
+                if variable.value is not None:
+                    yield variable.name, variable.value, statement.line
+
+
+def _plain(value: Value) -> Any:  # noqa: ANN401 - any value of KRL
+    if isinstance(value, Text):
+        return value.value
+    if isinstance(value, Enum):
+        return f"#{value.name.upper()}"
+    if isinstance(value, Pose | Axes):
+        return dict(components(value))
+    if isinstance(value, Aggregate):
+        return {key.upper().removesuffix("[]"): _plain(part) for key, part in value.fields}
+    return value
