@@ -70,10 +70,9 @@ class Variables:
 
 def numbers_of(value: Any, keys: str) -> list[float] | None:  # noqa: ANN401 - any value of KRL
     """Return components of a structure, None unless all are finite numbers."""
-    found = [value.get(key) for key in keys.split()] if isinstance(value, dict) else [None]
-    if not all(isinstance(v, int | float) and math.isfinite(v) for v in found):
-        return None
-    return [float(v) for v in found]
+    found = [value.get(key) for key in keys.split()] if isinstance(value, dict) else []
+    numbers = [float(v) for v in found if isinstance(v, int | float) and math.isfinite(v)]
+    return numbers if len(numbers) == len(keys.split()) else None
 
 
 def read_variables(archive: Archive, name: str) -> Variables:

@@ -41,7 +41,17 @@ from postproc.cell.robotfile import (
 )
 from postproc.cell.robotnames import same_type, type_of
 from postproc.cell.text import cell_text
-from postproc.cell.urdf import fixed_parts, origin_of, read_chain, values_of
+from postproc.cell.urdf import (
+    expanded,
+    find_urdf,
+    fixed_parts,
+    is_xacro,
+    origin_of,
+    read_chain,
+    read_urdf_robot,
+    resolved_mesh,
+    values_of,
+)
 
 __all__ = [
     "LENGTHS",
@@ -70,15 +80,20 @@ __all__ = [
     "cell_files",
     "cell_reference",
     "cell_text",
+    "expanded",
     "find_robot",
+    "find_urdf",
     "fixed_parts",
+    "is_xacro",
     "load_cell",
     "load_robot",
     "missing_numbers",
     "origin_of",
     "parse_cell",
     "read_chain",
+    "read_urdf_robot",
     "require_numbers",
+    "resolved_mesh",
     "robot_names",
     "robot_notes",
     "robot_title",

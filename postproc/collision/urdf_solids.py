@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import UrdfGeometry, fixed_parts, origin_of, read_chain, values_of
+from postproc.cell import (
+    UrdfGeometry,
+    fixed_parts,
+    origin_of,
+    read_chain,
+    resolved_mesh,
+    values_of,
+)
 from postproc.collision.mesh import Mesh, box, cylinder, load_mesh, loft, ring
 from postproc.errors import CellError, Finding, Severity, SourceRef
 
@@ -55,7 +62,7 @@ def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
     if shape is None:
         return None, "collision element without geometry"
     if shape.tag == "mesh":
-        file = _resolved(str(shape.get("filename", "")), path)
+        file = resolved_mesh(str(shape.get("filename", "")), path)
         if file is None or file.suffix.lower() not in _FORMATS:
             return (
                 None,
@@ -74,23 +81,6 @@ def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
     else:
         return None, f"collision geometry <{shape.tag}> is not known"
     return mesh.moved(T_link_solid), ""
-
-
-def _resolved(name: str, path: Path) -> Path | None:
-    """Return the file of a URDF mesh name, None if there is none.
-
-    ``package://NAME/rest`` is looked for in folders called NAME above the file, in folders called
-    NAME beside those, and last beside the file itself or one above, where people copy it.
-    """
-    if name.startswith("package://"):
-        package, _, rest = name.removeprefix("package://").partition("/")
-        folders = [parent for parent in path.resolve().parents]
-        candidates = [f / rest for f in folders if f.name == package]
-        candidates += [f / package / rest for f in folders]
-        candidates += [f / rest for f in folders[:2]]
-    else:
-        candidates = [path.parent / name.removeprefix("file://")]
-    return next((file for file in candidates if file.is_file()), None)
 
 
 def _sizes(shape: ET.Element, key: str, count: int, path: Path) -> FloatArray:

@@ -260,7 +260,7 @@ CEL002 | 5 | limits.clearence_mm | 'clearance_mm' | [limits];clearence_mm = 1
 CEL002 | 4 | motions | 'motion' | [motions];rapid_percent = 1
 CEL002 | 6 | tool.frame.xyz_m | 'xyz_mm' | [tool];axis = "+x";frame = { xyz_m = [0, 0, 1] }
 CEL002 | 7 | obstacles[1].box.size | 'size_mm' | [[obstacles]];name = 'a';[obstacles.box];size = 1
-CEL003 | 4 | tool: key 'axis' | is missing | [tool];number = 2
+CEL003 | 4 | external_axes[1]: key 'name' | is missing | [[external_axes]];kind = "rail"
 CEL004 | 5 | tool.axis | found 'z' | [tool];axis = "z"
 CEL004 | 5 | limits.clearance_mm | finite | [limits];clearance_mm = nan
 CEL004 | 5 | limits.clearance_mm | finite | [limits];clearance_mm = inf

@@ -8,16 +8,22 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell.urdf.numbers import origin_of
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
 
 _MOVING = ("revolute", "continuous")
-_TIP_NAMES = ("flange", "tool0")
-"""Names by which a robot package calls its flange, in order of preference."""
+_AXES = 6
+_SAME_POSE = 1e-9
+"""Largest difference [m and 1] of two links that are the same flange."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,11 +62,12 @@ def read_chain(path: Path, tip: str | None = None, source: SourceRef | None = No
 
     Args:
         path: the URDF file.
-        tip: name of the flange link; default: the end of the only chain with six moving joints.
+        tip: name of the flange link; default: the only pose behind six moving joints.
         source: where the cell names the file, for errors about the tip.
 
     Raises:
-        CellError: CEL011 if this is not the URDF of a six-axis arm.
+        CellError: CEL011 if this is not the URDF of a six-axis arm, CEL032 if its flange may be
+            several links.
     """
     tree = _parse(path)
     joints = [_joint(element, path) for element in tree.findall("joint")]
@@ -97,6 +104,9 @@ def _parse(path: Path) -> ET.Element:
         ) from None
     except (ValueError, LookupError):
         raise _error(path, "not valid XML: unknown encoding") from None
+    if b"<xacro:" in raw or path.suffix.lower() == ".xacro":
+        text = "a xacro file with macros: postproc new-cell --urdf makes the URDF of it"
+        raise _error(path, text)
     if tree.tag != "robot":
         raise _error(path, f"not a URDF file: the root is <{tree.tag}>, expected <robot>")
     return tree
@@ -158,17 +168,39 @@ def _only_tip(
     by_child: dict[str, UrdfJoint],
     source: SourceRef | None,
 ) -> str:
-    parents = {joint.parent for joint in joints}
-    ends = {
-        link: sum(joint.kind in _MOVING for joint in _chain_to(link, by_child))
-        for link in links
-        if link not in parents
+    """Return the flange, where only one pose behind the sixth moving joint can be meant."""
+    counts = {
+        link: sum(joint.kind in _MOVING for joint in _chain_to(link, by_child)) for link in links
     }
-    tips = [link for link, count in ends.items() if count == 6]
-    preferred = [name for name in _TIP_NAMES if name in tips]
-    if len(tips) == 1 or preferred:
-        return preferred[0] if preferred else tips[0]
-    if not tips:
-        counts = ", ".join(f"{count} to {link!r}" for link, count in ends.items())
-        raise _error(path, f"not a six-axis arm: moving joints are {counts or 'none'}", source)
-    raise _error(path, f"the chain has several ends ({', '.join(tips)}): name one as tip", source)
+    sixth = [j.child for j in joints if j.kind in _MOVING and counts[j.child] == _AXES]
+    if not sixth:
+        parents = {joint.parent for joint in joints}
+        ends = {link: count for link, count in counts.items() if link not in parents}
+        words = ", ".join(f"{count} to {link!r}" for link, count in ends.items())
+        raise _error(path, f"not a six-axis arm: moving joints are {words or 'none'}", source)
+    tips = {name: T for link in sixth for name, T in _fixed_to(link, joints, path)}
+    names = list(tips) or sixth
+    first = tips.get(names[0], np.eye(4))
+    same = [T for T in tips.values() if np.abs(T - first).max() < _SAME_POSE]
+    if len(sixth) == 1 and len(same) == len(tips):
+        return names[0]
+    raise CellError(
+        "CEL032",
+        f"{'' if source is None else path.name + ': '}the flange may be {', '.join(names[:8])}, "
+        "which differ in pose: name it as tip",
+        source or SourceRef(str(path)),
+        "KUKA's flange, which TOOL_DATA counts from, is tool0 in packages of ROS (z out of it); "
+        "their link flange has x out of it",
+    )
+
+
+def _fixed_to(link: str, joints: list[UrdfJoint], path: Path) -> Iterator[tuple[str, FloatArray]]:
+    """Yield the links that fixed joints hold to ``link``, with their pose in it."""
+    waiting = [(link, np.eye(4))]
+    while waiting:
+        parent, T_link_parent = waiting.pop(0)
+        for joint in joints:
+            if joint.kind == "fixed" and joint.parent == parent:
+                T = T_link_parent @ origin_of(joint.element, path)
+                yield joint.child, T
+                waiting.append((joint.child, T))

@@ -17,13 +17,15 @@ EPILOG = """\b
 Examples:
   postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x
   postproc new-cell --backup ARCHIVE.zip -o cell.toml
+  postproc new-cell --urdf kuka_quantec_support --tip tool0 -o cell.toml
   postproc new-cell -o cell.toml
   postproc new-cell --keys
 """
 _AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 _TRIPLE = (float, float, float)
 _OF_BACKUP = (
-    "urdf", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz", "workpiece_abc",
+    "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
+    "workpiece_abc",
 )  # fmt: skip
 """Options that say what a backup says."""
 
@@ -37,7 +39,8 @@ _OF_BACKUP = (
     help="Built-in robot, see postproc robots.",
 )
 @click.option("--backup", metavar="ARCHIVE", help="Backup of a KRC controller: ZIP or folder.")
-@click.option("--urdf", metavar="FILE", help="URDF file instead of a built-in robot.")
+@click.option("--urdf", metavar="FILE", help="URDF or xacro file, or a folder with one robot.")
+@click.option("--tip", metavar="LINK", help="Flange link of the URDF.")
 @click.option("--name", help="Name of the cell; default: that of the file.")
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
 @click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Turn of the TCP frame [deg].")
@@ -68,12 +71,50 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         return _from_backup(session, options, output)
     if sys.stdin.isatty() and not (session.json or session.quiet):
         _ask(options)
-    _must_load(cell_text(_values(options, Path(output.name))))
-    write_files({output: cell_text(_values(options, output)).encode("utf-8")})
+    files = _urdf_files(options, output)
+    if not files:
+        _must_load(cell_text(_values(options, Path(output.name))))
+    write_files({**files, output: cell_text(_values(options, output)).encode("utf-8")})
     robot = options["robot"] or options["urdf"]
     session.document({"schema": "postproc.new_cell/1", "file": str(output), "robot": robot})
     session.show(f"{output}: cell with {robot}; edit it, then: postproc check {output}")
     return answer(good=True)
+
+
+def _urdf_files(options: dict[str, Any], output: Path) -> dict[Path, bytes]:
+    """Return the URDF to write beside the cell where it is made from macros.
+
+    The options name the file then, and a flange that was asked for on a terminal.
+    """
+    from postproc.cell import expanded, find_urdf, is_xacro
+
+    if options["urdf"] is None:
+        return {}
+    source = find_urdf(Path(options["urdf"]))
+    options["urdf"] = str(source)
+    if not source.is_file() or not is_xacro(source):
+        return {}
+    target = output.parent / f"{source.name.split('.')[0]}.urdf"
+    if target.exists() and not options["force"]:
+        raise UsageError(
+            "CLI011", "is there already", SourceRef(str(target)), "--force overwrites it"
+        )
+    text = expanded(source, output.parent)
+    _must_be_an_arm(text, source, options["tip"])
+    options["urdf"] = str(target)
+    return {target: text}
+
+
+def _must_be_an_arm(text: bytes, source: Path, tip: str | None) -> None:
+    """Refuse URDF text that no cell could use, before anything is written."""
+    import tempfile
+
+    from postproc.cell import read_urdf_robot
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / source.name.split(".")[0]
+        file.write_bytes(text)
+        read_urdf_robot(file, tip, SourceRef(str(source)))
 
 
 def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int:
@@ -101,7 +142,7 @@ def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int
 
 
 def _output(options: dict[str, Any]) -> Path:
-    if not (options["output"] or options["backup"]):
+    if not (options["output"] or options["backup"] or options["urdf"]):
         raise UsageError("CLI010", "no file to write, expected -o CELL.toml")
     output = Path(options["output"] or "cell.toml")
     if output.exists() and not options["force"]:
@@ -160,6 +201,8 @@ def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
     robot: dict[str, str] = {}
     if options["urdf"] is not None:
         robot["urdf"] = Path(os.path.relpath(options["urdf"], output.parent)).as_posix()
+        if options["tip"] is not None:
+            robot["tip"] = options["tip"]
     else:
         robot["model"] = _known_robot(options["robot"])
     tool: dict[str, Any] = {"axis": options["tool_axis"] or "+z"}
@@ -195,4 +238,6 @@ def _must_load(text: str) -> None:
     try:
         parse_cell(text.encode("utf-8"), "cell.toml")
     except CellError as problem:
+        if problem.code == "CEL032":
+            raise
         raise UsageError("CLI013", problem.message, hint=problem.hint) from None
