@@ -41,8 +41,9 @@ def external_kinematics(data: Variables, config: Variables | None) -> tuple[Exte
     kinds = data.get("$EX_KIN")
     found, free = [], [f"E{i}" for i in range(1, count + 1)]
     for place in range(1, 7):
-        word = str(kinds.get(f"ET{place}", "#NONE")) if isinstance(kinds, dict) else "#NONE"
-        members = data.get(f"$ET{place}_AX")
+        word = str(kinds.get("ET" + str(place), "#NONE")) if isinstance(kinds, dict) else "#NONE"
+        own = "$ET" + str(place) + "_"
+        members = data.get(own + "AX")
         names = [str(v).lstrip("#") for v in members.values()] if isinstance(members, dict) else []
         names = [name for name in names if name in free]
         if word == "#NONE" or not names:
@@ -50,7 +51,7 @@ def external_kinematics(data: Variables, config: Variables | None) -> tuple[Exte
         free = [name for name in free if name not in names]
         kind = _KINDS.get(word.lstrip("#").split("_")[0], "positioner")
         frames = _frames(data, config, place, kind)
-        title = data.text(f"$ET{place}_NAME") or word.lstrip("#")
+        title = data.text(own + "NAME") or word.lstrip("#")
         axes = tuple(_axis(data, name) for name in names)
         found.append(ExternalKinematic(title, kind, axes, frames))
     found += [ExternalKinematic(name, "", (_axis(data, name),), {}) for name in free]
@@ -67,7 +68,8 @@ def _axis(data: Variables, name: str) -> ExternalAxisEntry:
 def _frames(
     data: Variables, config: Variables | None, place: int, kind: str
 ) -> dict[str, tuple[float, ...]]:
-    names = [f"$ET{place}_{part}" for part in ("TA1KR", "TA2A1", "TA3A2", "TFLA3", "TPINFL")]
+    own = "$ET" + str(place) + "_"
+    names = [own + part for part in ("TA1KR", "TA2A1", "TA3A2", "TFLA3", "TPINFL")]
     names += ["$ERSYSROOT"] if kind == "rail" else []
     found = {name: data.parts(name, _FRAME) for name in names}
     if kind == "positioner" and config is not None:

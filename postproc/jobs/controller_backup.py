@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from postproc.backup import BackupComparison, cell_values, compare, read_backup
+from postproc.backup import BackupComparison, Difference, cell_values, compare, read_backup
 from postproc.cell import Cell, cell_text, load_robot
-from postproc.errors import CellError, Finding, SourceRef
+from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.toml import load_toml
 
 
@@ -60,8 +60,16 @@ def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tupl
     for difference in comparison.differences:
         source = toml.source(_as_written(difference.at, toml.data))
         place = SourceRef(source.path, source.line)
-        findings.append(Finding(difference.severity, "BAK101", difference.text, source=place))
+        findings.append(_finding(difference, place))
     return comparison, tuple(findings)
+
+
+def _finding(difference: Difference, place: SourceRef) -> Finding:
+    if difference.severity is Severity.ERROR:
+        return Finding(Severity.ERROR, "BAK101", difference.text, source=place)
+    if difference.severity is Severity.WARNING:
+        return Finding(Severity.WARNING, "BAK102", difference.text, source=place)
+    return Finding(Severity.NOTE, "BAK103", difference.text, source=place)
 
 
 def _as_written(at: tuple[str | int, ...], data: dict[str, Any]) -> tuple[str | int, ...]:

@@ -195,3 +195,48 @@ def test_recover_takes_what_has_one_meaning(read_text):
     np.testing.assert_allclose(toolpath.points[1] * 1e3, [1, 4, 3])
     assert {finding.code for finding in toolpath.recovered} == {"CSV005", "CSV022", "CSV030"}
     assert [c.depth for c in toolpath.cycles] == [0.005]
+
+
+def test_points_of_robodk_with_a_speed_that_may_stay_as_it_was(read_text):
+    toolpath = read_text(
+        "-98,-99.02,0,\n-98,-99.02,10,50\n-90,-99.02,10,\n", "p.csv", points_only=True
+    )
+    np.testing.assert_allclose(toolpath.points[2] * 1e3, [-90.0, -99.02, 10.0])
+    np.testing.assert_allclose(toolpath.feed * 1e3, [np.nan, 50.0, 50.0])
+    assert any(w.code == "CSV122" for w in toolpath.warnings)
+
+
+def test_four_numbers_without_a_header_and_without_gaps_are_not_guessed(read_text):
+    with pytest.raises(ReadError, match="CSV013"):
+        read_text("1,2,3,50\n4,5,6,60\n", name="p.csv")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "Name,X,Y,Z,U95X,U95Y,U95Z,{}",
+        "Target,X,Y,Z,Ux,Uy,Uz,{}",
+        "Fastener,X,Y,Z,U(X),U(Y),U(Z),{}",
+        "Hole,X,Y,Z,X (U95),Y (U95),Z (U95),{}",
+        "name,x,y,z,sigma_x,sigma_y,sigma_z,{}",
+        "Rivet,X [mm],Y [mm],Z [mm],X Uncertainty,Y Uncertainty,Z Uncertainty,{}",
+    ],
+)
+@pytest.mark.parametrize("normal", [True, False])
+def test_uncertainties_of_trackers_are_no_axes(header, normal, read_text):
+    more, values = ("i,j,k", "0,0.6,0.8") if normal else ("U(95)", "0.05")
+    text = (
+        f"{header.format(more)}\nF1,1,2,3,0.02,0.02,0.03,{values}\nF2,9,2,3,0.01,0,0.1,{values}\n"
+    )
+    toolpath = read_text(text, name="p.csv", points_only=not normal)
+    np.testing.assert_allclose(toolpath.points * 1e3, [[1, 2, 3], [9, 2, 3]])
+    assert list(toolpath.names) == ["F1", "F2"]
+    if normal:
+        np.testing.assert_allclose(toolpath.axes, [[0, 0.6, 0.8]] * 2)
+    else:
+        assert np.isnan(toolpath.axes).all()
+
+
+def test_unit_vectors_called_ux_are_axes(read_text):
+    toolpath = read_text("X,Y,Z,Ux,Uy,Uz\n1,2,3,0,0.6,0.8\n", name="p.csv")
+    np.testing.assert_allclose(toolpath.axes, [[0, 0.6, 0.8]])

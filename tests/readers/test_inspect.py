@@ -139,3 +139,19 @@ def test_a_job_reads_with_all_of_them(words, fixtures):
     cycle = read_toolpath(request, load_cell(cell)).cycles[0]
     found = (cycle.depth, cycle.clearance, cycle.dwell, cycle.feed)
     assert found == pytest.approx((0.008, 0.003, 0.5, 0.002))
+
+
+def test_inspect_reads_as_the_cell_says(tmp_path, capsys):
+    (tmp_path / "part.csv").write_text("1 2 3 10\n4 5 6 10\n")
+    (tmp_path / "cell.toml").write_text(
+        'schema = "postproc.cell/1"\n[robot]\nmodel = "kuka_kr500_r2830"\n'
+        '[import]\ncolumns = "x,y,z,depth"\nunits = "inch"\n'
+    )
+    call = ["inspect", str(tmp_path / "part.csv"), "--json"]
+    assert run(call) == 2
+    capsys.readouterr()
+    assert run([*call, "--cell", str(tmp_path / "cell.toml")]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert (document["units"], document["holes"]) == ("inch", 2)
+    assert run([*call, "--cell", str(tmp_path / "cell.toml"), "--units", "mm"]) == 0
+    assert json.loads(capsys.readouterr().out)["units"] == "mm"

@@ -14,6 +14,7 @@ from postproc.cli.common import Session, answer, reading, reading_options, stand
     short_help="What was read from a CAM file, before any robot.",
 )
 @click.argument("source", metavar="INPUT", type=click.Path())
+@click.option("--cell", metavar="CELL.toml", help="Cell whose [import] says how files are read.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names
@@ -26,6 +27,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.report.inspection import inspection, text_lines
 
     given = reading(options)
+    if options["cell"]:
+        given = _with_habits(given, options["cell"])
     form = given.pop("format") or "auto"
     toolpath = read(options["source"], form, ReadOptions(points_only=True, **given))
     if session.json:
@@ -35,3 +38,14 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             session.show(line)
     session.findings([*word_findings(toolpath), *toolpath.warnings, *toolpath.recovered])
     return answer(True)
+
+
+def _with_habits(given: dict[str, Any], path: str) -> dict[str, Any]:
+    """Return the options of a call, those of the cell where the call does not say."""
+    from postproc.cell import load_cell
+    from postproc.readers import ReadOptions
+
+    habits = load_cell(path).reading
+    words = ReadOptions(accept_words=given["accept_words"]).accepted_words
+    filled = {key: value or getattr(habits, key, None) for key, value in given.items()}
+    return {**filled, "accept_words": (*habits.accept_words, *words)}

@@ -6,7 +6,7 @@ import re
 from dataclasses import dataclass
 
 from postproc.readers.csv.table import Layout, is_number
-from postproc.readers.text import Faults
+from postproc.readers.text import Faults, parse_number
 from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")
@@ -45,10 +45,11 @@ NAMES: dict[str, tuple[str, ...]] = {
     "qy": ("qy", "q2", "quaty"),
     "qz": ("qz", "q3", "quatz"),
     "id": ("id", "name", "tag", "label", "no", "nr", "index", "elementname", "element", "pointname",
-           "pointid", "holeid", "holename", "pointno", "", "feature", "featurename", "bezeichnung"),
+           "pointid", "holeid", "holename", "pointno", "", "feature", "featurename", "bezeichnung",
+           "fastener", "fastenerid", "fastenername", "fastenerno", "rivet", "bolt", "target"),
     "depth": ("depth", "tiefe", "drilldepth", "bore depth"),
     "diameter": ("diameter", "dia", "d", "durchmesser", "holediameter", "\u00f8"),
-    "feed": ("feed", "feedrate", "f", "vorschub"),
+    "feed": ("feed", "feedrate", "f", "vorschub", "speed", "linearspeed"),
     "operation": ("operation", "op", "process", "step", "bearbeitung"),
     "tool": ("tool", "toolnumber", "toolno", "t", "werkzeug"),
     "base": ("base", "setup", "workoffset", "werkstueck", "basis"),
@@ -80,13 +81,20 @@ MEANINGS = {
     "motion": "rapid or linear",
 }  # fmt: skip
 _ROLE = {name: role for role, names in NAMES.items() for name in names}
+_UNCERTAIN = re.compile(r"\b(u ?\(? ?95|u95|unc(ertainty)?|sigma|std|rms|\u00b1)", re.IGNORECASE)
+"""How trackers name columns that say how sure a coordinate is."""
+_MAYBE_UNCERTAIN = ("ux", "uy", "uz")
+"""Names of a unit vector for some, of uncertainties for trackers: the numbers tell."""
 _POINT_WORDS = frozenset({"point", "points", "hole", "tag", "punkt", "bohrung"})
+_UNIT_LENGTH = 0.05
 LENGTH_ROLES = frozenset({"x", "y", "z", "depth", "diameter", "clearance", "retract", "peck"})
 _ANGLE_ROLES = frozenset({"a", "b", "c", "roll", "pitch", "yaw"})
 TEXT_ROLES = frozenset({"id", "operation", "motion", "tool", "base"})
 POSITION = ("x", "y", "z")
 NORMAL = ("i", "j", "k")
 _HEADERLESS = {3: POSITION, 6: (*POSITION, *NORMAL)}
+_WITH_SPEED = {4: (*POSITION, "speed"), 7: (*POSITION, *NORMAL, "speed")}
+"""Without a header: the last column may be left empty, so it is no coordinate; as RoboDK has it."""
 ORIENTATIONS = (("a", "b", "c"), ("roll", "pitch", "yaw"), ("qw", "qx", "qy", "qz"))
 
 
@@ -109,6 +117,8 @@ def column_of(name: str) -> Column:
     ('x', 0.001, 'i')
     """
     bare = name.strip().strip('"').strip()
+    if _UNCERTAIN.search(bare.replace("_", " ")):
+        return Column("", name.strip())
     unit = ""
     match = _BRACKETS.search(bare)
     if match:
@@ -118,6 +128,8 @@ def column_of(name: str) -> Column:
     if suffix and not unit:
         unit, lowered = suffix.group(1), lowered[: suffix.start()]
     role = _role(lowered)
+    if role == "feed" and "speed" in lowered and not unit:
+        unit = "mm/s"
     return Column(role, name.strip(), _factor(role, unit))
 
 
@@ -145,7 +157,7 @@ def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faul
     if asked is not None:
         columns = _asked_columns(asked, layout, faults)
     elif layout.header is not None:
-        columns = [column_of(name) for name in layout.header]
+        columns = _without_uncertainties([column_of(name) for name in layout.header], layout)
     else:
         columns = _counted_columns(layout, faults)
     columns = _first_of_each(columns, faults, layout)
@@ -158,6 +170,10 @@ def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faul
             layout.header_line or 1,
             hint="name the columns in order with --columns, such as id,x,y,z,i,j,k",
         )
+    for column in columns:
+        if column.role == "feed" and column.factor == MM and "mm/s" not in column.name:
+            text = f"column {column.name}: speeds without a unit, read as mm/s as RoboDK has them"
+            faults.warn("CSV122", text, layout.header_line or layout.first_row_line)
     unused = [column.name for column in columns if not column.role and column.name not in ("", "-")]
     if unused and asked is None:
         faults.warn(
@@ -166,6 +182,20 @@ def columns_of(layout: Layout, asked: tuple[str, ...] | str | None, faults: Faul
             layout.header_line or 1,
         )
     return columns
+
+
+def _without_uncertainties(columns: list[Column], layout: Layout) -> list[Column]:
+    """Return the columns; Ux, Uy, Uz are axes only where they have length one."""
+    at = [i for i, c in enumerate(columns) if c.name.lower().strip(' "') in _MAYBE_UNCERTAIN]
+    row = layout.first_row
+    if not at or max(at) >= len(row):
+        return columns
+    texts = [row[i].replace(",", ".") if layout.decimal_comma else row[i] for i in at]
+    values = [parse_number(text) for text in texts]
+    length = sum((value or 0.0) ** 2 for value in values) ** 0.5
+    if len(at) == len(_MAYBE_UNCERTAIN) and abs(length - 1.0) < _UNIT_LENGTH:
+        return columns
+    return [Column("", c.name) if i in at else c for i, c in enumerate(columns)]
 
 
 def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults) -> list[Column]:
@@ -193,7 +223,10 @@ def _asked_columns(names: tuple[str, ...] | str, layout: Layout, faults: Faults)
 def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
     row = layout.first_row
     named = bool(row) and not is_number(row[0], layout.decimal_comma)
-    roles = _HEADERLESS.get(layout.width - named)
+    count = layout.width - named
+    roles = _HEADERLESS.get(count)
+    if roles is None and layout.has_gaps_at_end:
+        roles = _WITH_SPEED.get(count)
     if roles is None:
         raise faults.error(
             "CSV013",
@@ -202,7 +235,7 @@ def _counted_columns(layout: Layout, faults: Faults) -> list[Column]:
             hint="name the columns in order with --columns, such as x,y,z,w,p,r,id",
         )
     listed = (("id",) if named else ()) + tuple(roles)
-    return [Column(role, role) for role in listed]
+    return [column_of(role) if role == "speed" else Column(role, role) for role in listed]
 
 
 def _first_of_each(columns: list[Column], faults: Faults, layout: Layout) -> list[Column]:

@@ -46,6 +46,8 @@ class Layout:
     first_row: tuple[str, ...] = ()
     """First row of data."""
     first_row_line: int = 0
+    has_gaps_at_end: bool = False
+    """The last column holds values, and is left empty in some rows."""
 
 
 @dataclass(slots=True)
@@ -94,7 +96,7 @@ def layout_of(block: TextBlock, faults: Faults) -> Layout:
     at = 1 if has_header else 0
     return Layout(
         separator, decimal_comma, width, header, rows[0][0] if has_header else 0,
-        tuple(body[0]), rows[at][0],
+        tuple(body[0]), rows[at][0], _has_gaps_at_end(body),
     )  # fmt: skip
 
 
@@ -156,7 +158,15 @@ def _is_header(fields: list[list[str]], decimal_comma: bool) -> bool:
     return not any(numeric)
 
 
+def _has_gaps_at_end(rows: list[list[str]]) -> bool:
+    widest = max(map(len, rows))
+    ends = [row[-1] for row in rows if len(row) == widest]
+    return len(ends) == len(rows) and any(ends) and not all(ends)
+
+
 def _usual_width(rows: list[list[str]]) -> int:
+    if _has_gaps_at_end(rows):
+        return len(rows[0])
     widths = [len(row) - (1 if row and not row[-1] else 0) for row in rows]
     return max(set(widths), key=lambda width: (widths.count(width), width))
 
