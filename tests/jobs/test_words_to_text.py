@@ -63,7 +63,15 @@ HOOKED = [
     ("COOLNT/CUSTOM3", r"PP_COOLANT_ON\(8\)"), ("COOLNT/OFF", r"PP_COOLANT_OFF\(\)"),
     ("STOP", r"PP_STOP\(\)"), ("OPSTOP", r"PP_OPTIONAL_STOP\(\)"), ("INSERT/STOP", r"PP_STOP\(\)"),
 ]  # fmt: skip
-KEPT = ["PARTNO/ROW", "PPRINT/ROW", "TPRINT/ROW", "INSERT/ROW", "MACHIN/ROW", "OPNAME/'ROW'", "REWIND/1"]
+KEPT = [
+    "PARTNO/ROW",
+    "PPRINT/ROW",
+    "TPRINT/ROW",
+    "INSERT/ROW",
+    "MACHIN/ROW",
+    "OPNAME/'ROW'",
+    "REWIND/1",
+]
 NOTED = [
     "LINTOL/.01", "INTOL/.01", "OUTTOL/.01", "TOLER/.01", "MCHTOL/.01", "PPTOL/.01", "SMOOTH/ON",
     "SLOWDN/ON", "ALIGN/ON", "MATERL/2", "TABLE/1", "TCP/ON", "SELECT/TOOL,3", "SELCTL/3",
