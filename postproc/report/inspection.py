@@ -60,8 +60,8 @@ def cycle_levels(toolpath: ToolPath) -> list[dict[str, Any]]:
     numbers, first, count = np.unique(toolpath.cycle[holes], return_index=True, return_counts=True)
     found = []
     for number, row, times in zip(numbers.tolist(), holes[first].tolist(), count, strict=True):
-        if number < 0:
-            continue
+        if number < 0 or np.isnan(toolpath.axes[row]).any():
+            continue  # without a tool axis there are no levels along it
         cycle = toolpath.cycles[number]
         top = float(toolpath.points[row] @ toolpath.axes[row])
         levels = {
