@@ -38,7 +38,7 @@ PAGES = [
 ]
 FENCE = re.compile(r"^( *)```(\w+)([^\n]*)\n(.*?)^\1```$", re.DOTALL | re.MULTILINE)
 EXIT = re.compile(r"exit code (\d+)")
-PROMISE = re.compile(r"the\s+computer\s+takes\s+(?:about\s+)?(\d+) s")
+PROMISE = re.compile(r"the\s+computer\s+takes\s+(?:about\s+)?(\d+) s", re.IGNORECASE)
 SHELL_SIGNS = set("|><;&$`*?")
 
 
