@@ -63,7 +63,7 @@ def planning(arguments: argparse.Namespace) -> Iterator[str]:
                 yield (
                     f"| {words} | {size} | {'strokes' if strokes else 'poses'} | {r['cpu_s']:.2f} "
                     f"| {r['mb']:.0f} | {r['grid_rad2']:.2f} "
-                    f"| {'' if strokes else f'{above:.3f} %'} | {r['refined_rad2']:.2f} |"
+                    f"| {'' if strokes else f'{above:z.3f} %'} | {r['refined_rad2']:.2f} |"
                 )
     yield from _peer(arguments.peer)
 
