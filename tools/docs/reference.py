@@ -95,9 +95,9 @@ def _csv() -> Iterator[str]:
     yield "## Points and holes of a CAM file\n"
     yield (
         "Separator `,` `;` tab or blank, decimal point or comma, header or none (then 3 columns "
-        "are x, y, z and 6 are x, y, z, i, j, k, a further one the speed in mm/s). Names count without case, blanks and unit; a "
-        "unit may stand in brackets or behind an underscore (`X [mm]`, `depth_in`). `--columns` "
-        "names the columns where the header does not.\n"
+        "are x, y, z and 6 are x, y, z, i, j, k, a further one the speed in mm/s). Names count "
+        "without case, blanks and unit; a unit may stand in brackets or behind an underscore "
+        "(`X [mm]`, `depth_in`). `--columns` names the columns where the header does not.\n"
     )
     yield "| column | meaning | also read as |\n|---|---|---|"
     for name, names in NAMES.items():
