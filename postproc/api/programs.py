@@ -120,6 +120,7 @@ def convert(
     name: str | None = None,
     strategy: str | None = None,
     objective: str | None = None,
+    preset: str | None = None,
     emitter: str | None = None,
     model: Source | None = None,
     pins: Source | None = None,
@@ -134,6 +135,7 @@ def convert(
         name: program name; None: that of the input file.
         strategy: ``global``, ``smooth`` or ``each``; None: the cell's.
         objective: name of a registered objective; None: the cell's.
+        preset: ``stiffest``, ``balanced`` or ``fastest``; None: the cell's.
         emitter: name of a registered emitter; None: the cell's.
         model: model file of the arm, to compensate what it predicts.
         pins: CSV of spins that tags must have (``tag,spin_deg``).
@@ -156,6 +158,7 @@ def convert(
         emitter=emitter,
         strategy=strategy,
         objective=objective,
+        preset=preset,
         model=None if model is None else str(model),
         pins=None if pins is None else str(pins),
         partial=partial,

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from postproc.cell import Strategy
+from postproc.cell import Preset, Strategy
 from postproc.emitters import EMITTERS
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "postproc.batch/1"
 _OPTIONS = {"cell", "name", "format", "dialect", "units", "columns", "task", "cycle_words"}
-_OPTIONS |= {"feed_units", "accept_words", "recover", "emitter", "strategy", "objective"}
+_OPTIONS |= {"feed_units", "accept_words", "recover", "emitter", "strategy", "objective", "preset"}
 _OPTIONS |= {"model", "partial"}
 
 
@@ -199,7 +199,8 @@ def _known(key: str) -> tuple[str, ...]:
         return tuple(name for name, _ in EMITTERS)
     if key == "units":
         return tuple(LENGTH_UNITS)
-    return tuple(Strategy) if key == "strategy" else ()
+    words = {"strategy": Strategy, "preset": Preset}
+    return tuple(words[key]) if key in words else ()
 
 
 def unique_name(name: str, key: str, taken: set[str]) -> str:

@@ -22,7 +22,8 @@ def require_call(jobs: Sequence[Job]) -> None:
         if not request.cell:
             text = f"no cell for {request.source}, give --cell or set it in --config"
             raise UsageError("BAT004", text)
-        calls[request.cell, request.strategy, request.objective, request.model] = job
+        wishes = request.strategy, request.objective, request.preset
+        calls[request.cell, *wishes, request.model] = job
     problem: PostprocError | None = None
     for job in calls.values():
         try:
@@ -40,7 +41,9 @@ def _try(job: Job) -> None:
     from postproc.planning import PlanOptions, settle
 
     request = job.request
-    options = PlanOptions(strategy=request.strategy, objective=request.objective)
+    options = PlanOptions(
+        strategy=request.strategy, objective=request.objective, preset=request.preset
+    )
     settle(shared_cell(request.cell), options)
     if request.model:
         from postproc.model import load_model

@@ -23,6 +23,7 @@ from postproc.cell.choices import (
     MotionStyle,
     PointPlace,
     PointService,
+    Preset,
     Split,
     Strategy,
 )
@@ -68,6 +69,7 @@ __all__ = [
     "Origin",
     "PointPlace",
     "PointService",
+    "Preset",
     "Provenance",
     "Robot",
     "Split",

@@ -17,6 +17,7 @@ from postproc.cell.choices import (
     MotionStyle,
     PointPlace,
     PointService,
+    Preset,
     Split,
     Strategy,
 )
@@ -263,12 +264,13 @@ class Optimize:
     step: float
     range: tuple[float, float]
     strategy: Strategy
+    preset: Preset
     turns: bool
     refine: bool
     key_every: float
     key_corner: float
     key_tags: tuple[str, ...]
-    loss_bound: float
+    loss_bound: float | None
     free_order: bool
     pins: Mapping[str, float]
     tilt: TiltRange

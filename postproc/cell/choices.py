@@ -20,6 +20,14 @@ class Strategy(StrEnum):
     EACH = auto()
 
 
+class Preset(StrEnum):
+    """What stiffness is traded against time: how much of each an objective by name takes."""
+
+    STIFFEST = auto()
+    BALANCED = auto()
+    FASTEST = auto()
+
+
 class PointService(StrEnum):
     """How points of a list without a depth are served."""
 

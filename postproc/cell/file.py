@@ -134,7 +134,7 @@ class _Builder:
                 table.tip,
                 self.toml.source(("robot", "urdf")),
             )
-        changes = _robot_changes(table)
+        changes = _robot_changes(table, robot)
         if self.file.stiffness is not None:
             stiffness = np.array(self.file.stiffness.joint_Nmm_per_rad) * NMM_PER_RAD
             changes["joint_stiffness"] = stiffness
@@ -288,7 +288,7 @@ def _cutter(table: CutterTable, T_flange_tcp: FloatArray, axis: FloatArray) -> M
     )
 
 
-def _robot_changes(table: RobotTable) -> dict[str, Any]:
+def _robot_changes(table: RobotTable, robot: Robot) -> dict[str, Any]:
     """Return the fields of ``Robot`` that the cell file sets itself."""
     changes: dict[str, Any] = {}
     if table.dimensions_mm is not None:
@@ -296,6 +296,11 @@ def _robot_changes(table: RobotTable) -> dict[str, Any]:
     if table.limits_deg is not None:
         changes["q_min"] = np.array(table.limits_deg)[:, 0] * DEG
         changes["q_max"] = np.array(table.limits_deg)[:, 1] * DEG
+    for name, (low, high) in table.cable.items():
+        axis = int(name[1]) - 1
+        for key, least, end in (("q_min", np.maximum, low), ("q_max", np.minimum, high)):
+            changes.setdefault(key, np.array(getattr(robot, key)))
+            changes[key][axis] = least(changes[key][axis], end * DEG)
     if table.speed_deg_s is not None:
         changes["qd_max"] = np.array(table.speed_deg_s) * DEG
     if table.accel_deg_s2 is not None:

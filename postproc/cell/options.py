@@ -30,18 +30,20 @@ def limits_of(table: LimitsTable) -> Limits:
 
 def optimize_of(table: OptimizeTable) -> Optimize:
     """Return the options of ``[optimize]``."""
+    bound = table.loss_bound_percent
     return Optimize(
         objective=table.objective,
         index=table.index,
         step=table.step_deg * DEG,
         range=_angles(table.range_deg),
         strategy=table.strategy,
+        preset=table.preset,
         turns=table.turns,
         refine=table.refine,
         key_every=table.key_every_mm * MM,
         key_corner=table.key_corner_deg * DEG,
         key_tags=tuple(str(tag) for tag in table.key_tags),
-        loss_bound=table.loss_bound_percent * PERCENT,
+        loss_bound=None if bound is None else bound * PERCENT,
         free_order=table.free_order,
         pins={tag: spin * DEG for tag, spin in table.pins.items()},
         tilt=TiltRange(

@@ -17,6 +17,7 @@ from postproc.cell.choices import (
     MotionStyle,
     PointPlace,
     PointService,
+    Preset,
     Split,
     Strategy,
 )
@@ -162,6 +163,11 @@ class RobotTable(Table):
     limits_deg: SixRanges | None = Field(
         default=None, description="[smallest, largest] of A1..A6 [deg]; default: of the robot"
     )
+    cable: dict[Literal["A1", "A2", "A3", "A4", "A5", "A6"], AngleRange] = Field(
+        default={},
+        description="what cables and hoses allow of single axes, within the limits [deg]: "
+        "{ A4 = [-180, 180], A6 = [-270, 270] }",
+    )
     speed_deg_s: SixPositive | None = Field(
         default=None, description="largest speed of A1..A6 [deg/s]; default: of the robot"
     )
@@ -188,6 +194,9 @@ class RobotTable(Table):
         for axis, (low, high) in enumerate(self.limits_deg or [], start=1):
             if low >= high:
                 raise ValueError(f"limits_deg of A{axis}: {low:g} is not below {high:g}")
+        for name, (low, high) in self.cable.items():
+            if low >= high:
+                raise ValueError(f"cable of {name}: {low:g} is not below {high:g}")
         return self
 
 
@@ -294,6 +303,11 @@ class OptimizeTable(Table):
         description="global: best joint-continuous sequence over all tags; smooth: key tags "
         "optimised, the rest interpolated; each: every tag for itself",
     )
+    preset: Annotated[Preset, _Choice] = Field(
+        default=Preset.BALANCED,
+        description="of an objective by name: stiffest, balanced (a tag loses more than 5 % of "
+        "its stiffness only where that saves much travel) or fastest",
+    )
     turns: bool = Field(
         default=True, description="also use angles a whole turn away where the limits allow them"
     )
@@ -309,8 +323,10 @@ class OptimizeTable(Table):
     key_tags: list[Text | int] = Field(
         default=[], description="smooth: ids of the key tags, instead of corners and distances"
     )
-    loss_bound_percent: Annotated[float, Field(ge=0.0, le=100.0)] = Field(
-        default=5.0, description="smooth: more key tags where more stiffness than this is lost [%]"
+    loss_bound_percent: Annotated[float, Field(ge=0.0, le=100.0)] | None = Field(
+        default=None,
+        description="no tag loses more stiffness than this wherever that can be run [%]; default: "
+        "5 of smooth, else none",
     )
     free_order: bool = Field(
         default=False, description="the order of holes is not binding: take the quickest one found"

@@ -39,6 +39,10 @@ speed, one without a Cartesian target no place to reach. Findings about the whol
 about a tag, have the reason ``check``."""
 
 
+_LOST = ("lost_mean_percent", "lost_max_percent")
+"""What tags lose of the best stiffness within their reach, collisions not asked."""
+
+
 @dataclass(frozen=True, slots=True)
 class ConvertRequest:
     """What to convert and how; None keeps the cell's or the file's own choice."""
@@ -59,6 +63,7 @@ class ConvertRequest:
     emitter: str | None = None
     strategy: str | None = None
     objective: str | None = None
+    preset: str | None = None
     model: str | None = None
     pins: str | None = None
     partial: bool = False
@@ -115,7 +120,9 @@ def convert(
     from postproc.process import machining_findings, word_findings
 
     clock = Clock()
-    wishes = PlanOptions(strategy=request.strategy, objective=request.objective)
+    wishes = PlanOptions(
+        strategy=request.strategy, objective=request.objective, preset=request.preset
+    )
     cell = settle(with_emitter(cell or shared_cell(request.cell), request.emitter), wishes)[0]
     emitter_of(cell)  # before hours of work
     if toolpath is None:
@@ -347,6 +354,7 @@ def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
         "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
         "mean_N_per_mm": float(values.mean() / N_PER_MM),
         "min_N_per_mm": float(values.min() / N_PER_MM),
+        **{key: plan.settings[key] for key in _LOST if key in plan.settings},
     }
 
 

@@ -237,6 +237,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "robot.limits_deg": ({}, {"robot.limits_deg": [[-5.0, 5.0]] + [[-120.0, 120.0]] * 5}),
     "robot.speed_deg_s": ({}, {"robot.speed_deg_s": [1.0] * 6}),
     "robot.accel_deg_s2": ({}, {"robot.accel_deg_s2": [1.0] * 6}),
+    "robot.cable": ({}, {"robot.cable": {"A5": [-40.0, 40.0]}}),
     "robot.payload_kg": ({"tool.mass_kg": 50.0}, {"robot.payload_kg": 20.0}, CHECK),
     **solids("robot.link_meshes", WRIST, {"obstacles": [ABOVE]}, link=6),
     "robot.link_meshes[].cylinder.radius_mm": (
@@ -289,6 +290,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "optimize.step_deg": ({"optimize.refine": False}, {"optimize.step_deg": 7.0}),
     "optimize.range_deg": ({}, {"optimize.range_deg": [10.0, 20.0]}),
     "optimize.strategy": ({}, {"optimize.strategy": "each"}),
+    "optimize.preset": ({}, {"optimize.preset": "fastest"}),
     "optimize.turns": ({"optimize.objective": {"travel": 1.0}}, {"optimize.turns": False}),
     "optimize.refine": ({}, {"optimize.refine": False}),
     "optimize.key_every_mm": (SMOOTH, {"optimize.key_every_mm": 1e4}, LINE),

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Process
-from postproc.cell.choices import Index
+from postproc.cell.choices import Index, Preset
 from postproc.errors import CellError
 from postproc.kinematics import build
 from postproc.planning.states.costs import (
-    DEFAULT_TRAVEL,
     OBJECTIVES,
+    TRAVEL_OF,
     Objective,
     StateContext,
     state_costs,
@@ -106,7 +106,7 @@ def test_singularity_falls_with_a_bent_wrist(context):
 def test_weights(make_cell, context):
     weights = weights_of(make_cell(optimize={"objective": {"axial": 2.0, "limits": 0.5}}))
     assert [name for name, _, _ in weights.states] == ["axial", "limits"]
-    assert weights.travel == DEFAULT_TRAVEL
+    assert weights.travel == TRAVEL_OF[Preset.BALANCED]
     assert weights.main[0] == "axial"
     cost, index = state_costs(weights, context)
     axial = OBJECTIVES.get("axial")(context)
@@ -116,7 +116,7 @@ def test_weights(make_cell, context):
 
 def test_without_stiffness_travel_rules(make_cell, robot):
     weights = weights_of(make_cell(robot=replace(robot, joint_stiffness=None)))
-    assert weights.states == ()
+    assert [name for name, _, _ in weights.states] == ["margin", "wrist"]
     assert "no joint stiffness" in weights.notes[0]
 
 

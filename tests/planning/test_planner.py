@@ -360,10 +360,10 @@ def test_planning_never_opens_a_socket(make_cell, make_path, monkeypatch):
 )
 def test_every_option_changes_the_plan(make_cell, make_path, table, key, value):
     toolpath = options_path(make_path)
-    options = {"motion": {"arcs": "lin"}} if key == "chord_mm" else {}
-    plain = plan(toolpath, make_cell(**options))
-    merged = options.get("motion", {}) if table == "motion" else {}
     name = "options" if table == "optimize" else table
+    beside = {"chord_mm": {"arcs": "lin"}, "turns": {"objective": {"travel": 1.0}}}
+    merged = beside.get(key, {})
+    plain = plan(toolpath, make_cell(**{name: merged}))
     changed = plan(toolpath, make_cell(**{name: merged | {key: value}}))
     assert differ(plain, changed)
 
@@ -372,7 +372,7 @@ def test_every_option_changes_the_plan(make_cell, make_path, table, key, value):
 @pytest.mark.parametrize(
     ("key", "value"),
     [
-        ("key_every_mm", 400.0),
+        ("key_every_mm", 150.0),
         ("key_corner_deg", 1.0),
         ("key_tags", ["5"]),
         ("loss_bound_percent", 0.1),
@@ -382,7 +382,7 @@ def test_every_option_of_smooth_changes_the_plan(make_cell, make_path, key, valu
     """Checked where nothing else asks for key tags."""
     toolpath = TestCuts().milling(make_path)
     base = {"loss_bound_percent": 100.0, "key_every_mm": 1e4, "key_corner_deg": 180.0}
-    base["strategy"] = "smooth"
+    base |= {"strategy": "smooth", "objective": {"axial": 1.0, "margin": 3.0}}
     plain = plan(toolpath, make_cell(options=base))
     changed = plan(toolpath, make_cell(options=base | {key: value}))
     assert differ(plain, changed)

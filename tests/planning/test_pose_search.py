@@ -97,6 +97,7 @@ def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_pa
         search.states.q[first].astype(np.float64),
         np.zeros(len(tags)),
         np.ones(len(tags)),
+        np.ones(len(tags)),
     )
     passed = np.arange(len(tags)) % 2 == 0
     free = np.ones(len(tags), dtype=np.bool_)

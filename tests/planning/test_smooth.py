@@ -33,7 +33,7 @@ def paper_cell(make_cell, below, ahead, index, options):
     T = transform(rotation_x(np.pi), np.array([ahead, 0.0, below]) * MM)
     cell = make_cell(
         optimize={
-            "objective": "normal",
+            "objective": {"normal": 1.0},
             "range": (-90.0 * DEG, 90.0 * DEG),
         },
         options={"index": index, "strategy": "smooth"} | options,

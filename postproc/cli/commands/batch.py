@@ -48,6 +48,9 @@ Examples:
     shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
     help="As of convert.",
 )
+@click.option(
+    "--preset", type=click.Choice(["stiffest", "balanced", "fastest"]), help="As of convert."
+)
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--timeout", type=click.FloatRange(min=0.1), help="Seconds per input.")
 @click.option("--memory", type=click.FloatRange(min=0.5), help="GiB per worker.")
@@ -82,6 +85,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         emitter=options["emitter"],
         strategy=options["strategy"],
         objective=options["objective"],
+        preset=options["preset"],
         model=options["model"],
     )
     sources = find_inputs(options["inputs"])

@@ -57,6 +57,11 @@ def _known_suffix(
     shell_complete=completion.parts("postproc.planning", "OBJECTIVES"),
     help="axial, normal, radial, process or another one of plugins; default: the cell's.",
 )
+@click.option(
+    "--preset",
+    type=click.Choice(["stiffest", "balanced", "fastest"]),
+    help="Stiffness against time, for an objective by name; default: the cell's.",
+)
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
@@ -89,6 +94,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         emitter=options["emitter"],
         strategy=options["strategy"],
         objective=options["objective"],
+        preset=options["preset"],
         model=options["model"],
         pins=options["pins"],
         partial=options["partial"],

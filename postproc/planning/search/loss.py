@@ -22,6 +22,8 @@ bound to the share ``_WORTH`` of the least so far."""
 _FEW = 8
 """After so many rounds every tag beyond the bound becomes a key tag, not only the worst ones."""
 ROUNDING = 1e-6
+DEFAULT_BOUND = 0.05
+"""Bound of the strategy ``smooth`` where the cell sets none."""
 _SPACING = 0.01
 """On cuts the optimum of single tags is looked for this often [m], and interpolated."""
 

@@ -10,6 +10,7 @@ from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine
+from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
 
@@ -29,7 +30,13 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     follows = np.append(False, np.diff(np.flatnonzero(kept)) == 1) & ~chosen.entry[tags]
     linked = np.where(follows, search.weight[kept], 0.0)
     grid = TagPoses(
-        tags, chosen.attitude[tags], chosen.branch[tags], chosen.q[tags], linked, search.share[kept]
+        tags,
+        chosen.attitude[tags],
+        chosen.branch[tags],
+        chosen.q[tags],
+        linked,
+        search.share[kept],
+        best_of(search.states)[kept],
     )
     names = problem.toolpath.tag_name
     free = np.array([names(tag) not in pins for tag in tags.tolist()])

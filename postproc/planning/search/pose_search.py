@@ -96,7 +96,7 @@ class PoseSearch:
         stride = np.full(len(tags), FINE if len(problem.settings.spins) > 1 else 1)
         states, pinned = states_on(problem, tags, stride, wish)
         ladder, weight, share = ladder_of(problem, between, tags, states, wish)
-        bridges = bridges_of(problem, tags, states, stride, pinned, ladder)
+        bridges = bridges_of(problem, between, tags, states, stride, pinned, ladder)
         n, size = len(tags), len(states.q)
         return cls(
             checker,
@@ -150,7 +150,13 @@ class PoseSearch:
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf
         self.bridges = bridges_of(
-            problem, self.tags, self.states, self.stride, self.pinned, self.ladder
+            problem,
+            self.between,
+            self.tags,
+            self.states,
+            self.stride,
+            self.pinned,
+            self.ladder,
         )
         beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 3)
         self.ladder.take_over(known, moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))

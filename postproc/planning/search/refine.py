@@ -27,7 +27,8 @@ class TagPoses:
     """An attitude and a branch for each of n tags, with the joints that follow [rad].
 
     ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
-    each tag, 0 where it is free; ``share`` (n,): of its own cost.
+    each tag, 0 where it is free; ``share`` (n,): of its own cost; ``best`` (n,): index of
+    the best state [N/m].
     """
 
     tags: IndexArray
@@ -36,6 +37,7 @@ class TagPoses:
     q: FloatArray
     weight: FloatArray
     share: FloatArray
+    best: FloatArray
 
     def weighted(self, weight: FloatArray) -> TagPoses:
         """Return the same poses with another weight of travel."""
@@ -189,7 +191,8 @@ def _joints(
 
 def _costs(problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray) -> FloatArray:
     T_base_tcp = poses.tcp(problem, attitude)
-    return poses.share * evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)[0]
+    cost, index = evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)
+    return poses.share * (cost + problem.settings.weights.price(1.0 - index / poses.best))
 
 
 def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:

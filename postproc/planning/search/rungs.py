@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.geometry import angle_between
 from postproc.model import MotionKind
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
@@ -20,6 +21,7 @@ from postproc.planning.states import (
     sample_on,
     spin_values,
 )
+from postproc.units import DEG
 
 TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""
@@ -34,6 +36,12 @@ CUT_UNIT = 0.01
 must not depend on how densely the CAM system set its points."""
 _LEAST_STEP = 1e-3
 """A step on a cut counts as at least so long [m]."""
+BRIDGED = 0.05
+"""Longest way [m] from key tag to key tag over which runs of spins are followed."""
+BRIDGED_TURN = 15.0 * DEG
+"""Largest turn of the tool axis [rad], likewise."""
+HOME_SHARE = 0.05
+"""Share of the price of travel that counts from home and back: one move, and a long one."""
 FINE = 2
 """Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
 
@@ -93,6 +101,7 @@ def states_on(
     states = sample_on(problem, tags, spins, stride)
     every = np.arange(len(states.q))
     owner = states.tag_of(every)
+    states.cost += problem.settings.weights.price(1.0 - states.index / best_of(states)[owner])
     if wish.least is not None:
         dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
         states.cost[dear] += DEAR
@@ -102,6 +111,15 @@ def states_on(
     if wish.each:
         states.cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
     return states, pinned
+
+
+def best_of(states: States) -> FloatArray:
+    """Return the best index (n,) [N/m] among the states of each tag, NaN without."""
+    best = np.full(len(states), np.nan)
+    full = np.flatnonzero(np.diff(states.offsets))
+    if len(full):
+        best[full] = np.maximum.reduceat(states.index, states.offsets[full])
+    return best
 
 
 def ladder_of(
@@ -116,21 +134,33 @@ def ladder_of(
         travel = np.where(rule == Rule.CHAIN, wish.cut_travel, TIE_TRAVEL)
     weight, share = _scales(between, tags, travel)
     cost = states.cost * np.repeat(share, np.diff(states.offsets))
+    home = problem.cell.motion.home
+    if home is not None and len(tags) and not wish.each:
+        price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
+        for rung in (0, len(tags) - 1):
+            at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
+            cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
     return Ladder(states.offsets, states.q, cost, states.branch, rule, weight), weight, share
 
 
 def bridges_of(
     problem: Problem,
+    between: Interpolation,
     tags: IndexArray,
     states: States,
     stride: IndexArray,
     pinned: BoolArray,
     ladder: Ladder,
 ) -> Bridges:
-    """Return the runs of states, told to the graph; where the tool may tilt it does without."""
+    """Return the runs of states, told to the graph; where the tool may tilt it does without.
+
+    Between tags far apart runs say nothing of what lies between, nor where both are pinned.
+    """
     low, high = problem.cell.optimize.range
-    loose = ~np.isin(np.asarray(problem.toolpath.kind)[tags], (MotionKind.LINEAR, MotionKind.ARC))
+    loose, axis = ~between.is_cut[tags], problem.placement.axis_base(tags)
     loose[1:] |= pinned[1:] & pinned[:-1]
+    loose[1:] |= np.diff(between.way[tags]) > BRIDGED
+    loose[1:] |= angle_between(axis[1:], axis[:-1]) > BRIDGED_TURN
     bridges = Bridges(states, stride, high - low >= 2.0 * np.pi - 1e-9, loose)
     if len(states.tilts) == 1:
         ladder.may_join = bridges.may_join

@@ -24,10 +24,10 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.free_path import Found
 from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
-from postproc.planning.search.loss import LossBound, best_index, loss_of, loss_report
+from postproc.planning.search.loss import DEFAULT_BOUND, LossBound, best_index, loss_of, loss_report
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.search.rungs import TIE_TRAVEL, Wish
+from postproc.planning.search.rungs import TIE_TRAVEL, Wish, best_of
 from postproc.planning.states import Chosen
 
 Step = Callable[[int, int, str], None]
@@ -40,7 +40,8 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
     is_smooth = wishes.strategy is Strategy.SMOOTH
     between = Interpolation.of(problem)
     step(0, n, "search")
-    bound = LossBound(best_index(checker, between), wishes.loss_bound) if is_smooth else None
+    most = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
+    bound = LossBound(best_index(checker, between), most) if is_smooth else None
     keys = key_tags(problem.toolpath, wishes) if is_smooth else dense_key_tags(problem)
     search = PoseSearch.of(checker, np.flatnonzero(keys), _wish(checker, bound), between)
     growth = Growth(between)
@@ -54,12 +55,13 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
         step(0, n, "refine")
         chosen = moved_off_grid(search, chosen)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
+    record |= _lost(search, chosen)
     step(n, n, "search")
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
     if bound is not None:
         loss = loss_of(problem, chosen, bound.best)
-        findings.insert(0, loss_report(problem, loss, search.tags, wishes.loss_bound))
+        findings.insert(0, loss_report(problem, loss, search.tags, most))
         record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
         if len(search.tags) > keys.sum():
             record["key_tags_added"] = len(search.tags) - int(keys.sum())
@@ -86,6 +88,21 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
         step(min(len(search.tags), n - 1), n, "search")
         search.grow(tags, stride)
         found = search.run()
+
+
+def _lost(search: PoseSearch, chosen: Chosen) -> dict[str, object]:
+    """Return what key tags lose of the best stiffness that they have within reach [%]."""
+    problem, tags = search.checker.problem, search.tags
+    best = np.full(len(problem), np.nan)
+    best[tags] = best_of(search.states)
+    loss = loss_of(problem, chosen, best)[tags]
+    loss = 100.0 * loss[np.isfinite(loss)]
+    if not len(loss):
+        return {}
+    return {
+        "lost_mean_percent": round(float(loss.mean()), 3),
+        "lost_max_percent": round(float(loss.max()), 3),
+    }
 
 
 def _is_key(search: PoseSearch) -> BoolArray:

@@ -267,19 +267,18 @@ def _costs(
     weights = problem.settings.weights
     if not weights.states or not len(q):
         return np.zeros(len(q)), np.full(len(q), np.nan)
-    shared = all(part.is_stiffness or part.is_of_pose for _, _, part in weights.states)
-    first = np.searchsorted(source, np.arange(len(tag))) if shared else source
-    if shared:
-        present = np.isin(np.arange(len(tag)), source)
-        first = np.minimum(first, len(q) - 1)
-        rows, joints = np.arange(len(tag)), q[first]
-    else:
-        rows, joints = source, q
-        present = np.ones(len(q), dtype=np.bool_)
-    cost, index = evaluate(problem, tag[rows], spin[rows], T_base_tcp[rows], joints)
-    if shared:
-        cost[~present] = 0.0
-        return cost[source], index[source]
+    of_pose, of_turn = weights.split()
+    cost, index = np.zeros(len(q)), np.full(len(q), np.nan)
+    if of_pose.states:
+        first = np.flatnonzero(np.diff(source, prepend=-1))
+        rows = source[first]
+        context = context_of(problem, tag[rows], spin[rows], T_base_tcp[rows], q[first])
+        shared = state_costs(of_pose, context)
+        count = np.diff(np.append(first, len(source)))
+        cost, index = np.repeat(shared[0], count), np.repeat(shared[1], count)
+    if of_turn.states:
+        context = context_of(problem, tag[source], spin[source], T_base_tcp[source], q)
+        cost = cost + state_costs(of_turn, context)[0]
     return cost, index
 
 

@@ -9,12 +9,12 @@ change in units of 10 degrees, times the weight ``travel``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Preset, Strategy
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import Kinematics
 from postproc.registry import Registry
@@ -24,9 +24,19 @@ TRAVEL = "travel"
 TILT = "tilt"
 TRAVEL_UNIT = 10.0 * DEG
 """Joint change that costs 1 at weight 1."""
-DEFAULT_TRAVEL = 0.1
-"""Weight of travel beside a stiffness objective: mean stiffness falls by 0.4 %, the largest joint
-step from 181 to 1.3 degrees on a milling line of the paper's kind."""
+TRAVEL_OF = {Preset.STIFFEST: 0.01, Preset.BALANCED: 0.1, Preset.FASTEST: 1.0}
+"""Weight of travel beside a stiffness objective, by preset. With that of ``balanced`` on a milling
+line of the paper's kind mean stiffness falls by 0.4 %, the largest joint step from 181 to 1.3
+degrees."""
+WRIST, DEFAULT_WRIST = "wrist", 0.02
+"""Weight of A4 and A6 off their unwound middle: half a turn of one must gain 2 % of stiffness."""
+MARGIN, DEFAULT_MARGIN = "margin", 0.1
+"""Weight of nearness to limits and to the straight wrist: 10 % of stiffness for standing there."""
+PRICE_OF = {Preset.STIFFEST: (0.02, 30.0), Preset.BALANCED: (0.05, 10.0)}
+"""Loss of stiffness at a tag, and what each further 1 (100 %) of it costs, by preset: with
+``balanced`` 10 % beyond 5 % must save as much as a way of 30 degrees of a joint costs."""
+BOUND_PRICE = 300.0
+"""The same beyond a bound that the cell sets."""
 DEFAULT_TILT = 0.1
 """Weight of tilt, where the cell allows any: 5 degrees must gain 2.5 % of stiffness, 10 degrees
 10 %, 15 degrees 22 %, or be the only way."""
@@ -118,11 +128,29 @@ def objective(
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """Objectives with their weights, and the weight of travel."""
+    """Objectives with their weights, the weight of travel, and prices of losses.
+
+    ``prices``: from which loss of stiffness on, and what each further 1 (100 %) of it costs.
+    """
 
     states: tuple[tuple[str, float, Objective], ...]
     travel: float
     notes: tuple[str, ...] = ()
+    prices: tuple[tuple[float, float], ...] = ()
+
+    def split(self) -> tuple[Weights, Weights]:
+        """Return the objectives that all turns of a pose share, and the others."""
+        parts: tuple[list[tuple[str, float, Objective]], ...] = ([], [])
+        for entry in self.states:
+            parts[not (entry[2].is_stiffness or entry[2].is_of_pose)].append(entry)
+        return replace(self, states=tuple(parts[0])), replace(self, states=tuple(parts[1]))
+
+    def price(self, loss: FloatArray) -> FloatArray:
+        """Return what losses (n,) of stiffness against the best of a tag cost beyond their log."""
+        total = np.zeros(len(loss))
+        for bound, slope in self.prices:
+            total += slope * np.nan_to_num(np.maximum(loss - bound, 0.0))
+        return total
 
     @property
     def main(self) -> tuple[str, Objective] | None:
@@ -137,16 +165,20 @@ class Weights:
 def weights_of(cell: Cell) -> Weights:
     """Return what ``[optimize] objective`` asks for.
 
-    A name means that objective with weight 1 beside travel with ``DEFAULT_TRAVEL``; a table is
-    taken as it is, with the same travel unless it names ``travel``. Where the cell allows a tilt of
-    the tool axis, ``tilt`` stands beside them with ``DEFAULT_TILT`` unless it is named. Without
-    joint stiffness the stiffness objectives are left out, with a note.
+    A name means that objective with weight 1, travel as the preset has it, and a little of wrist
+    and margin; a table is taken as it is, with the same travel unless it names ``travel``. Where
+    the cell allows a tilt of the tool axis, ``tilt`` stands beside them with ``DEFAULT_TILT``
+    unless it is named. Without joint stiffness the stiffness objectives are left out, with a note.
 
     Raises:
         CellError: PLN202 for an objective that does not exist.
     """
-    asked = cell.optimize.objective
-    table: Mapping[str, float] = {asked: 1.0} if isinstance(asked, str) else asked
+    wishes, asked = cell.optimize, cell.optimize.objective
+    table: Mapping[str, float]
+    if isinstance(asked, str):
+        table = {WRIST: DEFAULT_WRIST, MARGIN: DEFAULT_MARGIN, asked: 1.0}
+    else:
+        table = asked
     if cell.optimize.tilt:
         table = {TILT: DEFAULT_TILT, **table}
     states, notes = [], []
@@ -162,10 +194,16 @@ def weights_of(cell: Cell) -> Weights:
             )
         elif weight > 0.0:
             states.append((name, float(weight), part))
-    travel = float(table.get(TRAVEL, DEFAULT_TRAVEL))
-    if travel == 0.0 and all(name == TILT for name, _, _ in states):
-        travel = DEFAULT_TRAVEL
-    return Weights(tuple(states), travel, tuple(notes))
+    usual = TRAVEL_OF[wishes.preset]
+    travel = float(table.get(TRAVEL, usual))
+    if travel == 0.0 and all(name in (TILT, WRIST, MARGIN) for name, _, _ in states):
+        travel = usual
+    prices = (
+        [PRICE_OF[wishes.preset]] if isinstance(asked, str) and wishes.preset in PRICE_OF else []
+    )
+    if wishes.strategy is not Strategy.SMOOTH and wishes.loss_bound is not None:
+        prices.append((wishes.loss_bound, BOUND_PRICE))
+    return Weights(tuple(states), travel, tuple(notes), tuple(prices))
 
 
 def state_costs(weights: Weights, context: StateContext) -> tuple[FloatArray, FloatArray]:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import TypeVar
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, Strategy, require_numbers
+from postproc.cell import Cell, Preset, Strategy, require_numbers
 from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
 from postproc.planning.states.tilt import MOST_COLUMNS, coarsest
 from postproc.units import DEG
+
+Word = TypeVar("Word", bound=StrEnum)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +25,7 @@ class PlanOptions:
     Args:
         strategy: ``global``, ``smooth`` or ``each``.
         objective: name or table of weights.
+        preset: ``stiffest``, ``balanced`` or ``fastest``.
         partial: plan the good stretches although some tags fail.
         clearance: measure the smallest distance at every tag (slow).
         name: program name; None: the input's.
@@ -28,6 +33,7 @@ class PlanOptions:
 
     strategy: str | None = None
     objective: str | Mapping[str, float] | None = None
+    preset: str | None = None
     partial: bool = False
     clearance: bool = False
     name: str | None = None
@@ -46,13 +52,15 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
 
     Raises:
         CellError: CEL030 for an arm with unknown limits or speeds, PLN202 for an unknown
-            objective, PLN204 for an unknown strategy, PLN207 for more spins times tilts than a
-            tag can hold.
+            objective, PLN204 for an unknown strategy or preset, PLN207 for more spins times tilts
+            than a tag can hold.
     """
     require_numbers(cell)
     wishes = cell.optimize
     if options.strategy is not None:
-        wishes = replace(wishes, strategy=_strategy(options.strategy, cell))
+        wishes = replace(wishes, strategy=_one_of(Strategy, options.strategy, "strategy", cell))
+    if options.preset is not None:
+        wishes = replace(wishes, preset=_one_of(Preset, options.preset, "preset", cell))
     if options.objective is not None:
         wishes = replace(wishes, objective=options.objective)
     if wishes is not cell.optimize:
@@ -62,11 +70,11 @@ def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
     return cell, Settings(weights_of(cell), spins)
 
 
-def _strategy(name: str, cell: Cell) -> Strategy:
-    if name not in tuple(Strategy):
-        text = f"strategy {name!r}: expected one of {', '.join(Strategy)}"
+def _one_of(words: type[Word], name: str, key: str, cell: Cell) -> Word:
+    if name not in tuple(words):
+        text = f"{key} {name!r}: expected one of {', '.join(words)}"
         raise CellError("PLN204", text, SourceRef(cell.path))
-    return Strategy(name)
+    return words(name)
 
 
 def _require_columns(cell: Cell, spins: int) -> None:

@@ -7,7 +7,10 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.kinematics import smallest_singular_value, wrist_distance
 from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
+from postproc.units import DEG
 
+ROOM = 10.0 * DEG
+"""Room [rad] to limits and straight wrist of which more is not better."""
 WELL_CONDITIONED = 0.3
 """Smallest singular value of the Jacobian (metres per radian) that counts as far from singular."""
 
@@ -18,6 +21,28 @@ def limits(context: StateContext) -> FloatArray:
     low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
     share = (context.q - 0.5 * (low + high)) / (0.5 * (high - low))
     return np.asarray((share**4).mean(axis=1))
+
+
+@objective("margin")
+def margin(context: StateContext) -> FloatArray:
+    """Return the sum of (1 - room / ``ROOM``)^2 over limits and straight wrist within ``ROOM``.
+
+    Room counts beyond what the cell keeps anyway: 1 for standing at a limit that it allows.
+    """
+    low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
+    kept = context.cell.limits
+    room = np.minimum(context.q - low, high - context.q) - kept.joint_margin
+    wrist = wrist_distance(context.kinematics, context.q) - kept.singularity
+    lack = np.maximum(1.0 - np.column_stack([room, wrist]) / ROOM, 0.0)
+    return np.asarray((lack**2).sum(axis=1))
+
+
+@objective("wrist")
+def wrist(context: StateContext) -> FloatArray:
+    """Return the squares of A4 and A6 off the middle of their limits, in half turns."""
+    middle = 0.5 * (np.asarray(context.kinematics.q_min) + np.asarray(context.kinematics.q_max))
+    off = (context.q - middle)[:, [3, 5]] / np.pi
+    return np.asarray((off**2).sum(axis=1))
 
 
 @objective("singularity")
