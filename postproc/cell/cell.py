@@ -280,11 +280,15 @@ class Optimize:
 class Process:
     """Load on the tool while it works: wrench (6,) [N, N*m] ON the tool at and in axes of TCP.
 
-    ``operations``: the wrench (6,) of single operations of the CAM file, by name.
+    ``operations``: the wrench (6,) of single operations of the CAM file, by name. ``hole``: names
+    of the routines called at each hole, in order; ``unit_feeds``: the end effector drills while the
+    robot stands.
     """
 
     wrench_tcp: FloatArray
     operations: Mapping[str, FloatArray] = field(default_factory=dict)
+    hole: tuple[str, ...] = ()
+    unit_feeds: bool = False
 
     def wrench_of(self, operation: str) -> FloatArray:
         """Return the wrench (6,) of an operation of the CAM file."""

@@ -25,7 +25,7 @@ from postproc.cell.cell import (
     Tool,
     Workpiece,
 )
-from postproc.cell.forms import cam_key, check_forms
+from postproc.cell.forms import cam_key, check_forms, hole_steps
 from postproc.cell.options import krl_of, limits_of, motion_of, optimize_of, reading_of
 from postproc.cell.robotfile import (
     LENGTHS,
@@ -115,7 +115,7 @@ class _Builder:
             optimize=optimize_of(file.optimize),
             process=_process(file),
             motion=self._motion(robot),
-            krl=replace(krl_of(file.krl), template=self._template()),
+            krl=replace(krl_of(file.krl, hole_steps(file.process)), template=self._template()),
             reading=reading_of(file.reading),
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
@@ -337,6 +337,8 @@ def _process(file: CellFile) -> Process:
     return Process(
         np.array([*table.force_N, *table.moment_Nm]),
         {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in table.operations},
+        hole_steps(table),
+        table.feed_by == "unit",
     )
 
 

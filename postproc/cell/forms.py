@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Sequence
 
-from postproc.cell.schema import CellFile, ToolTable, WorkpieceTable
+from postproc.cell.schema import CellFile, HooksTable, ProcessTable, ToolTable, WorkpieceTable
 from postproc.errors import CellError
 from postproc.toml import Location, TomlText
 
+UNIT_STEPS = ("clamp", "drill", "unclamp")
+"""What is called at each hole that the end effector drills, where the cell does not say."""
 _FORMS = (("tool", "tools", "TOOL"), ("workpiece", "bases", "BASE"))
 
 
@@ -27,7 +30,8 @@ def check_forms(toml: TomlText, file: CellFile) -> None:
     """Refuse both forms at once, and entries that cannot be told apart.
 
     Raises:
-        CellError: CEL012 for both forms, CEL013 for one number or CAM name in two entries.
+        CellError: CEL012 for both forms, CEL013 for one number or CAM name in two entries, CEL014
+            for routines that nothing calls.
     """
     for short, form, what in _FORMS:
         if form not in file.model_fields_set:
@@ -40,10 +44,41 @@ def check_forms(toml: TomlText, file: CellFile) -> None:
             text = f"{form} is empty, expected at least one entry"
             raise CellError("CEL012", text, toml.source((form,)))
         _told_apart(toml, form, what, entries)
+    _check_hooks(toml, file)
     if len(file.tools) > 1 and file.krl.inertia_kg_m2 is not None:
         at: Location = ("krl", "inertia_kg_m2")
         text = "krl.inertia_kg_m2 is of one tool: give each of tools its own inertia_kg_m2"
         raise CellError("CEL012", text, toml.source(at))
+
+
+def hole_steps(table: ProcessTable) -> tuple[str, ...]:
+    """Return the names of the routines that are called at each hole."""
+    if table.hole is None:
+        return UNIT_STEPS if table.feed_by == "unit" else ()
+    return tuple(table.hole)
+
+
+def _check_hooks(toml: TomlText, file: CellFile) -> None:
+    """Refuse routines of nothing, and steps of a hole that mean something else."""
+    steps, own = hole_steps(file.process), HooksTable.model_fields
+    if file.process.feed_by == "unit" and not steps:
+        text = 'process.hole is empty: with feed_by = "unit" nothing would drill'
+        raise CellError("CEL014", text, toml.source(("process", "hole")))
+    for place, name in enumerate(steps):
+        if name in own or steps.index(name) != place:
+            why = "stands twice" if name not in own else "is called by the CAM file"
+            source = toml.source(("process", "hole", place))
+            raise CellError("CEL014", f"process.hole: {name!r} {why}", source)
+    for name in file.krl.hooks.model_extra or {}:
+        if name not in steps:
+            known = sorted([*own, *steps])
+            nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)[0]
+            raise CellError(
+                "CEL014",
+                f"krl.hooks.{name}: no such routine is called, the nearest is {nearest!r}",
+                toml.source(("krl", "hooks", name)),
+                hint=f"known here: {', '.join(known)}",
+            )
 
 
 def _told_apart(

@@ -75,8 +75,13 @@ def reading_of(table: ImportTable) -> Reading:
     return Reading(**{**table.model_dump(), "accept_words": tuple(table.accept_words)})
 
 
-def krl_of(table: KrlTable) -> KrlOptions:
-    """Return the options of ``[krl]``; the template as the file names it."""
+def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
+    """Return the options of ``[krl]``; the template as the file names it.
+
+    Args:
+        table: as in the file.
+        hole: routines of ``[process] hole``: called ``PP_`` and their name unless the table says.
+    """
     return KrlOptions(
         emitter=table.emitter,
         template=table.template,
@@ -91,7 +96,8 @@ def krl_of(table: KrlTable) -> KrlOptions:
         cam_lines=table.cam_lines,
         setup=table.setup,
         hooks_example=table.hooks_example,
-        hooks=table.hooks.model_dump(exclude_none=True),
+        hooks={name: f"PP_{name.upper()}" for name in hole}
+        | table.hooks.model_dump(exclude_none=True),
     )
 
 

@@ -6,6 +6,7 @@ is generated from it. ``postproc.cell.options`` and ``postproc.cell.file`` turn 
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
@@ -47,7 +48,9 @@ SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Text = Annotated[str, Field(min_length=1, max_length=255)]
 CamNames = list[Text | Annotated[int, Field(ge=0)]]
-KrlName = Annotated[str, Field(pattern=r"^[A-Za-z_][A-Za-z0-9_]{0,23}$")]
+HoleStep = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,20}$")]
+KRL_NAME = r"^[A-Za-z_][A-Za-z0-9_]{0,23}$"
+KrlName = Annotated[str, Field(pattern=KRL_NAME)]
 
 
 class Table(BaseModel):
@@ -379,7 +382,7 @@ class OperationLoadTable(Table):
 
 
 class ProcessTable(Table):
-    """The load on the tool while it works."""
+    """The load on the tool while it works, and how holes are made."""
 
     force_N: Loads = Field(default=[0.0, 0.0, 0.0], description="force ON the tool, TCP axes [N]")  # noqa: N815
     moment_Nm: Loads = Field(  # noqa: N815
@@ -387,6 +390,17 @@ class ProcessTable(Table):
     )
     operations: list[OperationLoadTable] = Field(
         default=[], description="loads of single operations; all others take the load above"
+    )
+    feed_by: Literal["robot", "unit"] = Field(
+        default="robot",
+        description="who feeds the tool into a hole: robot, or unit: the robot stands where the "
+        "feed begins, the end effector drills",
+    )
+    hole: list[HoleStep] | None = Field(
+        default=None,
+        description="routines called at each hole, in order, with its number, depth [mm], feed "
+        "[mm/min] and speed [1/min]; with feed_by = robot those up to drill (else all but the "
+        "last) come before the stroke; default: none, clamp, drill, unclamp with feed_by = unit",
     )
 
 
@@ -463,7 +477,16 @@ class ImportTable(Table):
 
 
 class HooksTable(Table):
-    """Routines that the integrator defines and programs call."""
+    """Routines that the integrator defines and programs call; names of process.hole too."""
+
+    model_config = ConfigDict(extra="allow")
+
+    @model_validator(mode="after")
+    def _names(self) -> HooksTable:
+        for name, routine in (self.model_extra or {}).items():
+            if not isinstance(routine, str) or not re.fullmatch(KRL_NAME, routine):
+                raise ValueError(f"{name}: expected the name of a routine, found {routine!r}")
+        return self
 
     spindle_on: KrlName = Field(
         default="PP_SPINDLE_ON", description="gets the speed [1/min], negative counterclockwise"

@@ -117,7 +117,7 @@ def convert(
     from postproc.emitters import emitter_of, with_emitter
     from postproc.model import Plan
     from postproc.planning import PlanOptions, settle
-    from postproc.process import machining_findings, word_findings
+    from postproc.process import machining_findings, unit_findings, word_findings
 
     clock = Clock()
     wishes = PlanOptions(
@@ -138,7 +138,11 @@ def convert(
 
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
-    words = (*word_findings(toolpath), *machining_findings(toolpath, cell))
+    words = (
+        *word_findings(toolpath),
+        *machining_findings(toolpath, cell),
+        *unit_findings(toolpath, cell),
+    )
     clock.lap("read")
     if any(finding.is_error for finding in words):
         plan = Plan.nothing(toolpath, request.name or toolpath.name, words)

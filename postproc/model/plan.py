@@ -72,6 +72,8 @@ class Plan:
         stiffness: (n,) index along the objective's direction per tag [N/m], NaN without stiffness.
         stiffness_initial: (n,) the same at spin 0 before optimisation.
         clearance: (n,) smallest distance per tag [m], NaN where not asked for.
+        restart: (n,) 1 where the way from home straight above a hole is free, 0 where it is not,
+            NaN where nobody asks; None: nowhere.
         events: (move index before which it happens, event).
         compensation: (m, 3) shift applied to the commanded position [m], workpiece frame, or None.
         findings: findings; any error among them forbids a program.
@@ -98,6 +100,7 @@ class Plan:
     stiffness_initial: FloatArray = field(metadata=column("tag"))
     clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
+    restart: FloatArray | None = field(default=None, metadata=column("tag"))
     tool: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     base: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
@@ -108,6 +111,8 @@ class Plan:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
+        if self.restart is None:
+            object.__setattr__(self, "restart", np.full(len(self.toolpath), np.nan))
         freeze_columns(self, move=len(self.kind), tag=len(self.toolpath))
 
     @classmethod

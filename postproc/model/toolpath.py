@@ -56,6 +56,8 @@ class EventKind(StrEnum):
     TOOL_CHANGE = "tool_change"
     TAP_REVERSE = "tap_reverse"
     """The spindle turns back at the bottom of a tapped hole."""
+    HOLE = "hole"
+    """A step of a hole, ``text`` its name, ``value`` the number of the hole."""
     MESSAGE = "message"
     UNKNOWN = "unknown"
 
@@ -66,6 +68,7 @@ class Event:
 
     ``value``: spindle speed [turns/s] (negative = counterclockwise), dwell [s], tool number,
     else 0. ``text``: the words of the file (coolant mode, message, unknown statement).
+    ``arguments``: of a step of a hole: depth [m], feed [m/s], speed [turns/s], 0 where not given.
     """
 
     index: int
@@ -73,6 +76,7 @@ class Event:
     value: float = 0.0
     text: str = ""
     line: int = 1
+    arguments: tuple[float, ...] = ()
 
 
 class CycleKind(StrEnum):

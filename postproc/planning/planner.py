@@ -13,7 +13,7 @@ from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Event, MoveRole, Plan, ToolPath
 from postproc.planning.checks import Checker
 from postproc.planning.repeats import with_repeats, without_repeats
-from postproc.planning.route import Route, route
+from postproc.planning.route import Route, route, step_rows
 from postproc.planning.search import (
     choose,
     ordered,
@@ -41,10 +41,13 @@ from postproc.planning.states import (
 )
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
+    NUMBER,
     ToolStretch,
     as_served,
     claimed,
     hole_calls,
+    hole_steps,
+    holes_served,
     reordered,
     repeats,
     switched_off,
@@ -87,6 +90,8 @@ def plan(
     toolpath = claims.toolpath
     if any(finding.is_error for finding in claims.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
+    if not cell.optimize.free_order:
+        toolpath = holes_served(toolpath, cell)
     distinct = np.flatnonzero(~repeats(toolpath))
     if len(distinct) < len(toolpath) and not cell.optimize.free_order:
         return with_repeats(
@@ -95,6 +100,7 @@ def plan(
     stretches = claims.stretches()
     if cell.optimize.free_order:
         toolpath = reordered(toolpath, _order(toolpath, cell, settings, stretches))
+        toolpath = holes_served(toolpath, cell)
         cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
     result = plan_stretches(
         toolpath,
@@ -173,6 +179,7 @@ def _planned(
         result,
         toolpath=toolpath,
         clearance=_clearance(checker, chosen, options),
+        restart=_straight_ways(checker, chosen),
         settings={**_as_used(problem), **result.settings},
     )
 
@@ -251,6 +258,23 @@ def _clearance(checker: Checker, chosen: Chosen, options: PlanOptions) -> FloatA
     return result
 
 
+def _straight_ways(checker: Checker, chosen: Chosen) -> FloatArray:
+    """Return whether (n,) the way from home straight above a numbered hole is free, else NaN."""
+    problem, strokes = checker.problem, checker.strokes
+    result, home = np.full(len(chosen.good), np.nan), problem.cell.motion.home
+    if NUMBER not in problem.toolpath.extra:
+        return result
+    numbers = np.asarray(problem.toolpath.extra[NUMBER])
+    tags = np.nonzero(strokes.is_stroke & chosen.good & (numbers > 0))[0]
+    if home is None:
+        result[tags] = 1.0
+        return result
+    top = problem.placement.tcp(tags, chosen.attitude[tags], strokes.top[tags])
+    q, _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
+    result[tags] = checker.joint_moves(np.broadcast_to(home, q.shape), q).good
+    return result
+
+
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
     from postproc.collision import Scene
 
@@ -321,14 +345,14 @@ def _assembled(
         stiffness=index,
         stiffness_initial=initial,
         clearance=np.full(len(toolpath), np.nan),
-        events=_events(toolpath, table),
+        events=_events(toolpath, table, problem.cell),
         findings=tuple(findings),
         settings=record,
         orientation_speed=times.orientation,
     )
 
 
-def _events(toolpath: ToolPath, table: Moves) -> tuple[tuple[int, Event], ...]:
+def _events(toolpath: ToolPath, table: Moves, cell: Cell) -> tuple[tuple[int, Event], ...]:
     """Return the events of the file and of its holes, each with the move that it comes before."""
     first = np.searchsorted(table.tag, [event.index for event in toolpath.events]).tolist()
     found = [(move, 1, event) for move, event in zip(first, toolpath.events, strict=True)]
@@ -336,6 +360,11 @@ def _events(toolpath: ToolPath, table: Moves) -> tuple[tuple[int, Event], ...]:
         rows = np.flatnonzero((table.tag == tag) & (table.role == MoveRole.RETRACT))
         if len(rows):
             found += [(int(rows[0]), 0, below), (int(rows[0]) + 1, 0, behind)]
+    for tag, ahead, behind_ in hole_steps(toolpath, cell):
+        places = step_rows(table, tag, standing=cell.process.unit_feeds)
+        if places is not None:
+            found += [(places[0], 0, event) for event in ahead]
+            found += [(places[1], -1, event) for event in behind_]
     return tuple((move, event) for move, _, event in sorted(found, key=lambda item: item[:2]))
 
 

@@ -48,6 +48,7 @@ def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
         stiffness=plan.stiffness[source],
         stiffness_initial=plan.stiffness_initial[source],
         clearance=plan.clearance[source],
+        restart=None if plan.restart is None else plan.restart[source],
         events=events,
         findings=findings,
     )

@@ -11,6 +11,7 @@ from postproc.process.repeats import apart, repeats
 from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
 from postproc.process.strokes import CHIP_LIFT, FEED_OUT, TAPS, hole_calls, pecks, turns_at
 from postproc.process.tilt import PLUNGING, SHARPEST
+from postproc.process.unit import NUMBER, hole_steps, holes_served, unit_findings
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "FEED_OUT",
     "LOWERED_FROM",
     "LOWERED_TO",
+    "NUMBER",
     "PLUNGING",
     "SHARPEST",
     "TAPS",
@@ -34,6 +36,8 @@ __all__ = [
     "feeds_of",
     "hole_calls",
     "hole_runs",
+    "hole_steps",
+    "holes_served",
     "load_cases",
     "machining_findings",
     "may_stand",
@@ -46,6 +50,7 @@ __all__ = [
     "switched_off",
     "tool_words",
     "turns_at",
+    "unit_findings",
     "weight_wrench",
     "word_findings",
 ]

@@ -26,7 +26,9 @@ def machining_findings(toolpath: ToolPath, cell: Cell) -> tuple[Finding, ...]:
 
 
 def _tap_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return one error for each reason why tapped holes cannot be made."""
+    """Return one error for each reason why tapped holes cannot be made; a unit taps by itself."""
+    if cell.process.unit_feeds:
+        return []
     taps = [i for i, cycle in enumerate(toolpath.cycles) if cycle.kind in TAPS]
     holes = np.asarray(toolpath.kind) == MotionKind.HOLE
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, taps))

@@ -35,10 +35,12 @@ from postproc.paths import Displacement, cycle_time, durations, joint_paths, run
 from postproc.process import (
     as_served,
     claimed,
+    holes_served,
     machining_findings,
     may_stand,
     refusals,
     switched_off,
+    unit_findings,
     word_findings,
 )
 from postproc.progress import Progress
@@ -47,6 +49,7 @@ from postproc.verification.cam import (
     Comparison,
     Tolerances,
     check_events,
+    check_steps,
     compare_served,
 )
 from postproc.verification.checks import (
@@ -115,14 +118,16 @@ def verify(
     if toolpath is not None:
         claims = claimed(toolpath, cell)
         toolpath = claims.toolpath
-        result.findings += refusals((*word_findings(toolpath), *claims.findings))
+        asked = (*word_findings(toolpath), *claims.findings, *unit_findings(toolpath, cell))
+        result.findings += refusals(asked)
         found = machining_findings(toolpath, cell)
         result.findings += [replace(item, code=RunKind.SPINDLE, tag_index=None) for item in found]
-        toolpath = switched_off(as_served(toolpath, cell))
+        toolpath = holes_served(switched_off(as_served(toolpath, cell)), cell)
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
         check_events(result, cell, toolpath, comparison.served, comparison.latest)
+        check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
     check_speeds(result, cell, is_cut)
     check_spindle(result, cell, is_cut, may_stand(toolpath, cell))

@@ -278,6 +278,8 @@ CASES: dict[str, tuple[Any, ...]] = {
     "workpiece.frame.abc_deg": ({}, {"workpiece.frame.abc_deg": [10.0, 0.0, 0.0]}),
     **solids("workpiece.meshes", {**BLOCK, "xyz_mm": [100.0, 40.0, 60.0]}, HEAD),
     **solids("obstacles", BLOCK, HEAD),
+    "process.feed_by": ({}, {"process.feed_by": "unit"}),
+    "process.hole": ({}, {"process.hole": ["clamp", "drill", "unclamp"]}),
     "limits.joint_margin_deg": ({}, {"limits.joint_margin_deg": 80.0}),
     "limits.singularity_deg": ({}, {"limits.singularity_deg": 80.0}),
     "limits.clearance_mm": (

@@ -35,6 +35,7 @@ STANDING = frozenset(
         EventKind.HALT,
         EventKind.TOOL_CHANGE,
         EventKind.TAP_REVERSE,
+        EventKind.HOLE,
     }
 )
 """Events at which the robot stands."""

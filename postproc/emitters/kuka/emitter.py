@@ -15,11 +15,13 @@ from functools import cached_property
 from pathlib import PurePath
 
 from postproc.cell import Cell, KrlOptions, MotionStyle, Split
+from postproc.emitters.kuka import restart
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.motion import PartWriter
 from postproc.emitters.kuka.points import PointStore
+from postproc.emitters.kuka.restart import HoleGuards
 from postproc.emitters.kuka.setup import (
     HOOKS_MODULE,
     SETUP_ENDING,
@@ -96,16 +98,22 @@ class _Program:
         name = self.names.allocate(self.plan.name, (*endings, *extra))
         if endings:
             subs = [name + ending for ending in endings]
-            modules = [self._module(name, self._main([Call(sub) for sub in subs]))]
+            handed = () if self.guards is None else restart.arguments()
+            body = self._main([Call(sub, handed) for sub in subs])
+            modules = [self._module(name, body, self._main_data())]
             modules += [
-                self._module(sub, *self._sub(number, part))
+                self._module(sub, *self._sub(number, part), is_sub=True)
                 for number, (sub, part) in enumerate(zip(subs, parts, strict=True), 1)
             ]
         else:
             writer = self._writer(parts[0])
             body = self._main(writer.statements())
-            modules = [self._module(name, body, writer.points.declarations)]
+            data = [*self._main_data(), *writer.points.declarations]
+            modules = [self._module(name, body, data)]
         return (*modules, *self._extras(name))
+
+    def _main_data(self) -> list[Statement]:
+        return [] if self.guards is None else restart.main_data()
 
     def _extras(self, name: str) -> list[KrlModule]:
         """Return the separate modules that the cell asks for."""
@@ -116,7 +124,7 @@ class _Program:
             body = setup_statements(self.cell, tools, bases, self.templates)
             modules.append(self._module(name + SETUP_ENDING, body))
         if self.style.hooks_example:
-            modules.append(hooks_module(self.style, self.templates))
+            modules.append(hooks_module(self.cell, self.templates))
         return modules
 
     def _require_callable(self) -> None:
@@ -137,7 +145,14 @@ class _Program:
     def parts(self) -> tuple[Part, ...]:
         forced = operation_starts(self.plan) if self.style.split is Split.OPERATIONS else []
         quality = border_quality(self.plan).astype(int)
+        if self.guards is not None:
+            inside = [not self.guards.is_border(i) for i in range(1, len(self.plan))]
+            quality[1:][inside] = -1
         return split(quality, self.style.max_points_per_file, forced)
+
+    @cached_property
+    def guards(self) -> HoleGuards | None:
+        return HoleGuards.of(self.plan)
 
     @cached_property
     def table(self) -> Columns:
@@ -172,6 +187,7 @@ class _Program:
             values=self._values,
             points=points,
             forms=forms,
+            guards=self.guards,
         )
 
     def _point_name(self, index: int) -> str:
@@ -242,12 +258,20 @@ class _Program:
         return body, writer.points.declarations
 
     def _module(
-        self, name: str, statements: list[Statement], points: Sequence[Statement] = ()
+        self,
+        name: str,
+        statements: list[Statement],
+        points: Sequence[Statement] = (),
+        *,
+        is_sub: bool = False,
     ) -> KrlModule:
         attributes = self._attributes(name)
         head = self.templates.statements("data_head", {})
         data = DataList(name, (*head, *points), attributes=attributes)
-        return KrlModule(name, (Routine(name, tuple(statements)),), data, attributes)
+        handed = restart.parameters() if is_sub and self.guards is not None else ()
+        if handed:
+            statements = [*restart.sub_declarations(), *statements]
+        return KrlModule(name, (Routine(name, tuple(statements), handed),), data, attributes)
 
     def _attributes(self, name: str) -> tuple[str, ...]:
         lines = self.templates.lines("attributes", {"program": name})

@@ -11,7 +11,7 @@ from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
 from postproc.model import Event, EventKind
 from postproc.process import coolant_mode
-from postproc.units import RPM
+from postproc.units import MM, MM_PER_MIN, RPM
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,11 @@ class EventWriter:
             raise EmitError("EMT315", f"{event.kind} with the number {event.value}", source)
         made = self.templates.statements(
             str(event.kind),
-            {"hooks": self.style.hooks, **_values(event)},
+            {
+                "hooks": self.style.hooks,
+                "routine": self.style.hooks.get(event.text, ""),
+                **_values(event),
+            },
             {"event": self._words(event)},
         )
         return [self._trigger(statement) for statement in made] if flying else made
@@ -62,6 +66,8 @@ class EventWriter:
             text = f"not converted: {text}"
         elif event.kind is EventKind.MESSAGE:
             text = f"message: {text}"
+        elif event.kind is EventKind.HOLE:
+            text = f"hole {event.value:g}"
         if not self.style.cam_lines:
             return text
         # the line comes first: a long text is cut at its end
@@ -98,4 +104,12 @@ def _values(event: Event) -> dict[str, object]:
         return {"mode": coolant_mode(event.text)}
     if event.kind is EventKind.TOOL_CHANGE:
         return {"number": int(event.value)}
+    if event.kind is EventKind.HOLE:
+        depth, feed, speed = event.arguments
+        return {
+            "number": int(event.value),
+            "depth": round(depth / MM, 4),
+            "feed": round(feed / MM_PER_MIN, 4),
+            "speed": round(speed / RPM, 3),
+        }
     return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}

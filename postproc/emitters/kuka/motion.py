@@ -10,6 +10,7 @@ from postproc.emitters.kuka.columns import Columns, is_flying
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.points import PointStore
+from postproc.emitters.kuka.restart import STATES, HoleGuards, Key, Stage
 from postproc.krl import (
     Assign,
     Axes,
@@ -82,26 +83,46 @@ class PartWriter:
     values: Callable[[int], Mapping[str, object]]
     points: PointStore
     forms: FormWriter | None = None
+    guards: HoleGuards | None = None
     out: list[Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
     _operation: int = -1
     _pending: list[Statement] = field(default_factory=list)
     """Triggers that wait for their motion."""
+    _key: Key = (Stage.ALWAYS, 0)
+    _done: tuple[int, int] = (-1, 0)
+    """Move whose first events, so many, have been written."""
 
     def statements(self) -> list[Statement]:
         """Return all statements of the moves, events and waits of this file."""
         first = self.part.first
-        if self.table.kind[first] != MoveKind.PTP:
+        if self.table.kind[first] != MoveKind.PTP and self.guards is None:
             self._anchor(first - 1)
         self._moves(first, self.part.stop)
-        self._close_operation()
         if self.part.stop == len(self.plan):
-            self._events_before(self.part.stop)
+            self._finish()
+        if self.guards is not None:
+            self.out += self.guards.leave(self._key)
+        self._close_operation()
         return self.out
+
+    def _finish(self) -> None:
+        """Write what comes behind the last move: first what belongs to its hole."""
+        stop, guards = self.part.stop, self.guards
+        events = self.by_index.get(stop, ())
+        if guards is not None:
+            own = [event for event in events if event.kind is EventKind.HOLE]
+            self._write(own, stop)
+            self.out += guards.leave(self._key)
+            self._key = (Stage.ALWAYS, 0)
+            events = [event for event in events if event.kind is not EventKind.HOLE]
+        self._close_operation()
+        self._write(events, stop)
 
     def _moves(self, first: int, stop: int) -> None:
         index = first
         while index < stop:
+            self._guard(index)
             end = self._block_end(index, stop)
             if end - index > 1:
                 self._block(index, end)
@@ -118,22 +139,64 @@ class PartWriter:
     # ------------------------------------------------------------------ around the motions
 
     def _before(self, index: int) -> None:
-        operation = self.table.operation[index]
-        if operation != self._operation:
-            self._close_operation()
-            self._open_operation(operation)
+        self._operation_of(index)
         if self._frames_change(index):
             self._frames(index)
-        if index in self.by_index:
-            self._events_before(index)
+        events = self.by_index.get(index, ())
+        if self._done[0] == index:
+            events = events[self._done[1] :]
+        self._write(events, index)
 
     def _after(self, index: int) -> None:
         dwell = self.table.dwell_s[index]
         if dwell > 0.0:
             self.out += self.events.dwell(dwell, self.table.line[index])
 
-    def _events_before(self, index: int) -> None:
-        for event in self.by_index.get(index, ()):
+    def _operation_of(self, index: int) -> None:
+        operation = self.table.operation[index]
+        if operation != self._operation:
+            self._close_operation()
+            self._open_operation(operation)
+
+    def _guard(self, index: int) -> None:
+        """Close what is run for one hole only, and open the next."""
+        guards = self.guards
+        if guards is None or (guards.key(index) == self._key and index > self.part.first):
+            return
+        key = guards.key(index)
+        events = list(self.by_index.get(index, ()))
+        earlier = [event for event in events if guards.is_earlier(event, index)]
+        later = [event for event in events if not guards.is_earlier(event, index)]
+        if index > self.part.first:
+            self._write(earlier, index)
+            self.out += guards.leave(self._key)
+        else:
+            self._only(int(guards.hole[index - 1]) if index else 0, earlier, index)
+        self._operation_of(index)
+        states = [] if key[0] is Stage.OPEN else [e for e in later if e.kind in STATES]
+        self._only(int(guards.last[index]), states, index)
+        rest = [event for event in later if event not in states]
+        self._done = (index, len(events))
+        self.modal, self._key = Modal(), key
+        way = None
+        if guards.has_entry(key):
+            self._percent(self.table.percent[index] or ANCHOR_PERCENT)
+            way = Move(self._words[MoveKind.PTP], self._axes(int(guards.entry[key[1]])))
+        self.out += guards.enter(key, index, way)
+        if index == self.part.first and self.table.kind[index] != MoveKind.PTP:
+            self._anchor(index - 1)
+        self._write(rest, index)
+
+    def _only(self, number: int, events: Sequence[Event], index: int) -> None:
+        """Write events that are run only if a hole is due."""
+        if self.guards is None or not events:
+            return
+        before, self.out = self.out, []
+        self._write(events, index)
+        self.out = before + self.guards.only(number, self.out)
+
+    def _write(self, events: Sequence[Event], index: int) -> None:
+        for event in events:
             flying = event.kind not in _QUIET and is_flying(self.plan, index, event.kind)
             made = self.events.statements(event, flying=flying)
             (self._pending if flying else self.out).extend(made)
@@ -252,6 +315,7 @@ class PartWriter:
             and table.kind[last + 1] != MoveKind.PTP
             and table.operation[last + 1] == table.operation[first]
             and not self._frames_change(last + 1)
+            and (self.guards is None or self.guards.key(last + 1) == self.guards.key(first))
         ):
             last += 1
         return last + 1

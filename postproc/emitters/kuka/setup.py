@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell, KrlOptions, Tool
+from postproc.cell import Cell, Tool
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.geometry import kuka_from_transform
 from postproc.krl import Aggregate, KrlModule, Pose, Statement, value_text
@@ -52,9 +52,10 @@ def setup_statements(
     return statements
 
 
-def hooks_module(style: KrlOptions, templates: TemplateSet) -> KrlModule:
+def hooks_module(cell: Cell, templates: TemplateSet) -> KrlModule:
     """Return the example of the integrator's routines; errors as ``TemplateSet.module``."""
-    return templates.module("hooks", {"hooks": dict(style.hooks)}, HOOKS_MODULE)
+    values = {"hooks": dict(cell.krl.hooks), "steps": list(cell.process.hole)}
+    return templates.module("hooks", values, HOOKS_MODULE)
 
 
 def _frame(T: FloatArray) -> Pose:

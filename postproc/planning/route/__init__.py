@@ -1,5 +1,6 @@
 """The ways between the tags: connections, detours, cuts, strokes and their speeds."""
 
+from postproc.planning.route.drill import step_rows
 from postproc.planning.route.route import Route, route
 from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
 
@@ -9,5 +10,6 @@ __all__ = [
     "Travel",
     "cell_at",
     "route",
+    "step_rows",
     "travel_between",
 ]

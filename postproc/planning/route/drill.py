@@ -15,6 +15,7 @@ _CLEAR = 110
 _FIRST_PECK = 120
 _OUT = 999_999
 LEAVE = 1_000_000
+_STROKE = (MoveRole.PLUNGE, MoveRole.LIFT, MoveRole.RETRACT)
 TOUCH_SPEED = 0.1
 """Speed [m/s] to and from a point that is only touched, where no feed is given."""
 PECK_GAP = 0.5e-3
@@ -48,6 +49,22 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     last = (T_top[~there], q_top[~there])
     parts.append(moves(tags[~there], LEAVE, MoveKind.LIN, MoveRole.RETRACT, *last, rapid))
     return parts
+
+
+def step_rows(table: Moves, tag: int, *, standing: bool) -> tuple[int, int] | None:
+    """Return the moves before which the steps of a hole come: ahead of it, and behind it.
+
+    Args:
+        table: all moves in order.
+        tag: of the hole.
+        standing: the robot does not feed: the steps ahead come where it stands.
+    """
+    low, high = np.searchsorted(table.tag, [tag, tag + 1])
+    rows = low + np.flatnonzero(np.isin(table.role[low:high], _STROKE))
+    if not len(rows):
+        return None
+    plunge = rows[table.role[rows] == MoveRole.PLUNGE]
+    return int(plunge[-1]) + 1 if standing else int(plunge[0]), int(rows[-1]) + 1
 
 
 def _leaves_with_feed(problem: Problem, tags: IndexArray) -> BoolArray:

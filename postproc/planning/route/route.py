@@ -13,9 +13,10 @@ from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
 from postproc.planning.route.connect import GIVE_UP, Detour, Ends, detours, free_way
 from postproc.planning.route.cuts import cut_moves
-from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves
+from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, timed
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
+from postproc.process import hole_steps
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -218,4 +219,8 @@ def _stops_before(problem: Problem, table: Moves) -> BoolArray:
             row = int(np.searchsorted(table.tag, event.index))
             if row < len(table):
                 stops[row] = True
+    standing = problem.cell.process.unit_feeds
+    for tag, _, _ in hole_steps(problem.toolpath, problem.cell):
+        for row in step_rows(table, tag, standing=standing) or ():
+            stops[row : row + 1] = True
     return stops

@@ -1,0 +1,115 @@
+"""Holes as drilling cells run them: numbered, with routines around each, perhaps fed by the unit.
+
+Where the end effector feeds, the robot goes to where the feed would begin and stands there: the
+stroke into the part is not driven. Depth, feed and speed are handed to the routines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray
+from postproc.cell import Cell
+from postproc.errors import Finding, Severity
+from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
+from postproc.process.feeds import feeds_of
+from postproc.process.strokes import turns_at
+
+STAND_SPEED = 0.1
+"""Speed [m/s] of the last way to where the robot stands while the unit drills."""
+DRILL = "drill"
+"""The step at which the tool goes into the part."""
+NUMBER = "hole_number"
+"""Column of a toolpath whose holes are numbered: 1, 2, ... in their order, 0 at other tags."""
+_COLUMNS = ("hole_depth", "hole_feed", "hole_speed")
+_INTO = 0.98
+"""A cut whose way is the tool axis by this share goes into the part."""
+_LEAST = 1e-6
+
+
+def holes_served(toolpath: ToolPath, cell: Cell) -> ToolPath:
+    """Return the toolpath with its holes numbered and as the robot has to serve them.
+
+    Done twice it is as done once. A cell without steps of a hole changes nothing.
+    """
+    if not cell.process.hole or NUMBER in toolpath.extra:
+        return toolpath
+    is_hole = _is_hole(toolpath)
+    depth = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])[toolpath.cycle]
+    speed = np.nan_to_num(turns_at(toolpath))
+    columns = (depth, np.nan_to_num(feeds_of(toolpath, cell)), speed)
+    extra = dict(toolpath.extra) | {NUMBER: np.where(is_hole, np.cumsum(is_hole), 0)}
+    extra |= {
+        name: np.where(is_hole, values, 0.0) for name, values in zip(_COLUMNS, columns, strict=True)
+    }
+    toolpath = replace(toolpath, extra=extra)
+    return _standing(toolpath, cell, is_hole) if cell.process.unit_feeds else toolpath
+
+
+def _is_hole(toolpath: ToolPath) -> BoolArray:
+    return np.asarray((toolpath.kind == MotionKind.HOLE) & (np.asarray(toolpath.cycle) >= 0))
+
+
+def _standing(toolpath: ToolPath, cell: Cell, is_hole: BoolArray) -> ToolPath:
+    """Return the toolpath with every hole at the height where its feed would begin."""
+    clear = np.array([*(cycle.clearance for cycle in toolpath.cycles), 0.0])[toolpath.cycle]
+    height = np.where(is_hole, clear, 0.0)
+    points = toolpath.points + height[:, None] * toolpath.axes
+    cycles = tuple(_stand(cycle, cell.motion.approach) for cycle in toolpath.cycles)
+    return replace(toolpath, points=points, cycles=cycles)
+
+
+def _stand(cycle: Cycle, approach: float) -> Cycle:
+    """Return the stroke of a robot that stands at the clearance height of a cycle."""
+    up = cycle.retract - cycle.clearance
+    up = up if up > _LEAST else approach
+    return Cycle(CycleKind.DRILL, 0.0, up, up, feed=STAND_SPEED, diameter=cycle.diameter)
+
+
+def hole_steps(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, list[Event], list[Event]]]:
+    """Yield (tag, steps before the tool goes in, steps behind the way out) of numbered holes.
+
+    Where the unit feeds, all come where the robot stands: those are the first ones.
+    """
+    if NUMBER not in toolpath.extra:
+        return
+    numbers = np.asarray(toolpath.extra[NUMBER])
+    values = np.stack([np.asarray(toolpath.extra[name]) for name in _COLUMNS], axis=1)
+    names = cell.process.hole
+    first = names.index(DRILL) + 1 if DRILL in names else max(len(names) - 1, 1)
+    first = len(names) if cell.process.unit_feeds else first
+    for tag in np.flatnonzero(numbers > 0).tolist():
+        line, number = int(toolpath.line[tag]), float(numbers[tag])
+        data = tuple(values[tag].tolist())
+        made = [Event(tag, EventKind.HOLE, number, name, line, data) for name in names]
+        yield tag, made[:first], made[first:]
+
+
+def unit_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
+    """Return an error for feed moves into the part that the unit would make a second time."""
+    if not cell.process.unit_feeds or len(toolpath) < 2:
+        return []
+    way = np.diff(toolpath.points, axis=0)
+    along = -np.einsum("ij,ij->i", way, toolpath.axes[1:])
+    into = along > _INTO * np.linalg.norm(way, axis=1)
+    cut = np.asarray(toolpath.kind[1:]) == MotionKind.LINEAR
+    same = np.diff(np.asarray(toolpath.tool)) == 0
+    tags = np.flatnonzero(into & cut & same & (along > _LEAST)) + 1
+    if not len(tags):
+        return []
+    lines = ", ".join(str(int(line)) for line in toolpath.line[tags[:12]])
+    more = f" and {len(tags) - 12} more" if len(tags) > 12 else ""
+    return [
+        Finding(
+            Severity.ERROR,
+            "PRC010",
+            f"the unit feeds, but {len(tags)} feed moves go into the part along the tool axis: "
+            f"lines {lines}{more}",
+            int(tags[0]),
+            toolpath.source(int(tags[0])),
+            hint='post the holes as drill cycles, or set [process] feed_by = "robot"',
+        )
+    ]
