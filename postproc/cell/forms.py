@@ -74,10 +74,10 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
             known = sorted([*own, *steps])
             nearest = difflib.get_close_matches(name.lower(), known, n=1, cutoff=0.0)[0]
             raise CellError(
-                "CEL014",
-                f"krl.hooks.{name}: no such routine is called, the nearest is {nearest!r}",
+                "CEL002",
+                f"unknown key 'krl.hooks.{name}', the nearest known one is {nearest!r}",
                 toml.source(("krl", "hooks", name)),
-                hint=f"known here: {', '.join(known)}",
+                hint=f"keys known here: {', '.join(known)}",
             )
 
 

@@ -8,10 +8,14 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import Finding
-from postproc.model import EventKind, MotionKind, ToolPath, WordUse
+from postproc.model import CamSetup, CamTool, EventKind, MotionKind, ToolPath, WordUse
+from postproc.toml import toml_value
 from postproc.units import MM, MM_PER_MIN
 
 SCHEMA = "postproc.inspect/1"
+_FRAME = "# frame = { xyz_mm = [..., ..., ...], abc_deg = [..., ..., ...] }"
+MOST_TOOLS = 16
+"""KUKA TOOL numbers of a delivered controller."""
 _AXIS_STEP = 1e-6
 _LENGTH_DIGITS = 6
 _FEED_DIGITS = 6
@@ -37,6 +41,11 @@ def inspection(toolpath: ToolPath) -> dict[str, Any]:
         "arcs": len(toolpath.arcs),
         "holes": int((kind == MotionKind.HOLE).sum()),
         "tools": len(toolpath.tools),
+        "cell_tables": cell_tables(toolpath),
+        "setups": [
+            {"name": setup.name, "line": setup.line, "placed": setup.matrix is not None}
+            for setup in toolpath.setups
+        ],
         "tool_changes": sum(event.kind is EventKind.TOOL_CHANGE for event in toolpath.events),
         "tool_axes": distinct_axes(toolpath.axes),
         "box_mm": _box_mm(toolpath.points),
@@ -198,3 +207,54 @@ def _word_use(use: WordUse) -> dict[str, Any]:
 def _warning(finding: Finding) -> dict[str, Any]:
     line = finding.source.line if finding.source else 1
     return {"line": line, "text": finding.message, "code": finding.code, "count": finding.count}
+
+
+def cell_tables(toolpath: ToolPath) -> str:
+    """Return the tools and setups of a file as tables to be pasted into a cell and filled in.
+
+    Only where the file has several of them, or names what a cell has to place.
+    """
+    own = [tool.number for tool in toolpath.tools]
+    may = len(set(own)) == len(own) and all(0 < number <= MOST_TOOLS for number in own)
+    numbers = own if may else list(range(1, len(own) + 1))
+    pairs = zip(numbers, toolpath.tools, strict=True)
+    parts = [_tool_table(number, tool) for number, tool in pairs] if len(own) > 1 else []
+    used = np.unique(toolpath.setup_of_tags)
+    setups = [toolpath.setups[i] for i in used[used >= 0].tolist()]
+    if len(setups) > 1 or any(setup.matrix is None for setup in setups):
+        parts += [_base_table(i, setup) for i, setup in enumerate(setups, start=1)]
+    return "\n".join(parts)
+
+
+def _tool_table(number: int, tool: CamTool) -> str:
+    names = [str(tool.number)] if tool.number > 0 else []
+    names += [tool.name] if tool.name else []
+    diameter = "..." if np.isnan(tool.diameter) else f"{tool.diameter / MM:g}"
+    length = "..." if np.isnan(tool.length) else f"{tool.length / MM:g}"
+    return "\n".join(
+        [
+            "[[tools]]",
+            f"number = {number}",
+            f"name = {toml_value(tool.name or f'tool {tool.number}')}",
+            f"cam = {toml_value(names)}",
+            f"{_FRAME}  # TCP in the flange",
+            '# axis = "+z"  # axis of the TCP frame that points out of the tool',
+            "# mass_kg = ...",
+            "# cog_mm = [..., ..., ...]",
+            f"# cutter = {{ diameter_mm = {diameter}, length_mm = {length} }}",
+            "",
+        ]
+    )
+
+
+def _base_table(number: int, setup: CamSetup) -> str:
+    placed = "" if setup.matrix is None else "  # the file places it: this entry may be left out"
+    return "\n".join(
+        [
+            f"[[bases]]{placed}",
+            f"number = {number}",
+            f"cam = {toml_value([setup.name])}",
+            f"{_FRAME}  # in the robot root",
+            "",
+        ]
+    )

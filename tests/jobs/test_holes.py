@@ -196,7 +196,7 @@ def test_keys_of_holes_are_checked(tmp_path, run):
         ('[process]\nfeed_by = "unit"\nhole = []\n', "process.hole is empty"),
         ('[process]\nhole = ["clamp", "clamp"]\n', "'clamp' stands twice"),
         ('[process]\nhole = ["stop"]\n', "'stop' is called by the CAM file"),
-        ('[krl.hooks]\nclmp = "X"\n', "krl.hooks.clmp: no such routine"),
+        ('[krl.hooks]\nclmp = "X"\n', "unknown key 'krl.hooks.clmp'"),
         ('[process]\nhole = ["clamp"]\n[krl.hooks]\nclamp = "A B"\n', "expected the name"),
     ):
         cell.write_text(wing.cell_text(tables))

@@ -236,6 +236,28 @@ def test_setups_that_the_file_places_need_no_entry(job, run, tmp_path):
             assert np.linalg.norm(points - bottom, axis=1).min() < 0.01, (setup, claim)
 
 
+def test_inspect_prints_the_tables_of_the_cell(job, run, capsys):
+    """Filled in where dots stand, they claim everything that the file calls."""
+    from postproc.cli import app
+    from postproc.process import claimed
+    from postproc.readers import read
+
+    cam, cell = job()
+    assert app.run(["inspect", str(cam)]) == 0
+    assert "for the cell, to be filled in" in capsys.readouterr().out
+    tables = run("inspect", cam, "--json")[1]["cell_tables"]
+    assert tables.count("[[tools]]") == 3
+    assert tables.count("[[bases]]") == 2
+    filled = tables.replace("# axis =", "axis =")
+    cell.write_text(wing.HEAD + filled)
+    claims = claimed(read(cam), load_cell(cell))
+    assert not claims.findings
+    assert {load_cell(cell).tools[i].number for i in claims.tool} == {1, 2, 3}
+    cell.write_text(wing.HEAD + tables)
+    code, _, err = run("check", cell)
+    assert (code, "'axis' is missing" in err) == (2, True)
+
+
 def test_without_home_a_folded_posture_is_found(job, run, tmp_path):
     cam, cell = job()
     cell.write_text(cell.read_text().replace("home_deg = [0, -90, 90, 0, 45, 0]\n", ""))

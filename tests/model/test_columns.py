@@ -7,7 +7,7 @@ import pytest
 
 from postproc.arrays import column
 from postproc.errors import Finding, Severity
-from postproc.model import Arcs, Event, EventKind, MotionKind, MoveKind, Plan, ToolPath
+from postproc.model import Arcs, CamSetup, Event, EventKind, MotionKind, MoveKind, Plan, ToolPath
 from tests.emitters.plans import plan as plan_of
 from tests.emitters.plans import toolpath as toolpath_of
 
@@ -47,6 +47,8 @@ def full_path(events=()):
         "kind": [MotionKind.RAPID, MotionKind.ARC] + [MotionKind.HOLE] * 4,
         "feed": numbered(N, start=0.1),
         "tool": [-1] * N,
+        "setup": [0, 0, 1, 1, 0, -1],
+        "setups": (CamSetup("A", 1), CamSetup("B", 2)),
         "arc": [-1, 0, -1, -1, -1, -1],
         "arcs": Arcs(numbered(1, 3), numbered(1, 3), np.ones(1), np.ones(1)),
         "rotations": numbered(N, 3, 3),
@@ -71,7 +73,10 @@ def test_every_array_of_a_toolpath_is_declared_a_column():
 
 
 def test_every_array_of_a_plan_is_declared_a_column():
-    plan = replace(plan_of([{}, {}]), compensation=np.zeros((2, 3)), orientation_speed=np.ones(2))
+    frames = {"tool": np.zeros(2), "base": np.ones(2)}
+    plan = replace(
+        plan_of([{}, {}]), compensation=np.zeros((2, 3)), orientation_speed=np.ones(2), **frames
+    )
     arrays = {name for name, value in values_of(plan).items() if isinstance(value, np.ndarray)}
     assert arrays == {*columns(plan, "move"), *columns(plan, "tag")}
 
@@ -110,11 +115,12 @@ def test_parts_of_a_toolpath_join_to_the_whole():
     parts = [path.rows(np.arange(2)), path.rows(np.arange(2, N))]
     whole = ToolPath.concat(parts)
     for name in (*columns(path, "tag"), "events"):
-        if name in ("operation", "arc", "extra"):
+        if name in ("operation", "setup", "arc", "extra"):
             continue
         np.testing.assert_array_equal(getattr(whole, name), getattr(path, name))
     assert [op.name for op in whole.operations] == ["A", "B", "A", "B"]
     assert whole.operation.tolist() == [0, 0, 2, 3, 3, -1]
+    assert whole.setup.tolist() == [0, 0, 3, 3, 2, -1]
     assert whole.arc.tolist() == [-1, 0, -1, -1, -1, -1]
     assert len(whole.arcs) == 2
     assert whole.words == {"GOTO": 6}

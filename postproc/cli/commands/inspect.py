@@ -24,7 +24,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     """
     from postproc.process import word_findings
     from postproc.readers import ReadOptions, read
-    from postproc.report.inspection import inspection, text_lines
+    from postproc.report.inspection import cell_tables, inspection, text_lines
 
     given = reading(options)
     if options["cell"]:
@@ -36,6 +36,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     else:
         for line in text_lines(toolpath):
             session.show(line)
+        if tables := cell_tables(toolpath):
+            session.show(f"\nfor the cell, to be filled in:\n\n{tables}")
     session.findings([*word_findings(toolpath), *toolpath.warnings, *toolpath.recovered])
     return answer(True)
 

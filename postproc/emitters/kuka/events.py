@@ -41,7 +41,7 @@ class EventWriter:
             str(event.kind),
             {
                 "hooks": self.style.hooks,
-                "routine": self.style.hooks.get(event.text, ""),
+                "routine": self.style.hooks.get(event.text, event.text),
                 **_values(event),
             },
             {"event": self._words(event)},
@@ -105,7 +105,7 @@ def _values(event: Event) -> dict[str, object]:
     if event.kind is EventKind.TOOL_CHANGE:
         return {"number": int(event.value)}
     if event.kind is EventKind.HOLE:
-        depth, feed, speed = event.arguments
+        depth, feed, speed = event.arguments or (0.0, 0.0, 0.0)
         return {
             "number": int(event.value),
             "depth": round(depth / MM, 4),
