@@ -209,3 +209,14 @@ class Table:
     def concat(cls, parts: Sequence[Self]) -> Self:
         """Return all rows, behind each other; at least one part."""
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls._names()))
+
+
+_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
+
+
+def stepped(values: FloatArray) -> FloatArray:
+    """Return the next smaller round value of each, so that neighbours share one."""
+    positive = np.maximum(np.where(np.isfinite(values), values, 1e6), 1e-9)
+    decade = 10.0 ** np.floor(np.log10(positive))
+    step = np.searchsorted(_STEPS, positive / decade * (1.0 + 1e-12), side="right") - 1
+    return np.asarray(_STEPS[np.clip(step, 0, None)] * decade)

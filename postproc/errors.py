@@ -63,6 +63,7 @@ class RunKind(StrEnum):
     BLEND_END = "blend_end"
     BLEND_LOST = "blend_lost"
     BLEND_CUT = "blend_cut"
+    CORNER = "corner"
     COLLISION = "collision"
 
     POSITION = "position"

@@ -304,7 +304,8 @@ class Motion:
     """Speeds and blending of motions.
 
     Rapids run at the share ``rapid`` of the axis speeds, straight ones at ``rapid_speed`` [m/s].
-    ``feed`` [m/s] or NaN where the CAM data gives none; ``approximation`` [m]; ``home`` (6,) [rad];
+    ``feed`` [m/s] or NaN where the CAM data gives none; ``approximation`` [m], and how far the tool
+    may pass a corner at feed for it, ``corner_tolerance`` [m]; ``home`` (6,) [rad];
     ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines.
     """
 
@@ -312,6 +313,7 @@ class Motion:
     rapid_speed: float
     feed: float
     approximation: float
+    corner_tolerance: float
     home: FloatArray | None
     approach: float
     points: PointService

@@ -62,6 +62,7 @@ def motion_of(table: MotionTable) -> Motion:
         rapid_speed=table.rapid_speed_m_s * rapid,
         feed=float("nan") if table.feed_mm_min is None else table.feed_mm_min * MM_PER_MIN,
         approximation=table.approximation_mm * MM,
+        corner_tolerance=table.corner_tolerance_mm * MM,
         home=None if table.home_deg is None else np.array(table.home_deg) * DEG,
         approach=table.approach_mm * MM,
         points=table.points,

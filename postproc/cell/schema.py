@@ -29,6 +29,7 @@ _Choice = Field(strict=False)
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
 Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 Positive = Annotated[float, Field(gt=0.0)]
+Size = Annotated[float, Field(gt=0.0, le=1e5)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Vector = Annotated[list[Length], Field(min_length=3, max_length=3)]
 Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
@@ -73,7 +74,7 @@ class Placement(Table):
 class BoxShape(Table):
     """A box, centred in its frame."""
 
-    size_mm: Annotated[list[Positive], Field(min_length=3, max_length=3)] = Field(
+    size_mm: Annotated[list[Size], Field(min_length=3, max_length=3)] = Field(
         description="edge lengths along x, y, z [mm]"
     )
 
@@ -81,8 +82,8 @@ class BoxShape(Table):
 class CylinderShape(Table):
     """A cylinder along z, centred in its frame."""
 
-    radius_mm: Positive = Field(description="radius [mm]")
-    length_mm: Positive = Field(description="length along z [mm]")
+    radius_mm: Size = Field(description="radius [mm]")
+    length_mm: Size = Field(description="length along z [mm]")
 
 
 class Solid(Placement):
@@ -269,7 +270,9 @@ class LimitsTable(Table):
         default=5.0, description="smallest |A5| [deg]"
     )
     clearance_mm: NotNegative = Field(
-        default=0.0, description="smallest distance between solids [mm]"
+        default=2.0,
+        description="smallest distance between solids, but of a cutting solid from the workpiece; "
+        "by default about what a large arm is off that was not calibrated [mm]",
     )
     contact_depth_mm: NotNegative | None = Field(
         default=None,
@@ -295,7 +298,7 @@ class OptimizeTable(Table):
         default=Index.COMPLIANCE,
         description="1/(n^T C n), or the ellipsoid index of Jiao et al. 2022",
     )
-    step_deg: Annotated[float, Field(gt=0.0, le=360.0)] = Field(
+    step_deg: Annotated[float, Field(ge=0.1, le=360.0)] = Field(
         default=10.0, description="step of the spin about the tool axis [deg]"
     )
     range_deg: AngleRange = Field(
@@ -421,7 +424,12 @@ class MotionTable(Table):
         description="feed where the CAM data gives none [mm/min]; default: there is none",
     )
     approximation_mm: NotNegative = Field(
-        default=1.0, description="blending distance at points that need no exact stop [mm]"
+        default=1.0, description="largest blending distance at points that need no exact stop [mm]"
+    )
+    corner_tolerance_mm: Positive = Field(
+        default=0.2,
+        description="how far the tool point may pass a corner at feed because of blending [mm]; "
+        "where it could be more, the distance is lowered",
     )
     home_deg: SixAngles | None = Field(
         default=None, description="A1..A6 where programs start and end [deg]; default: no home move"

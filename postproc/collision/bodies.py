@@ -93,6 +93,18 @@ def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
     return Body(body.name, body.kind, body.link, body.mesh.moved(shift))
 
 
+THINNER = (0.8, 0.6, 0.4, 0.2)
+"""Shares of its size to which a link of the wrist is thinned until the tool is free of it."""
+
+
+def thinner(body: Body, share: float) -> Body:
+    """Return a solid shrunk about the middle of its box."""
+    vertices = body.mesh.vertices
+    middle = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
+    mesh = Mesh(middle + share * (vertices - middle), body.mesh.faces)
+    return Body(body.name, body.kind, body.link, mesh)
+
+
 def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Finding]]:
     own = cell.robot.link_meshes
     if own:

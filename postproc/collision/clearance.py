@@ -4,56 +4,65 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
-from postproc.collision.check import check, chunks
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.collision.check import NO_PAIR, check, chunks
 from postproc.collision.engine import Engine
 
 
 def clearance(
     engine: Engine, q: FloatArray, contact: BoolArray | None, most: float = np.inf
-) -> FloatArray:
-    """Return the smallest distance (n,) [m] over all pairs but those of two links; 0 in collision.
+) -> tuple[FloatArray, IndexArray]:
+    """Return the smallest distance (n,) [m] over all pairs that keep one, 0 in collision.
 
-    Links of the robot keep distances from each other that no plan can change; they count only
-    when they collide. Where contact is allowed, cutting solids against the workpiece do not count.
+    Links of the robot keep distances from each other that no plan can change, and how near a
+    cutting solid comes to the workpiece is asked for; they count only when they collide.
 
     Args:
         engine: the scene.
         q: (n, 6) [rad].
         contact: (n,) where cutting solids may touch the workpiece; None: nowhere.
         most: distances beyond this [m] are given as this, and cost less.
+
+    Returns:
+        The distances, and the pair (n,) that holds each, -1 where none is that near.
     """
-    table = engine.table
-    measured = ~table.is_self & table.out_of_contact
-    result = np.full(len(q), most)
+    result, pair = np.full(len(q), most), np.full(len(q), NO_PAIR, dtype=np.int64)
     for rows in chunks(len(q)):
-        touch = None if contact is None else contact[rows]
-        wanted = engine.wanted(touch) & measured[:, None]
-        result[rows] = _smallest(engine, q[rows], wanted, most)
-    hits = check(engine, q, contact, only=~measured)
-    result[hits.hit] = 0.0
-    return result
+        result[rows], pair[rows] = _smallest(engine, q[rows], most)
+    hits = check(engine, q, contact, only=~engine.keeps)
+    result[hits.hit], pair[hits.hit] = 0.0, hits.pair[hits.hit]
+    return result, pair
 
 
-def _smallest(engine: Engine, q: FloatArray, wanted: BoolArray, most: float) -> FloatArray:
+def _smallest(engine: Engine, q: FloatArray, most: float) -> tuple[FloatArray, IndexArray]:
     placed = engine.place(q)
     n = len(placed)
-    bound = np.where(wanted, engine.axis_aligned_bound(placed), np.inf)
-    least = np.full(n, most)
+    bound = np.where(engine.keeps[:, None], engine.axis_aligned_bound(placed), np.inf)
+    least, pair = np.full(n, most), np.full(n, NO_PAIR, dtype=np.int64)
     if not len(bound):
-        return least
+        return least, pair
+    if np.isfinite(most):
+        wanted = engine.keeps[:, None] & (bound < most)
+        _lower(engine, q, least, pair, np.full((len(bound), 1), most), wanted)
+        return least, pair
     # an upper bound first: the distance of the pair that looks nearest
     guess = np.zeros(bound.shape, dtype=bool)
     guess[bound.argmin(axis=0), np.arange(n)] = True
     guess &= bound < most
-    _lower(engine, q, least, np.full((len(bound), 1), np.inf), guess)
+    _lower(engine, q, least, pair, np.full((len(bound), 1), np.inf), guess)
     threshold = np.broadcast_to(least, bound.shape)
-    _lower(engine, q, least, threshold, wanted & ~guess & (bound < threshold))
-    return least
+    wanted = engine.keeps[:, None] & ~guess & (bound < threshold)
+    _lower(engine, q, least, pair, threshold, wanted)
+    return least, pair
 
 
 def _lower(
-    engine: Engine, q: FloatArray, least: FloatArray, threshold: FloatArray, wanted: BoolArray
+    engine: Engine,
+    q: FloatArray,
+    least: FloatArray,
+    pair: IndexArray,
+    threshold: FloatArray,
+    wanted: BoolArray,
 ) -> None:
     """Lower ``least`` (n,) to the distances of wanted pairs, the most promising first, in place."""
     found = engine.candidates(
@@ -61,7 +70,10 @@ def _lower(
     )
     near = found.near
     least[near.row[found.nested]] = 0.0
+    pair[near.row[found.nested]] = near.pair[found.nested]
     for entry in np.lexsort((near.bound, near.row)):
         row = near.row[entry]
         if near.bound[entry] < least[row]:
-            least[row] = min(least[row], engine.distances(found, np.array([entry]))[0])
+            distance = engine.distances(found, np.array([entry]))[0]
+            if distance < least[row]:
+                least[row], pair[row] = distance, near.pair[entry]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,21 +53,23 @@ class Engine:
 
     Args:
         arm: the kinematics.
-        bodies: the bodies, those pulled back by the contact depth last.
-        pulled_back: how many of them are pulled back.
+        bodies: the bodies, those that stand for others last.
+        stand_ins: how many of them stand for others.
         external: the external axes, and where the robot stands.
         clearance: smallest allowed distance [m].
         limits: q_min (6,) and q_max (6,) [rad], to find links that touch by construction.
+        thin: as ``candidate_pairs``.
     """
 
     def __init__(
         self,
         arm: Arm,
         bodies: tuple[Body, ...],
-        pulled_back: int,
+        stand_ins: int,
         external: ExternalAxes,
         clearance: float,
         limits: tuple[FloatArray, FloatArray],
+        thin: Mapping[tuple[int, int], int] | None = None,
     ) -> None:
         self.arm = arm
         self.external = external
@@ -73,8 +77,17 @@ class Engine:
         self._shapes = [Shape.of(mesh) for mesh in meshes]
         self._links = np.array([self._link(body) for body in bodies])
         self.exact = ExactTests(meshes)
-        self._use(candidate_pairs(bodies, pulled_back, clearance))
+        self._use(candidate_pairs(bodies, stand_ins, clearance, thin or {}))
         by_construction = self._touching(*limits)
+        real = {number: pair[0] for pair, number in (thin or {}).items()}
+        self.stuck = tuple(
+            (
+                real.get(int(self.table.first[i]), int(self.table.first[i])),
+                int(self.table.second[i]),
+            )
+            for i in by_construction
+            if self.table.is_wrist[i]
+        )
         self.excluded = tuple(
             (bodies[self.table.first[i]].name, bodies[self.table.second[i]].name)
             for i in by_construction
@@ -93,6 +106,13 @@ class Engine:
         self._pieces = PieceBounds(self._shapes, table.first, table.second)
         self.sweep = SweepBound(self.arm, *parts, self.external)
 
+    def with_clearance(self, more: float) -> Engine:
+        """Return the same engine with a clearance larger by ``more`` [m]."""
+        other = copy.copy(self)
+        margin = self.table.margin + np.where(self.keeps, more, 0.0)
+        other.table = replace(self.table, margin=margin)
+        return other
+
     def _link(self, body: Body) -> int:
         """Return the link that carries a body: what stands still in robroot is of link 0."""
         if body.link != WORLD:
@@ -108,11 +128,16 @@ class Engine:
         return body.mesh
 
     def _touching(self, q_min: FloatArray, q_max: FloatArray) -> np.ndarray:
-        """Return pairs of links that touch at a neutral pose or at all of the spread poses."""
+        """Return pairs of links that touch at a neutral pose or at all of the spread poses.
+
+        A tool and a link of the wrist: that touch at all of the spread poses.
+        """
         neutral, spread = neutral_poses(q_min, q_max), spread_poses(q_min, q_max)
         poses = np.vstack([neutral, spread])
         placed = self.place(np.pad(poses, ((0, 0), (0, len(self.external)))))
-        found = self.candidates(placed, np.zeros((len(self.table), 1)), self.table.is_self[:, None])
+        table = self.table
+        wanted = (table.is_self | table.is_wrist)[:, None]
+        found = self.candidates(placed, np.zeros((len(table), 1)), wanted)
         first, second = self.bodies(found.near)
         every = np.arange(len(found))
         touching = found.nested.copy()
@@ -120,7 +145,19 @@ class Engine:
         hit = np.zeros((len(self.table), len(placed)), dtype=bool)
         hit[found.near.pair[touching], found.near.row[touching]] = True
         n = len(neutral)
-        return np.flatnonzero(hit[:, :n].any(axis=1) | hit[:, n:].all(axis=1))
+        neutral_hit = hit[:, :n].any(axis=1) & ~table.is_wrist
+        return np.flatnonzero(neutral_hit | hit[:, n:].all(axis=1))
+
+    @property
+    def keeps(self) -> BoolArray:
+        """(p,) pairs that keep a clearance: neither within the arm nor the cutter and the part."""
+        table = self.table
+        return np.asarray(~table.is_self & table.in_contact & table.out_of_contact)
+
+    @property
+    def both(self) -> list[tuple[int, int]]:
+        """The bodies of each pair."""
+        return list(zip(self.table.first.tolist(), self.table.second.tolist(), strict=True))
 
     @property
     def is_closed(self) -> list[bool]:

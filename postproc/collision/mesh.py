@@ -20,7 +20,11 @@ CYLINDER_SIDES = 32
 """Sides of the prism that stands for a cylinder; it encloses the true cylinder."""
 _STL_HEADER = 84
 _STL_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_MOST_BYTES = 400
+"""No triangle of a file takes more than so many bytes, in words as numbers."""
 _VERTEX = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+MOST_TRIANGLES = 1_000_000
+"""A mesh with more is no collision solid: it would fill memory and hours."""
 _LARGEST = 1e4
 """A coordinate beyond 10 km is a wrong unit or a broken file."""
 
@@ -74,7 +78,7 @@ def load_mesh(path: Path, scale: float) -> Mesh:
 
     Raises:
         CellError: COL001 unreadable as this format, COL002 without triangles, COL003 with a
-            coordinate that is not finite, COL004 larger than 10 km.
+            coordinate that is not finite, COL004 larger than 10 km, COL009 with too many triangles.
     """
     try:
         raw = read_bytes(path)
@@ -82,9 +86,14 @@ def load_mesh(path: Path, scale: float) -> Mesh:
         raise _error("COL001", path, problem.message) from None
     if not raw:
         raise _error("COL002", path, "the file is empty, expected triangles")
+    least = len(raw) // _MOST_BYTES
+    if least > MOST_TRIANGLES:
+        raise _too_many(path, f"at least {least}")
     corners = _stl(path, raw) if path.suffix.lower() == ".stl" else _by_trimesh(path, raw)
     if not len(corners):
         raise _error("COL002", path, "no triangle in this file, expected a mesh")
+    if len(corners) > MOST_TRIANGLES:
+        raise _too_many(path, str(len(corners)))
     finite = np.isfinite(corners).all(axis=(1, 2))
     if not finite.all():
         first = int(np.argmin(finite)) + 1
@@ -100,6 +109,11 @@ def load_mesh(path: Path, scale: float) -> Mesh:
     if not len(mesh.faces):
         raise _error("COL002", path, "every triangle of this file has no area")
     return mesh
+
+
+def _too_many(path: Path, count: str) -> CellError:
+    text = f"{count} triangles, expected at most {MOST_TRIANGLES}"
+    return CellError("COL009", text, SourceRef(str(path)), "decimate the mesh for the cell")
 
 
 def _error(code: str, path: Path, message: str) -> CellError:

@@ -1,19 +1,23 @@
 """Which bodies are tested against each other.
 
 Tested: every link and every tool solid against workpiece and obstacles; the tool against links
-0 to 3; links that are not neighbours. Never tested:
+0 to 5; links that are not neighbours. Never tested:
 
 - neighbouring links (i, i+1), which share a joint;
 - links (3, 5) and (4, 6): the mechanical stops of a wrist keep them apart;
-- the tool against the wrist, links 4 to 6, which carries it;
+- the tool against link 6, to which it is bolted;
 - link 0 against obstacles: the robot stands on one of them, or on the bed of its rail;
 - workpiece and obstacles against each other: the part lies on its fixture;
 - a pair of links that touches at the zero pose, at the cannon pose (0, -90, 90, 0, 0, 0), or at
   every one of ``SAMPLES`` poses spread over the limits: it touches by construction.
+
+A tool that touches link 4 or 5 at every one of these poses does so because the solids are too thick
+(a generated hull, an adapter drawn into the wrist): it is tested against a thinner link (``thin``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +27,10 @@ from postproc.collision.bodies import WORLD, Body
 from postproc.units import DEG
 
 SAMPLES = 64
+TOOL = ("tool", "cutting")
 _PRIMES = (2, 3, 5, 7, 11, 13)
-_WRIST = 4
+_OWN_WRIST = 5
+"""From the tool to this link only axis 6 turns: what distance they keep is the maker's affair."""
 _APART_BY_STOPS = {(3, 5), (4, 6)}
 
 
@@ -34,8 +40,10 @@ class PairTable(Table):
 
     Args:
         first, second: (p,) indices of bodies; ``second`` never moves less than ``first`` is fixed.
-        margin: (p,) [m], a distance up to this counts as a collision.
-        is_self: (p,) both are links of the robot.
+        margin: (p,) [m], a distance up to this counts as a collision; 0 for a cutting solid and
+            the workpiece, whose distance is the CAM file's affair.
+        is_self: (p,) both are links of the robot, or the tool and the wrist that carries it.
+        is_wrist: (p,) the tool and a link of the wrist.
         in_contact: (p,) tested where contact is allowed; out_of_contact: (p,) where it is not.
     """
 
@@ -43,18 +51,22 @@ class PairTable(Table):
     second: np.ndarray
     margin: FloatArray
     is_self: BoolArray
+    is_wrist: BoolArray
     in_contact: BoolArray
     out_of_contact: BoolArray
 
 
-def candidate_pairs(bodies: tuple[Body, ...], pulled_back: int, clearance: float) -> PairTable:
+def candidate_pairs(
+    bodies: tuple[Body, ...], stand_ins: int, clearance: float, thin: Mapping[tuple[int, int], int]
+) -> PairTable:
     """Return all pairs that may have to be tested.
 
-    The last ``pulled_back`` bodies are cutting solids pulled back by the contact depth: they stand
-    for the cutting solids against the workpiece where contact is allowed. Links keep no clearance
-    from each other: their distances are the maker's affair.
+    The last ``stand_ins`` bodies stand for others: cutting solids pulled back by the contact depth
+    against the workpiece where contact is allowed; thinner links against the tool, ``thin``: pair
+    of link and tool to the thinner link. Links keep no clearance from each other: their distances
+    are the maker's affair.
     """
-    count = len(bodies) - pulled_back
+    count = len(bodies) - stand_ins
     rows = []
     for a in range(count):
         for b in range(a + 1, count):
@@ -62,14 +74,17 @@ def candidate_pairs(bodies: tuple[Body, ...], pulled_back: int, clearance: float
             if not _is_tested(one, two):
                 continue
             touching = one.kind == "cutting" and two.kind == "workpiece"
-            is_self = one.kind == two.kind == "link"
-            rows.append((a, b, 0.0 if is_self else clearance, is_self, not touching, True))
+            is_wrist = two.kind in TOOL and one.link in (_OWN_WRIST - 1, _OWN_WRIST)
+            is_self = one.kind == two.kind == "link" or (is_wrist and one.link == _OWN_WRIST)
+            first = thin.get((a, b), a)
+            margin = 0.0 if is_self or touching else clearance
+            rows.append((first, b, margin, is_self, is_wrist, not touching, True))
     for a in range(count, len(bodies)):
         for b in range(count):
-            if bodies[b].kind == "workpiece":
-                rows.append((a, b, 0.0, False, True, False))
-    columns = list(zip(*rows, strict=True)) or [()] * 6
-    kinds = (np.int64, np.int64, np.float64, np.bool_, np.bool_, np.bool_)
+            if bodies[a].kind == "cutting" and bodies[b].kind == "workpiece":
+                rows.append((a, b, 0.0, False, False, True, False))
+    columns = list(zip(*rows, strict=True)) or [()] * 7
+    kinds = (np.int64, np.int64, np.float64, np.bool_, np.bool_, np.bool_, np.bool_)
     return PairTable(*(np.array(c, dtype=k) for c, k in zip(columns, kinds, strict=True)))
 
 
@@ -79,8 +94,8 @@ def _is_tested(one: Body, two: Body) -> bool:
         return False
     if two.link == WORLD:
         return not (one.link == 0 and two.kind == "obstacle")
-    if two.kind in ("tool", "cutting"):
-        return one.link < _WRIST
+    if two.kind in TOOL:
+        return one.link <= _OWN_WRIST
     return two.link - one.link > 1 and (one.link, two.link) not in _APART_BY_STOPS
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from functools import lru_cache
 from operator import is_
 from typing import Any
@@ -9,17 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
-from postproc.collision.bodies import Body, bodies_of, pulled_back
+from postproc.collision.bodies import THINNER, Body, bodies_of, pulled_back, thinner
 from postproc.collision.check import Hits, Tally, check
 from postproc.collision.engine import Engine
 from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
+from postproc.collision.triangles import TriangleCheck
 from postproc.errors import CellError, DataError, Finding, Severity
 from postproc.geometry import inverse
 from postproc.units import MM
@@ -35,7 +37,7 @@ class Scene:
     All other solids of the tool may never touch anything, nor may cutting solids an obstacle.
 
     ``limits.clearance`` > 0: solids that near count as colliding; not two links of the robot, and
-    not cutting solids in contact with the workpiece.
+    not cutting solids and the workpiece: how near they come is what the CAM file asks for.
 
     Configurations q are (n, 6) joint angles [rad]. In a cell with external axes their positions
     E1..Ek [m or rad] may follow as columns 7 and up; without, they stand at 0.
@@ -52,6 +54,8 @@ class Scene:
         self._cell = cell
         self._arm = arm
         self._engine_: Engine | None = None
+        self._thin: dict[tuple[int, int], float] = {}
+        self._pair_bodies: tuple[tuple[Body, Body], ...] = ()
         self._surface_: Surface | None = None
 
     @classmethod
@@ -81,6 +85,16 @@ class Scene:
         """
         return _shared(_ByParts(cell, kinematics))
 
+    def kept(self, more: float) -> Scene:
+        """Return the same scene with every clearance larger by ``more`` [m], but within the arm.
+
+        What is planned by it is found good by the scene itself, whatever digits and other places
+        of sampling make of the motions.
+        """
+        other = copy.copy(self)
+        other._engine_ = self._engine.with_clearance(more)
+        return other
+
     def __getstate__(self) -> dict[str, Any]:
         """Pickle without what can be made again: exact tests belong to one process."""
         return {**self.__dict__, "_engine_": None, "_surface_": None}
@@ -89,6 +103,11 @@ class Scene:
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Names of the tested pairs, in the order in which they are named."""
         return self._engine.names
+
+    @property
+    def pair_bodies(self) -> tuple[tuple[Body, Body], ...]:
+        """The solids of the tested pairs: some stand in for those of their names."""
+        return self._pair_bodies if self._engine else ()
 
     @property
     def excluded(self) -> tuple[tuple[str, str], ...]:
@@ -112,7 +131,17 @@ class Scene:
             Finding(Severity.NOTE, "COL104", f"{one} and {two} touch by construction: not tested")
             for one, two in self.excluded
         ]
-        return (*self._issues, *open_, *left_out)
+        return (*self._issues, *open_, *left_out, *self._thinned())
+
+    def _thinned(self) -> list[Finding]:
+        """Return what stands in for pairs of tool and wrist that overlap in every pose."""
+        hint = "check the flange frame of the tool's meshes, or give [robot] link_meshes"
+        found = []
+        for (link, tool), share in self._thin.items():
+            one, two = self.bodies[link].name, self.bodies[tool].name
+            text = f"{one} and {two} overlap in every pose: tested with {one} at {share:.0%} of it"
+            found.append(Finding(Severity.WARNING, "COL105", text, hint=hint))
+        return found
 
     def check(
         self, q: ArrayLike, contact: ArrayLike | None = None, tally: Tally | None = None
@@ -132,13 +161,20 @@ class Scene:
     ) -> FloatArray:
         """Return the smallest distance (n,) [m] at each configuration, 0 in collision.
 
-        Over all pairs but those of two links of the robot, which count only when they collide.
+        Over all pairs but those of two links of the robot, and of cutting solids and the workpiece,
+        which count only when they collide.
 
         Args:
             q: (n, 6) [rad].
-            contact: (n,) or bool, where cutting solids against the workpiece do not count.
+            contact: (n,) or bool, where cutting solids may touch the workpiece.
             most: larger distances [m] are given as this; the smaller, the faster.
         """
+        return self.nearest(q, contact, most)[0]
+
+    def nearest(
+        self, q: ArrayLike, contact: ArrayLike | None = None, most: float = np.inf
+    ) -> tuple[FloatArray, IndexArray]:
+        """Return ``clearance``, and which of ``pairs`` (n,) holds it, -1 where none is near."""
         joints = self._rows(q)
         return clearance.clearance(self._engine, joints, _contact(contact, len(joints)), most)
 
@@ -167,6 +203,29 @@ class Scene:
             touch = np.zeros(len(start), dtype=np.bool_)
         together = None if track is None else np.asarray(track, dtype=np.int64)
         return motion.MotionCheck(self._engine, resolution).run(start, end, touch, together)
+
+    def check_triangles(
+        self, q: ArrayLike, slack: ArrayLike | None = None, contact: ArrayLike | None = None
+    ) -> Hits:
+        """Return for each triangle of configurations whether anything in it collides.
+
+        Args:
+            q: (t, 3, 6) [rad].
+            slack: (t, 6) how far joints may be off their triangle; None: not at all.
+            contact: (t,) or bool, triangles in which cutting solids may touch the workpiece.
+        """
+        corners = np.asarray(q, dtype=np.float64)
+        rows = self._rows(corners.reshape(-1, corners.shape[-1]))
+        touch = _contact(contact, len(corners))
+        if touch is None:
+            touch = np.zeros(len(corners), dtype=np.bool_)
+        check = TriangleCheck(self._engine)
+        triangles = rows.reshape(len(corners), 3, rows.shape[1])
+        off = np.zeros_like(triangles[:, 0])
+        if slack is not None:
+            off[:, : np.shape(slack)[1]] = slack
+        pair = check.pairs_met(triangles, off, touch)
+        return Hits(pair >= 0, pair, self._engine.names)
 
     def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
         """Return the nearest places on the workpiece: point, outward normal, distance.
@@ -228,14 +287,23 @@ class Scene:
         behind: list[Body] = []
         if np.isfinite(cell.limits.contact_depth):
             behind = [pulled_back(b, cell, arm) for b in self.bodies if b.kind == "cutting"]
-        return Engine(
-            arm,
-            (*self.bodies, *behind),
-            len(behind),
-            ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot)),
-            cell.limits.clearance,
-            (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)),
-        )
+        external = ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot))
+        limits = (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max))
+        thin: dict[tuple[int, int], int] = {}
+        stand_ins, first = behind, len(self.bodies) + len(behind)
+        for share in (*THINNER, None):
+            bodies = (*self.bodies, *stand_ins)
+            clearance = cell.limits.clearance
+            engine = Engine(arm, bodies, len(stand_ins), external, clearance, limits, thin)
+            if not engine.stuck or share is None:
+                break
+            links = sorted({link for link, _ in engine.stuck} | {link for link, _ in thin})
+            place = {link: first + number for number, link in enumerate(links)}
+            stand_ins = [*behind, *(thinner(self.bodies[link], share) for link in links)]
+            thin = {pair: place[pair[0]] for pair in sorted({*engine.stuck, *thin})}
+            self._thin = {pair: share for pair in thin}
+        self._pair_bodies = tuple((bodies[a], bodies[b]) for a, b in engine.both)
+        return engine
 
     @property
     def _surface(self) -> Surface:

@@ -12,7 +12,7 @@ from postproc.controller.trace import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.krl import Assign, Axes, Expr, Move, MoveWord, Pose, SplineBegin, SplineEnd
 
-MAX_MOTIONS = 5_000_000
+MAX_MOTIONS = 1_000_000
 """A program that makes more motions does not come to an end."""
 MOTION_TYPES = {
     MoveWord.PTP: MotionType.PTP,

@@ -359,6 +359,7 @@ class MotionState:
     def motion_data(self, data: Any) -> None:  # noqa: ANN401
         """Take acceleration and approximation of a PDAT or LDAT."""
         if not isinstance(data, Aggregate):
+            self.unjudged.append(("PDAT", "the motion data (PDAT, LDAT) are not known"))
             return
         distance, mode = component(data, "APO_DIST"), component(data, "APO_MODE")
         is_ptp = component(data, "ORI_TYP") is UNKNOWN and component(data, "AXIS_VEL") is UNKNOWN

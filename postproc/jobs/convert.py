@@ -329,6 +329,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "points": len(plan),
         "failures": failures(conversion),
         "grades": grade_counts(plan, conversion.cell),
+        "clearance": smallest_clearance(conversion),
         "stiffness": _stiffness(conversion),
         "compensation": _compensation(conversion),
         "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
@@ -344,6 +345,37 @@ def document(conversion: Conversion) -> dict[str, Any]:
         ],
         "timing_s": {stage: round(seconds, 4) for stage, seconds in conversion.timing.items()},
     }
+
+
+def smallest_clearance(conversion: Conversion) -> dict[str, Any] | None:
+    """Return the smallest distance of solids where the tool works, and which; None without any.
+
+    Solids farther apart than what is measured at all are no pair.
+    """
+    from postproc.collision import Scene
+    from postproc.kinematics import build
+    from postproc.planning import NEAR_SOLIDS, tag_clearances
+
+    plan, cell = conversion.plan, conversion.cell
+    if not np.isfinite(plan.clearance).any():
+        return None
+    tag = int(np.nanargmin(plan.clearance))
+    value = float(plan.clearance[tag])
+    entry: dict[str, Any] = {
+        "asked_mm": round(cell.limits.clearance / MM, 6),
+        "smallest_mm": round(value / MM, 3),
+        "pair": None,
+        "tag": None,
+        "line": None,
+    }
+    if value >= NEAR_SOLIDS:
+        return entry
+    scene = Scene.shared(cell, build(cell.robot))
+    here = plan.rows(np.flatnonzero(plan.tag == tag))
+    pair = int(tag_clearances(here, scene)[1][tag])
+    names = list(scene.pairs[pair]) if pair >= 0 else None
+    line = int(plan.toolpath.line[tag])
+    return {**entry, "pair": names, "tag": plan.toolpath.tag_name(tag), "line": line}
 
 
 def _stiffness(conversion: Conversion) -> dict[str, Any] | None:

@@ -1,6 +1,7 @@
 """Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""
 
 from postproc.kinematics.build import build
+from postproc.kinematics.corners import IN_STEP, Corners, Pieces, joint_share, pieces_of
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import (
     elbow_distance,
@@ -12,10 +13,15 @@ from postproc.kinematics.status import status_turn
 from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 
 __all__ = [
+    "IN_STEP",
+    "Corners",
     "Kinematics",
+    "Pieces",
     "build",
     "elbow_distance",
     "is_coaxial_with_axis_6",
+    "joint_share",
+    "pieces_of",
     "shoulder_distance",
     "smallest_singular_value",
     "status_turn",

@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from postproc.cell import OpwGeometry, Robot
+import numpy as np
+
+from postproc.cell import OpwGeometry, Robot, UrdfGeometry, find_robot, load_robot
+from postproc.errors import CellError, KinematicsError, SourceRef
+from postproc.geometry import rotation_angle
 from postproc.kinematics.model import Kinematics, closed_form
 from postproc.kinematics.opw import arm_of
 from postproc.kinematics.urdf import build_urdf
+from postproc.units import DEG, MM
+
+_OFF, _TURNED = 1.0 * MM, 0.1 * DEG
+"""Digits and rounding of a file may cost so much."""
 
 
 @lru_cache(maxsize=16)
@@ -20,4 +28,33 @@ def build(robot: Robot) -> Kinematics:
     """
     if isinstance(robot.geometry, OpwGeometry):
         return closed_form(arm_of(robot.geometry), robot.q_min, robot.q_max)
-    return build_urdf(robot.geometry, robot.q_min, robot.q_max)
+    arm = build_urdf(robot.geometry, robot.q_min, robot.q_max)
+    _compared(arm, robot)
+    return arm
+
+
+def _compared(arm: Kinematics, robot: Robot) -> None:
+    """Compare a URDF arm with the built-in one of its name, if there is one.
+
+    Raises:
+        KinematicsError: KIN003 if the flange is elsewhere, or turned: another link, or axes that
+            turn the other way than those of the maker.
+    """
+    try:
+        known = load_robot(find_robot(robot.name))
+    except CellError:
+        return
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (8, 6))
+    T, T_known = arm.fk(q), build(known).fk(q)
+    off = float(np.linalg.norm(T[:, :3, 3] - T_known[:, :3, 3], axis=1).max())
+    turned = float(rotation_angle(T[:, :3, :3], T_known[:, :3, :3]).max())
+    if off > _OFF or turned > _TURNED:
+        geometry = robot.geometry
+        path = str(geometry.path) if isinstance(geometry, UrdfGeometry) else robot.name
+        raise KinematicsError(
+            "KIN003",
+            f"the flange is up to {off / MM:.1f} mm and {turned / DEG:.1f} deg off that of "
+            f"{known.name}: another link, or joints that turn the other way",
+            SourceRef(path),
+            hint=f'name the flange as [robot] tip, or take [robot] model = "{known.name}"',
+        )

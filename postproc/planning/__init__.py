@@ -1,6 +1,13 @@
 """Candidates per tag, costs, ladder search, key tags and smoothing, motions in between."""
 
-from postproc.planning.checks import CLOSE, NEAR, Grade, grade_counts
+from postproc.planning.checks import (
+    CLOSE,
+    NEAR,
+    NEAR_SOLIDS,
+    Grade,
+    grade_counts,
+    tag_clearances,
+)
 from postproc.planning.maps import (
     INDICES,
     FailingPose,
@@ -32,6 +39,7 @@ __all__ = [
     "CLOSE",
     "INDICES",
     "NEAR",
+    "NEAR_SOLIDS",
     "OBJECTIVES",
     "FailingPose",
     "Grade",
@@ -55,4 +63,5 @@ __all__ = [
     "spin_degrees",
     "spin_map",
     "stand_ins",
+    "tag_clearances",
 ]

@@ -8,10 +8,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity
+from postproc.errors import Finding, PlanError, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Event, MoveRole, Plan, ToolPath
-from postproc.planning.checks import Checker
+from postproc.planning.checks import MORE_CLEARANCE, Checker, tag_clearances
 from postproc.planning.repeats import with_repeats, without_repeats
 from postproc.planning.route import Route, route, step_rows
 from postproc.planning.search import (
@@ -42,18 +42,20 @@ from postproc.planning.states import (
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
     NUMBER,
+    MOST_PECKS,
     ToolStretch,
     as_served,
     claimed,
     hole_calls,
     hole_steps,
     holes_served,
+    peck_count,
     reordered,
     repeats,
     switched_off,
 )
 from postproc.progress import Clock, Progress
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
 __all__ = ["PlanOptions", "plan"]
 
@@ -81,11 +83,13 @@ def plan(
         on is switched off in it.
 
     Raises:
-        PlanError: PLN201 if the path gives no reference for the spin.
+        PlanError: PLN201 if the path gives no reference for the spin; PLN209 for a cycle of too
+            many pecks.
         CellError: if the cell asks for what does not exist.
     """
     options = options or PlanOptions()
     cell, settings = settle(cell, options)
+    _require_few_pecks(toolpath)
     claims = claimed(switched_off(toolpath), cell)
     toolpath = claims.toolpath
     if any(finding.is_error for finding in claims.findings) and not options.partial:
@@ -149,6 +153,16 @@ def _served(
     )
 
 
+def _require_few_pecks(toolpath: ToolPath) -> None:
+    for number, cycle in enumerate(toolpath.cycles):
+        count = peck_count(cycle)
+        tags = np.flatnonzero(np.asarray(toolpath.cycle) == number)
+        if count > MOST_PECKS and len(tags):
+            step = cycle.peck or cycle.peck_first
+            text = f"{count} pecks of {step / MM:g} mm in a hole, expected at most {MOST_PECKS}"
+            raise PlanError("PLN209", text, toolpath.source(int(tags[0])))
+
+
 def _planned(
     toolpath: ToolPath,
     cell: Cell,
@@ -178,8 +192,8 @@ def _planned(
     return replace(
         result,
         toolpath=toolpath,
-        clearance=_clearance(checker, chosen, options),
         restart=_straight_ways(checker, chosen),
+        clearance=_clearance(checker, replace(result, toolpath=toolpath)),
         settings={**_as_used(problem), **result.settings},
     )
 
@@ -248,14 +262,10 @@ def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, 
     return routed, dropped
 
 
-def _clearance(checker: Checker, chosen: Chosen, options: PlanOptions) -> FloatArray:
-    """Return the smallest distance (n,) [m] at every tag, NaN where not asked for."""
-    result = np.full(len(chosen.good), np.nan)
-    tags = np.nonzero(chosen.good)[0]
-    if options.clearance and checker.scene is not None and len(tags):
-        contact = checker.problem.is_contact[tags]
-        result[tags] = checker.scene.clearance(chosen.q[tags], contact)
-    return result
+def _clearance(checker: Checker, result: Plan) -> FloatArray:
+    if checker.scene is None:
+        return np.full(len(result.toolpath), np.nan)
+    return tag_clearances(result, checker.scene)[0]
 
 
 def _straight_ways(checker: Checker, chosen: Chosen) -> FloatArray:
@@ -278,7 +288,7 @@ def _straight_ways(checker: Checker, chosen: Chosen) -> FloatArray:
 def _scene(problem: Problem):  # type: ignore[no-untyped-def]  # noqa: ANN202
     from postproc.collision import Scene
 
-    return Scene.shared(problem.cell, problem.kinematics)
+    return Scene.shared(problem.cell, problem.kinematics).kept(MORE_CLEARANCE)
 
 
 def _notes(checker: Checker) -> list[Finding]:

@@ -9,7 +9,16 @@ from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
 from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
-from postproc.process.strokes import CHIP_LIFT, FEED_OUT, TAPS, hole_calls, pecks, turns_at
+from postproc.process.strokes import (
+    CHIP_LIFT,
+    FEED_OUT,
+    MOST_PECKS,
+    TAPS,
+    hole_calls,
+    peck_count,
+    pecks,
+    turns_at,
+)
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.unit import NUMBER, hole_steps, holes_served, unit_findings
 from postproc.process.words import refusals, word_findings
@@ -22,6 +31,7 @@ __all__ = [
     "FEED_OUT",
     "LOWERED_FROM",
     "LOWERED_TO",
+    "MOST_PECKS",
     "NUMBER",
     "PLUNGING",
     "SHARPEST",
@@ -42,6 +52,7 @@ __all__ = [
     "machining_findings",
     "may_stand",
     "operation_loads",
+    "peck_count",
     "pecks",
     "refusals",
     "reordered",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,6 +18,16 @@ _STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
 """What leaves the hole with a spindle that stands."""
 CHIP_LIFT = 1e-3
 """How far [m] the tool lifts to break the chip."""
+MOST_PECKS = 1000
+"""More pecks in one hole are a slip of the digits."""
+
+
+def peck_count(cycle: Cycle) -> int:
+    """Return how often a cycle drills to make one hole."""
+    first, step = cycle.peck_first or cycle.peck, cycle.peck or cycle.peck_first
+    if step <= 0.0 or cycle.depth <= 0.0:
+        return 1
+    return 1 + math.ceil(max(cycle.depth - first, 0.0) / step - 1e-9)
 
 
 def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
@@ -29,6 +40,8 @@ def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
     step = cycle.peck or first
     if step <= 0.0 or cycle.depth <= 0.0:
         return [(cycle.depth, cycle.clearance)]
+    if peck_count(cycle) > MOST_PECKS:
+        raise ValueError(f"{peck_count(cycle)} pecks in one hole: not refused beforehand")
     depths = []
     depth = first
     while depth < cycle.depth - 1e-9:

@@ -191,10 +191,8 @@ def check_blending(result: Result) -> None:
     m = len(trace)
     if m == 0:
         return
-    blended = np.flatnonzero(trace.blend == Blend.DISTANCE)
-    if len(blended) and trace.is_cp[blended].any():
-        rows = blended[(blended < m - 1) & trace.is_cp[blended]]
-        _corner_rounding(result, rows)
+    rows = np.flatnonzero((trace.blend == Blend.DISTANCE) & trace.is_cp)
+    _cut_short(result, rows[rows < m - 1])
     if not trace.is_exact[-1]:
         result.finding(RunKind.BLEND_END, m - 1, "the last motion of the program is blended")
     stopping = (EventWord.DWELL, EventWord.HALT, EventWord.WAIT_FOR)
@@ -205,24 +203,15 @@ def check_blending(result: Result) -> None:
             result.finding(RunKind.BLEND_LOST, before, detail, Severity.WARNING)
 
 
-def _corner_rounding(result: Result, rows: AnyIntArray) -> None:
+def _cut_short(result: Result, rows: AnyIntArray) -> None:
+    """Warn of blends that are longer than half of a neighbouring path motion."""
     paths, trace = result.paths, result.paths.trace
     rows = rows[trace.is_cp[rows + 1] & np.isfinite(paths.curves.T_start[rows, 0, 3])]
     if not len(rows):
         return
-    corner = paths.end_point[rows]
-    before, after = paths.end_point[rows - 1] - corner, paths.end_point[rows + 1] - corner
-    short = 0.5 * np.minimum(np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1))
-    asked = trace.column("cdis")[rows]
-    used = np.minimum(asked, short)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = before / np.linalg.norm(before, axis=1, keepdims=True)
-        v = after / np.linalg.norm(after, axis=1, keepdims=True)
-    # A parabola that leaves and joins at ``used`` from the corner passes it at a quarter of |u+v|.
-    miss = np.nan_to_num(0.25 * used * np.linalg.norm(u + v, axis=1))
-    row = int(miss.argmax())
-    result.measure("corner_rounding", float(miss[row] / MM), "mm", int(rows[row]))
-    cut = asked > short * (1.0 + 1e-6) + 1e-9
+    length = paths.curves.length
+    short = 0.5 * np.minimum(length[rows], length[rows + 1])
+    cut = trace.column("cdis")[rows] > short * (1.0 + 1e-6) + 1e-9
     if cut.any():
         result.finding(
             RunKind.BLEND_CUT,

@@ -5,19 +5,29 @@ Nothing is missed between two poses, whether joints move, external axes or both.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from postproc.arrays import BoolArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import RunKind
-from postproc.kinematics import Kinematics
+from postproc.kinematics import Corners, Kinematics
+from postproc.verification.corners import check_corner_collisions
 from postproc.verification.report import Result
 
 _LISTED = 20
+_ON_TOP = 1e-6
+"""So near [m] to the height where the feed starts a motion is not in the hole."""
 
 
 def check_collisions(
-    result: Result, cell: Cell, kinematics: Kinematics, is_cut: BoolArray | None
+    result: Result,
+    cell: Cell,
+    kinematics: Kinematics,
+    contact: Contact | None,
+    corners: Corners,
+    at: AnyIntArray,
 ) -> bool:
     """Search the joint paths for collisions; False if the cell has no solid to collide with.
 
@@ -25,31 +35,76 @@ def check_collisions(
         result: joint paths; collects the findings.
         cell: its solids.
         kinematics: of its robot.
-        is_cut: (m,) motions on which cutting solids may touch the workpiece; None: all path
-            motions, as no CAM file tells.
+        contact: where cutting solids may touch the workpiece; None: on all path motions, as no
+            CAM file tells.
+        corners: approximated corners, at the ends of motions ``at`` (c,).
+        at: (c,) motions.
     """
     if not cell.solids:
         return False
     from postproc.collision import Scene
 
     paths = result.paths
-    motion, share, q, _ = paths.in_order()
+    motion, share, q, point = paths.in_order()
     external = paths.curves.external_at(motion, share, paths.external)
     known = np.isfinite(q).all(axis=1)
-    motion, q = motion[known], np.hstack([q, external])[known]
+    motion, point, q = motion[known], point[known], np.hstack([q, external])[known]
     if len(q) < 2:
         return True
     is_cp = paths.trace.is_cp
-    touch = is_cp if is_cut is None else _with_way_out(is_cut, is_cp)
+    touch = is_cp if contact is None else contact.motions(is_cp)
+    steps = touch[motion[1:]]
+    if contact is not None:
+        steps = contact.steps(steps, motion[1:], point[:-1], point[1:])
     reported = _Reported(result)
-    tool = paths.station.tool[motion[1:]]
-    for index in np.unique(tool).tolist():
-        rows = np.flatnonzero(tool == index)
-        scene = Scene.build(cell.with_tool(index), kinematics)
-        hits = scene.check_paths(q[rows], q[rows + 1], touch[motion[rows + 1]])
+    tool = paths.station.tool
+    for index in np.unique(tool[motion[1:]]).tolist():
+        rows = np.flatnonzero(tool[motion[1:]] == index)
+        scene = Scene.shared(cell.with_tool(index), kinematics)
+        hits = scene.check_paths(q[rows], q[rows + 1], steps[rows], track=motion[rows + 1])
         for row in np.flatnonzero(hits.hit).tolist():
             reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
+        own = np.flatnonzero((tool[at] == index) & (tool[at + 1] == index))
+        if len(own):
+            here = corners.rows(own)
+            check_corner_collisions(result, scene, kinematics, here, at[own], touch)
     return True
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where cutting solids may touch the workpiece: in cuts, and in holes up to the feed's start.
+
+    ``is_cut`` (m,): motions that cut; ``strokes`` (m, 7): as ``cam.Comparison``.
+    """
+
+    is_cut: BoolArray
+    strokes: FloatArray
+
+    def motions(self, is_cp: BoolArray) -> BoolArray:
+        """Return the motions (m,) on which there may be contact somewhere.
+
+        On the way out of a cut the tool still stands in the part.
+        """
+        behind = np.r_[False, self.is_cut[:-1]] & is_cp
+        return np.asarray(self.is_cut | behind | np.isfinite(self.strokes[:, 0]))
+
+    def steps(
+        self, touch: BoolArray, motion: AnyIntArray, start: FloatArray, end: FloatArray
+    ) -> BoolArray:
+        """Return the steps (s,) with contact: along a hole only those that begin or end in it.
+
+        Args:
+            touch: (s,) steps of motions with contact.
+            motion: (s,) the motion of each.
+            start: (s, 3) [m] TCP in the part.
+            end: (s, 3) [m].
+        """
+        stroke = self.strokes[motion]
+        axis, top, clear = stroke[:, :3], stroke[:, 3:6], stroke[:, 6]
+        low = np.maximum(*(np.einsum("si,si->s", p - top, axis) for p in (start, end)))
+        above = np.isfinite(clear) & ~(low > -clear + _ON_TOP)
+        return np.asarray(touch & ~above)
 
 
 class _Reported:
@@ -65,9 +120,3 @@ class _Reported:
             self._known.add((motion, pair))
             text = f"{pair[0]} hits {pair[1]} on the way there"
             self._result.finding(RunKind.COLLISION, motion, text)
-
-
-def _with_way_out(is_cut: BoolArray, is_cp: BoolArray) -> BoolArray:
-    """Return the cuts and the path motion behind each: the tool stands in the part there."""
-    behind = np.r_[False, is_cut[:-1]] & is_cp
-    return np.asarray(is_cut | behind)

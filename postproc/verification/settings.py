@@ -16,11 +16,13 @@ from postproc.cell import Cell, Tool
 from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
 from postproc.krl import Aggregate, Assign, KrlModule
-from postproc.units import DEG, PERCENT
+from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
 MOST_CORI = 5.0 * DEG
 """Largest $APO.CORI [rad]: that of a delivered controller."""
+MOST_CDIS = 3.0 * MM
+"""$APO.CDIS [m] of a delivered controller; a cell may wish for more."""
 _SAME = 1e-3
 """Speeds and masses may differ by this share."""
 _WHY = {
@@ -53,6 +55,17 @@ def check_settings(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> 
     _load_data(result, cell, modules)
 
 
+def check_rapids(result: Result, cell: Cell, is_cut: BoolArray) -> None:
+    """Check that path motions that do not cut are no faster than the rapids of the cell."""
+    trace = result.paths.trace
+    speed = trace.column("speed")
+    most = min(cell.motion.rapid_speed, cell.krl.path_speed_max)
+    bad = np.flatnonzero(trace.is_cp & ~is_cut & (speed > most * (1.0 + _SAME)))
+    if len(bad):
+        text = f"a rapid of {speed[bad[0]]:g} m/s, the cell allows {most:g}, {len(bad)} motions"
+        result.finding(RunKind.SPEED, int(bad[0]), text)
+
+
 def _faults(
     result: Result, cell: Cell, settings: Settings, motions: AnyIntArray
 ) -> Iterator[tuple[RunKind, int, str]]:
@@ -66,18 +79,18 @@ def _faults(
     tool = cell.tools[result.paths.station.tool[first]]
     if not _has_load(tool, settings):
         yield RunKind.LOAD, first, f"the load in force is not that of tool {tool.number}"
-    blended = motions[is_cp & ~trace.is_exact[motions]]
-    if len(blended) and settings.cori > MOST_CORI * (1.0 + _SAME):
+    if settings.cori > MOST_CORI * (1.0 + _SAME):
         text = f"$APO.CORI is {settings.cori / DEG:g} deg, expected at most {MOST_CORI / DEG:g}"
-        yield RunKind.SETUP, int(blended[0]), text
-    joint = motions[~is_cp]
-    if len(joint):
-        yield from _shares(cell, settings, int(joint[0]))
-    if is_cp.any() and settings.speed > cell.krl.path_speed_max * (1.0 + _SAME):
-        text = (
-            f"a path speed of {settings.speed:g} m/s, the cell allows {cell.krl.path_speed_max:g}"
-        )
-        yield RunKind.SPEED, int(motions[is_cp][0]), text
+        yield RunKind.SETUP, first, text
+    most = max(cell.motion.approximation, MOST_CDIS)
+    if settings.cdis > most * (1.0 + _SAME):
+        text = f"$APO.CDIS is {settings.cdis / MM:g} mm, the cell asks for {most / MM:g} at most"
+        yield RunKind.SETUP, first, text
+    yield from _shares(cell, settings, first, is_joint=not is_cp.all())
+    top = cell.krl.path_speed_max
+    if "$VEL.CP" in settings.done and settings.speed > top * (1.0 + _SAME):
+        text = f"a path speed of {settings.speed:g} m/s, the cell allows {top:g}"
+        yield RunKind.SPEED, first, text
 
 
 def _orientation(
@@ -111,13 +124,15 @@ def _may_be_mass(tool: Tool, mass: float) -> bool:
     return mass < 0.0 or math.isnan(tool.mass) or _is_mass(tool, mass)
 
 
-def _shares(cell: Cell, settings: Settings, motion: int) -> Iterator[tuple[RunKind, int, str]]:
+def _shares(
+    cell: Cell, settings: Settings, motion: int, *, is_joint: bool
+) -> Iterator[tuple[RunKind, int, str]]:
     for name, shares in (("VEL", settings.ptp), ("ACC", settings.ramp)):
         low, high = min(shares) / PERCENT, max(shares) / PERCENT
         if high - low > _SAME * high:
             text = f"${name}_AXIS goes from {low:g} to {high:g} %: the slowest axis sets the speed"
             yield RunKind.SPEED, motion, text
-    if max(settings.ptp) > cell.motion.rapid * (1.0 + _SAME):
+    if is_joint and max(settings.ptp) > cell.motion.rapid * (1.0 + _SAME):
         allowed = cell.motion.rapid / PERCENT
         text = f"joint motions at {max(settings.ptp) / PERCENT:g} %, the cell allows {allowed:g}"
         yield RunKind.SPEED, motion, text

@@ -7,7 +7,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   force, or is not set at all; ``frame``: tool or base unknown or not the
   cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``, ``half_turn``: a motion
   that cannot be run, or not in one way only;
-- ``joint_limit``, ``singularity``, ``axis_speed``, ``collision``: on the way; ``blend_end``;
+- ``joint_limit``, ``singularity``, ``axis_speed``, ``corner``, ``collision``: on the way;
+  ``blend_end``;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
   tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
@@ -58,9 +59,10 @@ from postproc.verification.checks import (
     check_joints,
     check_speeds,
 )
-from postproc.verification.collisions import check_collisions
+from postproc.verification.collisions import Contact, check_collisions
+from postproc.verification.corners import blended, check_corners, corners_of
 from postproc.verification.report import Result, Run, VerifyReport, in_order
-from postproc.verification.settings import check_settings
+from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
 
 _SAME_FRAME = 0.005 * MM
@@ -130,9 +132,15 @@ def verify(
         check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
     check_speeds(result, cell, is_cut)
+    if is_cut is not None:
+        check_rapids(result, cell, is_cut)
     check_spindle(result, cell, is_cut, may_stand(toolpath, cell))
     report(3, 4, "collisions")
-    checked = collisions and check_collisions(result, cell, kinematics, is_cut)
+    at = blended(paths)
+    corners = corners_of(paths, kinematics, at)
+    check_corners(result, cell, corners, at, is_cut)
+    contact = None if comparison is None else Contact(comparison.is_cut, comparison.strokes)
+    checked = collisions and check_collisions(result, cell, kinematics, contact, corners, at)
     return _report(name, result, cell, comparison, checked)
 
 

@@ -13,34 +13,40 @@ from tests.collision.conftest import at, box_at, cell_of, motions_along
 from tests.collision.oracle import CoalMesh, coal_collide, coal_distance, winding_number
 
 
-def poses(scene, cell, arm, q):
+def poses(bodies, cell, arm, q):
     """Poses (b, 4, 4) of the bodies in robroot."""
     T_robroot_world = inverse(cell.robot.T_world_robroot)
     frames = arm.link_frames(q)
-    return [T_robroot_world if b.link == WORLD else frames[b.link] for b in scene.bodies]
+    return [T_robroot_world if b.link == WORLD else frames[b.link] for b in bodies]
+
+
+def solids_of(scene):
+    """The solids that are tested, and of each pair their two indices."""
+    bodies = list({id(body): body for pair in scene.pair_bodies for body in pair}.values())
+    index = {id(body): i for i, body in enumerate(bodies)}
+    return bodies, [(index[id(one)], index[id(two)]) for one, two in scene.pair_bodies]
 
 
 def oracle_hits(scene, cell, arm, q):
     """Index of the first pair that collides by coal and solid angles, -1 for none."""
-    meshes = [CoalMesh(body.mesh) for body in scene.bodies]
-    index = {body.name: i for i, body in enumerate(scene.bodies)}
+    bodies, pairs = solids_of(scene)
+    meshes = [CoalMesh(body.mesh) for body in bodies]
     answers = []
     for row in q:
-        T = poses(scene, cell, arm, row)
+        T = poses(bodies, cell, arm, row)
         hit = -1
-        for number, (one, two) in enumerate(scene.pairs):
-            a, b = index[one], index[two]
-            if coal_collide(meshes[a], T[a], meshes[b], T[b]) or swallowed(scene, T, a, b):
+        for number, (a, b) in enumerate(pairs):
+            if coal_collide(meshes[a], T[a], meshes[b], T[b]) or swallowed(bodies, T, a, b):
                 hit = number
                 break
         answers.append(hit)
     return np.array(answers)
 
 
-def swallowed(scene, T, a, b):
+def swallowed(bodies, T, a, b):
     for outer, inner in ((a, b), (b, a)):
-        mesh = scene.bodies[outer].mesh
-        point = (inverse(T[outer]) @ T[inner] @ [*scene.bodies[inner].vertices[0], 1.0])[:3]
+        mesh = bodies[outer].mesh
+        point = (inverse(T[outer]) @ T[inner] @ [*bodies[inner].vertices[0], 1.0])[:3]
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         if ((point > low) & (point < high)).all():
             return abs(winding_number(mesh, point[None])[0]) > 0.5
@@ -72,15 +78,15 @@ def test_margin_agrees_with_distances_of_coal(busy_cell, arm_of, random_q):
     bare, scene = Scene.build(busy_cell, arm), Scene.build(cell, arm)
     q = random_q(300, seed=3)
     q = q[~bare.check(q).hit]
-    meshes = [CoalMesh(body.mesh) for body in scene.bodies]
-    kinds = {body.name: (i, body.kind) for i, body in enumerate(scene.bodies)}
+    bodies, pairs = solids_of(scene)
+    meshes = [CoalMesh(body.mesh) for body in bodies]
     closest = []
     for row in q:
-        T = poses(scene, cell, arm, row)
+        T = poses(bodies, cell, arm, row)
         distances = [
             coal_distance(meshes[a], T[a], meshes[b], T[b])
-            for (a, kind_a), (b, kind_b) in ((kinds[x], kinds[y]) for x, y in scene.pairs)
-            if (kind_a, kind_b) != ("link", "link")
+            for a, b in pairs
+            if bodies[b].link == WORLD or (bodies[b].kind != "link" and bodies[a].link != 5)
         ]
         closest.append(min(distances))
     closest = np.array(closest)

@@ -71,8 +71,8 @@ def test_pairs_that_are_tested(busy_cell, arm_of):
     assert ("link 0", "workpiece panel.stl") in pairs
     assert ("link 0", "obstacle floor") not in pairs
     for tool in ("tool head.stl", "tool drill"):
-        assert {(f"link {i}", tool) for i in range(4)} <= pairs
-        assert not {(f"link {i}", tool) for i in range(4, 7)} & pairs
+        assert {(f"link {i}", tool) for i in range(6)} <= pairs
+        assert ("link 6", tool) not in pairs
     linked = {(int(a[-1]), int(b[-1])) for a, b in pairs if a[:4] == b[:4] == "link"}
     assert linked == {(0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (1, 3), (1, 4), (1, 5), (1, 6),
                       (2, 4), (2, 5), (2, 6), (3, 6)}  # fmt: skip
@@ -253,3 +253,29 @@ def test_urdf_sizes_are_checked(shape, tmp_path):
         urdf_scene(tmp_path, {"l1": geometry(shape)})
     assert caught.value.code in ("COL006", "CEL011")
     assert caught.value.source.path.endswith("arm.urdf")
+
+
+def test_a_tool_folded_back_stands_in_the_forearm(arm_of):
+    plate = box_at("plate", [0.1, 0.7, 0.04], at(0.0, 0.1, 0.03))
+    back = box_at("back", [0.08, 0.08, 0.9], at(-0.05, 0.3, -0.35))
+    scene = Scene.build(cell_of(tool=[plate, back]), arm_of(cell_of(tool=[plate, back])))
+    q = np.tile([0.0, -1.2, 1.4, 0.0, 0.4, 0.0], (72, 1))
+    q[:, 5] = np.linspace(-np.pi, np.pi, 72)
+    hits = scene.check(q)
+    named = {hits.name(row) for row in np.flatnonzero(hits.hit)}
+    assert named & {"link 3 and tool back", "link 4 and tool back"}
+    assert not hits.hit.all()
+
+
+def test_a_tool_that_overlaps_the_wrist_in_every_pose_is_named_and_tested_thinner(arm_of):
+    cell = cell_of(tool=[box_at("head", [0.3, 0.3, 0.6], at(0.0, 0.0, 0.1))])
+    scene = Scene.build(cell, arm_of(cell))
+    told = [str(finding) for finding in scene.findings if finding.code == "COL105"]
+    assert "link 5 and tool head overlap in every pose" in told[0]
+    assert ("link 5", "tool head") in scene.pairs or ("link 5", "tool head") in scene.excluded
+    thin = next(
+        one for one, two in scene.pair_bodies if (one.name, two.name) == ("link 5", "tool head")
+    )
+    full = next(body for body in scene.bodies if body.name == "link 5")
+    assert np.ptp(thin.vertices, axis=0).max() < 0.9 * np.ptp(full.vertices, axis=0).max()
+    assert not scene.check(np.zeros((1, 6))).hit[0]

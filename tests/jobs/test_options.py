@@ -342,6 +342,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     ),
     "motion.rapid_percent": ({}, {"motion.rapid_percent": 20.0}),
     "motion.feed_mm_min": ({}, {"motion.feed_mm_min": 300.0}),
+    "motion.corner_tolerance_mm": ({}, {"motion.corner_tolerance_mm": 0.05}, MILL),
     "motion.approximation_mm": ({}, {"motion.approximation_mm": 3.0}, MILL),
     "motion.home_deg": ({}, {"motion.home_deg": [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]}),
     "motion.approach_mm": ({}, {"motion.approach_mm": 20.0}, "points.csv"),

@@ -105,8 +105,8 @@ def test_blending(cell):
     points = [START, at(-50, 0, 0), at(0, 0, 0, "C_DIS"), at(0, 40, 0, "C_DIS"), at(0, 40, 40)]
     good = check(cell, *points)
     assert (kinds(good), warned(good)) == (set(), set())
-    # a quarter turn blended at 1 mm misses its corner by 1 mm * |u + v| / 4
-    assert good.worst["corner_rounding"].value == pytest.approx(np.sqrt(2) / 4, rel=1e-6)
+    # a quarter turn blended at 1 mm passes its corner by 1 mm * |u + v| / 2 at most
+    assert good.worst["corner_rounding"].value == pytest.approx(np.sqrt(2) / 2, rel=1e-6)
     assert "blend_end" in kinds(check(cell, *points, at(0, 0, 0, "C_DIS")))
     assert "blend_cut" in warned(check(cell, points[0], "$APO.CDIS=30.0", *points[1:]))
     lost = [*points[:3], "WAIT SEC 0.1", *points[3:]]

@@ -120,6 +120,16 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(conversion.good)
 
 
+def _nearest(clearance: dict[str, Any]) -> str:
+    """Return the smallest clearance in words."""
+    asked = f"asked {clearance['asked_mm']:g} mm"
+    if clearance["pair"] is None:
+        return f"no solid within {clearance['smallest_mm']:g} mm where the tool works, {asked}"
+    one, two = clearance["pair"]
+    where = f"tag {clearance['tag']} (line {clearance['line']})"
+    return f"{clearance['smallest_mm']:g} mm: {one} and {two} at {where}, {asked}"
+
+
 def _spin_maps(
     conversion: Any,  # noqa: ANN401 - imported lazily
     files: tuple[str, ...],
@@ -162,4 +172,6 @@ def _summary(
         )
     session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
     grades = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
-    session.show(f"margin   to limits and singularity: {grades}")
+    session.show(f"margin   to limits, singularity and solids: {grades}")
+    if content["clearance"]:
+        session.show(f"nearest  {_nearest(content['clearance'])}")

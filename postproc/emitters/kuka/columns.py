@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, stepped
 from postproc.cell import Cell
 from postproc.errors import EmitError, SourceRef
 from postproc.geometry import kuka_from_transform, orthonormalised, transform
@@ -39,7 +39,6 @@ STANDING = frozenset(
     }
 )
 """Events at which the robot stands."""
-_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +138,7 @@ def _blends(plan: Plan, borders: frozenset[int]) -> tuple[FloatArray, FloatArray
     wanted[_exact(plan, borders)] = 0.0
     length = _lengths(plan) / MM
     limit = BLEND_SHARE * np.minimum(length, np.append(length[1:], 0.0))
-    capped = np.where(wanted <= limit, wanted, np.minimum(wanted, _stepped(limit)))
+    capped = np.where(wanted <= limit, wanted, np.minimum(wanted, stepped(limit)))
     capped[capped < BLEND_SMALLEST_MM] = 0.0
     return capped, wanted
 
@@ -191,14 +190,6 @@ def _lengths(plan: Plan) -> FloatArray:
     )
     length[plan.kind == MoveKind.PTP] = np.inf
     return np.asarray(length)
-
-
-def _stepped(values: FloatArray) -> FloatArray:
-    """Return the next smaller round value, so that neighbours share one $APO.CDIS."""
-    positive = np.maximum(np.where(np.isfinite(values), values, 1e6), 1e-9)
-    decade = 10.0 ** np.floor(np.log10(positive))
-    step = np.searchsorted(_STEPS, positive / decade * (1.0 + 1e-12), side="right") - 1
-    return np.asarray(_STEPS[np.clip(step, 0, None)] * decade)
 
 
 def _speeds(plan: Plan, speed_max: float) -> list[float]:

@@ -34,17 +34,13 @@ class KukaKrl(Emitter):
         return Program(modules[0].name, render_files(modules), names.changes)
 
     def read_back(self, program: Program, cell: Cell, against: Against) -> ReadBack:
-        """Lint the text, run it on the robot model and compare it with the CAM points.
-
-        Collisions were proven by the planner along the same motions and are not searched again.
-        """
+        """Judge the text by lint and by the very ``verify`` that users run, collisions included."""
         modules = parse_files(program.files)
         report = verify(
             modules,
             program.name,
             cell,
             toolpath=against.toolpath,
-            collisions=False,
             displacement=against.displacement,
         )
         noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]

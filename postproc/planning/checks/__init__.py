@@ -1,12 +1,24 @@
 """Which states and motions are allowed, and why not."""
 
 from postproc.planning.checks.explain import Evidence, explained, failure, gave_up
-from postproc.planning.checks.feasible import Checker, Lines, Reason, Verdict, poses_between
+from postproc.planning.checks.feasible import (
+    MORE_CLEARANCE,
+    RESOLUTION,
+    Checker,
+    Lines,
+    Reason,
+    Verdict,
+    poses_between,
+)
 from postproc.planning.checks.grade import CLOSE, NEAR, Grade, grade_counts, grades
+from postproc.planning.checks.working import NEAR_SOLIDS, moves_of_tags, tag_clearances
 
 __all__ = [
     "CLOSE",
+    "MORE_CLEARANCE",
     "NEAR",
+    "NEAR_SOLIDS",
+    "RESOLUTION",
     "Checker",
     "Evidence",
     "Grade",
@@ -18,5 +30,7 @@ __all__ = [
     "gave_up",
     "grade_counts",
     "grades",
+    "moves_of_tags",
     "poses_between",
+    "tag_clearances",
 ]

@@ -24,6 +24,11 @@ STEP_ANGLE = 4.0 * DEG
 """Largest turn [rad] of the tool between two checked poses."""
 SHORT = 0.3
 """A motion below this share of both is checked at its ends only."""
+MORE_CLEARANCE = 0.3e-3
+"""What a plan keeps beyond the clearance of the cell [m]: digits of the text and other places of
+sampling may cost that much before the program is found wanting."""
+RESOLUTION = 0.2e-3
+"""Contact grazed on a shorter way [m] may pass a plan."""
 JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
 
@@ -260,7 +265,7 @@ class Checker:
         """Check straight joint moves (m, 6) to (m, 6) for collision."""
         verdict = Verdict.clean(len(q_from))
         if self.scene is not None and len(q_from):
-            hits = self.scene.check_paths(q_from, q_to)
+            hits = self.scene.check_paths(q_from, q_to, resolution=RESOLUTION)
             self.pairs = hits.pairs
             rows = np.nonzero(hits.hit)[0]
             verdict.collide(rows, hits.pair[rows])
@@ -298,7 +303,7 @@ class Checker:
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
         hits = self.scene.check_paths(
-            q[start], q[start + 1], contact=contact[motion], track=together[motion]
+            q[start], q[start + 1], contact[motion], RESOLUTION, track=together[motion]
         )
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])

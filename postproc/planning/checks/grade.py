@@ -1,7 +1,8 @@
 """Criteria classes of a plan: the margin of every tag to what would stop it.
 
 Judged are the joints of every move that serves a tag: the way to the nearest joint limit beyond
-the cell's margin, and the way of the wrist to the straight pose beyond the cell's distance.
+the cell's margin, and the way of the wrist to the straight pose beyond the cell's distance; and how
+near solids are where the tool works, beyond the cell's clearance.
 """
 
 from __future__ import annotations
@@ -20,6 +21,12 @@ NEAR = 5.0 * DEG
 """A tag with a smaller margin [rad] is acceptable only."""
 CLOSE = 1.0 * DEG
 """A tag with a smaller margin [rad] is critical."""
+
+
+NEAR_BY = 3e-3
+"""A tag with less clearance beyond that of the cell [m] is acceptable only."""
+CLOSE_BY = 0.5e-3
+"""A tag with less clearance beyond that of the cell [m] is critical."""
 
 
 class Grade(IntEnum):
@@ -50,8 +57,9 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
     grade[runs] = Grade.GOOD
-    grade[runs & (least < NEAR)] = Grade.ACCEPTABLE
-    grade[runs & (least < CLOSE)] = Grade.CRITICAL
+    room = np.where(np.isnan(result.clearance), np.inf, result.clearance) - cell.limits.clearance
+    grade[runs & ((least < NEAR) | (room < NEAR_BY))] = Grade.ACCEPTABLE
+    grade[runs & ((least < CLOSE) | (room < CLOSE_BY))] = Grade.CRITICAL
     return grade
 
 

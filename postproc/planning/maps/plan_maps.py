@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.errors import Finding
 from postproc.model import Plan
-from postproc.planning.checks import grade_counts
+from postproc.planning.checks import NEAR_SOLIDS, grade_counts, moves_of_tags
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
-from postproc.planning.maps.tags import moves_of_tags, tag_clearances
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,12 @@ class PlanMaps:
     no_spins: str = ""
 
 
+def _clearances(plan: Plan) -> FloatArray:
+    """Return the clearances of a plan, all NaN where nothing is near anywhere."""
+    near = plan.clearance < NEAR_SOLIDS
+    return plan.clearance if near.any() else np.full(len(plan.clearance), np.nan)
+
+
 def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding]) -> PlanMaps:
     """Return the maps of a plan.
 
@@ -45,7 +52,7 @@ def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding])
     moves = moves_of_tags(plan)
     return PlanMaps(
         moves,
-        tag_clearances(plan, moves, scene),
+        _clearances(plan),
         grade_counts(plan, cell),
         spin_index(plan, cell, moves, scene),
         failing_poses(plan.toolpath, cell, scene, findings),

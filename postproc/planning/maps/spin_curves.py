@@ -21,7 +21,7 @@ from postproc.collision import Scene
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import is_coaxial_with_axis_6
 from postproc.model import ToolPath
-from postproc.planning.checks import Checker
+from postproc.planning.checks import MORE_CLEARANCE, Checker
 from postproc.planning.planner import problem_of
 from postproc.planning.search import key_tags
 from postproc.planning.states import (
@@ -151,7 +151,9 @@ def _blocked(
 ) -> BoolArray:
     """Return (m,) whether a state at a tag collides or has a stroke that cannot be run."""
     strokes = strokes_of(problem.toolpath, problem.cell.motion.approach)
-    checker = Checker(problem, strokes, Scene.shared(problem.cell, problem.kinematics))
+    checker = Checker(
+        problem, strokes, Scene.shared(problem.cell, problem.kinematics).kept(MORE_CLEARANCE)
+    )
     return ~checker.states(tags, q, spin, branch).good
 
 

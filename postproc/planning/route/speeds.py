@@ -11,6 +11,7 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
+from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS
 from postproc.timing import (
@@ -64,6 +65,7 @@ def timed(
     cap[rows], orientation[rows] = _caps(checker, lines)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, table, length, stops_before)
+    blend = lowered_blends(checker, table, lines, rows, blend)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)

@@ -11,7 +11,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.kinematics import build
-from postproc.planning.checks import Checker
+from postproc.planning.checks import MORE_CLEARANCE, RESOLUTION, Checker
 from postproc.planning.route.connect import free_way
 from postproc.units import DEG
 
@@ -76,6 +76,6 @@ def _slides_free(
         return True
     from postproc.collision import Scene
 
-    scene = Scene.shared(cell, build(cell.robot))
+    scene = Scene.shared(cell, build(cell.robot)).kept(MORE_CLEARANCE)
     start, end = (np.concatenate([q, place])[None] for place in places)
-    return not scene.check_paths(start, end).any
+    return not scene.check_paths(start, end, resolution=RESOLUTION).any

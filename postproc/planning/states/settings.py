@@ -27,7 +27,6 @@ class PlanOptions:
         objective: name or table of weights.
         preset: ``stiffest``, ``balanced`` or ``fastest``.
         partial: plan the good stretches although some tags fail.
-        clearance: measure the smallest distance at every tag (slow).
         name: program name; None: the input's.
     """
 
@@ -35,7 +34,6 @@ class PlanOptions:
     objective: str | Mapping[str, float] | None = None
     preset: str | None = None
     partial: bool = False
-    clearance: bool = False
     name: str | None = None
 
 

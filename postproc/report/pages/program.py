@@ -26,7 +26,7 @@ from postproc.report.parts import (
     packed_text,
     tag_columns,
 )
-from postproc.units import DEG, N_PER_MM
+from postproc.units import DEG, MM, N_PER_MM
 
 _MOST_FINDINGS = 200
 _LEVELS = 65534
@@ -113,7 +113,9 @@ def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> l
 
 def _margins(maps: PlanMaps) -> str:
     counts = ", ".join(f"{count} {name}" for name, count in maps.grades.items())
-    return f"Margin to joint limits and straight wrist: {counts}."
+    near = maps.clearance[np.isfinite(maps.clearance)]
+    nearest = f" Smallest clearance {near.min() / MM:.1f} mm." if len(near) else ""
+    return f"Margin to joint limits, straight wrist and solids: {counts}.{nearest}"
 
 
 def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:

@@ -62,7 +62,9 @@ class Comparison:
     """What the comparison found.
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
-    may be meant; ``is_cut`` (m,): motions that cut;
+    may be meant; ``is_cut`` (m,): motions that cut; ``strokes`` (m, 7): of motions along the axis
+    of a hole the axis into the part, the tag and the height above it where the feed starts [m], NaN
+    for others;
     ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed tilt; ``tilt`` (n,)
     [rad] that was used of it; ``real``: the paths that were compared; ``nominal_error`` (n,) [m] of
     the commanded point, None without a model of the arm.
@@ -76,6 +78,7 @@ class Comparison:
     axis_error: FloatArray
     tilt: FloatArray
     real: RealPaths
+    strokes: FloatArray
     nominal_error: FloatArray | None = None
 
     def expectation(self) -> Expectation | None:
@@ -131,6 +134,7 @@ def compare(
         np.zeros(n),
         np.zeros(n),
         real,
+        np.full((len(paths), 7), np.nan),
         None if displacement is None else np.zeros(n),
     )
     tilts = Tilts.of(toolpath, cell)
@@ -142,7 +146,8 @@ def compare(
         check_between(result, tilts, toolpath, motions, comparison.tilt)
     near, is_cut = tolerances.position, comparison.is_cut
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
-    _relative(result, comparison.is_cut | on_axis)
+    _relative(result, comparison.is_cut | (on_axis >= 0))
+    comparison.strokes[:] = _strokes(wanted, on_axis)
     feeds.report()
     return comparison
 
@@ -151,6 +156,12 @@ def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
     return np.where(np.isfinite(points), points, FAR)
+
+
+def _strokes(wanted: Wanted, on_axis: AnyIntArray) -> FloatArray:
+    """Return (m, 7) of motions along the axis of a hole: axis, top and clearance height."""
+    table = np.column_stack([wanted.axis, wanted.top, wanted.clear])
+    return np.where((on_axis >= 0)[:, None], table[on_axis], np.nan)
 
 
 def _relative(result: Result, serves: BoolArray) -> None:

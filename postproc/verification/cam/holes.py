@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from postproc.arrays import BoolArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, IntArray
 from postproc.controller import EventWord
 from postproc.errors import RunKind
 from postproc.model import ToolPath
@@ -43,14 +43,14 @@ def check_holes(
     is_cut: BoolArray,
     tolerance: float,
     feeds: Feeds,
-) -> BoolArray:
+) -> AnyIntArray:
     """Check every hole that the program drills; its drilling motions are marked in ``is_cut``.
 
     Returns:
-        (m,) path motions along the axis of a hole.
+        (m,) row of the hole along whose axis a path motion runs, -1 for none.
     """
     rows = np.flatnonzero(wanted.is_hole & (served >= 0))
-    on_axis = np.zeros(len(is_cut), dtype=np.bool_)
+    on_axis = np.full(len(is_cut), -1, dtype=np.int64)
     if not len(rows):
         return on_axis
     dwells = _dwells(result)
@@ -61,7 +61,7 @@ def check_holes(
         cycle = toolpath.cycles[int(toolpath.cycle[row])]
         feeds.expect(row, (*drilled, *(checker.feed_out(row) if cycle.kind in FEED_OUT else ())))
         checker.dwell(row, dwells.get(int(served[row]), 0.0))
-    on_axis[sorted(checker.along)] = True
+    on_axis[list(checker.along)] = list(checker.along.values())
     return on_axis
 
 
@@ -90,8 +90,8 @@ class _Holes:
         self._is_cp = (result.paths.trace.is_cp | stands(result.paths)).tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
         self._reported: dict[RunKind, int] = {}
-        self.along: set[int] = set()
-        """Path motions that begin and end on the axis of a hole."""
+        self.along: dict[int, int] = {}
+        """Path motions that begin and end on the axis of a hole, to the row of the hole."""
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -172,7 +172,7 @@ class _Holes:
         offset = max(first - 1, 0)
         both = [a is not None and b is not None for a, b in pairwise(places)]
         ends = [offset + number + 1 for number, is_both in enumerate(both) if is_both]
-        self.along.update(motion for motion in ends if self._is_cp[motion])
+        self.along.update((motion, row) for motion in ends if self._is_cp[motion])
         for number, height in enumerate(places):
             if height is not None and height < -self._near:
                 text = f"the tool goes {-height / MM:.3f} mm deeper than the hole"

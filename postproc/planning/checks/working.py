@@ -1,0 +1,48 @@
+"""Where a plan works: the move of each tag, and how near solids are there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IndexArray
+from postproc.collision import Scene
+from postproc.model import MoveRole, Plan
+from postproc.process import repeats
+
+NEAR_SOLIDS = 0.01
+"""Clearances beyond this [m] are given as this: near solids matter, and far ones cost time."""
+_SAME_PLACE = 1e-6
+_WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
+
+
+def moves_of_tags(plan: Plan) -> IndexArray:
+    """Return for each tag (n,) the last move that works at it, else the nearest to it, else -1.
+
+    A tag that nothing works at is a rapid; the move home behind it counts as its move, too.
+    """
+    last = np.full(len(plan.toolpath), -1)
+    rows = np.flatnonzero(plan.tag >= 0)
+    off = plan.T_base_tcp[rows, :3, 3] - plan.toolpath.points[plan.tag[rows]]
+    near = np.argsort(-np.round(np.linalg.norm(off, axis=1) / _SAME_PLACE), kind="stable")
+    working = np.isin(plan.role[rows], _WORKING)
+    for some in (rows[near], rows[working]):
+        last[plan.tag[some]] = some
+    for tag in np.flatnonzero(repeats(plan.toolpath)):  # planned with the tag before
+        last[tag] = max(last[tag], last[tag - 1])
+    return last
+
+
+def tag_clearances(plan: Plan, scene: Scene) -> tuple[FloatArray, IndexArray]:
+    """Return the smallest distance (n,) [m] where the tool works at each tag, and its pair (n,).
+
+    ``NEAR_SOLIDS`` and -1 where nothing is that near; NaN without a move.
+    """
+    moves = moves_of_tags(plan)
+    found, pair = np.full(len(moves), np.nan), np.full(len(moves), -1)
+    tags = np.flatnonzero(moves >= 0)
+    if len(tags):
+        rows = moves[tags]
+        contact = np.isin(plan.role[rows], _WORKING)
+        poses = np.hstack([plan.q, plan.external])[rows]
+        found[tags], pair[tags] = scene.nearest(poses, contact, NEAR_SOLIDS)
+    return found, pair

@@ -1,0 +1,163 @@
+"""How far corners may be blended: as far as is wished, where all that may come of it is good.
+
+Where the arm may go at an approximated corner is bounded (``kinematics.corners``). The whole of it
+must be free of collision, and at a corner between cuts the tool point must stay within the
+tolerance of the cell. Where it does not, the distance is lowered; at last the corner is exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IndexArray, stepped
+from postproc.geometry import inverse, rotation_angle
+from postproc.kinematics import IN_STEP, Corners, joint_share, pieces_of
+from postproc.model import MoveRole
+from postproc.planning.checks import Checker, Lines, poses_between
+from postproc.planning.states import Moves
+from postproc.units import MM
+
+_LOWER = 0.25
+"""What is left of a distance that was too long."""
+_ROUNDS = 4
+SMALLEST = 0.02 * MM
+"""A shorter approximation is none."""
+NEGLIGIBLE = 0.01 * MM
+"""Corners of a cut that the tool point passes by no more than this are as good as the path."""
+
+
+def lowered_blends(
+    checker: Checker, table: Moves, lines: Lines, rows: IndexArray, blend: FloatArray
+) -> FloatArray:
+    """Return the approximation distances (m,) [m] that are kept.
+
+    Args:
+        checker: what collides.
+        table: all moves.
+        lines: the path moves among them.
+        rows: their rows in the table.
+        blend: (m,) [m] as far as wished, 0 for an exact stop.
+    """
+    kept = blend.copy()
+    legs = _Legs(checker, table, lines, rows)
+    at = np.flatnonzero(kept[:-1] > 0.0)
+    cut = table.role == MoveRole.CUT
+    at_feed = cut[at] & cut[at + 1]
+    feed = at[at_feed]
+    if len(feed):
+        tolerance = checker.problem.cell.motion.corner_tolerance
+        most = tolerance / np.maximum(legs.sharpness(feed), 1e-9)
+        kept[feed] = np.where(kept[feed] <= most, kept[feed], stepped(most))
+    if checker.scene is not None:
+        plain = at_feed & (kept[at] * legs.sharpness(at) < NEGLIGIBLE)
+        at = at[~(plain & (legs.turn(at, kept[at]) < IN_STEP))]
+        _free(checker, legs, kept, at, cut)
+    return np.where(kept < SMALLEST, 0.0, kept)
+
+
+def _free(checker: Checker, legs: _Legs, kept: FloatArray, at: IndexArray, cut: np.ndarray) -> None:
+    """Lower the distances at moves ``at`` (k,) until the corners are free, in place."""
+    assert checker.scene is not None  # noqa: S101 - the caller has asked
+    for again in range(_ROUNDS + 1):
+        at = at[kept[at] >= SMALLEST]
+        if not len(at):
+            return
+        pieces = pieces_of(checker.problem.kinematics, legs.corners(at, kept[at]))
+        contact = (cut[at] & cut[at + 1])[pieces.corner]
+        bad = pieces.lost.copy()
+        if len(pieces.q):
+            bad[
+                pieces.corner[checker.scene.check_triangles(pieces.q, pieces.slack, contact).hit]
+            ] = True
+        at = at[bad]
+        kept[at] = stepped(_LOWER * kept[at]) if again < _ROUNDS else 0.0
+
+
+class _Legs:
+    """The motions before and behind corners of a route."""
+
+    def __init__(self, checker: Checker, table: Moves, lines: Lines, rows: IndexArray) -> None:
+        self._problem, self._table, self._lines = checker.problem, table, lines
+        self._line = np.full(len(table), -1)
+        self._line[rows] = np.arange(len(rows))
+        self._length = np.zeros(len(table))
+        self._length[rows] = lines.length
+        self._tool = np.asarray(checker.problem.cell.tool.T_flange_tcp)
+
+    def sharpness(self, at: IndexArray) -> FloatArray:
+        """Return how far (k,) a corner may be passed, over the approximation distance."""
+        back, ahead = self._direction(at, 1.0), self._direction(at + 1, 0.0)
+        return np.asarray(0.5 * np.linalg.norm(ahead - back, axis=1))
+
+    def turn(self, at: IndexArray, distance: FloatArray) -> FloatArray:
+        """Return how far (k,) [rad] the tool turns where a corner is blended by distances (k,)."""
+        R = self._table.T_base_tcp[:, :3, :3]
+        turns = [
+            rotation_angle(R[move - 1], R[move])
+            * np.minimum(distance / np.maximum(self._length[move], 1e-12), 0.5)
+            for move in (at, at + 1)
+        ]
+        return np.asarray(np.maximum(*turns))
+
+    def _direction(self, at: IndexArray, share: float) -> FloatArray:
+        """Return the direction (k, 3) of moves where they begin (0) or end (1)."""
+        T = self._table.T_base_tcp[:, :3, 3]
+        way = T[at] - T[np.maximum(at - 1, 0)]
+        round_ = np.flatnonzero(self._table.sweep[at] > 0.0)
+        if len(round_):
+            rows = at[round_]
+            spoke = T[rows if share else rows - 1] - self._table.centre[rows]
+            way[round_] = np.cross(self._table.normal[rows], spoke)
+        return np.asarray(way / np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None])
+
+    def corners(self, at: IndexArray, distance: FloatArray) -> Corners:
+        """Return the corners at the ends of moves (k,), blended by distances (k,) [m]."""
+        table = self._table
+        q_corner, T_corner = table.q[at], table.T_base_tcp[at]
+        is_path = np.stack([self._line[at] >= 0, self._line[at + 1] >= 0], axis=1)
+        ends = [self._end(at, at - 1, distance, 1.0), self._end(at + 1, at + 1, distance, 0.0)]
+        T_base = np.stack([ends[0][1], T_corner, ends[1][1]], axis=1)
+        middle = np.stack([ends[0][2], ends[1][2]], axis=1)
+        return Corners(
+            np.stack([ends[0][0], q_corner, ends[1][0]], axis=1),
+            self._problem.placement.T_robroot_base @ T_base,
+            is_path,
+            self._tool,
+            np.zeros((len(at), 3, 0)),
+            middle,
+        )
+
+    def _end(
+        self, move: IndexArray, far: IndexArray, distance: FloatArray, corner: float
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return joints, pose and joints half way where approximation begins or ends on moves."""
+        table = self._table
+        at = move if corner else move - 1
+        q, T = table.q[at].copy(), table.T_base_tcp[at].copy()
+        middle = np.full_like(q, np.nan)
+        line = self._line[move]
+        joint, path = np.flatnonzero(line < 0), np.flatnonzero(line >= 0)
+        kinematics = self._problem.kinematics
+        if len(joint):
+            q_far, q_corner = table.q[far[joint]], table.q[at[joint]]
+            share = joint_share(kinematics, q_far, q_corner, self._tool, distance[joint])
+            q[joint] = q_corner + share[:, None] * (q_far - q_corner)
+            T_robroot_tcp = kinematics.fk(q[joint]) @ self._tool
+            T[joint] = inverse(self._problem.placement.T_robroot_base) @ T_robroot_tcp
+        if len(path):
+            way = np.minimum(distance[path] / np.maximum(self._length[move[path]], 1e-12), 0.5)
+            T[path] = poses_between(self._lines, line[path], np.abs(corner - way))
+            q[path] = self._solved(T[path], at[path])
+            bent = np.flatnonzero(table.sweep[move[path]] > 0.0)
+            if len(bent):
+                half = np.abs(corner - 0.5 * way[bent])
+                T_half = poses_between(self._lines, line[path[bent]], half)
+                middle[path[bent]] = self._solved(T_half, at[path[bent]])
+        return q, T, middle
+
+    def _solved(self, T_base_tcp: FloatArray, at: IndexArray) -> FloatArray:
+        """Return joints (k, 6) near those of moves ``at``, NaN out of reach."""
+        table = self._table
+        branch = np.asarray(self._problem.kinematics.slot(table.q[at]), dtype=np.int64)
+        q, reached = self._problem.solve(T_base_tcp, branch, table.q[at])
+        return np.where(reached[:, None], q, np.nan)

@@ -1,0 +1,165 @@
+"""Approximated corners of a program: how far the tool may pass them, and what it may hit there.
+
+Read from the text alone: which motions end in C_DIS, C_PTP, C_VEL, C_ORI or C_SPL, with which
+$APO in force. C_DIS counts the distance of the tool point; of the others the controller knows more
+than the text says, so they may begin in the middle of the motion and end in the middle of the next.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.cell import Cell
+from postproc.controller import Blend, MotionType
+from postproc.errors import RunKind, Severity
+from postproc.kinematics import Corners, Kinematics, joint_share, pieces_of
+from postproc.paths import Paths
+from postproc.units import MM
+from postproc.verification.report import Result
+
+if TYPE_CHECKING:
+    from postproc.collision import Scene
+
+SLACK = 0.02
+"""Digits of the text may cost this share of the tolerance of a corner."""
+_FULL_TURN = 2.0 * np.pi
+_LISTED = 20
+
+
+def blended(paths: Paths) -> AnyIntArray:
+    """Return the motions whose end is approximated, with joints known around it."""
+    trace = paths.trace
+    at = np.flatnonzero(~trace.is_exact[:-1])
+    at = at[at > 0]
+    known = np.asarray(np.isfinite(paths.q).all(axis=1))
+    step = np.abs(np.diff(paths.q, axis=0, prepend=paths.q[:1]))
+    moves = np.asarray(step.max(axis=1, initial=0.0) > 0.0)
+    good = known[at - 1] & known[at] & known[at + 1] & moves[at] & moves[at + 1]
+    return np.asarray(at[good])
+
+
+def corners_of(paths: Paths, kinematics: Kinematics, at: AnyIntArray) -> Corners:
+    """Return the corners at the ends of motions ``at`` (c,)."""
+    trace, curves = paths.trace, paths.curves
+    reach = np.where(trace.blend[at] == Blend.DISTANCE, trace.column("cdis")[at], np.inf)
+    tool = trace.tools[trace.column("tool")[at].astype(np.int64)]
+    ends = [_end(paths, kinematics, at, side, reach, tool) for side in (0, 1)]
+    T_corner = curves.T_robroot_flange[at]
+    T = np.stack([ends[0][1], T_corner, ends[1][1]], axis=1) @ tool[:, None]
+    external = np.stack([ends[0][2], paths.external[at], ends[1][2]], axis=1)
+    return Corners(
+        np.stack([ends[0][0], paths.q[at], ends[1][0]], axis=1),
+        T,
+        np.stack([trace.is_cp[at], trace.is_cp[at + 1]], axis=1),
+        tool,
+        external,
+        np.stack([ends[0][3], ends[1][3]], axis=1),
+    )
+
+
+def _end(
+    paths: Paths,
+    kinematics: Kinematics,
+    at: AnyIntArray,
+    side: int,
+    reach: FloatArray,
+    tool: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return joints, flange, external axes and joints half way where approximation begins or ends.
+
+    ``side`` 0: on the motion to the corner, 1: on the one behind it.
+    """
+    motion, trace, curves = at + side, paths.trace, paths.curves
+    q, T = paths.q[at].copy(), curves.T_robroot_flange[at].copy()
+    middle = np.full_like(q, np.nan)
+    way = np.full(len(at), 0.5)
+    joint, path = np.flatnonzero(~trace.is_cp[motion]), np.flatnonzero(trace.is_cp[motion])
+    if len(joint):
+        far, corner = paths.q[(at - 1 if not side else at + 1)[joint]], paths.q[at[joint]]
+        way[joint] = joint_share(kinematics, far, corner, tool[joint], reach[joint])
+        q[joint] = corner + way[joint, None] * (far - corner)
+        T[joint] = kinematics.fk(q[joint])
+    length = np.maximum(curves.length[motion[path]], 1e-12)
+    way[path] = np.minimum(reach[path] / length, 0.5)
+    share = way if side else 1.0 - way
+    external = curves.external_at(motion, share, paths.external)
+    if len(path):
+        T[path], q[path] = _solved(paths, kinematics, motion[path], share[path], at[path])
+        bent = path[trace.motion_type[motion[path]] != MotionType.LIN]
+        half = 0.5 * way[bent] if side else 1.0 - 0.5 * way[bent]
+        middle[bent] = _solved(paths, kinematics, motion[bent], half, at[bent])[1]
+    return q, T, external, middle
+
+
+def _solved(
+    paths: Paths,
+    kinematics: Kinematics,
+    motion: AnyIntArray,
+    share: FloatArray,
+    at: AnyIntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return flange and joints at shares of path motions, in the posture of the corners ``at``."""
+    T = paths.curves.flange(motion, share, paths.station.externals, paths.external)
+    near = paths.q[at]
+    q, valid = kinematics.ik_in(T, kinematics.slot(near))
+    q = kinematics.split_wrist(q, near)
+    q = q + _FULL_TURN * np.round((near - q) / _FULL_TURN)
+    return T, np.where(valid[:, None], q, np.nan)
+
+
+def check_corners(
+    result: Result, cell: Cell, corners: Corners, at: AnyIntArray, cut: BoolArray | None
+) -> None:
+    """Measure how far corners may be passed; at feed no more than the tolerance of the cell.
+
+    Args:
+        result: the run; collects the findings.
+        cell: the tolerance.
+        corners: at the ends of motions ``at`` (c,).
+        at: (c,) motions.
+        cut: (m,) motions that cut; None: not known, nothing is at feed.
+    """
+    if not len(at):
+        return
+    miss = np.nan_to_num(corners.miss())
+    row = int(miss.argmax())
+    result.measure("corner_rounding", float(miss[row] / MM), "mm", int(at[row]))
+    if cut is None:
+        return
+    limit = cell.motion.corner_tolerance
+    bad = np.flatnonzero(cut[at] & cut[at + 1] & (miss > limit * (1.0 + SLACK)))
+    for row in bad[np.argsort(-miss[bad], kind="stable")][:_LISTED].tolist():
+        text = f"the tool may pass this corner by {miss[row] / MM:.3f} mm, allowed {limit / MM:g}"
+        more = f", {len(bad)} such corners" if len(bad) > _LISTED else ""
+        result.finding(RunKind.CORNER, int(at[row]), text + more)
+
+
+def check_corner_collisions(
+    result: Result,
+    scene: Scene,
+    kinematics: Kinematics,
+    corners: Corners,
+    at: AnyIntArray,
+    touch: BoolArray,
+) -> None:
+    """Search everywhere for collisions where the arm may go at corners.
+
+    ``touch`` (m,): motions on which cutting solids may touch the workpiece.
+    """
+    pieces = pieces_of(kinematics, corners)
+    for row in np.flatnonzero(pieces.lost)[:_LISTED].tolist():
+        text = "where the arm goes at this approximated corner is not known: it leaves its posture"
+        result.finding(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
+    if not len(pieces.q):
+        return
+    contact = (touch[at] & touch[at + 1])[pieces.corner]
+    hits = scene.check_triangles(pieces.q, pieces.slack, contact)
+    met: dict[int, tuple[str, str]] = {}
+    for piece in np.flatnonzero(hits.hit).tolist():
+        met.setdefault(int(pieces.corner[piece]), hits.pairs[int(hits.pair[piece])])
+    for row, pair in sorted(met.items())[:_LISTED]:
+        text = f"{pair[0]} may hit {pair[1]} where this corner is approximated"
+        result.finding(RunKind.COLLISION, int(at[row]), text)

@@ -1,0 +1,199 @@
+"""The rules that make mutants of KRL text, and the reasons why some of them do no harm."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+_MOTION = re.compile(r"^S?(PTP|LIN|CIRC|SPL)\b")
+_NUMBER = r"(-?\d+(?:\.\d+)?(?:E[-+]?\d+)?)"
+SHIFTS = {
+    "X": 0.5, "Y": 0.5, "Z": 0.5, "A": 1.0, "B": 1.0, "C": 1.0,
+    "A1": 0.2, "A2": 0.2, "A3": 0.2, "A4": 0.5, "A5": 0.5, "A6": 0.5, "E1": 1.0, "E2": 1.0,
+}  # fmt: skip
+"""What is added to a component of a point [mm or deg]."""
+SETTINGS = {
+    r"^\$VEL\.CP=": ("{0}*1.02", "{0}*0.5", "{0}*20"),
+    r"^\$APO\.CDIS=": ("500.0",),
+    r"^\$APO\.CORI=": ("180.0",),
+    r"^\$VEL\.ORI[12]=": ("1000.0",),
+    r"^\$ADVANCE=": ("9",),
+    r"^BAS\(#VEL_PTP,": ("100", "0"),
+    r"^BAS\(#TOOL,": ("{0}+1", "0"),
+    r"^BAS\(#BASE,": ("{0}+1", "0"),
+    r"^WAIT SEC ": ("1000000000.0", "0.0"),
+    r"^PP_SPINDLE_ON\(": ("-{0}", "{0}*10"),
+    r"^PP_COOLANT_ON\(": ("{0}+1",),
+    r"^PP_TOOL_CHANGE\(": ("{0}+1",),
+}
+"""Lines that set a number: what becomes of it."""
+INSERTED = (
+    "BAS(#EX_BASE,1)",
+    "BAS(#BASE,0)",
+    "BAS(#TOOL,0)",
+    "BAS(#INITMOV,0)",
+    "$OV_PRO=100",
+    "$LOAD.M=0",
+    "$SOFTN_END[1]=170.0",
+    "$SOFTP_END[2]=0.0",
+    "$CIRC_TYPE=#PATH",
+    "$APO.CORI=180.0",
+    "$APO.CDIS=500.0",
+    "$VEL_AXIS[1]=1",
+    "$VEL_AXIS[4]=100",
+    "$ACC_AXIS[1]=1",
+    "$VEL.CP=3.0",
+    "$ORI_TYPE=#CONSTANT",
+    "$ORI_TYPE=#JOINT",
+    "$IPO_MODE=#TCP",
+    "$TOOL=$NULLFRAME",
+    "$BASE=$NULLFRAME",
+    "$ROBROOT=$NULLFRAME",
+    "PTP_REL {A1 5.0}",
+    "LIN_REL {Z -20.0}",
+    "LIN_REL {X 30.0} #TOOL",
+    "WAIT SEC 1000000000",
+    "INTERRUPT OFF 3",
+    "INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO ELSEWHERE()",
+    "ELSEWHERE()",
+    "TRIGGER WHEN DISTANCE=0 DELAY=0 DO $VEL.CP=2.0",
+    "IF $IN[1] THEN\nLIN_REL {Z -5.0}\nENDIF",
+    "LOOP\nWAIT SEC 0.1\nENDLOOP",
+    "WHILE TRUE\nWAIT SEC 0.1\nENDWHILE",
+    "PP_SPINDLE_OFF()",
+)
+"""Lines that are put in."""
+WORDS = (
+    (r"^LIN\b", "PTP"),
+    (r"^PTP\b", "LIN"),
+    (r"^CIRC \{[^}]*\},", "LIN "),
+    (r"#VAR\b", "#CONSTANT"),
+    (r"^\$ORI_TYPE=#VAR", "$ORI_TYPE=#JOINT"),
+    (r"^\$CIRC_TYPE=#BASE", "$CIRC_TYPE=#PATH"),
+    (r"^\$IPO_MODE=#BASE", "$IPO_MODE=#TCP"),
+    (r"^(LIN \{[^}]*\})(?! C_DIS)", r"\1 C_DIS"),
+    (r"^INTERRUPT ON 3", "INTERRUPT OFF 3"),
+)
+"""Words that become others."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One changed text: the rule, the line (1-based) in ``file``, the line before and after."""
+
+    rule: str
+    file: str
+    line: int
+    before: str
+    after: str
+    files: Mapping[str, bytes]
+
+
+def mutants(files: Mapping[str, bytes], every: int = 1) -> Iterator[Mutant]:
+    """Yield the mutants of a program.
+
+    Args:
+        files: content by file name.
+        every: only every so many-th of a rule's mutants in a file; the first is always there.
+    """
+    for name, content in files.items():
+        if name.lower().endswith(".src"):
+            lines = content.decode("ascii").split("\r\n")
+            counts: dict[str, int] = {}
+            for rule, number, before, after in _changes(lines):
+                counts[rule] = counts.get(rule, 0) + 1
+                if (counts[rule] - 1) % every == 0:
+                    changed = [*lines[: number - 1], *after, *lines[number - 1 + len(before) :]]
+                    text = "\r\n".join(changed).encode("ascii")
+                    yield Mutant(
+                        rule,
+                        name,
+                        number,
+                        "\n".join(before),
+                        "\n".join(after),
+                        {**files, name: text},
+                    )
+
+
+def _changes(lines: list[str]) -> Iterator[tuple[str, int, list[str], list[str]]]:
+    """Yield rule, line, lines before and after."""
+    for number, line in enumerate(lines, 1):
+        code = line.partition(";")[0].strip()
+        if not code or code.startswith("&"):
+            continue
+        yield f"lost: {_kind(code)}", number, [line], []
+        if _MOTION.match(code):
+            yield from _moved(line, number)
+            for text in INSERTED:
+                yield f"put in: {text.splitlines()[0]}", number, [line], [*text.split("\n"), line]
+            following = lines[number] if number < len(lines) else ""
+            if _MOTION.match(following) and following != line:
+                yield "swapped motions", number, [line, following], [following, line]
+        for pattern, changes in SETTINGS.items():
+            found = re.match(pattern + _NUMBER, code)
+            for change in changes if found else ():
+                value = float(found[1]) if found else 0.0
+                new = eval(change.format(value), {"__builtins__": {}})  # noqa: S307 - our own table
+                text = f"{new:g}" if float(new).is_integer() else f"{new:.6f}"
+                if float(text) != value:
+                    yield (
+                        f"set: {pattern.strip('^')} {change}",
+                        number,
+                        [line],
+                        [re.sub("(" + pattern + ")" + _NUMBER, rf"\g<1>{text}", line, count=1)],
+                    )
+        for pattern, word in WORDS:
+            new_line = re.sub(pattern, word, line, count=1)
+            if new_line != line:
+                yield f"word: {pattern} -> {word}", number, [line], [new_line]
+
+
+def _moved(line: str, number: int) -> Iterator[tuple[str, int, list[str], list[str]]]:
+    kind = line.split()[0]
+    for name, shift in SHIFTS.items():
+        matches = list(re.finditer(rf"([{{,] ?){name} {_NUMBER}", line))
+        for match in matches[-1:]:
+            value = float(match[2]) + shift
+            new = line[: match.start()] + f"{match[1]}{name} {value:.5f}" + line[match.end() :]
+            yield f"moved: {name} of {kind}", number, [line], [new]
+
+
+def _kind(code: str) -> str:
+    return re.split(r"[\s{=(]", code, maxsplit=1)[0] + (
+        f"({code.partition('(')[2].partition(',')[0].partition(')')[0]})"
+        if code.startswith("BAS")
+        else ""
+    )
+
+
+HARMLESS: tuple[tuple[str, str, str], ...] = (
+    (r"lost: \$IPO_MODE|lost: \$ORI_TYPE", "", "BAS(#INITMOV,0) has set the same before"),
+    (r"lost: \$ADVANCE", "", "the delivered controller plans as far ahead"),
+    (r"lost: \$APO.CPTP", "", "no motion is approximated by C_PTP"),
+    (r"lost: \$APO.CORI", "", "BAS(#INITMOV,0) has set the same before"),
+    (r"lost: \$VEL.ORI", "", "BAS(#INITMOV,0) has set the same before"),
+    (r"lost: \$CIRC_TYPE|word: .*CIRC_TYPE|put in: \$CIRC_TYPE", r"no CIRC", "no circular motion"),
+    (r"lost: \$BWDSTART", "", "the forward run does not heed it"),
+    (r"lost: SET_CD_PARAMS", "", "collision detection of the pad, not of the path"),
+    (r"lost: EXT|lost: DECL", "", "declarations that nothing depends on"),
+    (
+        r"moved: A6 of PTP|moved: A\d of PTP",
+        r"free",
+        "another way through the air, checked as such",
+    ),
+    (r"lost: PTP|swapped", r"free", "a point on a way through the air, checked as such"),
+    (r"set: .*VEL_PTP,.* 0", "", "lint refuses it where the controller would"),
+    (r"put in: PTP_REL", r"free", "a way through the air and back, checked as such"),
+)
+"""Rule, what must hold besides, and why the mutant does no harm."""
+
+
+def harmless(mutant: Mutant, files: Mapping[str, bytes]) -> str:
+    """Return why a mutant does no harm, empty if it does."""
+    text = b"\n".join(files.values()).decode("ascii")
+    has_arcs = re.search(r"^S?CIRC ", text, re.MULTILINE) is not None
+    for rule, condition, reason in HARMLESS:
+        if re.match(rule, mutant.rule) and not (condition == "no CIRC" and has_arcs):
+            return reason
+    return ""
