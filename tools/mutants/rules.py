@@ -130,23 +130,23 @@ def _changes(lines: list[str]) -> Iterator[tuple[str, int, list[str], list[str]]
             following = lines[number] if number < len(lines) else ""
             if _MOTION.match(following) and following != line:
                 yield "swapped motions", number, [line, following], [following, line]
-        for pattern, changes in SETTINGS.items():
-            found = re.match(pattern + _NUMBER, code)
-            for change in changes if found else ():
-                value = float(found[1]) if found else 0.0
-                new = eval(change.format(value), {"__builtins__": {}})  # noqa: S307 - our own table
-                text = f"{new:g}" if float(new).is_integer() else f"{new:.6f}"
-                if float(text) != value:
-                    yield (
-                        f"set: {pattern.strip('^')} {change}",
-                        number,
-                        [line],
-                        [re.sub("(" + pattern + ")" + _NUMBER, rf"\g<1>{text}", line, count=1)],
-                    )
+        yield from _set(line, number)
         for pattern, word in WORDS:
             new_line = re.sub(pattern, word, line, count=1)
             if new_line != line:
                 yield f"word: {pattern} -> {word}", number, [line], [new_line]
+
+
+def _set(line: str, number: int) -> Iterator[tuple[str, int, list[str], list[str]]]:
+    for pattern, changes in SETTINGS.items():
+        found = re.match(pattern + _NUMBER, line.strip())
+        for change in changes if found else ():
+            value = float(found[1]) if found else 0.0
+            new = eval(change.format(value), {"__builtins__": {}})
+            text = f"{new:g}" if float(new).is_integer() else f"{new:.6f}"
+            if float(text) != value:
+                changed = re.sub("(" + pattern + ")" + _NUMBER, rf"\g<1>{text}", line, count=1)
+                yield f"set: {pattern.strip('^')} {change}", number, [line], [changed]
 
 
 def _moved(line: str, number: int) -> Iterator[tuple[str, int, list[str], list[str]]]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.cell.cell import Origin, Provenance, Robot, UrdfGeometry
 from postproc.cell.robotfile import assumed_acceleration
-from postproc.cell.urdf.body import link_inertia, require_flange
+from postproc.cell.urdf.body import link_inertia
 from postproc.cell.urdf.chain import read_chain
 from postproc.errors import SourceRef
 from postproc.units import DEG
@@ -30,12 +30,9 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         source: where the cell names the file.
 
     Raises:
-        CellError: CEL011 if this is not the URDF of a six-axis arm, CEL012 if it does not say
-            which link is the flange.
+        CellError: CEL011 if this is not the URDF of a six-axis arm.
     """
     chain = read_chain(path, tip, source)
-    if tip is None:
-        require_flange(chain, source)
     joints = chain.moving
     lower = np.array([joint.lower for joint in joints])
     upper = np.array([joint.upper for joint in joints])
