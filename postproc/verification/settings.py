@@ -83,9 +83,10 @@ def _faults(
         text = f"$APO.CORI is {settings.cori / DEG:g} deg, expected at most {MOST_CORI / DEG:g}"
         yield RunKind.SETUP, first, text
     most = max(cell.motion.approximation, MOST_CDIS)
-    if settings.cdis > most * (1.0 + _SAME):
+    blended = motions[trace.blend[motions] == Blend.DISTANCE]
+    if len(blended) and settings.cdis > most * (1.0 + _SAME):
         text = f"$APO.CDIS is {settings.cdis / MM:g} mm, the cell asks for {most / MM:g} at most"
-        yield RunKind.SETUP, first, text
+        yield RunKind.SETUP, int(blended[0]), text
     yield from _shares(cell, settings, first, is_joint=not is_cp.all())
     top = cell.krl.path_speed_max
     if "$VEL.CP" in settings.done and settings.speed > top * (1.0 + _SAME):

@@ -56,7 +56,7 @@ def test_depth_is_counted_along_the_tool_axis(depth, hit, arm_of):
 def test_clearance_leaves_out_what_may_touch(arm_of):
     scene = scene_of(drilling_cell(-0.004), arm_of)
     free, touching = scene.clearance(np.stack([CANNON, CANNON]), contact=[False, True])
-    assert free == pytest.approx(0.004, abs=1e-9)
+    assert free == pytest.approx(0.204, abs=1e-9)  # how near the drill is, the CAM file asks for
     # the drill is 0.2 long, the holder begins where it ends
     assert touching == pytest.approx(0.204, abs=1e-9)
     inside = scene_of(drilling_cell(0.03), arm_of)
@@ -66,8 +66,14 @@ def test_clearance_leaves_out_what_may_touch(arm_of):
 
 def test_clearance_margin_does_not_hinder_the_cut(arm_of):
     scene = scene_of(drilling_cell(-0.004, clearance=0.01), arm_of)
-    assert scene.check(CANNON[None]).hit[0]
+    assert not scene.check(CANNON[None]).hit[0]
     assert not scene.check(CANNON[None], contact=True).hit[0]
+    inside = scene_of(drilling_cell(0.004, clearance=0.01), arm_of)
+    assert inside.check(CANNON[None]).hit[0]
+    assert not inside.check(CANNON[None], contact=True).hit[0]
+    # the holder keeps it, in contact or not
+    near = scene_of(drilling_cell(0.195, clearance=0.01), arm_of)
+    assert near.check(CANNON[None], contact=True).hit[0]
 
 
 def test_contact_on_a_motion_belongs_to_the_motion(arm_of):

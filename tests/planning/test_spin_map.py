@@ -12,6 +12,7 @@ from postproc.cell.cell import ExternalAxis, MeshPlacement
 from postproc.collision.scene import Scene
 from postproc.kinematics import build
 from postproc.model.toolpath import Cycle, MotionKind
+from postproc.planning.checks import MORE_CLEARANCE
 from postproc.planning.checks.grade import Grade, grade_counts, grades
 from postproc.planning.maps.spin_map import SpinClass, spin_map
 from postproc.planning.planner import plan, problem_of
@@ -63,14 +64,16 @@ def test_classes_are_those_of_every_posture_checked(make_cell, make_path):
     T = np.eye(4)
     T[:3, 3] = [1.7, -0.1, 1.4]
     post = MeshPlacement("post", T, size=np.array([0.5, 0.3, 0.5]))
-    head = MeshPlacement("head", np.eye(4), size=np.array([0.2, 0.2, 0.4]))
+    T_head = np.eye(4)
+    T_head[2, 3] = 0.2
+    head = MeshPlacement("head", T_head, size=np.array([0.2, 0.2, 0.38]))
     cell = make_cell()
     cell = replace(cell, obstacles=(post,), tools=(replace(cell.tool, meshes=(head,)),))
     toolpath = holes(make_path)
     found = map_of(toolpath, cell)
     cell, settings = settle(cell, PlanOptions())
     problem = problem_of(toolpath, cell, settings)
-    scene = Scene.build(cell, problem.kinematics)
+    scene = Scene.build(cell, problem.kinematics).kept(MORE_CLEARANCE)
     middle = 0.5 * (problem.kinematics.q_min + problem.kinematics.q_max)
     for tag in range(4):
         for column, spin in enumerate(settings.spins):

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 
 from postproc.cell import Cell
-from postproc.collision.bodies import WORLD
+from postproc.collision.bodies import WORLD, Body
 from postproc.collision.check import Tally
 from postproc.collision.mesh import Mesh, load_mesh
 from postproc.collision.scene import Scene
@@ -40,7 +40,7 @@ def main() -> None:
         cell = workload_cell(args.hard, _panel(args.panel, Path(folder)))
         arm = build(cell.robot)
         scene = Scene.build(cell, arm)
-        triangles = sum(len(body.faces) for body in scene.bodies)
+        triangles = sum(len(body.faces) for body in tested_bodies(scene))
         print(f"{len(scene.bodies)} bodies, {triangles} triangles, {len(scene.pairs)} pairs")
         rng = np.random.default_rng(0)
         every = candidates(arm, cell, *holes(args.holes))
@@ -100,9 +100,9 @@ class FclLoop:
 
     def __init__(self, scene: Scene, arm: Kinematics) -> None:
         self._arm = arm
-        self._links = [body.link for body in scene.bodies]
+        self._links = [body.link for body in tested_bodies(scene)]
         self._objects = []
-        for body in scene.bodies:
+        for body in tested_bodies(scene):
             model = fcl.BVHModel()
             model.beginModel(len(body.vertices), len(body.faces))
             model.addSubModel(np.array(body.vertices), np.array(body.faces))
@@ -135,7 +135,7 @@ class CoalModel:
             kind = pin.JointModelRevoluteUnaligned(axis)
             joint = self._model.addJoint(joint, kind, pin.SE3(place), f"a{joint + 1}")
         self._geometry = pin.GeometryModel()
-        for body in scene.bodies:
+        for body in tested_bodies(scene):
             thing = pin.GeometryObject(
                 body.name, max(body.link, 0), pin.SE3.Identity(), coal_mesh(body.mesh)
             )
@@ -151,10 +151,15 @@ class CoalModel:
         return np.array([pin.computeCollisions(*args, row, True) for row in q])
 
 
+def tested_bodies(scene: Scene) -> list[Body]:
+    """Return the solids that are tested, stand-ins among them, each once."""
+    return list({id(body): body for pair in scene.pair_bodies for body in pair}.values())
+
+
 def index_pairs(scene: Scene) -> list[tuple[int, int]]:
-    """Return the pairs of a scene as indices of bodies."""
-    index = {body.name: i for i, body in enumerate(scene.bodies)}
-    return [(index[a], index[b]) for a, b in scene.pairs]
+    """Return the pairs of a scene as indices of its tested bodies."""
+    index = {id(body): i for i, body in enumerate(tested_bodies(scene))}
+    return [(index[id(one)], index[id(two)]) for one, two in scene.pair_bodies]
 
 
 def coal_mesh(mesh: Mesh) -> coal.BVHModelOBBRSS:

@@ -62,7 +62,7 @@ def judge(
         codes = noticed(mutant.files, cell, toolpath, collisions=collisions)
         if codes:
             result.caught[min(codes)] += 1
-        elif reason := harmless(mutant, files):
+        elif reason := harmless(mutant):
             result.excused[f"{mutant.rule}: {reason}"] += 1
         else:
             result.missed.append(mutant)

@@ -129,6 +129,7 @@ def _joint(element: ET.Element, path: Path) -> UrdfJoint:
     ]
     if len(ends) != 2:
         raise _error(path, f"joint {name!r} has no parent or no child")
+    _require_axis(element, kind, name, path)
     limit = element.find("limit")
     bounds = {key: _number(limit, key, name, path) for key in ("lower", "upper", "velocity")}
     if kind == "continuous":
@@ -138,6 +139,20 @@ def _joint(element: ET.Element, path: Path) -> UrdfJoint:
     if not bounds["velocity"] > 0:
         bounds["velocity"] = math.nan
     return UrdfJoint(name, kind, ends[0], ends[1], element=element, **bounds)
+
+
+def _require_axis(element: ET.Element, kind: str, name: str, path: Path) -> None:
+    """Refuse a moving joint whose axis is no direction."""
+    axis = element.find("axis")
+    text = axis.get("xyz") if axis is not None else None
+    if kind == "fixed" or text is None:
+        return
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not 1e-6 < math.hypot(*values) < math.inf:
+        raise _error(path, f"joint {name!r}: axis is {text!r}, expected a direction")
 
 
 def _number(element: ET.Element | None, key: str, joint: str, path: Path) -> float:
