@@ -41,8 +41,8 @@ from postproc.planning.states import (
 )
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
-    NUMBER,
     MOST_PECKS,
+    NUMBER,
     ToolStretch,
     as_served,
     claimed,
