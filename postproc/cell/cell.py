@@ -399,6 +399,8 @@ class Cell:
     accept: tuple[str, ...] = ()
     """What ``verify`` cannot judge and takes on trust."""
     external_axes: tuple[ExternalAxis, ...] = ()
+    measuring_sigma: float | None = None
+    """Standard deviation of a reading per axis [m], None where nothing is known of the device."""
     origins: Mapping[str, Origin] = field(default_factory=dict)
     joint_compliances: tuple[Callable[[FloatArray], FloatArray], ...] = field(
         default=(), compare=False, repr=False

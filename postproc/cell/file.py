@@ -119,6 +119,7 @@ class _Builder:
             reading=reading_of(file.reading),
             accept=tuple(file.verify.accept),
             external_axes=tuple(_external_axis(axis) for axis in file.external_axes),
+            measuring_sigma=_in_m(file.measuring.sigma_mm),
             origins=_origins(file, robot),
         )
 
@@ -330,6 +331,10 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
         q_max=high * unit,
         qd_max=(speed or 0.0) * unit,
     )
+
+
+def _in_m(mm: float | None) -> float | None:
+    return None if mm is None else mm * MM
 
 
 def _process(file: CellFile) -> Process:

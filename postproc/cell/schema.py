@@ -413,6 +413,15 @@ class StiffnessTable(Table):
     joint_Nmm_per_rad: SixPositive = Field(description="stiffness of A1..A6 [N*mm/rad]")  # noqa: N815
 
 
+class MeasuringTable(Table):
+    """The measuring device of campaigns."""
+
+    sigma_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        default=None,
+        description="standard deviation of a reading per axis [mm], where none was repeated",
+    )
+
+
 class MotionTable(Table):
     """Speeds and blending."""
 
@@ -637,6 +646,9 @@ class CellFile(Table):
     optimize: OptimizeTable = Field(default=OptimizeTable(), description="use of the redundancy")
     process: ProcessTable = Field(default=ProcessTable(), description="load while working")
     stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
+    measuring: MeasuringTable = Field(
+        default=MeasuringTable(), description="measuring device of campaigns"
+    )
     motion: MotionTable = Field(default=MotionTable(), description="speeds")
     reading: ImportTable = Field(
         default=ImportTable(), alias="import", description="how CAM files are read"

@@ -112,6 +112,8 @@ class Effect(ABC):
     """The parameters, where they depend neither on the arm nor on the setting."""
     geometric: ClassVar[bool] = False
     """It moves the tool as a wrong geometry of arm or frames does."""
+    of_several: ClassVar[bool] = False
+    """Only of campaigns with several stations or reflectors."""
     periodic: ClassVar[bool] = False
     """Waves of a joint's angle, whose joints and orders are sought in the rows."""
     has_tool_weight: ClassVar[bool] = False

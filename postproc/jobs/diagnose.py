@@ -129,7 +129,7 @@ def diagnose(
     Raises:
         DataError: if a file is wrong or lacks a column.
     """
-    rows = read_campaign(measurements)
+    rows = read_campaign(measurements, set_aside=True)
     problem = pose_problem(rows, build(cell.robot), cell, model, register)
     diagnosis = diagnose_problem(problem, progress)
     path = None if toolpath is None else along(diagnosis, toolpath, cell)

@@ -16,7 +16,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, missing_numbers
 from postproc.errors import DataError, SourceRef
-from postproc.gap import Diagnosis, NextPose, Reach, next_poses, questions, reassessed
+from postproc.gap import Diagnosis, NextPose, Reach, last_set_up, next_poses, questions, reassessed
 from postproc.jobs import drive
 from postproc.jobs.ways import free_ways
 from postproc.kinematics import build
@@ -60,9 +60,14 @@ def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
     Poses without any free way to the others are left out; the separations are those of the rest.
     """
     nothing = NextMeasurements((), np.zeros((0, 6)), ())
-    is_settled = diagnosis.verdict != "unexplained" and not questions(diagnosis)
-    if is_settled or missing_numbers(cell):
+    calm = diagnosis.verdict in ("explained", "no_gap")
+    if calm and not questions(diagnosis):
         return nothing
+    if missing_numbers(cell):
+        # where the arm may go nobody knows; where it has been it may
+        again = [pose for pose in next_poses(diagnosis, Reach()) if pose.revisit]
+        again = [replace(pose, id=f"next{k + 1:02d}") for k, pose in enumerate(again)]
+        return NextMeasurements(tuple(again), np.zeros((0, 6)), ())
     kinematics = build(cell.robot)
     checks = drive.Checks.of(cell, kinematics)
     limits = cell.limits
@@ -84,14 +89,24 @@ def measure_next(diagnosis: Diagnosis, cell: Cell) -> NextMeasurements:
 
 
 def _order(poses: Sequence[NextPose], diagnosis: Diagnosis) -> list[int]:
-    """Return the order of poses: one load after the other, the lightest first, on short tours."""
+    """Return the order of poses: one load after the other, the lightest first, on short tours.
+
+    Poses that tell the noise come first, in their turn.
+    """
     kinematics = diagnosis.problem.samples.arm.kinematics
     loads = np.array([np.zeros(6) if p.wrench is None else p.wrench for p in poses])
-    _, group = np.unique(np.round(loads, 3), axis=0, return_inverse=True)
-    weight = [float(np.linalg.norm(loads[group == g][0])) for g in range(int(group.max()) + 1)]
-    order: list[int] = []
+    again = [k for k, pose in enumerate(poses) if pose.revisit]
+    rest = np.array([k for k, pose in enumerate(poses) if not pose.revisit], dtype=np.int32)
+    if len(rest) == 0:
+        return again
+    _, group = np.unique(np.round(loads[rest], 3), axis=0, return_inverse=True)
+    group = group.ravel()
+    weight = [
+        float(np.linalg.norm(loads[rest[group == g]][0])) for g in range(int(group.max()) + 1)
+    ]
+    order = again
     for g in np.argsort(weight, kind="stable"):
-        member = np.flatnonzero(group == g)
+        member = rest[group == g]
         q = np.array([poses[int(k)].q for k in member])
         tour = travel_order(q, np.arange(len(q), dtype=np.int32), kinematics)
         order += [int(k) for k in member[tour]]
@@ -135,7 +150,13 @@ def files(found: NextMeasurements, diagnosis: Diagnosis, cell: Cell) -> dict[str
     """Return ``next_measurements.csv`` to fill in and the program; nothing if there is nothing."""
     if not found.poses:
         return {}
-    out = {f"{NAME}.csv": csv_text(found, diagnosis.problem.measurements)}
+    problem = diagnosis.problem
+    last = last_set_up(diagnosis)
+    label = {
+        "station": problem.set_ups.stations[problem.set_ups.station[last]],
+        "reflector": problem.set_ups.reflectors[problem.set_ups.reflector[last]],
+    }
+    out = {f"{NAME}.csv": csv_text(found, problem.measurements, label)}
     if any(k >= 0 for k in found.reads):
         out |= drive.program_files(drive_of(found, cell))
     return out
@@ -215,7 +236,7 @@ def _warm_text(temperature: float | None) -> str:
     return "" if temperature is None else f"arm at about {temperature:.0f} degC"
 
 
-def csv_text(found: NextMeasurements, measured: MeasurementSet) -> bytes:
+def csv_text(found: NextMeasurements, measured: MeasurementSet, label: dict[str, str]) -> bytes:
     """Return the table to fill in, with the columns of the first campaign."""
     notes = (
         "fill in x_mm, y_mm, z_mm (and the other empty columns) as in the first measurement;",
@@ -223,13 +244,14 @@ def csv_text(found: NextMeasurements, measured: MeasurementSet) -> bytes:
         "expected_*: where the model expects the point, same frame as x_mm; nothing is measured",
         "q, dir, loads are what to drive; correct them if something else was done",
     )
-    return table_to_fill_in(notes, [_cells(pose, measured) for pose in found.poses])
+    return table_to_fill_in(notes, [_cells(pose, measured, label) for pose in found.poses])
 
 
-def _cells(pose: NextPose, measured: MeasurementSet) -> dict[str, str]:
+def _cells(pose: NextPose, measured: MeasurementSet, label: dict[str, str]) -> dict[str, str]:
     row = {"id": pose.id}
     if measured.group is not None:
         row["group"] = "next"
+    row |= {name: text for name, text in label.items() if text}
     row |= cells(JOINTS, pose.q / DEG, 5)
     row |= dict.fromkeys(POSITION, "")
     if measured.abc is not None:

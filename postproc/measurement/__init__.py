@@ -13,12 +13,15 @@ from postproc.measurement.columns import (
 from postproc.measurement.fill_in import cells, table_to_fill_in
 from postproc.measurement.registration import (
     fit_registration,
+    frames_of,
     in_robroot,
+    points_of,
     rigid_motion,
     unloaded_rows,
 )
-from postproc.measurement.rows import MeasurementSet
+from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
+from postproc.measurement.setups import SetUps, set_ups
 
 __all__ = [
     "DIRECTION",
@@ -30,12 +33,17 @@ __all__ = [
     "SPEED",
     "WRENCH",
     "MeasurementSet",
+    "Remark",
+    "SetUps",
     "cells",
     "fit_registration",
+    "frames_of",
     "in_robroot",
+    "points_of",
     "read_campaign",
     "rigid_motion",
     "robust_sigma",
+    "set_ups",
     "table_to_fill_in",
     "unloaded_rows",
 ]

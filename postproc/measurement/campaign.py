@@ -10,33 +10,69 @@ from typing import Any
 import numpy as np
 
 from postproc.errors import DataError, SourceRef
-from postproc.measurement.columns import QUANTITIES, Empty, Quantity
+from postproc.measurement.columns import LABELS, QUANTITIES, Empty, Quantity
 from postproc.measurement.file import read_measurements
 from postproc.measurement.rows import MeasurementSet
 
+_ALL_OR_NONE = (Empty.COLUMN, Empty.BETWEEN)
 
-def read_campaign(paths: Sequence[str | Path]) -> MeasurementSet:
-    """Read one or more measurement files of the same robot, tool and measured frame.
+
+def read_campaign(paths: Sequence[str | Path], set_aside: bool = False) -> MeasurementSet:
+    """Read one or more measurement files of the same robot and tool.
 
     Loads, approach directions and speeds that one of the files does not have count as none there,
-    as in a single file; columns of unknown names count where all files have them.
+    as in a single file; columns of unknown names count where all files have them. A file without a
+    column ``station`` is a station of its own, named as the file; likewise its reflector, where
+    another file names some.
+
+    Args:
+        paths: the files.
+        set_aside: leave rows out that lack a joint angle or a coordinate, with a remark.
 
     Raises:
         DataError: MEA011 for a time, temperature or orientation in some of the files only; and
             those of ``read_measurements``.
         ReadError: IO001, IO002.
     """
-    parts = [read_measurements(path) for path in paths]
+    parts = [read_measurements(path, set_aside) for path in paths]
+    if len(parts) > 1:
+        parts = _with_stations(parts)
     whole = parts[0]
     for part in parts[1:]:
         whole = _joined(whole, part)
     return whole
 
 
+def _with_stations(parts: Sequence[MeasurementSet]) -> list[MeasurementSet]:
+    """Return the files with labels of station and reflector in all of them."""
+    taken: set[str] = set()
+    named = any(part.reflector is not None for part in parts)
+    found = []
+    for part in parts:
+        labels: dict[str, Any] = {}
+        if part.station is None:
+            labels["station"] = (_free_name(part.path, taken),) * len(part)
+        if named and part.reflector is None:
+            labels["reflector"] = ("",) * len(part)
+        found.append(replace(part, **labels))
+    return found
+
+
+def _free_name(path: str, taken: set[str]) -> str:
+    """Return the name of a file that is not taken yet, and take it."""
+    stem = name = Path(path).stem
+    number = 1
+    while name in taken:
+        number += 1
+        name = f"{stem} {number}"
+    taken.add(name)
+    return name
+
+
 def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
     for part in QUANTITIES:
         there = [getattr(rows, part.field) is not None for rows in (first, second)]
-        if part.empty is Empty.COLUMN and there[0] != there[1]:
+        if part.field != "sigma" and part.empty in _ALL_OR_NONE and there[0] != there[1]:
             with_, without = (first, second) if there[0] else (second, first)
             raise DataError(
                 "MEA011",
@@ -48,7 +84,8 @@ def _joined(first: MeasurementSet, second: MeasurementSet) -> MeasurementSet:
         first,
         line=np.concatenate([first.line, second.line]),
         ids=(*first.ids, *_own_names(first, second)),
-        group=_groups(first, second),
+        **_all_labels(first, second),
+        remarks=(*first.remarks, *second.remarks),
         extra=_extra(first, second),
         **{part.field: _stacked(first, second, part) for part in QUANTITIES},
     )
@@ -59,6 +96,14 @@ def _stacked(first: MeasurementSet, second: MeasurementSet, part: Quantity) -> A
     values = [getattr(rows, part.field) for rows in (first, second)]
     if values[0] is None and values[1] is None:
         return None
+    if part.field == "sigma":
+        usual = float(np.median([np.median(v) for v in values if v is not None]))
+        return np.concatenate(
+            [
+                np.full(len(rows), usual) if v is None else v
+                for rows, v in zip((first, second), values, strict=True)
+            ]
+        )
     nothing = [np.zeros((len(rows), len(part.names))) for rows in (first, second)]
     return np.concatenate([z if v is None else v for v, z in zip(values, nothing, strict=True)])
 
@@ -70,14 +115,15 @@ def _own_names(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...]
     return tuple(f"{stem}:{name}" if name in taken else name for name in second.ids)
 
 
-def _groups(first: MeasurementSet, second: MeasurementSet) -> tuple[str, ...] | None:
-    if first.group is None and second.group is None:
+def _all_labels(first: MeasurementSet, second: MeasurementSet) -> dict[str, Any]:
+    return {name: _labels(first, second, name) for name in LABELS}
+
+
+def _labels(first: MeasurementSet, second: MeasurementSet, name: str) -> tuple[str, ...] | None:
+    given = [(getattr(part, name), len(part)) for part in (first, second)]
+    if all(labels is None for labels, _ in given):
         return None
-    return tuple(
-        label
-        for part in (first, second)
-        for label in (part.group if part.group is not None else ("",) * len(part))
-    )
+    return tuple(label for labels, n in given for label in (labels or ("",) * n))
 
 
 def _extra(first: MeasurementSet, second: MeasurementSet) -> dict[str, object]:

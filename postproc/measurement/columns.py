@@ -19,6 +19,10 @@ PLANNED = (*EXPECTED, "why")
 """Columns of a table to fill in that say what was planned: not measured, no conditions."""
 
 
+LABELS = ("group", "station", "reflector")
+"""Columns of names: what rows have in common."""
+
+
 class Empty(Enum):
     """What an empty cell means."""
 
@@ -26,6 +30,8 @@ class Empty(Enum):
     """Every row needs the number."""
     COLUMN = auto()
     """All rows have the number, or none."""
+    BETWEEN = auto()
+    """It lies between those of the rows around, where few are empty; all of them: not logged."""
     ZERO = auto()
     """Nothing: no load, direction unknown, standing."""
 
@@ -58,8 +64,8 @@ QUANTITIES = (
         1e6,
     ),
     Quantity("abc", ORIENTATION, "measured tool orientation, KUKA A, B, C", DEG, Empty.COLUMN),
-    Quantity("time", ("time_s",), "time since the start", 1.0, Empty.COLUMN),
-    Quantity("temperature", ("temp_C",), "temperature of the arm", 1.0, Empty.COLUMN),
+    Quantity("time", ("time_s",), "time since the start", 1.0, Empty.BETWEEN),
+    Quantity("temperature", ("temp_C",), "temperature of the arm", 1.0, Empty.BETWEEN),
     Quantity(
         "direction",
         DIRECTION,
@@ -69,5 +75,12 @@ QUANTITIES = (
     Quantity(
         "wrench", WRENCH, "force and moment on the tool, at the tool point, axes of the robot root"
     ),
+    Quantity(
+        "sigma",
+        ("sigma_mm",),
+        "standard deviation of the reading per axis, of the instrument",
+        MM,
+        Empty.BETWEEN,
+    ),
 )
-KNOWN = ("id", "group", *(name for part in QUANTITIES for name in part.names), *PLANNED)
+KNOWN = ("id", *LABELS, *(name for part in QUANTITIES for name in part.names), *PLANNED)

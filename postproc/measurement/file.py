@@ -18,12 +18,19 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
-from postproc.measurement.columns import DIRECTION, KNOWN, QUANTITIES, Empty, Quantity
-from postproc.measurement.rows import MeasurementSet
+from postproc.measurement.columns import DIRECTION, KNOWN, LABELS, QUANTITIES, Empty, Quantity
+from postproc.measurement.rows import MeasurementSet, Remark
+
+FEW = 0.25
+"""Share of the rows up to which empty cells lie between the others."""
 
 
-def read_measurements(path: str | Path) -> MeasurementSet:
+def read_measurements(path: str | Path, set_aside: bool = False) -> MeasurementSet:
     """Read a measurement file.
+
+    Args:
+        path: the file.
+        set_aside: leave rows out that lack a joint angle or a coordinate, with a remark.
 
     Returns:
         SI units; a column that is absent or empty in every row is None. Components of the wrench
@@ -38,16 +45,68 @@ def read_measurements(path: str | Path) -> MeasurementSet:
     """
     table = _read_table(path)
     _check_header(table)
-    values: dict[str, Any] = {part.field: _quantity(table, part) for part in QUANTITIES}
+    ids = _labels(table, "id") or tuple(str(row + 1) for row in range(len(table.line)))
+    remarks: list[Remark] = []
+    if set_aside:
+        table, ids = _without_gaps(table, ids, remarks)
+    values: dict[str, Any] = {name: _labels(table, name) for name in LABELS}
+    for part in QUANTITIES:
+        if part.empty is Empty.BETWEEN:
+            _fill(table, part.names[0], ids, remarks)
+        values[part.field] = _quantity(table, part)
     _check_direction(table, values["direction"])
     return MeasurementSet(
         path=str(path),
         line=np.asarray(table.line, dtype=np.int32),
-        ids=_labels(table, "id") or tuple(str(row + 1) for row in range(len(table.line))),
-        group=_labels(table, "group"),
+        ids=ids,
         extra={name: _extra(table, name) for name in table.columns if name not in KNOWN},
+        remarks=tuple(remarks),
         **values,
     )
+
+
+def _is_empty(cell: str) -> bool:
+    return cell.strip().lower() in ("", "nan")
+
+
+def _without_gaps(
+    table: _Table, ids: tuple[str, ...], remarks: list[Remark]
+) -> tuple[_Table, tuple[str, ...]]:
+    """Return the rows that have all required numbers; all of them where none has."""
+    needed = [n for part in QUANTITIES if part.empty is Empty.ERROR for n in part.names]
+    lacking = [
+        any(_is_empty(table.columns[name][row]) for name in needed)
+        for row in range(len(table.line))
+    ]
+    if not any(lacking) or all(lacking):
+        return table, ids
+    kept = [row for row, out in enumerate(lacking) if not out]
+    gone = tuple(ids[row] for row, out in enumerate(lacking) if out)
+    text = "a joint angle or a coordinate is empty; the rows are left out"
+    remarks.append(Remark("blank", gone, text))
+    columns: dict[str, Sequence[str]] = {
+        name: [cells[row] for row in kept] for name, cells in table.columns.items()
+    }
+    line = [table.line[row] for row in kept]
+    return _Table(table.path, table.header_line, columns, line), tuple(ids[row] for row in kept)
+
+
+def _fill(table: _Table, name: str, ids: tuple[str, ...], remarks: list[Remark]) -> None:
+    """Put into few empty cells of a column what lies between the rows around them."""
+    cells = table.columns.get(name)
+    if cells is None:
+        return
+    empty = np.array([_is_empty(cell) for cell in cells])
+    if not empty.any() or empty.mean() > FEW:
+        return
+    row = np.arange(len(cells))
+    values = _numbers(table, name)
+    filled = np.interp(row, row[~empty], values[~empty])
+    table.columns[name] = [
+        repr(float(v)) if out else cell for cell, v, out in zip(cells, filled, empty, strict=True)
+    ]
+    gone = tuple(ids[k] for k in np.flatnonzero(empty))
+    remarks.append(Remark("blank", gone, f"{name} is empty; taken between the rows around"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +218,7 @@ def _finite(table: _Table, name: str, values: FloatArray) -> FloatArray:
 def _quantity(table: _Table, part: Quantity) -> FloatArray | None:
     """Return (n, k) or (n,) in SI; None where the file does not have it."""
     columns = {name: _numbers(table, name) for name in part.names if name in table.columns}
-    if part.empty is Empty.COLUMN:
+    if part.empty in (Empty.COLUMN, Empty.BETWEEN):
         columns = {name: values for name, values in columns.items() if not np.all(np.isnan(values))}
     if not columns:
         return None
@@ -181,6 +240,9 @@ def _check(table: _Table, name: str, values: FloatArray, part: Quantity) -> None
     for row in np.flatnonzero(~np.isfinite(values)).tolist():
         shown = cells[row].strip() or "empty"
         raise table.error("MEA007", f"{name} is {shown}, expected a finite number", row)
+    if part.field == "sigma":
+        for row in np.flatnonzero(values <= 0.0).tolist():
+            raise table.error("MEA008", f"{name} is {values[row]:g}, expected above 0", row)
     for row in np.flatnonzero(np.abs(values) > part.largest).tolist():
         shown = f"{values[row]:g}, beyond {part.largest:g}"
         raise table.error("MEA008", f"{name} is {shown}: wrong unit?", row)

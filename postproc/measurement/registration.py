@@ -8,7 +8,7 @@ residual. Rows far off the others lose weight. The point has a wide prior around
 expected, which decides only what the postures cannot tell (all at one orientation: the point is
 then a shift of the frame).
 
-A registration is of one station and one reflector: rows of others get their own.
+Each station has its own frame and each reflector its own place; rows of all are fitted together.
 """
 
 from __future__ import annotations
@@ -18,12 +18,15 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import apply, inverse, rotation_from_vector, transform
+from postproc.measurement.setups import SetUps
 from postproc.model import Registration
 
 REACH = 0.5
 """Sd of the prior of the point around where it is expected [m]."""
 FEWEST = 6
 """Postures that a registration needs."""
+_FEWEST_OF_STATION = 3
+"""The same of one station among several: the reflector is known from the others."""
 ENOUGH = 12
 """Unloaded postures that suffice without the loaded ones."""
 _STEPS = 50
@@ -40,37 +43,59 @@ def fit_registration(
     measured: FloatArray,
     p_flange_start: FloatArray,
     source: SourceRef | None = None,
+    rows: SetUps | None = None,
 ) -> Registration:
-    """Return the registration of one station and one reflector.
+    """Return the registration of each station and each reflector.
 
     Args:
         T_robroot_flange: (n, 4, 4) where the flange stands [m].
-        measured: (n, 3) points in the measured frame [m].
+        measured: (n, 3) points in the measured frame of each row's station [m].
         p_flange_start: (3,) where the measured point is expected in the flange [m].
         source: of the measurements, for the message.
+        rows: station and reflector of each row; None: one of each.
 
     Raises:
-        DataError: MEA012 with fewer than ``FEWEST`` postures, or all on one line.
+        DataError: MEA012 with fewer than ``FEWEST`` postures, or all on one line, or a station or
+            reflector with too few of its own.
 
     Source:
         The robust weights are those of Huber 1964, with the limit at twice the median.
     """
-    _require_spread(T_robroot_flange, measured, source)
+    none = np.zeros(len(measured), dtype=np.int32)
+    rows = rows or SetUps(none, none, ("",), ("",), False)
+    _require_spread(T_robroot_flange, measured, source, rows)
     start = np.asarray(p_flange_start, dtype=np.float64)
-    point = start
-    T = rigid_motion(apply(T_robroot_flange, point), measured)
+    points = np.tile(start, (len(rows.reflectors), 1))
+    seen = apply(T_robroot_flange, points[rows.reflector])
+    T = np.array(
+        [
+            rigid_motion(seen[rows.station == s], measured[rows.station == s])
+            for s in range(len(rows.stations))
+        ]
+    )
     for _ in range(_STEPS):
-        seen = apply(T_robroot_flange, point)
-        residual = apply(inverse(T), measured) - seen
-        shift, turn, moved = np.split(
-            _step(T_robroot_flange[:, :3, :3], seen, residual, start - point), 3
+        seen = apply(T_robroot_flange, points[rows.reflector])
+        residual = apply(inverse(T[rows.station]), measured) - seen
+        step = _step(T_robroot_flange[:, :3, :3], seen, residual, start - points, rows)
+        frames = step[: 6 * len(T)].reshape(-1, 6)
+        moved = step[6 * len(T) :].reshape(-1, 3)
+        T = np.array(
+            [
+                one @ transform(rotation_from_vector(part[3:]), part[:3])
+                for one, part in zip(T, frames, strict=True)
+            ]
         )
-        T = T @ transform(rotation_from_vector(turn), shift)
-        point = point + moved
-        if np.abs([shift, turn, moved]).max() < _SETTLED:
+        points = points + moved
+        if np.abs(step).max() < _SETTLED:
             break
-    rest = measured - apply(T, apply(T_robroot_flange, point))
-    return Registration(T, point, float(np.sqrt(np.mean(np.sum(rest**2, axis=1)))))
+    rest = measured - apply(T[rows.station], apply(T_robroot_flange, points[rows.reflector]))
+    return Registration(
+        T[0],
+        points[0],
+        float(np.sqrt(np.mean(np.sum(rest**2, axis=1)))),
+        stations=dict(zip(rows.stations, T, strict=True)) if rows.labelled else {},
+        reflectors=dict(zip(rows.reflectors, points, strict=True)) if rows.labelled else {},
+    )
 
 
 def unloaded_rows(q: FloatArray, wrench: FloatArray | None) -> BoolArray:
@@ -90,9 +115,35 @@ def unloaded_rows(q: FloatArray, wrench: FloatArray | None) -> BoolArray:
     return free if _distinct(q[free]) >= ENOUGH else everything
 
 
-def in_robroot(registration: Registration, measured: FloatArray) -> FloatArray:
+def in_robroot(
+    registration: Registration, measured: FloatArray, rows: SetUps | None = None
+) -> FloatArray:
     """Return measured points (n, 3) in axes of the robot root [m]."""
-    return apply(inverse(registration.T_measured_robroot), measured)
+    return apply(inverse(frames_of(registration, rows)), measured)
+
+
+def frames_of(registration: Registration, rows: SetUps | None) -> FloatArray:
+    """Return the measured frame of each row (n, 4, 4), or the only one (4, 4).
+
+    Raises:
+        KeyError: a station that the registration does not know.
+    """
+    if rows is None or not registration.stations:
+        return registration.T_measured_robroot
+    if not rows.labelled and len(registration.stations) == 1:
+        return registration.T_measured_robroot
+    return np.array([registration.stations[name] for name in rows.stations])[rows.station]
+
+
+def points_of(registration: Registration, rows: SetUps | None) -> FloatArray:
+    """Return the measured point in the flange of each row (n, 3), or the only one (3,) [m].
+
+    Raises:
+        KeyError: a reflector that the registration does not know.
+    """
+    if rows is None or len(registration.reflectors) < 2:
+        return registration.p_flange_point
+    return np.array([registration.reflectors[name] for name in rows.reflectors])[rows.reflector]
 
 
 def rigid_motion(points: FloatArray, measured: FloatArray) -> FloatArray:
@@ -108,19 +159,24 @@ def rigid_motion(points: FloatArray, measured: FloatArray) -> FloatArray:
 
 
 def _require_spread(
-    T_robroot_flange: FloatArray, measured: FloatArray, source: SourceRef | None
+    T_robroot_flange: FloatArray, measured: FloatArray, source: SourceRef | None, rows: SetUps
 ) -> None:
     postures = _distinct(T_robroot_flange[:, :3].reshape(-1, 12))
-    spread = np.linalg.svd(measured - measured.mean(axis=0), compute_uv=False)
-    if postures >= FEWEST and spread[1] > 1e-3 * spread[0]:
-        return
-    found = f"{postures} distinct posture(s)" if postures < FEWEST else "all points on one line"
-    raise DataError(
-        "MEA012",
-        f"{found}, expected at least {FEWEST} postures that are not on one line to find the place "
-        "of the measuring device",
-        source,
-    )
+    own = FEWEST if len(rows.stations) == 1 else _FEWEST_OF_STATION
+    for number, name in enumerate(rows.stations):
+        here = rows.station == number
+        spread = np.linalg.svd(measured[here] - measured[here].mean(axis=0), compute_uv=False)
+        found = _distinct(T_robroot_flange[here, :3].reshape(-1, 12))
+        if postures >= FEWEST and found >= own and spread[1] > 1e-3 * spread[0]:
+            continue
+        what = f"{found} distinct posture(s)" if found < own else "all points on one line"
+        of = f" of station {name!r}" if rows.labelled else ""
+        raise DataError(
+            "MEA012",
+            f"{what}{of}, expected at least {own} postures that are not on one line to find the "
+            "place of the measuring device",
+            source,
+        )
 
 
 def _distinct(rows: FloatArray) -> int:
@@ -128,25 +184,35 @@ def _distinct(rows: FloatArray) -> int:
 
 
 def _step(
-    R_robroot_flange: FloatArray, seen: FloatArray, residual: FloatArray, to_start: FloatArray
+    R_robroot_flange: FloatArray,
+    seen: FloatArray,
+    residual: FloatArray,
+    to_start: FloatArray,
+    rows: SetUps,
 ) -> FloatArray:
-    """Return the Gauss-Newton step (9,): shift and rotation vector of the frame, then the point.
+    """Return the Gauss-Newton step (6 S + 3 R,): shift and turn of each frame, then the points.
 
     Args:
         R_robroot_flange: (n, 3, 3).
         seen: (n, 3) points of the model now, robroot [m].
         residual: (n, 3) measured minus these [m].
-        to_start: (3,) from the point now to where it is expected [m].
+        to_start: (R, 3) from each point now to where it is expected [m].
+        rows: station and reflector of each row.
     """
-    X = np.zeros((len(seen), 3, 9))
-    X[:, :, :3] = np.eye(3)
-    X[:, :, 3:6] = np.cross(np.eye(3), seen[:, None, :]).swapaxes(1, 2)
-    X[:, :, 6:] = R_robroot_flange
+    n, frames = len(seen), len(rows.stations)
+    X = np.zeros((n, 3, 6 * frames + 3 * len(rows.reflectors)))
+    row, at = np.arange(n), 6 * rows.station
+    turn = np.cross(np.eye(3), seen[:, None, :]).swapaxes(1, 2)
+    for axis in range(3):
+        X[row, axis, at + axis] = 1.0
+        X[row, :, at + 3 + axis] = turn[:, :, axis]
+        X[row, :, 6 * frames + 3 * rows.reflector + axis] = R_robroot_flange[:, :, axis]
     size = np.linalg.norm(residual, axis=1)
     limit = 2.0 * float(np.median(size)) + _ROUNDING
     root = np.sqrt(np.minimum(1.0, limit / np.maximum(size, _ROUNDING)))
     pull = max(float(np.median(np.abs(residual))), _ROUNDING) / REACH
-    prior = np.hstack([np.zeros((3, 6)), pull * np.eye(3)])
-    A = np.vstack([(X * root[:, None, None]).reshape(-1, 9), prior])
-    y = np.concatenate([(residual * root[:, None]).ravel(), pull * to_start])
+    points = X.shape[2] - 6 * frames
+    prior = np.hstack([np.zeros((points, 6 * frames)), pull * np.eye(points)])
+    A = np.vstack([(X * root[:, None, None]).reshape(3 * n, -1), prior])
+    y = np.concatenate([(residual * root[:, None]).ravel(), pull * to_start.ravel()])
     return np.asarray(np.linalg.lstsq(A, y, rcond=1e-12)[0])

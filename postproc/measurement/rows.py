@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
-from postproc.measurement.columns import QUANTITIES
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray, Rows, frozen_floats, frozen_ints
+from postproc.measurement.columns import LABELS, QUANTITIES
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something wrong in the rows that was worked around: what, in which rows, what was done."""
+
+    kind: str
+    ids: tuple[str, ...]
+    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +31,10 @@ class MeasurementSet:
         group: labels of rows taken together; abc: (n, 3) measured orientation [rad].
         time: (n,) [s]; temperature: (n,) [degC]; direction: (n, 6) -1, 0, +1; qd: (n, 6) [rad/s].
         wrench: (n, 6) ON the tool at the tool point, axes of robroot [N, N*m].
+        sigma: (n,) standard deviation of the reading per axis, of the instrument [m].
+        station, reflector: labels of the set-up of the measuring device and of what it sees.
         extra: unknown columns by name, numbers or labels, offered as conditions.
+        remarks: what was wrong in the rows and was worked around.
     """
 
     path: str
@@ -35,7 +49,11 @@ class MeasurementSet:
     direction: FloatArray | None = None
     qd: FloatArray | None = None
     wrench: FloatArray | None = None
+    sigma: FloatArray | None = None
+    station: tuple[str, ...] | None = None
+    reflector: tuple[str, ...] | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -48,3 +66,16 @@ class MeasurementSet:
     def __len__(self) -> int:
         """Return the number of rows."""
         return len(self.q)
+
+    def rows(self, index: Rows) -> MeasurementSet:
+        """Return some of the rows (a mask, or their numbers)."""
+        picked = np.flatnonzero(index) if np.asarray(index).dtype == bool else np.asarray(index)
+
+        def some(values: Any) -> Any:  # noqa: ANN401 - numbers or labels
+            if values is None or isinstance(values, np.ndarray):
+                return None if values is None else values[picked]
+            return tuple(values[int(k)] for k in picked)
+
+        names = ("line", "ids", *(part.field for part in QUANTITIES), *LABELS)
+        extra = {name: some(values) for name, values in self.extra.items()}
+        return replace(self, **{n: some(getattr(self, n)) for n in names}, extra=extra)

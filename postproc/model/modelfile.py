@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -54,6 +54,8 @@ UNITS = MappingProxyType(
 """Unit at the end of a key (after an underscore) to its size in SI; longest match counts."""
 
 Table = Mapping[str, Any]
+_FRAME = ("robroot_xyz_mm", "robroot_abc_deg")
+_POINT = "point_in_flange_mm"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,13 +64,17 @@ class Registration:
 
     ``T_measured_robroot`` (4, 4) [m]: robot root in the measured frame. ``p_flange_point`` (3,)
     [m]: the reflector in the flange. ``rms`` [m] of the fit, NaN if unknown. ``loads_at_point``:
-    the loads of the campaign acted at the reflector, not at the tool point of the cell.
+    the loads of the campaign acted at the reflector, not at the tool point of the cell. Where the
+    campaign names its ``stations`` and ``reflectors``, each has its own frame and point; the first
+    of them are those above.
     """
 
     T_measured_robroot: FloatArray
     p_flange_point: FloatArray
     rms: float = float("nan")
     loads_at_point: bool = False
+    stations: Mapping[str, FloatArray] = field(default_factory=dict)
+    reflectors: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -211,6 +217,12 @@ def save_model(model: ModelFile) -> bytes:
         lines += ["", f"[effects.{toml_key(name)}]", *toml_table(table)]
     if model.registration is not None:
         lines += ["", "[registration]", *toml_table(_registration_table(model.registration))]
+        for name, T in model.registration.stations.items():
+            head = f"[registration.stations.{toml_key(name)}]"
+            lines += ["", head, *toml_table(_frame_table(T))]
+        for name, p in model.registration.reflectors.items():
+            head = f"[registration.reflectors.{toml_key(name)}]"
+            lines += ["", head, *toml_table(_point_table(p))]
     return ("\n".join(lines) + "\n").encode()
 
 
@@ -242,9 +254,13 @@ def _registration(text: TomlText) -> Registration | None:
     place = text.source(("registration",))
     if not isinstance(table, dict):
         raise DataError("MOD006", "registration must be a table", place)
-    known = ("robroot_xyz_mm", "robroot_abc_deg", "point_in_flange_mm", "rms_mm", "loads_at_point")
-    _check_keys(text, ("registration",), known)
-    xyz, abc, point = (_vector(text, key) for key in known[:3])
+    _check_keys(
+        text,
+        ("registration",),
+        (*_FRAME, _POINT, "rms_mm", "loads_at_point", "stations", "reflectors"),
+    )
+    whole = ("registration",)
+    xyz, abc, point = (_vector(text, whole, key) for key in (*_FRAME, _POINT))
     rms = _numbers(table.get("rms_mm", math.nan))
     if rms is None or rms.shape != ():
         raise DataError("MOD006", "registration.rms_mm: expected one number", place)
@@ -256,34 +272,61 @@ def _registration(text: TomlText) -> Registration | None:
         si("point_in_flange_mm", point),
         float(rms) * MM,
         loads_at_point,
+        _named(text, "stations", lambda at: transform_from_kuka(*_vectors(text, at, _FRAME))),
+        _named(text, "reflectors", lambda at: si(_POINT, _vector(text, at, _POINT))),
     )
 
 
-def _vector(text: TomlText, key: str) -> FloatArray:
-    table = text.data["registration"]
-    place = text.source(("registration", key))
+def _named(
+    text: TomlText, kind: str, read: Callable[[tuple[str, ...]], FloatArray]
+) -> dict[str, FloatArray]:
+    """Return the frames of stations, or the points of reflectors, by name."""
+    tables = text.data["registration"].get(kind, {})
+    place = text.source(("registration", kind))
+    if not isinstance(tables, dict) or not all(isinstance(t, dict) for t in tables.values()):
+        raise DataError("MOD006", f"registration.{kind} must be tables", place)
+    keys = _FRAME if kind == "stations" else (_POINT,)
+    for name in tables:
+        _check_keys(text, ("registration", kind, name), keys)
+    return {name: read(("registration", kind, name)) for name in tables}
+
+
+def _vectors(text: TomlText, at: tuple[str, ...], keys: Sequence[str]) -> list[FloatArray]:
+    return [_vector(text, at, key) for key in keys]
+
+
+def _vector(text: TomlText, at: tuple[str, ...], key: str) -> FloatArray:
+    table = text.data
+    for part in at:
+        table = table[part]
+    where, place = ".".join(at), text.source((*at, key))
     if key not in table:
-        raise DataError("MOD005", f"registration needs {key!r}", place)
+        raise DataError("MOD005", f"{where} needs {key!r}", place)
     value = _numbers(table[key])
     if value is None or value.shape != (3,) or not np.all(np.isfinite(value)):
-        raise DataError("MOD006", f"registration.{key}: expected three finite numbers", place)
+        raise DataError("MOD006", f"{where}.{key}: expected three finite numbers", place)
     return value
 
 
 def _registration_table(registration: Registration) -> dict[str, Any]:
-    xyz_mm, abc_deg = kuka_from_transform(registration.T_measured_robroot)
-    point_mm = registration.p_flange_point / MM
-    # far below any reading, so that reading and saving again gives the same bytes
-    table: dict[str, Any] = {
-        "robroot_xyz_mm": (np.round(xyz_mm, 9) + 0.0).tolist(),
-        "robroot_abc_deg": (np.round(abc_deg, 11) + 0.0).tolist(),
-        "point_in_flange_mm": (np.round(point_mm, 9) + 0.0).tolist(),
-    }
+    table = _frame_table(registration.T_measured_robroot)
+    table |= _point_table(registration.p_flange_point)
     if math.isfinite(registration.rms):
         table["rms_mm"] = round(registration.rms / MM, 9)
     if registration.loads_at_point:
         table["loads_at_point"] = True
     return table
+
+
+def _frame_table(T: FloatArray) -> dict[str, Any]:
+    """Return a frame, far below any reading, so that saving again gives the same bytes."""
+    xyz_mm, abc_deg = kuka_from_transform(T)
+    rounded = np.round(xyz_mm, 9), np.round(abc_deg, 11)
+    return {key: (v + 0.0).tolist() for key, v in zip(_FRAME, rounded, strict=True)}
+
+
+def _point_table(p: FloatArray) -> dict[str, Any]:
+    return {_POINT: (np.round(p / MM, 9) + 0.0).tolist()}
 
 
 def _check_keys(text: TomlText, location: tuple[str, ...], known: Sequence[str]) -> None:

@@ -10,9 +10,9 @@ from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.fit import Free, fit
 from postproc.gap.fit.intervals import deviations
 from postproc.gap.fit.linear import block_of
-from postproc.gap.fit.noise import repeats, saturated
 from postproc.gap.fit.problem import pose_problem
 from postproc.gap.fit.regression import Regression
+from postproc.gap.fit.revisits import revisits
 from postproc.measurement.file import read_measurements
 
 NOISE = 2e-5
@@ -84,14 +84,12 @@ def warming(world, tmp_path):
     return read_measurements(path)
 
 
-def test_repeats_whose_differences_a_fit_could_take_have_less_freedom(warming, kinematics, cell):
+def test_repeats_at_another_temperature_count_once_it_is_regressed_out(warming, kinematics, cell):
     problem = pose_problem(warming, kinematics, cell)
     everything = np.ones(len(problem), dtype=bool)
-    rest = saturated(problem.blocks(everything), problem.gap, 1e-4)
-    pure = repeats(problem.samples, problem.gap)
-    counted = repeats(problem.samples, rest.raw, None, rest.hat_root)
-    assert 120 <= counted.freedom < pure.freedom
-    assert counted.sigma == pytest.approx(NOISE, rel=0.25)
+    found = revisits(problem.samples, problem.gap, everything, problem.set_ups.unit)
+    assert 100 <= found.freedom <= 3 * 70
+    assert found.noise == pytest.approx(NOISE, rel=0.25)
 
 
 def test_the_noise_of_a_diagnosis_is_that_of_the_repeats(warming, kinematics, cell):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,7 +41,8 @@ def loaded(world, tmp_path):
         path.write_text(world.csv(data, points))
         k = [float(v) for v in 1e3 / c]
         table = {"joint_compliance": {"stiffness_Nmm_per_rad": k}}
-        return read_measurements(path), ModelFile(table)
+        rows = read_measurements(path)
+        return replace(rows, sigma=np.full(n, NOISE)), ModelFile(table)
 
     return make
 
@@ -53,10 +56,12 @@ def test_tracker_and_reflector_are_found(loaded, kinematics, cell):
     from postproc.gap.data.dataset import samples_of
     from postproc.gap.fit.registration import register
     from postproc.gap.robot_model import RobotModel
+    from postproc.measurement.setups import set_ups
 
     rows, model = loaded(2)
     robot = RobotModel.of(kinematics, cell, model)
-    found = register(samples_of(robot.arm, rows), np.asarray(rows.position), robot.states)
+    samples, places = samples_of(robot.arm, rows), set_ups(rows)
+    found = register(samples, np.asarray(rows.position), robot.states, places)
     tcp = cell.tool.T_flange_tcp[:3, 3]
     np.testing.assert_allclose(found.p_flange_point - tcp, REFLECTOR, atol=5e-6)
     np.testing.assert_allclose(found.T_measured_robroot, TRACKER, atol=1e-5)

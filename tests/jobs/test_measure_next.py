@@ -114,6 +114,7 @@ def refuted(later, first, question, true):
 CLEARLY = 6.0
 """A separation [sigma] after which there is no doubt left."""
 CASES = [
+    (100, "joint_compliance", 0.08),
     (61, "joint_offset", 0.08),
     (62, "counterbalance", 0.08),
     (105, "payload_error", 0.08),
@@ -180,7 +181,7 @@ def test_promised_and_delivered(world, cell, tmp_path, seed, name, span, rivals)
     question = Question(tuple((key,) for key in names), names, names)
     asked = NextMeasurements(tuple(discriminating(first, question, Reach())), np.zeros((0, 6)), ())
     plan = tmp_path / "plan.csv"
-    plan.write_bytes(csv_text(asked, first.problem.measurements))
+    plan.write_bytes(csv_text(asked, first.problem.measurements, {}))
     campaign.fill(plan, filled)
     both = pose_problem(read_campaign([path, filled]), kinematics, cell)
     promise = asked.poses[0].separations[name]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tools.blind.campaign import Rows
-from tools.blind.chain import JOINTS, SCREWS, Array, G, Poses, torques
+from tools.blind.chain import JOINTS, SCREWS, Array, G, Geometry, Poses, embed, sweep, torques
 from tools.blind.effects import LIBRARY, Kind, small_turn, some
 from tools.blind.robots import RobotClass
 from tools.blind.world import TOOL_BODY, Hidden, State
@@ -159,14 +159,108 @@ def _hose_pull(state: State, x: dict[str, Array], s: float) -> None:
     state.pulls.append(pull)
 
 
+def _draw_encoder(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
+    return {"scale": rng.normal(0, 2e-4, 6) * some(rng, 1, 2, 3), "bent": rng.normal(0, 0.05, 6)}
+
+
+def _encoder_scale(state: State, x: dict[str, Array], s: float) -> None:
+    """An encoder that counts wrongly: in proportion to the angle, a little bent."""
+    q = state.rows.q
+    state.theta[:, JOINTS] += s * x["scale"] * (q + x["bent"] * q**2)
+
+
+def _draw_runout(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
+    return {"shift": rng.normal(0, 1.2e-4, (2, 3)), "joint": np.array([float(rng.integers(0, 3))])}
+
+
+def _bearing_runout(state: State, x: dict[str, Array], s: float) -> None:
+    """A main bearing that runs out: what it carries is shifted once per turn, in a fixed frame."""
+    q = state.rows.q[:, int(x["joint"][0])]
+    wave = np.cos(q)[:, None] * x["shift"][0] + np.sin(q)[:, None] * x["shift"][1]
+    state.after.append(lambda p: s * wave)
+
+
+def _draw_slip(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
+    return {"turn": 3e-4 * some(rng, 1, 1, 5), "when": rng.uniform(0.25, 0.75, 1)}
+
+
+def _encoder_slip(state: State, x: dict[str, Array], s: float) -> None:
+    """A brake or an encoder slips: one zero is another from then on."""
+    late = state.rows.time > x["when"][0] * state.rows.time[-1]
+    state.theta[:, JOINTS] += s * late[:, None] * x["turn"]
+
+
+def _draw_late(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
+    return {"give": robot.arm.give * rng.uniform(0.2, 1.0, 6), "fades": rng.uniform(500, 2000, 1)}
+
+
+def _load_creep(state: State, x: dict[str, Array], s: float) -> None:
+    """Gears that go on giving under a load for minutes, and come back as slowly."""
+    rows = state.rows
+    robot, n = state.robot, len(rows.q)
+    poses = sweep(Geometry.of(robot.arm, n), embed(rows.q))
+    pull = torques(poses, TOOL_BODY, poses.tool_point(state.tool), rows.force)[:, JOINTS]
+    lag, now, before = np.zeros_like(pull), np.zeros(6), rows.time[0]
+    for k in range(n):
+        keep = np.exp(-(rows.time[k] - before) / x["fades"][0])
+        now, before = keep * now + (1 - keep) * pull[k], rows.time[k]
+        lag[k] = now
+    state.theta[:, JOINTS] += s * x["give"] * lag
+
+
+def _draw_wander(rng: np.random.Generator, robot: RobotClass, rows: Rows) -> dict[str, Array]:
+    knots = np.linspace(0.0, 1.0, 40)
+    K = np.exp(-np.abs(knots[:, None] - knots) / rng.uniform(0.05, 0.2))
+    return {"shift": 1e-4 * np.linalg.cholesky(K + 1e-9 * np.eye(40)) @ rng.normal(size=(40, 3))}
+
+
+def _tracker_wander(state: State, x: dict[str, Array], s: float) -> None:
+    """A tracker that wanders with the air in the hall."""
+    part = state.rows.time / max(state.rows.time[-1], 1.0) * (len(x["shift"]) - 1)
+    knots = np.arange(len(x["shift"]))
+    way = np.column_stack([np.interp(part, knots, x["shift"][:, k]) for k in range(3)])
+    state.after.append(lambda p: s * way)
+
+
 OUTSIDE: dict[str, Kind] = {
-    "windup": Kind(_draw_windup, _windup, needs=("dir",), own_names=("friction_windup",)),
+    "encoder_scale": Kind(
+        _draw_encoder, _encoder_scale, own_names=("encoder_scale",), classes=("joint",)
+    ),
+    "bearing_runout": Kind(
+        _draw_runout, _bearing_runout, own_names=("bearing_runout",), classes=("joint",)
+    ),
+    "encoder_slip": Kind(
+        _draw_slip,
+        _encoder_slip,
+        needs=("time_s",),
+        own_names=("encoder_slip",),
+        classes=("time",),
+    ),
+    "load_creep": Kind(
+        _draw_late,
+        _load_creep,
+        needs=("time_s",),
+        loads=True,
+        own_names=("load_creep", "creep"),
+        classes=("load",),
+    ),
+    "tracker_wander": Kind(
+        _draw_wander,
+        _tracker_wander,
+        needs=("time_s",),
+        own_names=("tracker_wander", "tracker_creep"),
+        classes=("time",),
+    ),
+    "windup": Kind(
+        _draw_windup, _windup, needs=("dir",), own_names=("friction_windup",), classes=("approach",)
+    ),
     "hardening": Kind(
         _draw_hard,
         _hardening,
         (0.4, 2.5),
         loads=True,
         own_names=("nonlinear_stiffness", "hardening"),
+        classes=("load",),
     ),
     "link_bending": Kind(
         _draw_bend,
@@ -174,12 +268,14 @@ OUTSIDE: dict[str, Kind] = {
         (0.2, 5.0),
         loads=True,
         own_names=("link_bending", "link_torsion", "tool_bending"),
+        classes=("load",),
     ),
     "tracker_creep": Kind(
         _draw_creep,
         _tracker_creep,
         needs=("time_s",),
         own_names=("tracker_creep", "tracker_drift", "fixture_drift"),
+        classes=("time",),
     ),
     "station_bump": Kind(
         _draw_bump,
@@ -187,20 +283,33 @@ OUTSIDE: dict[str, Kind] = {
         needs=("time_s",),
         registered=True,
         own_names=("tracker_creep", "tracker_drift", "station_shift"),
+        classes=("time",),
     ),
     "leaning_column": Kind(
-        _draw_lean, _leaning_column, own_names=("leaning_base", "base_compliance", "leaning_column")
+        _draw_lean,
+        _leaning_column,
+        own_names=("leaning_base", "base_compliance", "leaning_column"),
+        classes=("joint", "place", "load"),
     ),
     "fixture_give": Kind(
         _draw_fixture,
         _fixture_give,
         loads=True,
         own_names=("fixture_compliance", "workpiece_compliance"),
+        classes=("load",),
     ),
     "sensor_scale": Kind(
-        _draw_scale, _sensor_scale, own_names=("measurement_scale", "sensor_scale", "scale")
+        _draw_scale,
+        _sensor_scale,
+        own_names=("measurement_scale", "sensor_scale", "scale"),
+        classes=("place",),
     ),
-    "hose_pull": Kind(_draw_hose, _hose_pull, own_names=("hose", "cable_force", "hose_pull")),
+    "hose_pull": Kind(
+        _draw_hose,
+        _hose_pull,
+        own_names=("hose", "cable_force", "hose_pull"),
+        classes=("joint", "place", "orientation"),
+    ),
 }
 
 

@@ -173,6 +173,8 @@ def _plan(names: tuple[str, ...], loads: bool, rng: np.random.Generator) -> Plan
     if design in ("patch", "grid") and (loads or rng.random() < 0.5):
         kind = "one" if design == "patch" else "three"
     rows = int(np.exp(rng.uniform(np.log(60), np.log(500))))
+    if not names and rng.random() < 0.3:
+        rows = int(rng.integers(24, 60))
     if len(names) > 1:
         rows = max(rows, 110)
     return Plan(

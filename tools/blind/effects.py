@@ -30,7 +30,7 @@ class Kind:
     Args:
         needs: columns without which nobody can see it; loads, frames: it needs loads / a campaign
             whose frame is known; builtin_only: not on the small arm; strength: (low, high).
-        own_names: names under which a library may hold it.
+        own_names: names under which a library may hold it; classes: what its gap is a function of.
     """
 
     draw: Draw
@@ -42,6 +42,7 @@ class Kind:
     builtin_only: bool = False
     registered: bool = False
     own_names: tuple[str, ...] = ()
+    classes: tuple[str, ...] = ()
 
 
 def some(rng: np.random.Generator, low: int, high: int, among: int = 6) -> Array:

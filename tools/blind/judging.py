@@ -26,9 +26,18 @@ def judge(answer: Record, record: Record) -> Record:
     wrong = [name for name in adopted if name not in right | neutral]
     marks |= {
         "verdict": diagnosis["verdict"],
+        "classes": [part["class"] for part in diagnosis.get("unexplained", ())],
         "adopted": adopted,
         "right": [name for name in adopted if name in right],
         "wrong": wrong,
+        "likely_wrong": any(
+            e.get("probability", 0.0) > 0.5 and e["name"] in wrong for e in diagnosis["effects"]
+        ),
+        "called": [
+            (float(e["probability"]), e["name"] not in wrong)
+            for e in diagnosis["effects"]
+            if e["adopted"] and "probability" in e
+        ],
         "wrong_outright": [name for name in wrong if not twins.get(name, set()) & right],
         "seconds": record["seconds"],
     }
@@ -86,10 +95,20 @@ def _verdict(answer: Record, marks: Record) -> Record:
         by_name = bool(own & set(marks["adopted"]))
         return {
             "abstained": not marks["wrong_outright"],
-            "said_unexplained": said == "unexplained" or by_name,
+            "said_unexplained": said in ("unexplained", "undetermined") or by_name,
             "own_name": by_name,
+            "false_calm": said in ("explained", "no_gap") and not by_name,
+            "class_right": _class_right(answer, marks),
         }
     return {"false_unexplained": said == "unexplained"}
+
+
+def _class_right(answer: Record, marks: Record) -> bool | None:
+    """Return whether the largest part of the rest is of the hidden effect's class."""
+    wanted, found = names.classes(answer), marks["classes"]
+    if not wanted or marks["verdict"] not in ("unexplained", "undetermined"):
+        return None
+    return bool(found) and found[0] in wanted
 
 
 def _numbers(answer: Record, record: Record, diagnosis: Record) -> Record:
@@ -97,7 +116,7 @@ def _numbers(answer: Record, record: Record, diagnosis: Record) -> Record:
     marks: Record = {"worse_fresh": None, "worse_transfer": None}
     if not {t["name"] for t in answer["truth"]} & names.STATION:
         marks |= _on_new_rows(answer, record, diagnosis)
-    if "noise_mm" in diagnosis:
+    if diagnosis.get("noise_mm") is not None:
         marks["noise_ratio"] = diagnosis["noise_mm"] / answer["noise_mm"]
     return marks | _place(answer, diagnosis) | _parameters(answer, diagnosis)
 

@@ -23,8 +23,10 @@ COMPANIONS: dict[str, tuple[str, ...]] = {
     "sensor_scale": ("base_frame",),
 }
 """Names that are no fault beside a hidden effect, and no hit either."""
-STATION = frozenset({"tracker_creep", "station_bump"})
-"""Effects of one tracker station: new rows do not have them and are not compared."""
+STATION = frozenset(
+    {"tracker_creep", "station_bump", "tracker_wander", "encoder_slip", "load_creep"}
+)
+"""Effects of one station or one course of time: new rows have others and are not compared."""
 CONTAINED: dict[str, tuple[str, ...]] = {
     "joint_compliance": ("variable_stiffness", "hardening"),
     "joint_offset": ("link_geometry",),
@@ -41,6 +43,13 @@ def own_names(hidden: str) -> tuple[str, ...]:
 def rightful(answer: dict[str, Any], weight: str = "true") -> list[dict[str, Any]]:
     """Return the hidden effects of a weight that a library can see, largest first."""
     return [t for t in answer["truth"] if t["weight"] == weight and not t["outside"]]
+
+
+def classes(answer: dict[str, Any]) -> set[str]:
+    """Return what the gap of the hidden outside effects is a function of."""
+    return set().union(
+        *(OUTSIDE[t["name"]].classes for t in outside(answer) if t["name"] in OUTSIDE)
+    )
 
 
 def hit_by(answer: dict[str, Any], hidden: str) -> set[str]:

@@ -54,6 +54,16 @@ def _single(name: str) -> Callable[[Sequence[Record]], float | None]:
     return lambda marks: _mean(m.get(name) for m in marks if m["kind"] == "one")
 
 
+def _called(low: float, high: float) -> Callable[[Sequence[Record]], float | None]:
+    """Share of right ones among the causes that were called with a probability."""
+
+    def share(marks: Sequence[Record]) -> float | None:
+        called = [one for m in marks for one in m.get("called") or []]
+        return _mean(right for probability, right in called if low <= probability <= high)
+
+    return share
+
+
 def _parameter_error(marks: Sequence[Record]) -> float | None:
     errors = [one for m in marks for one in m.get("parameter_errors") or []]
     return float(np.median(errors)) if errors else None
@@ -69,6 +79,11 @@ MARKS: tuple[Mark, ...] = (
     ("recall in set, two and three", _pooled("recall_set", ("two", "three")), ""),
     ("precision", _precision("wrong"), "0.97"),
     ("precision, sets allowed", _precision("wrong_outright"), ""),
+    ("wrong cause with more than 0.5", _share("likely_wrong"), "0.03"),
+    ("causes called 0.95 to 1 that are right", _called(0.95, 1.0), "0.95"),
+    ("causes called 0.5 to 0.95 that are right", _called(0.5, 0.95), ""),
+    ("outside: calm all the same", _share("false_calm"), "0"),
+    ("outside: class right where abstained", _share("class_right"), "0.80"),
     ("no gap: false cause", _share("false_cause"), "0.01"),
     ("library: unexplained said", _share("false_unexplained"), "low"),
     ("outside: no wrong name", _share("abstained"), "0.95"),

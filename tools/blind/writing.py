@@ -45,7 +45,12 @@ def write_case(folder: Path, case: Case, seed: int) -> dict[str, Any]:
     """Write what the product may read of a case; return the answer."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, 3, case.number])
-    (folder / "cell.toml").write_text(cell_text(case.robot, case.stiffness), encoding="utf-8")
+    text = cell_text(case.robot, case.stiffness)
+    if case.plan.repeats == 0 and case.number % 4:
+        # what the instrument is said to have, within a fifth
+        told = 1e3 * case.sigma * float(np.exp(rng.normal(0.0, 0.1)))
+        text += f"\n[measuring]\nsigma_mm = {told:.5f}\n"
+    (folder / "cell.toml").write_text(text, encoding="utf-8")
     if case.robot.builtin is None:
         (folder / "robot.urdf").write_text(urdf(case.robot), encoding="utf-8")
     if case.known is not None:
@@ -121,8 +126,26 @@ def _write_rows(
         turned = _abc(outcome.poses.flange_turn) + np.rad2deg(rng.normal(0, 1e-4, (n, 3)))
         _put(table, ["a_deg", "b_deg", "c_deg"], turned, 6)
     lines = [",".join(table), *(",".join(cells) for cells in zip(*table.values(), strict=True))]
+    if outliers > 0.0 and case.number % 3 == 0:
+        lines = _dirty(lines, rng)
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [names[k] for k in faulty]
+
+
+def _dirty(lines: list[str], rng: np.random.Generator) -> list[str]:
+    """Copy some rows, swap the readings of neighbours, write a row in metres, leave a blank."""
+    header, table = lines[0].split(","), [line.split(",") for line in lines[1:]]
+    at = [header.index(f"{axis}_mm") for axis in "xyz"]
+    n = len(table)
+    for k in rng.choice(n - 1, max(1, n // 100), replace=False):
+        for i in at:
+            table[k][i], table[k + 1][i] = table[k + 1][i], table[k][i]
+    for i in at:
+        table[n // 2][i] = repr(float(table[n // 2][i]) * 1e-3)
+    if "temp_C" in header:
+        table[n // 3][header.index("temp_C")] = ""
+    copies = [list(table[k]) for k in rng.choice(n, 3, replace=False)]
+    return [lines[0], *(",".join(row) for row in table + copies)]
 
 
 def _put(table: dict[str, list[str]], names: list[str], values: Array, digits: int) -> None:

@@ -4,7 +4,7 @@ from postproc.gap.answers.along import Along, along
 from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
 from postproc.gap.answers.next_pose import NextPose, Reach
-from postproc.gap.answers.next_poses import next_poses, questions, reassessed
+from postproc.gap.answers.next_poses import last_set_up, next_poses, questions, reassessed
 from postproc.gap.answers.predict import Prediction, predict
 from postproc.gap.answers.summary import summary
 from postproc.gap.answers.where import Part, parts
@@ -19,6 +19,7 @@ __all__ = [
     "along",
     "diagnose",
     "document",
+    "last_set_up",
     "model_file",
     "next_poses",
     "parts",

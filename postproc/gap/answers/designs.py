@@ -17,10 +17,15 @@ import numpy as np
 from scipy.cluster.hierarchy import fcluster, linkage
 
 from postproc.arrays import FloatArray, IntArray, Rows
+from postproc.gap.choice import Choice
 from postproc.gap.data import Samples
-from postproc.gap.fit import NormalEquations, Regression
+from postproc.gap.fit import NormalEquations, Problem, Regression
 from postproc.units import DEG
 
+HARM = 12.0
+"""Nats of harm on one design that refuse an effect, and their share of all it brings."""
+_HARM_SHARE = 0.1
+_TIMES = ("first half of the time", "second half of the time")
 FEWEST = 12
 """Rows of a design; a smaller one says nothing of its own."""
 LARGEST = 8
@@ -182,8 +187,45 @@ def _left(
     """Return the squared misfit of a part under effects fitted to the others, frames adapted."""
     effects = others.solve((*frames, *keys))[0][len(part.index(frames)) :]
     i, a = part.index(keys), part.index(frames)
-    total = part.total - float(effects @ (2.0 * part.b[i] - part.G[np.ix_(i, i)] @ effects))
+    G, b, whole = part.reduced()
+    total = whole - float(effects @ (2.0 * b[i] - G[np.ix_(i, i)] @ effects))
     if len(a) == 0:
         return total
-    b = part.b[a] - part.G[np.ix_(a, i)] @ effects
-    return total - float(b @ np.linalg.solve(part.G[np.ix_(a, a)] + np.eye(len(a)), b))
+    left = b[a] - G[np.ix_(a, i)] @ effects
+    return total - float(left @ np.linalg.solve(G[np.ix_(a, a)] + np.eye(len(a)), left))
+
+
+def refusals(problem: Problem, regression: Regression, choice: Choice) -> tuple[str, ...]:
+    """Return the named effects that do not hold where they were not fitted.
+
+    An effect must bring something, all in all, on designs, stations and halves of the time that it
+    was not fitted to, and do harm on no design. Places are left out in turn where effects are
+    weighed: across half of the workspace even the right numbers do not carry.
+    """
+    index = np.flatnonzero(problem.searchable)
+    keys = (*choice.adopted, *choice.resembled)
+    worst: dict[str, float] = {}
+    for label, strict in _divisions(problem):
+        for key, by in transfers(regression, label.rows(index), keys).items():
+            if key not in choice.adopted or not by:
+                continue
+            total, least = sum(by.values()), min(by.values())
+            harm = strict and least < -max(HARM, _HARM_SHARE * total)
+            if total <= 0.0 or harm:
+                worst[key] = min(worst.get(key, 0.0), least, total)
+    return tuple(sorted(regression.name(key) for key in worst))
+
+
+def _divisions(problem: Problem) -> list[tuple[Designs, bool]]:
+    """Return ways to part the rows, and whether each part is a design of its own."""
+    samples = problem.samples
+    found = [(designs(samples, problem.measurements.group), True)]
+    if len(problem.set_ups.stations) > 1:
+        found.append((_numbered(problem.set_ups.station, problem.set_ups.stations), True))
+    stretch = problem.split.stretch
+    found.append((_numbered((stretch > np.median(stretch)).astype(np.int32), _TIMES), False))
+    return found
+
+
+def _numbered(label: IntArray, names: tuple[str, ...]) -> Designs:
+    return Designs(label, names, "layout")

@@ -2,25 +2,42 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.gap.answers.designs import refusals
 from postproc.gap.choice import (
     Assessment,
     Choice,
     Dependence,
+    Prepared,
+    RestPart,
     Standing,
     assess,
+    beaten,
     fitted,
+    named,
     prepare,
     select,
+    unexplained,
     verdict,
     without_waves,
 )
-from postproc.gap.fit import Fit, Problem, Regression, Wave, block_of, deviations, find_waves
+from postproc.gap.fit import (
+    REST,
+    Fit,
+    Memory,
+    Noise,
+    Problem,
+    Regression,
+    Wave,
+    block_of,
+    deviations,
+    find_waves,
+)
 from postproc.gap.robot_model import evaluate
 from postproc.progress import Progress
 
@@ -42,18 +59,20 @@ class Step:
 class Diagnosis:
     """Result of a diagnosis, SI. Rows refer to those of ``problem``.
 
-    noise: [m] per axis, from ``noise_freedom`` degrees of freedom of repeats (0: estimated);
-    baseline: (n, 3) points of the given model with the registration [m]; residual: (n, 3) [m];
-    total: 3D rms [m] on sealed rows before and after all adopted effects, and the 90 % interval
-    of the shrinkage; extra: for each effect not adopted the 3D rms [m] on sealed rows without and
-    with it; deviation: standard deviations (p,) of each adopted effect's numbers; ripple: waves
-    in what is left where the verdict is "unexplained".
+    level: the noise and what it rests on; memory: correlated noise and smooth rest of the rows;
+    baseline: (n, 3) points of the given model with the registration [m]; fit: of all rows, points
+    and frames those of the adopted effects; residual: (n, 3) [m]; total: 3D rms [m] on rows not
+    fitted before and after all adopted effects, and the 90 % interval of the shrinkage; held_out:
+    how these rows were kept apart; extra: for each effect not adopted the 3D rms [m] on rows not
+    fitted without and with it; deviation: standard deviations (p,) of each adopted effect's
+    numbers; unexplained: what the rest is a function of; ripple: waves in what is left where the
+    verdict is "unexplained"; transfer: by effect and design what it brings there [nats].
     """
 
     problem: Problem
     verdict: str
-    noise: float
-    noise_freedom: int
+    level: Noise
+    memory: Memory
     outlier: BoolArray
     choice: Choice
     adopted: tuple[str, ...]
@@ -65,9 +84,16 @@ class Diagnosis:
     structure: float
     steps: tuple[Step, ...]
     total: tuple[float, float, float, float]
+    held_out: str
     extra: dict[str, tuple[float, float]]
+    unexplained: tuple[RestPart, ...]
     ripple: tuple[Wave, ...]
     regression: Regression
+
+    @property
+    def noise(self) -> float:
+        """Noise [m] per axis, as far as it is known; else what rows were weighed with."""
+        return self.level.sigma
 
     @property
     def resembled(self) -> tuple[str, ...]:
@@ -87,108 +113,163 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     prepared = prepare(problem)
     say(1, 4, "which effects")
     sigma = prepared.noise.sigma
-    start = prepared.regression
-    while True:
-        regression, choice = select(start)
-        say(2, 4, "what is left")
-        assessed = assess(problem, prepared, regression, choice)
-        say(3, 4, "sealed rows")
-        rows = problem.searchable & ~assessed.outlier
-        base = fitted(problem, regression, (), sigma, rows)
-        worse = _worse(problem, regression, assessed, sigma, base)
-        if not worse:
-            break
-        start = start.without(worse)
-    steps, total = _steps(problem, regression, assessed, sigma, base)
-    answer = verdict(assessed, sigma)
-    reasons = dict.fromkeys(start.excluded, "makes rows worse that were not fitted")
+    regression, choice, reasons = _chosen(problem, prepared)
+    say(2, 4, "what is left")
+    assessed = assess(problem, prepared, regression, choice)
     choice = assessed.choice.moved((), Standing.REJECTED, reasons)
+    assessed = replace(assessed, choice=choice)
+    ripple = _ripple(regression, choice)
+    rest = unexplained(regression, (*choice.adopted, *choice.unnamed), ripple)
+    answer = verdict(assessed, prepared.noise, rest)
+    say(3, 4, "sealed rows")
+    apart = _Apart(problem, regression, assessed, sigma)
+    steps, total = apart.steps()
+    whole = _thinned(~assessed.outlier)
+    final = named(problem, regression, choice, sigma, whole)
+    base = fitted(problem, regression, (), sigma, whole)
     return Diagnosis(
         problem=problem,
         verdict=answer,
-        noise=sigma,
-        noise_freedom=prepared.noise.freedom,
+        level=prepared.noise,
+        memory=prepared.memory,
         outlier=assessed.outlier,
         choice=choice,
         adopted=tuple(step.name for step in steps),
-        fit=assessed.fit,
-        deviation=deviations(regression, assessed.fit, choice.adopted, choice.unnamed),
+        fit=final,
+        deviation=deviations(regression, final, choice.adopted, choice.unnamed),
         baseline=base.point,
-        residual=assessed.residual,
+        residual=problem.measured - final.point,
         tests=assessed.tests,
         structure=assessed.structure,
         steps=steps,
         total=total,
+        held_out="sealed" if np.any(problem.split.sealed) else "folds",
         extra=_extra(problem, regression, assessed),
-        ripple=_ripple(regression, choice) if answer == "unexplained" else (),
+        unexplained=() if answer in ("explained", "no_gap") else rest,
+        ripple=ripple if answer == "unexplained" else (),
         regression=regression,
     )
 
 
-def _steps(
-    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, base: Fit
-) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
-    """Add the adopted effects one by one, refit on unsealed rows, compare on sealed ones.
+def _chosen(problem: Problem, prepared: Prepared) -> tuple[Regression, Choice, dict[str, str]]:
+    """Return the choice in which every name holds, and why others do not.
 
-    Each step adds the effect that removes most of what is left on unsealed rows, and says how far
-    the whole gap shrinks by that; the steps multiply to the whole shrinkage.
+    A name goes where its effect does harm on rows that it was not fitted to, or where a class of
+    which it is no cause explains more in its place; then all is chosen anew without it.
     """
-    test = problem.split.sealed & ~assessed.outlier
-    cluster = problem.split.cluster[test]
-    last = _left(assessed.residual, test)
-    first = before = _left(problem.measured - base.point, test)
-    steps = []
-    for key, part in _ordered(problem, regression, assessed, sigma):
-        after = last if part is None else _left(problem.measured - part.point, test)
-        interval = shrink_interval(before, after, cluster)
-        steps.append(Step(regression.name(key), rms(before), rms(after), interval))
-        before = after
-    return tuple(steps), (rms(first), rms(last), *shrink_interval(first, last, cluster))
+    start = prepared.regression
+    reasons: dict[str, str] = {}
+    for _ in range(_ROUNDS):
+        regression, choice = select(start)
+        refused = _refused(problem, regression, choice)
+        reasons |= refused
+        if not refused:
+            return regression, choice, reasons
+        start = start.without(refused)
+    regression, choice = select(start)
+    refused = _refused(problem, regression, choice)
+    keys = [k for k in choice.adopted if regression.name(k) in refused]
+    return regression, choice.moved(keys, Standing.REJECTED, refused), reasons | refused
+
+
+def _refused(problem: Problem, regression: Regression, choice: Choice) -> dict[str, str]:
+    """Return the names that do not hold, and why."""
+    refused = dict.fromkeys(refusals(problem, regression, choice), _HARM)
+    if refused:
+        return refused
+    rivals = beaten(regression, choice.adopted, choice.model)
+    return {regression.name(key): why for key, why in rivals.items()}
+
+
+_ROUNDS = 2
+"""How often all is chosen anew without names that do not hold; then these just go."""
+_HARM = "makes rows worse that it was not fitted to"
+LARGEST_FIT = 4000
+"""Rows that the numbers of the model file are fitted to; more make them no surer."""
+
+
+def _thinned(rows: BoolArray) -> BoolArray:
+    index = np.flatnonzero(rows)
+    kept = index[:: -(-len(index) // LARGEST_FIT)]
+    out = np.zeros(len(rows), dtype=bool)
+    out[kept] = True
+    return out
+
+
+@dataclass(slots=True)
+class _Apart:
+    """Rows that were not fitted, once, when everything else is decided.
+
+    The sealed ones where there are any; else every row, left out in turn with its fold.
+    """
+
+    problem: Problem
+    regression: Regression
+    assessed: Assessment
+    sigma: float
+
+    def steps(self) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
+        """Add the adopted effects one by one, and compare.
+
+        Each step adds the effect that removes most of what is left on fitted rows, and says how
+        far the whole gap shrinks by that; the steps multiply to the whole shrinkage.
+        """
+        choice = self.assessed.choice
+        test = ~self.assessed.outlier
+        if np.any(self.problem.split.sealed):
+            test = test & self.problem.split.sealed
+        cluster = self.problem.split.cluster[test]
+        nothing = choice.moved(choice.model, Standing.REJECTED, {})
+        first = before = self._left(nothing)[test]
+        rows = self.problem.searchable & ~self.assessed.outlier
+        order = _ordered(self.problem, self.regression, self.assessed, self.sigma, rows)
+        steps = []
+        for count, key in enumerate(order, start=1):
+            part = choice.moved(order[count:], Standing.REJECTED, {})
+            after = self._left(part)[test]
+            interval = shrink_interval(before, after, cluster)
+            steps.append(Step(self.regression.name(key), rms(before), rms(after), interval))
+            before = after
+        last = before
+        return tuple(steps), (rms(first), rms(last), *shrink_interval(first, last, cluster))
+
+    def _left(self, choice: Choice) -> FloatArray:
+        """Return how far each row (n,) is missed [m] by a choice fitted without it."""
+        problem, fold = self.problem, self.problem.split.fold
+        rows = problem.searchable & ~self.assessed.outlier
+        if np.any(problem.split.sealed):
+            point = named(problem, self.regression, choice, self.sigma, rows).point
+            return np.asarray(np.linalg.norm(problem.measured - point, axis=1))
+        out = np.zeros(len(problem))
+        for k in np.unique(fold):
+            point = named(problem, self.regression, choice, self.sigma, rows & (fold != k)).point
+            out[fold == k] = np.linalg.norm(problem.measured - point, axis=1)[fold == k]
+        return out
 
 
 def _ordered(
-    problem: Problem, regression: Regression, assessed: Assessment, sigma: float
-) -> list[tuple[str, Fit | None]]:
-    """Return the adopted effects, most helpful next, each with the fit of it and those before.
-
-    The fit of them all is that of the diagnosis: None stands for it.
-    """
-    rows = problem.searchable & ~assessed.outlier
-    order: list[tuple[str, Fit | None]] = []
+    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, rows: BoolArray
+) -> list[str]:
+    """Return the adopted blocks, most helpful next."""
+    order: list[str] = []
     waiting = sorted(assessed.choice.adopted)
     while len(waiting) > 1:
-        taken = tuple(key for key, _ in order)
         coming = {regression.name(key) for key in waiting}
         free = [k for k in waiting if coming.isdisjoint(regression.block(k).effect.refines)]
-        fits = {key: fitted(problem, regression, (*taken, key), sigma, rows) for key in free}
+        fits = {key: fitted(problem, regression, (*order, key), sigma, rows) for key in free}
         best = min(free, key=lambda k: (rms(_left(problem.measured - fits[k].point, rows)), k))
-        order.append((best, fits[best]))
+        order.append(best)
         waiting.remove(best)
-    return [*order, *((key, None) for key in waiting)]
-
-
-def _worse(
-    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, base: Fit
-) -> set[str]:
-    """Return the adopted effects without which sealed rows come out better."""
-    rows = problem.searchable & ~assessed.outlier
-    test = problem.split.sealed & ~assessed.outlier
-    after = rms(_left(assessed.residual, test))
-    keys = assessed.choice.adopted
-    found = set()
-    for key in keys:
-        rest = tuple(k for k in keys if k != key)
-        part = fitted(problem, regression, rest, sigma, rows) if rest else base
-        if after > rms(_left(problem.measured - part.point, test)):
-            found.add(regression.name(key))
-    return found
+    return [*order, *waiting]
 
 
 def _extra(
     problem: Problem, regression: Regression, assessed: Assessment
 ) -> dict[str, tuple[float, float]]:
     """Return what each further effect would do on sealed rows, to first order."""
-    test = problem.split.sealed & ~assessed.outlier
+    test = ~assessed.outlier
+    if np.any(problem.split.sealed):
+        test = test & problem.split.sealed
     index = np.flatnonzero(test)
     if len(index) == 0:
         return {}
@@ -221,6 +302,7 @@ def _ripple(regression: Regression, choice: Choice) -> tuple[Wave, ...]:
     base = without_waves(regression, choice) + [
         b for b in regression.blocks if b.effect.periodic and b.key in choice.adopted
     ]
+    base += [b for b in regression.memory if b.key != REST]
     return find_waves(regression.samples, regression.y, regression.weight, base)
 
 

@@ -41,8 +41,8 @@ def document(
     return {
         "schema": SCHEMA,
         "verdict": diagnosis.verdict,
-        "noise_mm": _mm(diagnosis.noise),
-        "noise_from": "repeats" if diagnosis.noise_freedom else "estimated",
+        "noise_mm": _mm(diagnosis.noise) if diagnosis.level.known else None,
+        "noise": noise(diagnosis),
         "gap": {
             "rms_mm": _mm(rms(gap)),
             "p95_mm": _mm(float(np.quantile(gap, 0.95))),
@@ -66,8 +66,22 @@ def document(
             ],
             "ripple": [{"joint": joint, "periods_per_turn": n} for joint, n in diagnosis.ripple],
         },
+        "unexplained": [
+            {
+                "class": part.kind,
+                "of": part.of,
+                "rms_mm": _mm(part.rms),
+                "shape": part.shape,
+                "gain_nats": round(part.gain, 1),
+            }
+            for part in diagnosis.unexplained
+        ],
         "registration": _registration(diagnosis),
         "orientation": orientation(diagnosis),
+        "remarks": [
+            {"kind": r.kind, "ids": list(r.ids), "text": r.text}
+            for r in problem.measurements.remarks
+        ],
         "outliers": [ids[i] for i in np.flatnonzero(diagnosis.outlier)],
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()
@@ -77,7 +91,29 @@ def document(
             "total": len(problem),
             "sealed": int(problem.split.sealed.sum()),
             "searched": int(problem.searchable.sum()),
+            "held_out": diagnosis.held_out,
         },
+    }
+
+
+def noise(diagnosis: Diagnosis) -> dict[str, Any]:
+    """Return how large the noise is and how that is known."""
+    level = diagnosis.level
+
+    def mm(value: float) -> float | None:
+        return _mm(value) if np.isfinite(value) else None
+
+    return {
+        "sigma_mm": _mm(level.sigma) if level.known else None,
+        "source": str(level.source),
+        "freedom": level.freedom,
+        "repeats": level.repeats,
+        "correlation_s": round(level.correlation, 1) if np.isfinite(level.correlation) else None,
+        "wander_mm": mm(level.wander) if level.known else None,
+        "instrument_mm": mm(level.instrument),
+        "at_most_mm": mm(level.upper),
+        "drift": level.drift or None,
+        "conflict": level.conflict or None,
     }
 
 

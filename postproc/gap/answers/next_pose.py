@@ -54,7 +54,7 @@ class NextPose:
     wrench (6,) as in the rows, direction (6,) and temperature [degC] where the rows have them, qd
     (6,) [rad/s] where it is to be read in motion; separations: for each effect in question the
     separation [sigma] of its nearest rival by all poses of this reason, if it is the true one;
-    id: name of the row.
+    revisit: it tells the noise, together with the readings of the same pose; id: name of the row.
     """
 
     q: FloatArray
@@ -66,6 +66,7 @@ class NextPose:
     qd: FloatArray | None = None
     separations: Mapping[str, float] = field(default_factory=dict)
     id: str = ""
+    revisit: bool = False
 
     @property
     def separation(self) -> float:

@@ -22,7 +22,7 @@ from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.data import Samples, make_samples
 from postproc.gap.effect import EFFECTS
 from postproc.gap.fit import Block, NormalEquations, block_of
-from postproc.gap.robot_model import evaluate
+from postproc.gap.robot_model import effect_of, evaluate
 from postproc.geometry import apply
 from postproc.measurement import rigid_motion
 from postproc.units import DEG
@@ -37,6 +37,8 @@ _FEWEST, _MOST = 6, 30
 _LOADS = 6
 _BEYOND = 0.5
 """Tool points [m] beyond the measured ones; none is lower than those, there may be a floor."""
+_REVISITED, _READINGS = 3, 5
+"""Poses to measure again, and how often."""
 _LATER = 600.0
 """When it will be measured, after the last row [s]."""
 _OF_THE_POSE = ("neighbouring poses", "position", *(f"q{i}" for i in range(1, 7)))
@@ -47,10 +49,13 @@ _SEED = 17
 def next_poses(diagnosis: Diagnosis, reach: Reach | None = None) -> tuple[NextPose, ...]:
     """Return what to measure next; nothing if nothing is ambiguous and all is explained.
 
-    First what tells ambiguous effects apart, then what tells of a rest that nothing explains.
+    First what tells the noise where it is not known, then what tells ambiguous effects apart, then
+    what tells of a rest that nothing explains.
     """
     reach = reach or Reach()
     found: list[NextPose] = []
+    if not diagnosis.level.known:
+        found += _revisits(diagnosis, reach)
     for question in questions(diagnosis):
         found += discriminating(diagnosis, question, reach)
     if diagnosis.verdict == "unexplained":
@@ -261,6 +266,30 @@ def _worst(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
     return [pose for k in range(len(rows)) for pose in found[k :: len(rows)]]
 
 
+def _revisits(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
+    """Return a few measured poses far from each other, each several times, from one side.
+
+    In turn, so that each reading follows a way; without a load where there was one without.
+    """
+    samples = diagnosis.problem.samples
+    index = np.flatnonzero(diagnosis.kept)
+    if samples.wrench is not None:
+        size = np.linalg.norm(samples.wrench[index, :3], axis=1)
+        index = index[size <= np.min(size) + 1e-9]
+    rows = _as_it_is(_approached(samples.rows(index), 1.0))
+    rows = rows if rows.qd is None else replace(rows, qd=np.zeros_like(rows.qd))
+    rows = rows.rows(np.flatnonzero(reach.allows(rows, _from(rows, 1.0))))
+    if len(rows) == 0:
+        return []
+    chosen = [0]
+    while len(chosen) < min(_REVISITED, len(rows)):
+        apart = np.linalg.norm(rows.q[:, None] - rows.q[chosen], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(apart)))
+    why = f"revisit these poses, {_READINGS} times each from one side: it tells the noise"
+    poses = _poses(diagnosis, rows.rows(np.array(chosen)), why)
+    return [replace(pose, revisit=True) for _ in range(_READINGS) for pose in poses]
+
+
 def _from(rows: Samples, side: float | None) -> FloatArray:
     direction = rows.direction if side is None else np.full(rows.q.shape, side)
     return rows.q if direction is None else np.asarray(rows.q - APPROACH * direction)
@@ -340,12 +369,25 @@ def _loads(wrench: FloatArray) -> FloatArray:
     return np.asarray(distinct[chosen])
 
 
+def last_set_up(diagnosis: Diagnosis) -> int:
+    """Return a row of the station and the reflector that were measured with last."""
+    time = diagnosis.problem.samples.time
+    return len(diagnosis.problem) - 1 if time is None else int(np.argmax(time))
+
+
 def _poses(
     diagnosis: Diagnosis, rows: Samples, why: str, separations: Mapping[str, float] | None = None
 ) -> list[NextPose]:
     problem = diagnosis.problem
-    T_measured_robroot = rigid_motion(problem.measured, np.asarray(problem.measurements.position))
-    expected = apply(T_measured_robroot, evaluate(rows, diagnosis.fit.states)[0])
+    last = last_set_up(diagnosis)
+    here = problem.set_ups.unit == problem.set_ups.unit[last]
+    T_measured_robroot = rigid_motion(
+        problem.measured[here], np.asarray(problem.measurements.position)[here]
+    )
+    seen = problem.samples.seen
+    expected_of = rows if seen is None else rows.with_points(measured=seen[last])
+    states = {n: s for n, s in diagnosis.fit.states.items() if not effect_of(n).of_several}
+    expected = apply(T_measured_robroot, evaluate(expected_of, states)[0])
 
     def of(name: str, row: int) -> Any:  # noqa: ANN401 - a row, a number or None
         return getattr(rows, name)[row] if rows.has(name) else None

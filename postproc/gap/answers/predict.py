@@ -9,12 +9,13 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
+from postproc.errors import SourceRef
 from postproc.gap.data import samples_of
-from postproc.gap.fit import register_loaded
+from postproc.gap.fit import register_loaded, seen_in
 from postproc.gap.robot_model import RobotModel, evaluate
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet
+from postproc.measurement import MeasurementSet, frames_of, set_ups
 from postproc.model import ModelFile
 from postproc.units import MM
 
@@ -63,19 +64,23 @@ def predict(
         DataError: GAP002, GAP003, MOD004 to MOD006.
     """
     measured = np.asarray(measurements.position)
+    place = SourceRef(measurements.path, int(measurements.line[0]))
+    rows = set_ups(measurements)
     fixed = model.registration if model is not None else None
     if registered:
         robot = RobotModel.of(kinematics, cell, model)
         samples = samples_of(robot.arm, measurements)
-        fixed = register_loaded(samples, measured, robot.usable(samples))
+        fixed = register_loaded(samples, measured, robot.usable(samples), rows, None, place)
         effects = model.effects if model is not None else {}
         text = model.text if model is not None else None
         model = ModelFile(effects, fixed, text=text)
     robot = RobotModel.of(kinematics, cell, model, measured_point=fixed is not None)
     samples = samples_of(robot.arm, measurements)
+    if fixed is not None:
+        samples, _ = seen_in(fixed, samples, measured, rows, place)
     points = evaluate(samples, robot.usable(samples))[0]
     if fixed is not None:
-        points = apply(fixed.T_measured_robroot, points)
+        points = apply(frames_of(fixed, rows), points)
     rms = float(np.sqrt(np.mean(np.sum((measured - points) ** 2, axis=1))))
     return Prediction(points, robot.missing(samples), rms)
 

@@ -13,7 +13,7 @@ def summary(content: dict[str, Any]) -> list[str]:
     lines = [
         f"The robot misses the simulation by {gap['rms_mm']:.3f} mm rms"
         f" (95 % within {gap['p95_mm']:.3f}, largest {gap['max_mm']:.3f});"
-        f" noise {content['noise_mm']:.3f} mm per axis, {_from(content)}."
+        f" {_noise(content['noise'])}."
     ]
     if content["registration"] and content["registration"]["loads_at"] == "reflector":
         lines.append(
@@ -24,14 +24,27 @@ def summary(content: dict[str, Any]) -> list[str]:
         lines.append("No gap: what is measured cannot be told from noise.")
     elif content["verdict"] == "explained":
         lines.append(f"Explained: the {rest['rms_mm']:.3f} mm that remain look like noise.")
+    elif content["verdict"] == "undetermined":
+        lines.append(
+            f"Undetermined: whether the {rest['rms_mm']:.3f} mm that remain are noise cannot be"
+            " said. Measure some poses again, from one side."
+        )
     else:
         lines += _unexplained(rest)
+    lines += [
+        f"  {part['rms_mm']:.3f} mm of the rest follow {part['class']} ({part['of']}:"
+        f" {part['shape']})."
+        for part in content["unexplained"]
+    ]
     if content["orientation"]:
         check = content["orientation"]
         lines.append(
             f"Measured orientations, which no fit has seen: {check['rms_before_deg']:.4f} deg rms"
             f" off before, {check['rms_after_deg']:.4f} with what was adopted."
         )
+    for item in content["remarks"]:
+        shown = ", ".join(item["ids"][:8])
+        lines.append(f"Rows {shown} ({len(item['ids'])}): {item['text']}.")
     if content["outliers"]:
         shown = ", ".join(content["outliers"][:8])
         lines.append(f"Measuring faults left out ({len(content['outliers'])}): {shown}")
@@ -43,8 +56,23 @@ def summary(content: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _from(content: dict[str, Any]) -> str:
-    return "from repeats" if content["noise_from"] == "repeats" else "estimated without repeats"
+def _noise(noise: dict[str, Any]) -> str:
+    """Return how large the noise is and how that is known."""
+    if noise["sigma_mm"] is None:
+        return (
+            "how large the noise is nothing tells: no pose was measured again, and neither the"
+            " file nor the cell says what the instrument can"
+        )
+    text = f"noise {noise['sigma_mm']:.3f} mm per axis, "
+    if noise["source"] == "repeats":
+        text += f"from {noise['repeats']} repeated readings"
+    else:
+        text += "as file or cell say of the instrument"
+    if noise["correlation_s"]:
+        text += f", part of it a wander over {noise['correlation_s'] / 60:.0f} min"
+    if noise["drift"]:
+        text += f"; revisited poses show a {noise['drift']} in time"
+    return text + (f"; but {noise['conflict']}" if noise["conflict"] else "")
 
 
 def _causes(content: dict[str, Any]) -> list[str]:

@@ -8,12 +8,15 @@ the library is mistaken for that explains the rows better.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from postproc.gap.choice.confounding import confounded_with, overruled, replaceable
 from postproc.gap.choice.evidence import (
     Evidence,
+    Folds,
     evidence_of,
     matched_by_placebo,
     negligible,
@@ -24,12 +27,16 @@ from postproc.gap.choice.evidence import (
 )
 from postproc.gap.choice.search import DECISIVE, Search, search
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.fit import NormalEquations, Regression, Subset
+from postproc.gap.fit import Regression, Subset
 
 
 def choose(regression: Regression) -> Choice:
     """Return the names that the rows support."""
-    folds = regression.fold_equations()
+    whole = regression.equations_at(np.arange(len(regression.y)))
+    folds = [
+        [(part, whole.minus(part)) for part in parts]
+        for parts in (regression.fold_equations(), regression.stretch_equations())
+    ]
     found, excluded, reasons = _searched(regression, folds)
     found, best = _readmitted(regression, found, folds, found.best, reasons)
     best = _pruned(regression, found, folds, best, reasons)
@@ -63,9 +70,7 @@ def _standing(
     return standing | dict.fromkeys(small, Standing.UNNAMED)
 
 
-def _searched(
-    regression: Regression, folds: Sequence[NormalEquations]
-) -> tuple[Search, set[str], dict[str, str]]:
+def _searched(regression: Regression, folds: Folds) -> tuple[Search, set[str], dict[str, str]]:
     """Search until nothing in the best subset is disqualified.
 
     Returns:
@@ -82,19 +87,17 @@ def _searched(
         key, reason = weak
         reasons[found.names[key]] = reason
         excluded.add(key)
-        found = search(equations, regression.always, excluded=excluded)
+        found = search(equations, regression.always, excluded=excluded, known=found.scores)
     return found, excluded, reasons
 
 
 def _all_evidence(
-    regression: Regression, found: Search, folds: Sequence[NormalEquations], best: Subset
+    regression: Regression, found: Search, folds: Folds, best: Subset
 ) -> dict[str, Evidence]:
     return {k: evidence_of(regression, found, folds, best, k) for k in best}
 
 
-def _disqualified(
-    regression: Regression, found: Search, folds: Sequence[NormalEquations]
-) -> tuple[str, str] | None:
+def _disqualified(regression: Regression, found: Search, folds: Folds) -> tuple[str, str] | None:
     best = found.best
     evidence = _all_evidence(regression, found, folds, best)
     return (
@@ -107,7 +110,7 @@ def _disqualified(
 def _pruned(
     regression: Regression,
     found: Search,
-    folds: Sequence[NormalEquations],
+    folds: Folds,
     best: Subset,
     reasons: dict[str, str],
 ) -> Subset:
@@ -131,7 +134,7 @@ def _pruned(
 def _readmitted(
     regression: Regression,
     found: Search,
-    folds: Sequence[NormalEquations],
+    folds: Folds,
     best: Subset,
     reasons: dict[str, str],
 ) -> tuple[Search, Subset]:

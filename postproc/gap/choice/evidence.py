@@ -28,6 +28,10 @@ _PLACEBOS = 60
 _PLACEBO_LIMIT = 0.02
 
 
+Folds = Sequence[Sequence[tuple[NormalEquations, NormalEquations]]]
+"""Parts of the rows that are left out in turn, by place and by time, each with all the others."""
+
+
 @dataclass(frozen=True, slots=True)
 class Evidence:
     """What speaks for one effect in the chosen model.
@@ -43,22 +47,28 @@ class Evidence:
 
 
 def evidence_of(
-    regression: Regression, found: Search, folds: Sequence[NormalEquations], best: Subset, key: str
+    regression: Regression, found: Search, folds: Folds, best: Subset, key: str
 ) -> Evidence:
     """Return what speaks for one block of a subset."""
     rest = tuple(k for k in best if k != key)
     with_it, without = (*found.always, *best), (*found.always, *rest)
     gain = found.score(best) - found.score(rest)
+    wins = [_wins(parts, with_it, without) for parts in folds]
+    return Evidence(gain, unique_part(regression, found, best, (key,)), min(wins, default=1.0))
+
+
+def _wins(
+    parts: Sequence[tuple[NormalEquations, NormalEquations]], with_it: Subset, without: Subset
+) -> float:
+    """Return the share of parts that come out better, 0 if all together do not."""
     better = []
-    for part in folds:
-        others = found.equations.minus(part)
+    for part, others in parts:
         a = part.misfit(with_it, others.solve(with_it)[0])
         b = part.misfit(without, others.solve(without)[0])
         better.append(b - a)
-    wins = float(np.mean(np.array(better) > 0.0)) if better else 1.0
-    if better and float(np.sum(better)) <= 0.0:
-        wins = 0.0
-    return Evidence(gain, unique_part(regression, found, best, (key,)), wins)
+    if not better:
+        return 1.0
+    return float(np.mean(np.array(better) > 0.0)) if float(np.sum(better)) > 0.0 else 0.0
 
 
 def unique_part(
@@ -157,7 +167,8 @@ def _placebo(regression: Regression, best: Subset, key: str) -> float:
     rest = {*regression.always, *(k for k in best if k != key)}
     use = np.flatnonzero(regression.weight > 0)
     weight = regression.weight[use]
-    others = [b.rows(use) for b in regression.blocks if b.key in rest]
+    blocks = (*(b for b in regression.blocks if b.key in rest), *regression.memory)
+    others = [b.rows(use) for b in blocks]
     context = Projection(others, regression.y[use], weight)
     samples = regression.samples.rows(use)
     rng = np.random.default_rng(11)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,8 @@ DECISIVE = 6.0
 """Nats by which a model must beat another (odds 400 to 1)."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
+_ROWS_EACH = 8
+"""Rows that each further block needs: a choice among many takes more than a fit."""
 _MERGES = 3
 
 
@@ -27,6 +29,7 @@ class Search:
 
     equations: NormalEquations
     always: Subset
+    largest: int
     names: dict[str, str]
     price: dict[str, float]
     scores: dict[Subset, float]
@@ -57,9 +60,9 @@ class Search:
         )
 
     def is_admissible(self, subset: Iterable[str]) -> bool:
-        """Return whether no effect is there in two variants."""
+        """Return whether no effect is there in two variants, and the rows suffice for so many."""
         names = [self.names[k] for k in subset]
-        return len(set(names)) == len(names)
+        return len(set(names)) == len(names) <= self.largest
 
     def inclusion(self) -> dict[str, float]:
         """Return the posterior probability of each effect over the subsets visited."""
@@ -79,6 +82,7 @@ def search(
     always: Sequence[str] = (),
     exhaustive: int = 3,
     excluded: Iterable[str] = (),
+    known: Mapping[Subset, float] | None = None,
 ) -> Search:
     """Score subsets of the candidates.
 
@@ -90,14 +94,18 @@ def search(
         always: keys of blocks that are in every subset (registration).
         exhaustive: largest size of which all subsets are tried.
         excluded: keys that may not be used.
+        known: scores of an earlier search of the same equations.
     """
-    out = set(always) | set(excluded)
+    out = set(always) | set(excluded) | set(equations.nuisance)
     blocks = [block for block in equations.blocks if block.key not in out]
     names = {block.key: block.name for block in blocks}
-    state = Search(equations, tuple(always), {}, {}, {})
+    most = int(np.clip(equations.rows // _ROWS_EACH, 1, LARGEST))
+    state = Search(equations, tuple(always), most, {}, {}, {})
     for block in blocks:
         state = state.with_candidate(block)
     keys = sorted(names)
+    state.scores |= {s: v for s, v in (known or {}).items() if out.isdisjoint(s)}
+    exhaustive = min(exhaustive, most)
     for size in range(exhaustive + 1):
         for subset in itertools.combinations(keys, size):
             if state.is_admissible(subset):

@@ -5,32 +5,33 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.choice import choose
 from postproc.gap.choice.standing import Choice
 from postproc.gap.data import Samples
 from postproc.gap.effect import Kind, periodic_effect
 from postproc.gap.fit import (
+    LEAST,
     Block,
+    Memory,
     Noise,
     Problem,
     Regression,
     Saturated,
+    Source,
     Wave,
     block_of,
     find_waves,
     is_gear_error,
-    repeats,
+    memory_of,
+    noise_of,
     saturated,
 )
 from postproc.gap.robot_model import evaluate
 
 LOW_ORDERS = 6
 """Waves up to this order can be imitated by other effects: they are also sought beside them."""
-_IMPURE = 1.3
-"""Variance of the repeats over that of the saturated fit from which they are not pure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,39 +41,60 @@ class Prepared:
     regression: Regression
     noise: Noise
     saturated: Saturated
+    memory: Memory
 
 
 def prepare(problem: Problem) -> Prepared:
-    """Return the regression of a problem, with its noise and measuring faults."""
+    """Return the regression of a problem, with its noise, memory and measuring faults."""
     index = np.flatnonzero(problem.searchable)
     samples = evaluate(problem.samples.rows(index), problem.given)[1]
-    y = problem.gap[index]
+    y, relative = problem.gap[index], problem.relative[index]
     blocks = problem.blocks(problem.searchable)
-    rest = saturated(blocks, y, float(np.median(np.abs(y))) + 1e-6)
-    waves = find_waves(samples, y, _weights(rest, rest.sigma), blocks)
+    level = _noise(problem, np.ones(len(problem), dtype=bool), float(np.median(np.abs(y))))
+    least = level.sigma if level.known else LEAST
+    rest = saturated(blocks, y, max(float(np.median(np.abs(y))), least) + 1e-6, least=0.5 * least)
+    waves = find_waves(samples, y, _weights(rest, max(rest.sigma, least), relative), blocks)
     variants = []
     if is_gear_error(waves):
         variants.append(wave_block(samples, waves, "all"))
-        rest = saturated((*blocks, *variants), y, rest.sigma)
-    level = _noise(problem, rest)
-    weight = _weights(rest, max(rest.sigma, level.sigma))
+        rest = saturated((*blocks, *variants), y, rest.sigma, least=0.5 * least)
+    usable = np.ones(len(problem), dtype=bool)
+    usable[index[rest.outlier]] = False
+    level = _noise(problem, usable, rest.sigma)
+    white = max(level.white, level.sigma if level.source is Source.ASSUMED else level.white)
+    parts = [block.rows(index) for block in problem.processes]
+    memory = memory_of(parts, y, _weights(rest, white, relative), (*blocks, *variants), level)
+    if memory.wander > level.wander:
+        level = replace(
+            level,
+            sigma=float(np.hypot(level.white, memory.wander)),
+            wander=memory.wander,
+            correlation=memory.correlation,
+        )
+    weight = _weights(rest, white if memory.blocks else max(rest.sigma, white), relative)
     frames = [b for b in blocks if b.effect.kind == Kind.REGISTRATION]
     plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
     if is_gear_error(plain) and plain != waves:
         variants.append(wave_block(samples, plain, "frames"))
     regression = Regression(
-        samples, y, weight, problem.split.fold[index], (*blocks, *variants), problem.always
+        samples,
+        y,
+        weight,
+        problem.split.fold[index],
+        (*blocks, *variants),
+        problem.always,
+        memory.blocks,
+        problem.split.stretch[index],
     )
-    return Prepared(regression, level, rest)
+    return Prepared(regression, level, rest, memory)
 
 
 def select(regression: Regression) -> tuple[Regression, Choice]:
     """Choose; look for waves in what the choice leaves; choose again if there are new ones."""
     choice = choose(regression)
     for again in range(0 if periodic_effect().name in regression.excluded else 2):
-        waves = find_waves(
-            regression.samples, regression.y, regression.weight, without_waves(regression, choice)
-        )
+        others = [*without_waves(regression, choice), *regression.memory]
+        waves = find_waves(regression.samples, regression.y, regression.weight, others)
         known = {b.setting["waves"] for b in regression.blocks if b.effect.periodic}
         if not is_gear_error(waves) or waves in known:
             break
@@ -94,21 +116,11 @@ def wave_block(samples: Samples, waves: tuple[Wave, ...], key: str) -> Block:
     return block_of(effect, samples, {"waves": waves}, f"{effect.name}:{key}")
 
 
-def _weights(rest: Saturated, sigma: float) -> FloatArray:
-    return np.where(rest.outlier, 0.0, 1.0 / sigma)
+def _weights(rest: Saturated, sigma: float, relative: FloatArray) -> FloatArray:
+    return np.where(rest.outlier, 0.0, 1.0 / (sigma * relative))
 
 
-def _noise(problem: Problem, rest: Saturated) -> Noise:
-    """Return the noise from repeats; from the saturated fit where they are impure or absent."""
-    index = np.flatnonzero(problem.searchable)
-    usable = np.ones(len(problem), dtype=bool)
-    usable[index[rest.outlier]] = False
-    repeated = repeats(problem.samples, problem.gap, usable)
-    if not repeated.measured:
-        repeated = repeats(problem.samples.rows(index), rest.raw, ~rest.outlier, rest.hat_root)
-    estimated = Noise(rest.sigma, 0, repeated.repeats)
-    if not repeated.measured:
-        return estimated
-    ratio = (repeated.sigma / rest.sigma) ** 2
-    surely = float(fdtrc(repeated.freedom, max(rest.freedom, 1.0), ratio)) < 1e-3
-    return estimated if ratio > _IMPURE and surely else repeated
+def _noise(problem: Problem, usable: BoolArray, rest: float) -> Noise:
+    return noise_of(
+        problem.samples, problem.gap, usable, problem.set_ups.unit, problem.instrument, rest
+    )

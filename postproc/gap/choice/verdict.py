@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.gap.choice.classes import Part
 from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.selection import Prepared
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.fit import (
+    REST,
     Fit,
     Free,
     Noise,
+    NormalEquations,
     Problem,
     Projection,
     Regression,
+    block_of,
     fit,
+    predicted,
 )
-from postproc.gap.robot_model import evaluate
+from postproc.gap.robot_model import effect_of, evaluate
 from postproc.measurement import robust_sigma
 
 STRUCTURE = 1.0
@@ -32,6 +37,10 @@ INEXACT = 0.04
 _SURE = 1e-4
 _F_RATIO = 1.35
 """Variance over that of the repeats from which the rest is more than noise, if significant."""
+_DEVICE, _DEVICE_RATIO = 40, 2.0
+"""The same of an instrument whose figure is believed as if it had that freedom."""
+_BEYOND = 1.7
+"""Structured rest, 3D root mean square, over the bound of an unknown noise per axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,17 +81,28 @@ def assess(
         known = (*choice.adopted, *choice.unnamed)
         tests, left = _tested(problem, regression, known, rest, level, outlier)
         structure = max(left, structure)
-    if choice.unnamed:
-        named = (*choice.adopted, *choice.resembled)
-        full = fitted(problem, regression, named, level.sigma, rows)
-    residual = problem.measured - _point_without(problem, full, choice.resembled)
-    return Assessment(choice, full, residual, tests, structure, outlier)
+    full = named(problem, regression, choice, level.sigma, rows)
+    return Assessment(choice, full, problem.measured - full.point, tests, structure, outlier)
 
 
-def verdict(assessment: Assessment, sigma: float) -> str:
-    """Return ``explained``, ``no_gap`` or ``unexplained``."""
+def verdict(assessment: Assessment, noise: Noise, rest: Sequence[Part] = ()) -> str:
+    """Return ``explained``, ``no_gap``, ``unexplained`` or ``undetermined``.
+
+    Where the noise is not known neither of the first two can be said; the third can, where more
+    than any noise that the rows allow is left.
+
+    Args:
+        assessment: what stands.
+        noise: of the campaign.
+        rest: what is left by its class.
+    """
     choice = assessment.choice
-    if choice.resembled or assessment.structure > tolerated(choice, sigma):
+    parts = float(np.sqrt(sum(part.rms**2 for part in rest)))
+    left = max(assessment.structure, parts)
+    if not noise.known:
+        most = max(tolerated(choice, noise.sigma), _BEYOND * noise.upper)
+        return "unexplained" if left > most else "undetermined"
+    if choice.resembled or left > tolerated(choice, noise.sigma):
         return "unexplained"
     return "explained" if choice.adopted else "no_gap"
 
@@ -102,10 +122,58 @@ def fitted(
     free = {blocks[k].name: Free(blocks[k].setting) for k in keys}
     for name in problem.always:
         free[name] = Free(problem.settings[name], problem.widen(name))
-    weight = np.full(len(index), 1.0 / sigma)
+    weight = 1.0 / (sigma * problem.relative[index])
     part = problem.samples.rows(index)
-    result = fit(part, problem.measured[index], weight, problem.given, free)
+    wander = wandered(problem, regression, free, weight, index)
+    result = fit(part, problem.measured[index] - wander, weight, problem.given, free)
     return replace(result, point=evaluate(problem.samples, result.states)[0])
+
+
+def wandered(
+    problem: Problem,
+    regression: Regression,
+    free: Mapping[str, Free],
+    weight: FloatArray,
+    index: Rows,
+) -> FloatArray:
+    """Return (k, 3) [m] the wander at some rows, beside effects fitted to them."""
+    wander = [block for block in regression.memory if block.key != REST]
+    memory = problem.memory_at(wander, index)
+    if not memory:
+        return np.zeros((len(index), 3))
+    actual = evaluate(problem.samples.rows(index), problem.given)[1]
+    blocks = [
+        block_of(effect_of(name), actual, options.setting, widen=options.widen)
+        for name, options in free.items()
+    ]
+    names = tuple(b.key for b in memory)
+    equations = NormalEquations.of((*blocks, *memory), problem.gap[index], weight, names)
+    theta = equations.noise_of([b.key for b in blocks])
+    return predicted(memory, theta)
+
+
+def named(
+    problem: Problem, regression: Regression, choice: Choice, sigma: float, rows: BoolArray
+) -> Fit:
+    """Fit a choice on some rows (n,); points and frames are those of the named effects alone.
+
+    Alternatives are fitted beside them, and do not stay: then the frames are fitted once more to
+    what does.
+    """
+    full = fitted(problem, regression, (*choice.adopted, *choice.resembled), sigma, rows)
+    if not choice.resembled:
+        return full
+    kept = {n: s for n, s in full.states.items() if n not in problem.always}
+    gone = {regression.name(k) for k in choice.resembled}
+    states = dict(problem.given) | {n: s for n, s in kept.items() if n not in gone}
+    if problem.always:
+        index = np.flatnonzero(rows)
+        free = {n: Free(problem.settings[n], problem.widen(n)) for n in problem.always}
+        weight = 1.0 / (sigma * problem.relative[index])
+        part = problem.samples.rows(index)
+        frames = fit(part, problem.measured[index], weight, states, free)
+        states |= {n: frames.states[n] for n in problem.always}
+    return replace(full, states=states, point=evaluate(problem.samples, states)[0])
 
 
 def _point_without(problem: Problem, full: Fit, alternatives: Collection[str]) -> FloatArray:
@@ -141,10 +209,15 @@ def _tested(
     outlier: BoolArray,
 ) -> tuple[tuple[Dependence, ...], float]:
     index = np.flatnonzero(problem.searchable)
-    weight = np.where(outlier[index], 0.0, 1.0 / level.sigma)
+    weight = np.where(outlier[index], 0.0, 1.0 / (level.sigma * problem.relative[index]))
     base = [b for b in regression.blocks if b.key in (*keys, *regression.always)]
-    context = Projection(base, regression.y, weight)
-    tests = dependences(regression.samples, residual[index], weight, context)
+    wander = tuple(b for b in regression.memory if b.key != REST)
+    context = Projection((*base, *wander), regression.y, weight)
+    rest = residual[index]
+    if wander:
+        equations = NormalEquations.of(wander, rest, weight, tuple(b.key for b in wander))
+        rest = rest - predicted(wander, equations.noise_of(()))
+    tests = dependences(regression.samples, rest, weight, context)
     return tests, _structure(residual[index][weight > 0], tests, level)
 
 
@@ -160,9 +233,10 @@ def _structure(residual: FloatArray, tests: tuple[Dependence, ...], level: Noise
     """Return the 3D rms [m] of what follows some condition or exceeds the repeats."""
     limit = _SURE / max(len(tests), 1)
     found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
-    if level.freedom:
+    if level.known:
         square = float(np.mean(residual**2))
         ratio = square / level.sigma**2
-        if ratio > _F_RATIO and fdtrc(residual.size, level.freedom, ratio) < 1e-3:
+        freedom, most = (level.freedom, _F_RATIO) if level.freedom else (_DEVICE, _DEVICE_RATIO)
+        if ratio > most and fdtrc(residual.size, freedom, ratio) < 1e-3:
             found = max(found, float(np.sqrt(3.0 * (square - level.sigma**2))))
     return found

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, Rows
+from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.errors import DataError
 from postproc.gap.data.reference import ArmReference
 from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet
-
-"""Rows of a campaign: a mask (n,) or numbers of rows."""
+from postproc.measurement import MeasurementSet, SetUps
 
 COLUMN_NAMES = {
     "direction": tuple(f"dir{i}" for i in range(1, 7)),
@@ -25,6 +23,9 @@ COLUMN_NAMES = {
     "temperature": ("temp_C",),
 }
 """Column of ``Samples`` to its names in the measurement file."""
+
+
+_BY_ROW = ("q", "frames", "axes", "point", "load_point", "seen", "set_up")
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,9 @@ class Samples:
 
     frames: (n, 7, 4, 4) robroot and links 1..6; axes: (n, 3, 6) joint axes; point: (n, 3)
     nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; load_point: (n, 3) where the wrench
-    acts; wrench (n, 6) ON the tool there [N, N*m]; temperature in degrees Celsius.
+    acts; wrench (n, 6) ON the tool there [N, N*m]; temperature in degrees Celsius. seen: (n, 3)
+    the measured point of each row in the flange [m], where there are several; set_up: (n, 2)
+    numbers of station and reflector.
     """
 
     arm: Arm
@@ -87,6 +90,8 @@ class Samples:
     time: FloatArray | None = None
     temperature: FloatArray | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
+    seen: FloatArray | None = None
+    set_up: IntArray | None = None
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -121,7 +126,8 @@ class Samples:
     def at(self, q: FloatArray) -> Samples:
         """Return the same rows in another pose."""
         frames, flange, axes = _geometry(self.arm, q)
-        point, load = (apply(flange, p) for p in (self.arm.p_flange_point, self.arm.p_flange_load))
+        seen = self.arm.p_flange_point if self.seen is None else self.seen
+        point, load = (apply(flange, p) for p in (seen, self.arm.p_flange_load))
         return replace(self, q=q, frames=frames, axes=axes, point=point, load_point=load)
 
     def with_points(
@@ -131,13 +137,20 @@ class Samples:
         arm = self.arm
         arm = arm if measured is None else replace(arm, p_flange_point=measured)
         arm = arm if load is None else replace(arm, p_flange_load=load)
-        return replace(self, arm=arm).at(self.q)
+        seen = self.seen if measured is None else None
+        return replace(self, arm=arm, seen=seen).at(self.q)
+
+    def with_set_ups(self, rows: SetUps, points: FloatArray) -> Samples:
+        """Return the same rows with their stations and measured points (n, 3) or (3,) [m]."""
+        numbers = np.column_stack([rows.station, rows.reflector])
+        seen = np.asarray(points) if np.ndim(points) == 2 else None
+        return replace(self, set_up=numbers, seen=seen).at(self.q)
 
     def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
         picked: dict[str, Any] = {
             name: None if getattr(self, name) is None else getattr(self, name)[index]
-            for name in ("q", "frames", "axes", "point", "load_point", *COLUMN_NAMES)
+            for name in (*_BY_ROW, *COLUMN_NAMES)
         }
         extra = {name: np.asarray(values)[index] for name, values in self.extra.items()}
         return replace(self, **picked, extra=extra)

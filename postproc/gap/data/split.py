@@ -14,17 +14,25 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data.dataset import Samples
 
 SEALED_SHARE = 0.25
+FEWEST = 40
+"""Rows below which none is sealed: shrinkage is then told by folds."""
 FOLDS = 8
+STRETCHES = 5
 _SEED = 20220115
 """Fixed: the same file gives the same split."""
 
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """sealed (n,) rows not looked at before the end; fold (n,) number of each row, 0..k-1."""
+    """Rows (n,) kept apart.
+
+    sealed: not looked at before the end: some places, and a stretch of time; fold: number of
+    neighbouring poses, 0..k-1; stretch: of rows that follow each other; cluster: of alike rows.
+    """
 
     sealed: BoolArray
     fold: IntArray
+    stretch: IntArray
     cluster: IntArray
 
     @property
@@ -50,7 +58,30 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
         features = _features(samples)
         cluster = _clusters(features, max(2, min(n // 5, 120)), rng)
         fold = _clusters(features, min(FOLDS, max(2, n // 12)), rng)
-    return Split(_sealed(cluster, rng), fold, cluster)
+    rank = _order(samples)
+    stretch = (rank * min(STRETCHES, max(2, n // 12)) // n).astype(np.int32)
+    sealed = np.zeros(n, dtype=bool)
+    if n >= FEWEST:
+        sealed = _late(rank, 0.4 * SEALED_SHARE, rng) | _sealed(cluster, 0.6 * SEALED_SHARE, rng)
+    return Split(sealed, fold, stretch, cluster)
+
+
+def _order(samples: Samples) -> IntArray:
+    """Return the place (n,) of each row in the course of time, station after station."""
+    n = len(samples)
+    time = np.arange(n, dtype=np.float64) if samples.time is None else samples.time
+    station = np.zeros(n) if samples.set_up is None else samples.set_up[:, 0]
+    rank = np.empty(n, dtype=np.int32)
+    rank[np.lexsort((np.arange(n), time, station))] = np.arange(n)
+    return rank
+
+
+def _late(rank: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
+    """Return one stretch of rows that follow each other."""
+    n = len(rank)
+    length = int(share * n)
+    start = int(rng.integers(0, n - length + 1))
+    return np.asarray((rank >= start) & (rank < start + length))
 
 
 def _labels(group: tuple[str, ...] | None, n: int) -> IntArray | None:
@@ -84,10 +115,10 @@ def _clusters(features: FloatArray, count: int, rng: np.random.Generator) -> Int
     return np.unique(label, return_inverse=True)[1].astype(np.int32)
 
 
-def _sealed(cluster: IntArray, rng: np.random.Generator) -> BoolArray:
+def _sealed(cluster: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
     sealed = np.zeros(len(cluster), dtype=bool)
     for k in rng.permutation(int(cluster.max()) + 1):
-        if sealed.mean() >= SEALED_SHARE:
+        if sealed.mean() >= share:
             break
         sealed |= cluster == k
     return sealed

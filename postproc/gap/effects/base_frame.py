@@ -40,6 +40,10 @@ class BaseFrame(Effect):
         return Basis(link=link)
 
     def registered(self, registration: Registration, theta: FloatArray) -> Registration:
-        """Move the measured frame of the robot root."""
-        T = registration.T_measured_robroot @ transform(rotation_from_vector(theta[3:]), theta[:3])
-        return replace(registration, T_measured_robroot=T)
+        """Move the measured frame of the robot root, at every station."""
+        moved = transform(rotation_from_vector(theta[3:]), theta[:3])
+        return replace(
+            registration,
+            T_measured_robroot=registration.T_measured_robroot @ moved,
+            stations={name: T @ moved for name, T in registration.stations.items()},
+        )

@@ -40,4 +40,8 @@ class ToolFrame(Effect):
 
     def registered(self, registration: Registration, theta: FloatArray) -> Registration:
         """Move the measured point in the flange."""
-        return replace(registration, p_flange_point=registration.p_flange_point + theta)
+        return replace(
+            registration,
+            p_flange_point=registration.p_flange_point + theta,
+            reflectors={name: p + theta for name, p in registration.reflectors.items()},
+        )

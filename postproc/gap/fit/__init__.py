@@ -2,24 +2,29 @@
 
 from postproc.gap.fit.fit import Fit, Free, fit
 from postproc.gap.fit.intervals import deviations
-from postproc.gap.fit.linear import Block, NormalEquations, block_of
+from postproc.gap.fit.linear import Block, NormalEquations, block_of, predicted
 from postproc.gap.fit.load_place import register_loaded
-from postproc.gap.fit.noise import Noise, Saturated, repeats, saturated
-from postproc.gap.fit.problem import Problem, pose_problem
+from postproc.gap.fit.memory import REST, Memory, memory_of
+from postproc.gap.fit.noise import LEAST, Noise, Saturated, Source, noise_of, saturated
+from postproc.gap.fit.problem import Problem, pose_problem, seen_in
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.regression import Regression, Subset
 from postproc.gap.fit.waves import Projection, Wave, find_waves, is_gear_error
 
 __all__ = [
+    "LEAST",
+    "REST",
     "Block",
     "Fit",
     "Free",
+    "Memory",
     "Noise",
     "NormalEquations",
     "Problem",
     "Projection",
     "Regression",
     "Saturated",
+    "Source",
     "Subset",
     "Wave",
     "block_of",
@@ -27,9 +32,12 @@ __all__ = [
     "find_waves",
     "fit",
     "is_gear_error",
+    "memory_of",
     "moved_by",
+    "noise_of",
     "pose_problem",
+    "predicted",
     "register_loaded",
-    "repeats",
     "saturated",
+    "seen_in",
 ]

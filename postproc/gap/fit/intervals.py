@@ -27,7 +27,8 @@ def deviations(
         keys: named blocks.
         unnamed: blocks that the rows call for, too small to be named.
     """
-    equations, folds = regression.normal_equations(), regression.fold_equations()
+    equations = regression.equations_at(np.arange(len(regression.y)))
+    folds = regression.fold_equations()
     inside = (*regression.always, *keys)
     whole = equations.solve(inside)[0]
     among = equations.solve((*inside, *unnamed))[0][: len(whole)]

@@ -87,15 +87,25 @@ class NormalEquations:
     b: FloatArray
     total: float
     slices: dict[str, slice] = field(default_factory=dict)
+    nuisance: tuple[str, ...] = ()
+    rows: int = 0
+    _reduced: tuple[FloatArray, FloatArray, float] | None = None
 
     @classmethod
-    def of(cls, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> NormalEquations:
+    def of(
+        cls,
+        blocks: Sequence[Block],
+        y: FloatArray,
+        weight: FloatArray,
+        nuisance: tuple[str, ...] = (),
+    ) -> NormalEquations:
         """Return the normal equations.
 
         Args:
             blocks: candidates.
             y: (n, 3) gap [m].
             weight: (n,) 1/sigma [1/m]; 0 leaves a row out.
+            nuisance: keys of blocks that are always there and integrated out: correlated noise.
         """
         n = len(y)
         flat = (weight[:, None] * y).ravel()
@@ -104,7 +114,15 @@ class NormalEquations:
         for block in blocks:
             slices[block.key] = slice(start, start + block.X.shape[2])
             start += block.X.shape[2]
-        return cls(blocks, X.T @ X, X.T @ flat, float(flat @ flat), slices)
+        return cls(
+            blocks,
+            X.T @ X,
+            X.T @ flat,
+            float(flat @ flat),
+            slices,
+            nuisance,
+            int(np.count_nonzero(weight)),
+        )
 
     def plus(self, other: NormalEquations, sign: float = 1.0) -> NormalEquations:
         """Return the normal equations of these rows and those of another."""
@@ -114,7 +132,26 @@ class NormalEquations:
             self.b + sign * other.b,
             self.total + sign * other.total,
             self.slices,
+            self.nuisance,
+            self.rows + int(sign) * other.rows,
         )
+
+    def reduced(self) -> tuple[FloatArray, FloatArray, float]:
+        """Return G, b and total with the nuisance integrated out; its own columns stay unused."""
+        if not self.nuisance:
+            return self.G, self.b, self.total
+        if self._reduced is None:
+            i = self._columns(self.nuisance)
+            L = np.linalg.cholesky(self.G[np.ix_(i, i)] + np.eye(len(i)))
+            A, z = np.linalg.solve(L, self.G[i]), np.linalg.solve(L, self.b[i])
+            self._reduced = self.G - A.T @ A, self.b - A.T @ z, self.total - float(z @ z)
+        return self._reduced
+
+    def noise_of(self, keys: Sequence[str]) -> FloatArray:
+        """Return the most probable numbers (p,) of the nuisance beside a fitted subset."""
+        i = self._columns((*self.nuisance, *keys))
+        whole = np.linalg.solve(self.G[np.ix_(i, i)] + np.eye(len(i)), self.b[i])
+        return np.asarray(whole[: len(self._columns(self.nuisance))])
 
     def minus(self, other: NormalEquations) -> NormalEquations:
         """Return the normal equations without the rows of another."""
@@ -122,6 +159,9 @@ class NormalEquations:
 
     def index(self, keys: Sequence[str]) -> IntArray:
         """Return the columns of these blocks."""
+        return self._columns(keys)
+
+    def _columns(self, keys: Sequence[str]) -> IntArray:
         if not keys:
             return np.zeros(0, dtype=np.int32)
         return np.concatenate([np.arange(s.start, s.stop) for s in (self.slices[k] for k in keys)])
@@ -131,8 +171,9 @@ class NormalEquations:
         if not keys:
             return 0.0
         i = self.index(keys)
-        L = np.linalg.cholesky(self.G[np.ix_(i, i)] + np.eye(len(i)))
-        z = np.linalg.solve(L, self.b[i])
+        G, b, _ = self.reduced()
+        L = np.linalg.cholesky(G[np.ix_(i, i)] + np.eye(len(i)))
+        z = np.linalg.solve(L, b[i])
         return float(0.5 * z @ z - np.sum(np.log(np.diag(L))))
 
     def solve(self, keys: Sequence[str]) -> tuple[FloatArray, FloatArray]:
@@ -140,16 +181,18 @@ class NormalEquations:
         i = self.index(keys)
         if len(i) == 0:
             return np.zeros(0), np.zeros((0, 0))
-        covariance = np.linalg.inv(self.G[np.ix_(i, i)] + np.eye(len(i)))
-        return np.asarray(covariance @ self.b[i]), np.asarray(covariance)
+        G, b, _ = self.reduced()
+        covariance = np.linalg.inv(G[np.ix_(i, i)] + np.eye(len(i)))
+        return np.asarray(covariance @ b[i]), np.asarray(covariance)
 
     def misfit(self, keys: Sequence[str], theta: FloatArray) -> float:
         """Return the sum of squares that numbers leave on these rows, in noise units."""
         i = self.index(keys)
+        G, b, total = self.reduced()
         if len(i) == 0:
-            return self.total
-        explained = float(2.0 * theta @ self.b[i] - theta @ self.G[np.ix_(i, i)] @ theta)
-        return max(self.total - explained, 0.0)
+            return total
+        explained = float(2.0 * theta @ b[i] - theta @ G[np.ix_(i, i)] @ theta)
+        return max(total - explained, 0.0)
 
     def left(self, keys: Sequence[str]) -> float:
         """Return the sum of squares that a fitted subset leaves, in noise units."""
@@ -160,7 +203,7 @@ class NormalEquations:
         i = self.index(keys)
         if len(i) == 0:
             return 0.0
-        G = self.G[np.ix_(i, i)]
+        G = self.reduced()[0][np.ix_(i, i)]
         share = np.linalg.solve(G + np.eye(len(i)), G)
         return float(np.sum(share.diagonal()))
 

@@ -14,12 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.errors import SourceRef
 from postproc.gap.data import Samples
 from postproc.gap.effect import EFFECTS, registration_effects
 from postproc.gap.fit.linear import Block, NormalEquations, block_of, predicted
 from postproc.gap.fit.registration import register
 from postproc.gap.robot_model import States, evaluate
-from postproc.measurement import in_robroot, robust_sigma
+from postproc.measurement import SetUps, in_robroot, robust_sigma
 from postproc.model import Registration
 
 NEAR = 5e-3
@@ -32,7 +33,12 @@ _FINE, _LEAST = 1e-5, 1e-6
 
 
 def register_loaded(
-    samples: Samples, measured: FloatArray, given: States, rows: BoolArray | None = None
+    samples: Samples,
+    measured: FloatArray,
+    given: States,
+    set_ups: SetUps,
+    rows: BoolArray | None = None,
+    source: SourceRef | None = None,
 ) -> Registration:
     """Fit the measured frame, the measured point, and which of the two points carries the loads.
 
@@ -40,18 +46,22 @@ def register_loaded(
         samples: rows; their arm's points are the start.
         measured: (n, 3) points in the measured frame [m].
         given: effects that the model has already; they stay.
+        set_ups: station and reflector of each row.
         rows: (n,) to register on; None: all.
+        source: of the measurements, for the message.
 
     Raises:
         DataError: MEA012 if there are too few postures.
     """
-    first = register(samples, measured, given, rows)
+    first = register(samples, measured, given, set_ups, rows, source)
     place = first.p_flange_point
     aside = float(np.linalg.norm(place - samples.arm.p_flange_load))
     if samples.wrench is None or not bool(np.any(samples.wrench)) or aside < NEAR:
         return first
+    if len(set_ups.reflectors) > 1:
+        return first
     at_point = samples.with_points(load=place)
-    y = in_robroot(first, measured)
+    y = in_robroot(first, measured, set_ups)
     sides = [_library(rows.with_points(measured=place), y, given) for rows in (samples, at_point)]
     left = [_left(blocks, gap) for blocks, gap in sides]
     sound = np.minimum(*left) < _FAULT * np.median(np.minimum(*left))
@@ -60,7 +70,7 @@ def register_loaded(
     here, there = (_evidence(NormalEquations.of(blocks, gap, weight)) for blocks, gap in sides)
     if there < here + SURE:
         return first
-    return replace(register(at_point, measured, given, rows), loads_at_point=True)
+    return replace(register(at_point, measured, given, set_ups, rows, source), loads_at_point=True)
 
 
 def _library(

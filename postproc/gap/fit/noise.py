@@ -1,123 +1,155 @@
-"""What no model can explain: noise from pure repeats, or estimated; and measuring faults."""
+"""What no model can explain: noise from repeats or the instrument; and measuring faults."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, design_matrix
+from postproc.gap.fit.revisits import revisits
 from postproc.measurement import robust_sigma
-from postproc.units import DEG
+from postproc.units import MM
 
-_SAME_POSE = 1e-3 * DEG
 _OUTLIER = 5.5
 """Residual norm over sigma: chi-squared of 3 passes 30 once in 700,000 rows of noise."""
 _MOST_OUTLIERS = 0.06
+LEAST = 2e-6
+"""No reading of a point is surer than this [m]."""
+_CONFLICT = 3.0
+"""Ratio of what repeats say and what the instrument promises that is a finding of its own."""
+_NEAREST = 0.1
+"""Share of the rows whose nearest neighbours bound the noise from above."""
+_USED = 400
+
+
+class Source(StrEnum):
+    """What a noise figure rests on."""
+
+    REPEATS = "repeats"
+    INSTRUMENT = "instrument"
+    ASSUMED = "assumed"
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Standard deviation per axis [m] and what it rests on.
+    """Standard deviation per axis [m] of what no model can explain, and what it rests on.
 
-    ``freedom``: degrees of freedom of the repeats, 0 if there are none (then it is estimated).
+    sigma: white noise and wander together; white, wander [m], correlation [s] its parts; drift:
+    what the revisited poses do in the course of time beyond that; freedom: degrees of freedom of
+    the repeats; repeats: how many; instrument: [m] of cell or file, NaN without; upper: [m] bound
+    from neighbouring poses, for a noise that is only assumed; conflict: in words, where repeats
+    and instrument disagree.
     """
 
     sigma: float
-    freedom: int
-    repeats: int
+    source: Source
+    freedom: int = 0
+    repeats: int = 0
+    white: float = float("nan")
+    wander: float = 0.0
+    correlation: float = float("nan")
+    drift: str = ""
+    instrument: float = float("nan")
+    upper: float = float("nan")
+    conflict: str = ""
 
     @property
-    def measured(self) -> bool:
-        """Whether it comes from repeats."""
-        return self.freedom >= 9
+    def known(self) -> bool:
+        """Whether it was measured or is given."""
+        return self.source is not Source.ASSUMED
 
 
-def repeats(
+def noise_of(
     samples: Samples,
     y: FloatArray,
-    usable: BoolArray | None = None,
-    hat_root: FloatArray | None = None,
+    usable: BoolArray,
+    unit: IntArray,
+    instrument: FloatArray | None,
+    rest: float,
 ) -> Noise:
-    """Return the noise of rows that were measured again under the same conditions.
-
-    A repeat from another side, at another load, speed or temperature (by more than 0.3 K) is not
-    pure and does not count. A group whose spread is far beyond the usual one holds a fault and is
-    judged by its median spread.
+    """Return the noise of a campaign: from revisited poses, else from the instrument.
 
     Args:
         samples: rows.
         y: (n, 3) gap [m].
         usable: (n,) rows that are no faults.
-        hat_root: (n, 3, p) of the fit whose residuals ``y`` are. Then other temperatures count
-            too, which the fit of temperature and time has taken out, and what that fit took of
-            the differences between repeats is no freedom of theirs.
+        unit: (n,) set-up of the measuring device.
+        instrument: (n,) sd per axis that cell or file give [m].
+        rest: what every candidate together leaves [m]: where nothing else is known it serves to
+            weigh the rows, and proves nothing.
     """
-    keys = _conditions(samples, hat_root is not None)
-    groups: dict[bytes, list[int]] = {}
-    for row, key in enumerate(keys):
-        if usable is None or usable[row]:
-            groups.setdefault(key.tobytes(), []).append(row)
-    sums, freedom, spread = [], [], []
-    for rows in groups.values():
-        if len(rows) > 1:
-            values = y[rows]
-            square = float(np.sum((values - values.mean(axis=0)) ** 2))
-            sums.append(square)
-            freedom.append(3.0 * (len(rows) - 1) - _taken(hat_root, rows))
-            spread.append(square / freedom[-1])
-    if not sums:
-        return Noise(float("nan"), 0, 0)
-    limit = 9.0 * float(np.median(spread))
-    kept = [k for k, value in enumerate(spread) if value <= limit]
-    total = sum(freedom[k] for k in kept)
-    sigma = float(np.sqrt(sum(sums[k] for k in kept) / total))
-    return Noise(sigma, int(total), int(total) // 3)
+    again = revisits(samples, y, usable, unit)
+    device = np.nan if instrument is None else float(np.sqrt(np.mean(instrument**2)))
+    if again.sufficient:
+        return Noise(
+            max(again.noise, LEAST),
+            Source.REPEATS,
+            int(again.freedom),
+            len(again.rows) - len(np.unique(again.group)),
+            max(again.white, LEAST),
+            again.wander,
+            again.correlation,
+            again.drift,
+            device,
+            conflict=_conflict(again.noise, device),
+        )
+    if instrument is not None:
+        return Noise(device, Source.INSTRUMENT, white=device, instrument=device)
+    upper = neighbour_bound(samples, y, usable, unit)
+    sigma = max(min(rest, upper), LEAST)
+    return Noise(sigma, Source.ASSUMED, white=sigma, upper=upper)
 
 
-def _taken(hat_root: FloatArray | None, rows: Sequence[int]) -> float:
-    """Return the degrees of freedom that a fit took of the differences between some rows."""
-    if hat_root is None:
-        return 0.0
-    part = hat_root[rows]
-    return float(np.sum((part - part.mean(axis=0)) ** 2))
+def _conflict(repeats: float, device: float) -> str:
+    if not np.isfinite(device) or max(repeats, device) < _CONFLICT * min(repeats, device):
+        return ""
+    return (
+        f"repeats scatter by {repeats / MM:.4f} mm, the instrument is said to have"
+        f" {device / MM:.4f} mm"
+    )
 
 
-def _conditions(samples: Samples, warm: bool) -> FloatArray:
-    """Return one rounded row of conditions per measurement."""
-    parts = [np.round(samples.q / _SAME_POSE)]
-    if samples.direction is not None:
-        parts.append(samples.direction)
-    if samples.wrench is not None:
-        parts.append(np.round(samples.wrench / 5.0))
-    if samples.qd is not None:
-        parts.append(np.round(samples.qd / (0.1 * DEG)))
-    if samples.temperature is not None and not warm:
-        parts.append(np.round(samples.temperature[:, None] / 0.3))
-    return np.ascontiguousarray(np.concatenate(parts, axis=1) + 0.0)
+def neighbour_bound(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray) -> float:
+    """Return a bound of the noise [m]: half the variance of differences of neighbouring rows."""
+    rows = np.flatnonzero(usable)
+    rows = rows[:: max(1, len(rows) // _USED)]
+    part = samples.rows(rows)
+    turned = part.q * np.array([1.0, 1.0, 1.0, 0.5, 0.5, 0.2])
+    features = [turned, 100.0 * unit[rows][:, None]]
+    if part.direction is not None:
+        features.append(0.1 * part.direction)
+    if part.wrench is not None and np.any(part.wrench):
+        features.append(part.wrench[:, :3] / np.abs(part.wrench[:, :3]).max())
+    feature = np.column_stack(features)
+    distance, near = (np.asarray(v) for v in cKDTree(feature).query(feature, k=2))
+    order = np.argsort(distance[:, 1], kind="stable")[: max(6, int(_NEAREST * len(rows)))]
+    apart = np.linalg.norm(y[rows[order]] - y[rows[near[order, 1]]], axis=1)
+    return robust_sigma(apart) / float(np.sqrt(2.0))
 
 
 @dataclass(frozen=True, slots=True)
 class Saturated:
     """What is left when every candidate is fitted at once.
 
-    residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; raw: (n, 3) [m]
-    as the fit leaves it; hat_root: (n, 3, p) whose products are the hat matrix; sigma [m] per
+    residual: (n, 3) [m] of a leave-one-out prediction, in the scale of the noise; sigma [m] per
     axis; freedom: degrees of freedom left; outlier: (n,) rows that are faults.
     """
 
     residual: FloatArray
-    raw: FloatArray
-    hat_root: FloatArray
     sigma: float
     freedom: float
     outlier: BoolArray
 
 
-def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int = 6) -> Saturated:
+def saturated(
+    blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int = 6, least: float = LEAST
+) -> Saturated:
     """Fit all blocks together with their priors, again and again, setting faults aside.
 
     Rows are judged only here, with every candidate in the model, by the error of predicting each
@@ -128,11 +160,12 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
         y: (n, 3) gap [m].
         sigma: first guess of the noise [m] per axis.
         rounds: most fits.
+        least: no smaller noise is believed [m]: few rows leave nothing of many numbers.
     """
     n = len(y)
     X = design_matrix(blocks, n)
     use = np.ones(n, dtype=bool)
-    result = Saturated(y, y, X[:, :, :0], sigma, 3.0 * n, ~use)
+    result = Saturated(y, sigma, 3.0 * n, ~use)
     for _ in range(rounds):
         A = X[use].reshape(-1, X.shape[2])
         inverse = np.linalg.inv(A.T @ A + sigma**2 * np.eye(X.shape[2]))
@@ -146,12 +179,12 @@ def saturated(blocks: Sequence[Block], y: FloatArray, sigma: float, rounds: int 
         out = _whitened(raw, free)
         norm = np.linalg.norm(out, axis=1)
         robust = robust_sigma(norm[use])
-        new_sigma = float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0)))
+        new_sigma = max(float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0))), least)
         limit = _OUTLIER * max(min(robust, new_sigma), 1e-9)
         bad = norm > limit
         if bad.sum() > _MOST_OUTLIERS * n:
             bad = norm > np.sort(norm)[-int(_MOST_OUTLIERS * n) - 1]
-        result = Saturated(out, raw, root, new_sigma, freedom, bad)
+        result = Saturated(out, new_sigma, freedom, bad)
         settled = bool(np.array_equal(bad, ~use)) and abs(new_sigma / sigma - 1.0) < 0.02
         use, sigma = ~bad, new_sigma
         if settled:

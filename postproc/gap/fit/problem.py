@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
 from postproc.gap.data import COLUMN_NAMES, Samples, Split, samples_of, split
-from postproc.gap.effect import EFFECTS, Effect, Setting, registration_effects
+from postproc.gap.effect import EFFECTS, Effect, Kind, Setting
 from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
+from postproc.gap.fit.memory import at_size, processes
 from postproc.gap.fit.registration import rows_on_the_arm
+from postproc.gap.fit.repair import repaired
 from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, in_robroot
+from postproc.measurement import MeasurementSet, SetUps, in_robroot, points_of, set_ups
 from postproc.model import ModelFile, Registration
 from postproc.units import MM
 
@@ -26,6 +28,10 @@ WIDE = 20.0
 LARGEST_SEARCH = 1500
 """Rows used for searching; more make it slower and no better."""
 _FEWEST = 12
+_READINGS = 4
+"""Readings, three a row, that each number of an effect needs."""
+_FRAMES = 9
+"""Numbers of a registration."""
 _FARTHEST = 50.0 * MM
 """Usual gap beyond which the rows are of another frame."""
 _SEED = 5
@@ -36,7 +42,8 @@ class Problem:
     """Rows with the gap (n, 3) [m] that the given model leaves, and what may explain it.
 
     measured: (n, 3) in robroot; given: states of the model; registered: frames are fitted anyway;
-    searchable: (n,) rows for the search (not sealed, thinned); not_testable: effect to columns.
+    searchable: (n,) rows for the search (not sealed, thinned); not_testable: effect to columns;
+    instrument: (n,) sd per axis of each reading [m], where file or cell give it.
     """
 
     measurements: MeasurementSet
@@ -50,6 +57,9 @@ class Problem:
     split: Split
     searchable: BoolArray
     registration: Registration | None
+    set_ups: SetUps
+    instrument: FloatArray | None
+    processes: tuple[Block, ...]
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -58,11 +68,25 @@ class Problem:
     @property
     def always(self) -> tuple[str, ...]:
         """Blocks that are in every subset."""
-        return registration_effects() if self.registration is not None else ()
+        if self.registration is None:
+            return ()
+        return tuple(e.name for e in self.effects if e.kind == Kind.REGISTRATION)
+
+    @property
+    def relative(self) -> FloatArray:
+        """(n,) sd of each reading against the usual one."""
+        if self.instrument is None:
+            return np.ones(len(self))
+        return np.asarray(self.instrument / np.sqrt(np.mean(self.instrument**2)))
 
     def widen(self, name: str) -> float:
         """Return how far the prior of an effect is widened."""
         return WIDE if name in self.always else 1.0
+
+    def memory_at(self, memory: Sequence[Block], index: Rows) -> tuple[Block, ...]:
+        """Return the processes of a memory at other rows."""
+        whole = {block.key: block for block in self.processes}
+        return tuple(at_size(whole[block.key].rows(index), block) for block in memory)
 
     def blocks(self, rows: BoolArray) -> tuple[Block, ...]:
         """Return the columns of all candidates but waves, at the pose that the model gives."""
@@ -91,7 +115,8 @@ def pose_problem(
     """Return a campaign ready for diagnosis.
 
     Raises:
-        DataError: GAP003 too few rows, GAP004 rows of an unregistered frame.
+        DataError: GAP003 too few rows, GAP004 rows of an unregistered frame, GAP007 rows of a
+            station that the given model does not know.
     """
     place = SourceRef(measurements.path, int(measurements.line[0]))
     if len(measurements) < _FEWEST:
@@ -99,21 +124,26 @@ def pose_problem(
         raise DataError(
             "GAP003", f"{count} rows are too few to diagnose, at least {_FEWEST}", place
         )
+    known = model.registration if model is not None else None
+    frame = None if registered else known
+    measurements = repaired(measurements, kinematics, cell, registered, frame)
+    rows = set_ups(measurements)
     robot = RobotModel.of(kinematics, cell, model)
     samples = samples_of(robot.arm, measurements)
     given = robot.usable(samples)
     measured = np.asarray(measurements.position)
     registration = None
     if registered:
-        registration = register_loaded(samples, measured, given, rows_on_the_arm(samples, given))
-    frame = registration or (model.registration if model is not None else None)
+        on_arm = rows_on_the_arm(samples, given)
+        registration = register_loaded(samples, measured, given, rows, on_arm, place)
+        frame = registration
     if frame is not None:
         samples = samples_of(arm_of(kinematics, cell, frame), measurements)
-        measured = in_robroot(frame, measured)
+        samples, measured = seen_in(frame, samples, measured, rows, place)
     gap = measured - evaluate(samples, given)[0]
     if not registered:
         _require_near(gap, place)
-    effects, not_testable = _candidates(samples, given)
+    effects, not_testable = _candidates(samples, given, registered, registered and rows.several)
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }
@@ -130,7 +160,46 @@ def pose_problem(
         parts,
         _thinned(~parts.sealed),
         registration,
+        rows,
+        _instrument(measurements, cell),
+        processes(samples, rows.unit),
     )
+
+
+def seen_in(
+    frame: Registration,
+    samples: Samples,
+    measured: FloatArray,
+    rows: SetUps,
+    place: SourceRef | None,
+) -> tuple[Samples, FloatArray]:
+    """Return samples at the measured point of each row, and the readings (n, 3) in robroot.
+
+    Raises:
+        DataError: GAP007 a station or reflector that the registration does not know.
+    """
+    try:
+        points = points_of(frame, rows)
+        inside = in_robroot(frame, measured, rows)
+    except KeyError as unknown:
+        raise DataError(
+            "GAP007",
+            f"station or reflector {unknown.args[0]!r} is not in the registration of the model",
+            place,
+            hint="--register fits it to these rows; several files are stations of their own",
+        ) from None
+    if rows.several:
+        samples = samples.with_set_ups(rows, points)
+    return samples, inside
+
+
+def _instrument(measurements: MeasurementSet, cell: Cell) -> FloatArray | None:
+    """Return the sd per axis of each reading (n,) [m] by file or cell, None if unknown."""
+    if measurements.sigma is not None:
+        return np.asarray(measurements.sigma)
+    if cell.measuring_sigma is not None:
+        return np.full(len(measurements), cell.measuring_sigma)
+    return None
 
 
 def _require_near(gap: FloatArray, place: SourceRef) -> None:
@@ -145,15 +214,33 @@ def _require_near(gap: FloatArray, place: SourceRef) -> None:
         )
 
 
+def rows_for(effect: Effect, samples: Samples, frames: int) -> int:
+    """Return how many rows the numbers of an effect need beside those of the frames.
+
+    As many readings as twice the numbers; those of waves and frames are chosen otherwise.
+    """
+    if effect.periodic or effect.kind == Kind.REGISTRATION:
+        return 0
+    own = len(effect.parameters(samples.arm, effect.prepare(samples)))
+    return -(-_READINGS * (own + frames) // 3)
+
+
 def _candidates(
-    samples: Samples, given: States
+    samples: Samples, given: States, registered: bool, several: bool
 ) -> tuple[tuple[Effect, ...], dict[str, tuple[str, ...]]]:
     """Return what can be tested, and for the rest the columns that are missing or constant."""
     effects: list[Effect] = []
+    frames = _FRAMES if registered else 0
     missing: dict[str, tuple[str, ...]] = {}
     for name, effect in EFFECTS:
+        if effect.of_several and not several:
+            continue
         lacking = [column for column in effect.needs if not _informative(samples, column)]
-        if not lacking:
+        needed = 0 if lacking else rows_for(effect, samples, frames)
+        if needed > len(samples):
+            if not effect.is_alternative:
+                missing[name] = (f"about {needed} rows",)
+        elif not lacking:
             if name not in given or not effect.is_fixed(given[name].setting):
                 effects.append(effect)
         elif not effect.is_alternative:

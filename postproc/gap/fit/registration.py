@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.errors import SourceRef
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import States, effect_of, evaluate
-from postproc.measurement import fit_registration, unloaded_rows
+from postproc.measurement import SetUps, fit_registration, unloaded_rows
 from postproc.model import Registration
 
+_ENOUGH_OF_STATION = 6
+"""Unloaded rows of one station or reflector that suffice without its loaded ones."""
 _ROUNDS = 5
 _SETTLED = 1e-9
 """Change of the point [m] that ends the fit: what the model does at it has settled."""
@@ -25,7 +28,12 @@ def rows_on_the_arm(samples: Samples, given: States) -> BoolArray:
 
 
 def register(
-    samples: Samples, measured: FloatArray, given: States, rows: BoolArray | None = None
+    samples: Samples,
+    measured: FloatArray,
+    given: States,
+    set_ups: SetUps,
+    rows: BoolArray | None = None,
+    source: SourceRef | None = None,
 ) -> Registration:
     """Fit the measured frame and the measured point to the arm of the given model.
 
@@ -33,21 +41,36 @@ def register(
         samples: rows; their arm's point is the start.
         measured: (n, 3) points in the measured frame [m].
         given: effects that the model has already; they stay.
+        set_ups: station and reflector of each row.
         rows: (n,) to register on; None: all.
+        source: of the measurements, for the message.
 
     Raises:
         DataError: MEA012 if there are too few postures.
     """
     if rows is not None:
-        samples, measured = samples.rows(rows), measured[rows]
+        rows = _of_every_station(rows, set_ups)
+        samples, measured, set_ups = samples.rows(rows), measured[rows], set_ups.rows(rows)
     start = np.asarray(samples.arm.p_flange_point)
     place = start
     for _ in range(_ROUNDS):
-        found = fit_registration(_flange(samples, place, given), measured, start)
+        flange = _flange(samples, place, given)
+        found = fit_registration(flange, measured, start, source, set_ups)
         change = float(np.linalg.norm(found.p_flange_point - place))
         place = found.p_flange_point
         if not given or change < _SETTLED:
             break
+    return found
+
+
+def _of_every_station(rows: BoolArray, set_ups: SetUps) -> BoolArray:
+    """Return the rows, and all those of a station or reflector that has few among them."""
+    found = rows.copy()
+    for label in (set_ups.station, set_ups.reflector):
+        for k in np.unique(label):
+            here = label == k
+            if rows[here].sum() < _ENOUGH_OF_STATION:
+                found |= here
     return found
 
 

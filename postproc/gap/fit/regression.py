@@ -10,6 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, NormalEquations
+from postproc.gap.fit.memory import REST
 
 Subset = tuple[str, ...]
 """Keys of blocks."""
@@ -17,9 +18,11 @@ Subset = tuple[str, ...]
 
 @dataclass(frozen=True, slots=True)
 class Regression:
-    """The linearised problem: rows, gap (n, 3) [m], weights (n,) [1/m], folds, blocks.
+    """The linearised problem.
 
-    ``excluded``: effects that made sealed rows worse; their blocks are gone.
+    Rows, gap (n, 3) [m], weights (n,) [1/m], folds of place and stretches of time (n,), blocks.
+    ``memory``: correlated noise and a smooth rest, always there and never named; ``excluded``:
+    effects that were ruled out for good; their blocks are gone.
     """
 
     samples: Samples
@@ -28,12 +31,19 @@ class Regression:
     fold: IntArray
     blocks: tuple[Block, ...]
     always: Subset
+    memory: tuple[Block, ...] = ()
+    stretch: IntArray | None = None
     excluded: tuple[str, ...] = ()
 
     def without(self, names: Collection[str]) -> Regression:
         """Return the same rows with some effects excluded for good."""
         blocks = tuple(b for b in self.blocks if b.name not in names)
         return replace(self, blocks=blocks, excluded=(*self.excluded, *sorted(names)))
+
+    @property
+    def nuisance(self) -> Subset:
+        """Keys of the memory."""
+        return tuple(block.key for block in self.memory)
 
     @property
     def sigma(self) -> float:
@@ -55,18 +65,31 @@ class Regression:
 
     def normal_equations(self) -> NormalEquations:
         """Return the normal equations of all rows in use."""
-        return NormalEquations.of(self.blocks, self.y, self.weight)
+        return NormalEquations.of((*self.blocks, *self.memory), self.y, self.weight, self.nuisance)
 
     def fold_equations(self) -> list[NormalEquations]:
-        """Return the normal equations of each fold."""
+        """Return the normal equations of each fold of neighbouring poses."""
+        return self._parts(self.fold)
+
+    def stretch_equations(self) -> list[NormalEquations]:
+        """Return the normal equations of each stretch of time."""
+        return [] if self.stretch is None else self._parts(self.stretch)
+
+    def _parts(self, label: IntArray) -> list[NormalEquations]:
         equations = []
-        for k in range(int(self.fold.max()) + 1):
-            rows = np.flatnonzero((self.fold == k) & (self.weight > 0))
+        for k in range(int(label.max()) + 1):
+            rows = np.flatnonzero((label == k) & (self.weight > 0))
             if len(rows) >= 3:
                 equations.append(self.equations_at(rows))
         return equations
 
     def equations_at(self, rows: Rows) -> NormalEquations:
-        """Return the normal equations of some rows."""
-        part = [block.rows(rows) for block in self.blocks]
-        return NormalEquations.of(part, self.y[rows], self.weight[rows])
+        """Return the normal equations of some rows, for what holds beyond them.
+
+        A smooth rest would take to itself what an effect says of rows that it was not fitted to:
+        of the memory the wander counts alone.
+        """
+        wander = [block for block in self.memory if block.key != REST]
+        part = [block.rows(rows) for block in (*self.blocks, *wander)]
+        names = tuple(block.key for block in wander)
+        return NormalEquations.of(part, self.y[rows], self.weight[rows], names)

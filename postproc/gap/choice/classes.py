@@ -1,0 +1,384 @@
+"""What a rest is a function of, where no effect is its cause.
+
+A joint's angle, time, place, load, approach, speed, orientation, temperature: each is a group of
+columns of one size, fitted by its marginal likelihood, so that groups of different size compare
+fairly. The largest is taken, and the others are judged by what it leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IndexArray
+from postproc.gap.data import Samples
+from postproc.gap.fit import Projection, Regression, Wave
+
+SIZES = (1.0, 3.0, 10.0, 30.0)
+"""Sizes tried of a group, in noise."""
+SURE = 12.0
+"""Nats that a group must bring."""
+MOST = 4
+_STEPS = 16
+"""Moments at which a step is tried."""
+_TAILS = (300.0, 1800.0)
+"""Times [s] in which a load's trace fades."""
+AHEAD = 10.0
+"""Nats by which a class beats the formula of an effect."""
+_RIVALS = ("joint", "time", "place", "load", "orientation", "condition")
+_FORMULAS = {
+    ("joint", "once per turn"),
+    ("joint", "twice per turn"),
+    ("load", "proportional"),
+    ("load", "hardening"),
+    ("load", "changes over the place"),
+}
+"""Class and shape that effects of the library have, or are told from otherwise."""
+_SMALLEST = 0.5
+"""Root mean square of what is listed, in noise per axis."""
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of the rest: its class, what of it, the shape, 3D rms [m] and evidence [nats]."""
+
+    kind: str
+    of: str
+    shape: str
+    rms: float
+    gain: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """Columns (n, 3, m) of a class, each of unit rms [m]."""
+
+    kind: str
+    of: str
+    shape: str
+    X: FloatArray
+    price: float = 0.0
+
+    @property
+    def is_rival(self) -> bool:
+        """Whether no effect has this formula."""
+        return (self.kind, self.shape) not in _FORMULAS and self.kind in _RIVALS
+
+
+def unexplained(
+    regression: Regression, keys: Iterable[str], waves: Iterable[Wave] = ()
+) -> tuple[Part, ...]:
+    """Return what the rest beside some blocks is a function of, largest first.
+
+    Args:
+        regression: rows and blocks.
+        keys: blocks that are known causes; frames are always among them.
+        waves: ripples that were found in the rest.
+    """
+    bench = _Bench.of(regression, waves)
+    context = bench.context({*regression.always, *keys})
+    left = list(range(len(bench.groups)))
+    found: list[Part] = []
+    for _ in range(MOST):
+        tried = bench.fitted(context, left)
+        best = max(left, key=lambda k: tried[k].gain, default=-1)
+        if best < 0 or tried[best].gain < SURE:
+            break
+        group, fit = bench.groups[best], tried[best]
+        left.remove(best)
+        context.extend(bench.columns(best) * fit.size)
+        if fit.rms > _SMALLEST * bench.noise:
+            found.append(Part(group.kind, group.of, group.shape, fit.rms, fit.gain))
+    return tuple(sorted(found, key=lambda p: (-p.rms, p.kind, p.of)))
+
+
+def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) -> dict[str, str]:
+    """Return the named blocks in whose place a class explains more, and which.
+
+    Only classes whose formula is that of no effect stand against them.
+
+    Args:
+        regression: rows and blocks.
+        named: keys of the blocks to be judged.
+        beside: keys of all blocks of the model.
+    """
+    bench = _Bench.of(regression, ())
+    rivals = [k for k, group in enumerate(bench.groups) if group.is_rival]
+    inside = {*regression.always, *beside}
+    found: dict[str, str] = {}
+    for key in named:
+        context = bench.context(inside - {key})
+        own = _weighted(regression.block(key).X[bench.use], bench.weight)
+        gain = context.gain(own, context.rest)
+        tried = bench.fitted(context, rivals)
+        best = max(rivals, key=lambda k: tried[k].gain)
+        if tried[best].gain > gain + AHEAD:
+            group = bench.groups[best]
+            found[key] = f"{group.kind} ({group.of}: {group.shape}) explains more in its place"
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Fitted:
+    """Evidence less the price [nats], size [m] and 3D rms [m] of a group at its best size."""
+
+    gain: float
+    size: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Bench:
+    """Groups on the rows in use, their columns side by side."""
+
+    regression: Regression
+    use: IndexArray
+    weight: FloatArray
+    groups: list[_Group]
+    X: FloatArray
+    start: IndexArray
+
+    @classmethod
+    def of(cls, regression: Regression, waves: Iterable[Wave]) -> _Bench:
+        """Return all groups on the rows of a regression."""
+        use = np.flatnonzero(regression.weight > 0)
+        weight = regression.weight[use]
+        groups = [g for g in _groups(regression.samples.rows(use), waves) if g.X.shape[2]]
+        X = np.concatenate([_weighted(g.X, weight) for g in groups], axis=1)
+        start = np.cumsum([0, *(g.X.shape[2] for g in groups)])
+        return cls(regression, use, weight, groups, X, start)
+
+    @property
+    def noise(self) -> float:
+        """Noise [m] per axis."""
+        return 1.0 / float(np.median(self.weight))
+
+    def context(self, keys: Collection[str]) -> Projection:
+        """Return what some blocks leave."""
+        base = [b.rows(self.use) for b in self.regression.blocks if b.key in keys]
+        return Projection(base, self.regression.y[self.use], self.weight)
+
+    def columns(self, k: int) -> FloatArray:
+        """Return the columns (3n, m) of a group, in units of the noise per metre."""
+        return self.X[:, self.start[k] : self.start[k + 1]]
+
+    def fitted(self, context: Projection, which: Collection[int]) -> dict[int, _Fitted]:
+        """Return what some groups bring in a context."""
+        rest = context.rest
+        taken = context.X.T @ self.X
+        bound = context.inverse @ taken
+        whole = self.X.T @ rest
+        found = {}
+        for k in which:
+            part = slice(self.start[k], self.start[k + 1])
+            A = self.X[:, part].T @ self.X[:, part] - taken[:, part].T @ bound[:, part]
+            found[k] = self._best(A, whole[part], self.groups[k].price)
+        return found
+
+    def _best(self, A: FloatArray, b: FloatArray, price: float) -> _Fitted:
+        best = _Fitted(-np.inf, 0.0, 0.0)
+        for size in SIZES:
+            scale = size * self.noise
+            H = scale**2 * A + np.eye(len(A))
+            theta = scale**2 * np.linalg.solve(H, b)
+            gain = 0.5 * float(b @ theta) - 0.5 * float(np.linalg.slogdet(H)[1]) - price
+            if gain > best.gain:
+                square = max(float(theta @ A @ theta), 0.0) / len(self.use)
+                best = _Fitted(gain, scale, self.noise * float(np.sqrt(square)))
+        return best
+
+
+def _weighted(X: FloatArray, weight: FloatArray) -> FloatArray:
+    return np.asarray((X * weight[:, None, None]).reshape(3 * len(X), -1))
+
+
+def _groups(samples: Samples, waves: Iterable[Wave]) -> list[_Group]:
+    """Return all groups, columns of unit size."""
+    parts = (
+        _of_joints(samples),
+        _of_waves(samples, waves),
+        _of_time(samples),
+        _of_place(samples),
+        _of_load(samples),
+        _of_motion(samples),
+        _of_warmth(samples),
+        _of_conditions(samples),
+    )
+    return [g for part in parts for g in part]
+
+
+def _unit(X: FloatArray) -> FloatArray:
+    """Scale columns to unit rms, each; those that are nothing are left out."""
+    size = np.sqrt(np.mean(np.sum(X**2, axis=1), axis=0))
+    good = size > 1e-12
+    return np.asarray(X[:, :, good] / size[good])
+
+
+def _vectors(f: FloatArray) -> FloatArray:
+    """Return (n, 3, 3 k): functions (n, k) along each axis."""
+    n, k = f.shape
+    return np.asarray(np.einsum("ij,nk->nijk", np.eye(3), f).reshape(n, 3, 3 * k))
+
+
+def _turns(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
+    """Return (n, 3, k): functions (n, k) as turns of one joint."""
+    return np.asarray(samples.jacobian[:, :, joint, None] * f[:, None, :])
+
+
+def _of_joints(samples: Samples) -> Iterator[_Group]:
+    spread = (samples.q - samples.q.mean(axis=0)) / (np.std(samples.q, axis=0) + 1e-9)
+    yield _Group("joint", "joints", "linear", _unit(samples.jacobian * spread[:, None, :]))
+    for joint in range(6):
+        q = samples.q[:, joint]
+        if float(np.ptp(q)) < 1e-3:
+            continue
+        name, x = f"q{joint + 1}", (q - q.mean()) / np.std(q)
+        yield _Group("joint", name, "linear", _unit(_turns(samples, joint, x[:, None])))
+        bent = np.column_stack([x**2 - 1.0, x**3 - 3.0 * x])
+        yield _Group("joint", name, "curved", _unit(_turns(samples, joint, bent)))
+        for n, words in ((1, "once per turn"), (2, "twice per turn")):
+            f = np.column_stack([np.cos(n * q), np.sin(n * q)])
+            yield _Group("joint", name, words, _unit(_turns(samples, joint, f)))
+            yield _Group(
+                "joint", name, f"{words}, of a bearing", _unit(_bearing(samples, joint, f))
+            )
+
+
+def _bearing(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
+    """Return shifts and tilts (n, 3, 6 k) of what a joint's bearing carries, by functions."""
+    frames = samples.frames[:, joint, :3, :3]
+    lever = samples.point - samples.frames[:, joint + 1, :3, 3]
+    tilts = np.stack([np.cross(frames[:, :, k], lever) for k in range(3)], axis=2)
+    both = np.concatenate([frames, tilts], axis=2)
+    return np.asarray(np.einsum("nim,nk->nimk", both, f).reshape(len(f), 3, -1))
+
+
+def _of_waves(samples: Samples, waves: Iterable[Wave]) -> Iterator[_Group]:
+    for joint, n in waves:
+        phase = n * samples.q[:, joint - 1]
+        f = np.column_stack([np.cos(phase), np.sin(phase)])
+        X = _unit(_turns(samples, joint - 1, f))
+        if n > 2:
+            yield _Group("joint", f"q{joint}", f"{n:g} per turn", X, price=6.0)
+
+
+def _of_time(samples: Samples) -> Iterator[_Group]:
+    time = samples.time
+    if time is None or float(np.ptp(time)) <= 0.0:
+        return
+    part = (time - time.min()) / float(np.ptp(time))
+    forms = [("ramp", part), ("warm-up", 1.0 - np.exp(-4.0 * part))]
+    for shape, f in forms:
+        yield _Group("time", "station", shape, _unit(_moved(samples, f)))
+        every = [_turns(samples, joint, f[:, None]) for joint in range(6)]
+        yield _Group("time", "joints", shape, _unit(np.concatenate(every, axis=2)))
+    knots = np.linspace(0.0, 1.0, 13)
+    hats = np.maximum(1.0 - np.abs(part[:, None] - knots) * 12.0, 0.0)
+    yield _Group("time", "station", "wander", _unit(_vectors(hats)))
+    price = float(np.log(_STEPS))
+    for at in np.quantile(time, np.linspace(0.05, 0.95, _STEPS)):
+        f = (time > at).astype(float)
+        if not 0.0 < f.mean() < 1.0:
+            continue
+        shape = f"step at {at:.0f} s"
+        yield _Group("time", "station", shape, _unit(_moved(samples, f)), price)
+        R = samples.frames[:, 6, :3, :3] * f[:, None, None]
+        yield _Group("time", "reflector", shape, _unit(R), price)
+        for joint in range(6):
+            X = _unit(_turns(samples, joint, f[:, None]))
+            yield _Group("time", f"q{joint + 1}", shape, X, price)
+
+
+def _moved(samples: Samples, f: FloatArray) -> FloatArray:
+    """Return shift and turn (n, 3, 6) of the measured frame by a function (n,)."""
+    turn = np.stack([np.cross(np.eye(3)[k], samples.point) for k in range(3)], axis=2)
+    shift = np.tile(np.eye(3), (len(f), 1, 1))
+    return np.asarray(np.concatenate([shift, turn], axis=2) * f[:, None, None])
+
+
+def _of_place(samples: Samples) -> Iterator[_Group]:
+    x = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
+    yield _Group("place", "x, y, z", "scale", _unit(_vectors(x)))
+    bent = np.column_stack([x**2, x[:, :1] * x[:, 1:], x[:, 1] * x[:, 2]])
+    yield _Group("place", "x, y, z", "curved", _unit(_vectors(np.column_stack([x, bent]))))
+    f = np.concatenate([fn(samples.q[:, 3:]) for fn in (np.cos, np.sin)], axis=1)
+    R = samples.frames[:, 6, :3, :3]
+    X = np.einsum("nij,nk->nijk", R, f).reshape(len(f), 3, -1)
+    yield _Group("orientation", "wrist", "once per turn", _unit(X))
+
+
+def _of_load(samples: Samples) -> Iterator[_Group]:
+    if samples.wrench is None or not np.any(samples.wrench):
+        return
+    force, J = samples.wrench[:, :3], samples.jacobian
+    torque = samples.load_torque() * samples.arm.reference.c_joint
+    size = np.linalg.norm(force, axis=1) / (np.linalg.norm(force, axis=1).max() + 1e-9)
+    yield _Group("load", "joints", "proportional", _unit(J * torque[:, None, :]))
+    hard = J * (torque * size[:, None])[:, None, :]
+    yield _Group("load", "joints", "hardening", _unit(hard))
+    yield _Group("load", "place", "proportional", _unit(_vectors(force)))
+    x = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
+    over = np.einsum("nk,nm->nkm", force, x).reshape(len(x), 9)
+    yield _Group("load", "place", "changes over the place", _unit(_vectors(over)))
+    if samples.time is not None:
+        yield _Group("load", "joints", "with a time tail", _unit(_tails(samples, torque)))
+        late = (samples.time - samples.time.min()) / (np.ptp(samples.time) + 1e-9)
+        aged = J * (torque * late[:, None])[:, None, :]
+        yield _Group("load", "joints", "grows with time", _unit(aged))
+
+
+def _tails(samples: Samples, torque: FloatArray) -> FloatArray:
+    """Return turns of joints (n, 3, 12) by what earlier loads have left."""
+    time = samples.time
+    if time is None:
+        return np.zeros((len(torque), 3, 0))
+    order = np.argsort(time, kind="stable")
+    found = []
+    for fade in _TAILS:
+        state, out = np.zeros(6), np.zeros_like(torque)
+        before = float(time[order[0]])
+        for row in order:
+            keep = float(np.exp(-(float(time[row]) - before) / fade))
+            state = keep * state + (1.0 - keep) * torque[row]
+            out[row], before = state, float(time[row])
+        found.append(samples.jacobian * out[:, None, :])
+    return np.concatenate(found, axis=2)
+
+
+def _of_motion(samples: Samples) -> Iterator[_Group]:
+    J = samples.jacobian
+    if samples.direction is not None and np.any(samples.direction):
+        d = samples.direction
+        for joint in range(6):
+            X = _unit(_turns(samples, joint, d[:, joint : joint + 1]))
+            yield _Group("approach", f"q{joint + 1}", "constant", X)
+        yield _Group("approach", "joints", "constant", _unit(J * d[:, None, :]))
+        heavy = d * (
+            1.0 + np.cos(samples.q[:, 1:2]) + np.cos(samples.q[:, 1:2] + samples.q[:, 2:3])
+        )
+        both = np.concatenate([J * d[:, None, :], J * heavy[:, None, :]], axis=2)
+        yield _Group("approach", "joints", "grows with load", _unit(both))
+    if samples.qd is not None and np.any(samples.qd):
+        v = samples.qd
+        yield _Group("speed", "joints", "proportional", _unit(J * v[:, None, :]))
+        yield _Group("speed", "joints", "quadratic", _unit(J * (v * np.abs(v))[:, None, :]))
+
+
+def _of_warmth(samples: Samples) -> Iterator[_Group]:
+    warm = samples.temperature
+    if warm is None or float(np.ptp(warm)) <= 0.0:
+        return
+    f = (warm - warm.mean()) / np.std(warm)
+    X = np.concatenate([_moved(samples, f), samples.jacobian * f[:, None, None]], axis=2)
+    yield _Group("temperature", "arm", "proportional", _unit(X))
+
+
+def _of_conditions(samples: Samples) -> Iterator[_Group]:
+    for name, values in samples.extra.items():
+        array = np.asarray(values)
+        if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or np.ptp(array) == 0:
+            continue
+        f = (array - array.mean()) / np.std(array)
+        yield _Group("condition", name, "proportional", _unit(_vectors(f[:, None])))
