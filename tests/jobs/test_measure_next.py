@@ -169,7 +169,7 @@ def test_a_set_is_resolved_by_what_was_asked_for(ambiguous, tmp_path, capsys):
         (61, "joint_offset", 0.08, ("gravity_sag", "payload_error")),
         (100, "counterbalance", 0.15, ("payload_error",)),
         (101, "payload_error", 0.15, ("joint_offset", "counterbalance")),
-        (100, "joint_compliance", 0.08, ("link_bending",)),
+        (101, "joint_compliance", 0.08, ("link_bending",)),
     ],
 )
 def test_promised_and_delivered(world, cell, tmp_path, seed, name, span, rivals):

@@ -85,6 +85,7 @@ def _cell() -> str:
 _EMPTY = {
     Empty.ERROR: "required in every row",
     Empty.COLUMN: "all rows or none",
+    Empty.BETWEEN: "few: between the rows around; all: none",
     Empty.ZERO: "empty means 0",
 }
 
@@ -111,6 +112,8 @@ def _csv() -> Iterator[str]:
     yield "| column | meaning | empty |\n|---|---|---|"
     yield "| `id` | name of the row | numbered |"
     yield "| `group` | rows that were taken together; cross-validation keeps them whole | none |"
+    yield "| `station` | set-up of the measuring device, with its own frame | one, of the file |"
+    yield "| `reflector` | what it sees, each with its own place on the tool | one |"
     for quantity in QUANTITIES:
         names = ", ".join(f"`{name}`" for name in quantity.names)
         yield f"| {names} | {quantity.meaning} | {_EMPTY[quantity.empty]} |"
