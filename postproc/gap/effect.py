@@ -186,6 +186,10 @@ class Effect(ABC):
         del theta, deviation, arm
         return ""
 
+    def ends(self, theta: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return both ends (p,) of the intervals of fitted numbers with half widths (p,)."""
+        return theta - width, theta + width
+
     def placebo(self, samples: Samples, rng: np.random.Generator) -> Samples:
         """Return the same rows with the meaning of the needed columns destroyed.
 

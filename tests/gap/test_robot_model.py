@@ -65,7 +65,7 @@ def test_backlash_and_lag_turn_the_joints(world, samples_of_data):
     data = data_of(world)
     gap, lag = np.full(6, 2e-4), np.full(6, 3e-3)
     truth = world.Truth()
-    truth.joint.append(lambda d, now: gap * d["direction"] - lag * d["qd"])
+    truth.joint.append(lambda d, now: -gap * d["direction"] - lag * d["qd"])
     got = tool_point(samples_of_data(data), {"backlash": State(gap), "servo_lag": State(lag)})
     assert np.abs(got - world.solve(truth, data)).max() < 1e-12
 

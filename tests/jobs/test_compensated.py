@@ -156,7 +156,7 @@ def test_long_lines_are_straight_for_the_real_tool(tmp_path, bench, run, job):
 
 
 MOVING = STIFF + (
-    "[effects.backlash]\nhalf_gap_deg = [-0.002, -0.003, -0.003, -0.006, -0.005, -0.008]\n"
+    "[effects.backlash]\nhalf_gap_deg = [0.002, 0.003, 0.003, 0.006, 0.005, 0.008]\n"
     "[effects.servo_lag]\nlag_s = [0.02, 0.015, 0.012, 0.006, 0.006, 0.005]\n"
 )
 

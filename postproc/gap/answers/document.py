@@ -22,6 +22,11 @@ from postproc.units import MM
 
 SCHEMA = "postproc.diagnosis/1"
 _Z90 = 1.6449
+SUREST = 0.98
+"""No cause is called with more: of the library alone it may be the best by far, but what is not in
+it cannot be excluded better than blind campaigns with unlisted causes show."""
+DOUBTED = 0.9
+"""The same of a cause beside which something is left unexplained, or that others resemble."""
 
 
 def document(
@@ -181,6 +186,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
     arm = diagnosis.problem.samples.arm
     state = _seen_state(diagnosis, name)
     width = _Z90 * diagnosis.deviation[name]
+    low, high = effect.ends(state.theta, width)
     choice, regression = diagnosis.choice, diagnosis.regression
     evidence = choice.evidence[next(k for k in choice.adopted if regression.name(k) == name)]
     return {
@@ -194,8 +200,8 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
         "shrinkage_ci": [round(v, 4) for v in step.interval],
         "parameters": plain(effect.write(state, arm)),
         "interval_90": {
-            "low": plain(effect.write(State(state.theta - width, state.setting), arm)),
-            "high": plain(effect.write(State(state.theta + width, state.setting), arm)),
+            "low": plain(effect.write(State(low, state.setting), arm)),
+            "high": plain(effect.write(State(high, state.setting), arm)),
         },
         "confounded_with": list(evidence.confounded),
         "wins": round(evidence.wins, 3),
@@ -245,8 +251,10 @@ def _candidate(diagnosis: Diagnosis, name: str, before: float, after: float) -> 
 def _probability(diagnosis: Diagnosis, name: str) -> float:
     value = diagnosis.choice.probability.get(name, 0.0)
     if name not in diagnosis.adopted:
-        value = min(value, 0.49)
-    return round(min(max(value, 0.0), 0.9999), 4)
+        return round(min(max(value, 0.0), 0.49), 4)
+    key = next(k for k in diagnosis.choice.adopted if diagnosis.regression.name(k) == name)
+    in_doubt = diagnosis.verdict == "unexplained" or diagnosis.choice.evidence[key].confounded
+    return round(min(max(value, 0.0), DOUBTED if in_doubt else SUREST), 4)
 
 
 def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
