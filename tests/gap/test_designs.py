@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from postproc.gap.answers.designs import Designs, designs, transfers
+from postproc.gap.answers.designs import Designs, designs, is_worse, transfers
+from postproc.gap.choice.evidence import Evidence
+from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.data.dataset import make_samples
 from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.linear import block_of
@@ -131,3 +135,14 @@ def test_what_holds_in_one_design_only_makes_the_other_worse(arm):
     found = transfers(wrong, label, ("joint_offset",))
     assert max(found["joint_offset"].values()) < -100.0
     assert transfers(regression, Designs(np.zeros(120, int), ("all",), ""), ("joint_offset",)) == {}
+
+
+def test_a_model_that_holds_on_half_of_the_rows_only_is_worse_than_none(arm):
+    regression = bench_of(arm, np.random.default_rng(6), 120)
+    fold = np.repeat([0, 1], 60).astype(np.int32)
+    evidence = {"joint_offset": Evidence(1.0, 1e-4)}
+    choice = Choice({"joint_offset": Standing.ADOPTED}, evidence, {}, {})
+    assert not is_worse(replace(regression, fold=fold), choice)
+    flipped = regression.y.copy()
+    flipped[60:] *= -1.0
+    assert is_worse(replace(regression, fold=fold, y=flipped), choice)

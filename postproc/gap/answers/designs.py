@@ -229,3 +229,27 @@ def _divisions(problem: Problem) -> list[tuple[Designs, bool]]:
 
 def _numbered(label: IntArray, names: tuple[str, ...]) -> Designs:
     return Designs(label, names, "layout")
+
+
+def is_worse(regression: Regression, choice: Choice) -> bool:
+    """Return whether the named effects together miss rows that were not fitted by more than none.
+
+    Judged as a model file is used: alternatives are fitted beside the named effects and do not
+    stay, the frames are those of the named effects alone.
+    """
+    keys, frames = choice.adopted, tuple(regression.always)
+    whole = regression.equations_at(np.arange(len(regression.y)))
+    before = after = 0.0
+    for part in regression.fold_equations():
+        others = whole.minus(part)
+        inside = (*frames, *keys, *choice.resembled)
+        theta = others.solve(inside)[0][: len(part.index((*frames, *keys)))]
+        f, n = part.index(frames), part.index(keys)
+        if len(f):
+            G, b, _ = others.reduced()
+            effects = theta[len(f) :]
+            left = b[f] - G[np.ix_(f, n)] @ effects
+            theta[: len(f)] = np.linalg.solve(G[np.ix_(f, f)] + np.eye(len(f)), left)
+        after += part.misfit((*frames, *keys), theta)
+        before += part.misfit(frames, others.solve(frames)[0])
+    return after >= before > 0.0

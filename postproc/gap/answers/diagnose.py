@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.gap.answers.designs import refusals
+from postproc.gap.answers.designs import is_worse, refusals
 from postproc.gap.choice import (
     Assessment,
     Choice,
@@ -164,12 +164,19 @@ def _chosen(problem: Problem, prepared: Prepared) -> tuple[Regression, Choice, d
         refused = _refused(problem, regression, choice)
         reasons |= refused
         if not refused:
-            return regression, choice, reasons
+            break
         start = start.without(refused)
-    regression, choice = select(start)
-    refused = _refused(problem, regression, choice)
-    keys = [k for k in choice.adopted if regression.name(k) in refused]
-    return regression, choice.moved(keys, Standing.REJECTED, refused), reasons | refused
+    else:
+        regression, choice = select(start)
+        refused = _refused(problem, regression, choice)
+        reasons |= refused
+        keys = [k for k in choice.adopted if regression.name(k) in refused]
+        choice = choice.moved(keys, Standing.REJECTED, refused)
+    if choice.adopted and is_worse(regression, choice):
+        worse = dict.fromkeys((regression.name(k) for k in choice.adopted), _WORSE)
+        choice = choice.moved(choice.adopted, Standing.REJECTED, worse)
+        reasons |= worse
+    return regression, choice, reasons
 
 
 def _refused(problem: Problem, regression: Regression, choice: Choice) -> dict[str, str]:
@@ -184,6 +191,7 @@ def _refused(problem: Problem, regression: Regression, choice: Choice) -> dict[s
 _ROUNDS = 2
 """How often all is chosen anew without names that do not hold; then these just go."""
 _HARM = "makes rows worse that it was not fitted to"
+_WORSE = "the model as a whole makes rows worse that it was not fitted to"
 LARGEST_FIT = 4000
 """Rows that the numbers of the model file are fitted to; more make them no surer."""
 
