@@ -365,6 +365,9 @@ class KrlOptions:
     setup: bool
     hooks_example: bool
     hooks: Mapping[str, str]
+    outputs: Mapping[str, int] = field(default_factory=dict)
+    """Signals of OLP tasks by the number of their output."""
+    inputs: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def is_spline(self) -> bool:

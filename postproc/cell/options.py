@@ -99,6 +99,8 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         hooks_example=table.hooks_example,
         hooks={name: f"PP_{name.upper()}" for name in hole}
         | table.hooks.model_dump(exclude_none=True),
+        outputs=dict(table.outputs),
+        inputs=dict(table.inputs),
     )
 
 

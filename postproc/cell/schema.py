@@ -49,6 +49,7 @@ SixRanges = Annotated[list[AngleRange], Field(min_length=6, max_length=6)]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Text = Annotated[str, Field(min_length=1, max_length=255)]
 CamNames = list[Text | Annotated[int, Field(ge=0)]]
+Signal = Annotated[int, Field(ge=1, le=8192)]
 HoleStep = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,20}$")]
 KRL_NAME = r"^[A-Za-z_][A-Za-z0-9_]{0,23}$"
 KrlName = Annotated[str, Field(pattern=KRL_NAME)]
@@ -517,6 +518,13 @@ class HooksTable(Table):
     stop: KrlName = Field(default="PP_STOP", description="stop of the CAM program")
     optional_stop: KrlName = Field(default="PP_OPTIONAL_STOP", description="optional stop")
     tool_change: KrlName = Field(default="PP_TOOL_CHANGE", description="gets the tool number")
+    signal: KrlName = Field(
+        default="PP_SIGNAL", description="sets a signal; gets its name, port (0: none) and value"
+    )
+    wait_signal: KrlName = Field(
+        default="PP_WAIT_SIGNAL",
+        description="waits for a signal; gets its name, port (0: none) and value",
+    )
     tap_reverse: KrlName | None = Field(
         default=None,
         description="reverses the spindle at the bottom of a tapped hole and returns when it turns "
@@ -571,6 +579,12 @@ class KrlTable(Table):
     inertia_kg_m2: Annotated[list[NotNegative], Field(min_length=3, max_length=3)] | None = Field(
         default=None,
         description="principal inertia for LOAD_DATA of a cell with one tool [kg*m^2]",
+    )
+    outputs: dict[str, Signal] = Field(
+        default={}, description="signal of an OLP task to the number of its output: $OUT[n]"
+    )
+    inputs: dict[str, Signal] = Field(
+        default={}, description="signal of an OLP task to the number of its input: $IN[n]"
     )
     hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
 

@@ -1,9 +1,9 @@
-"""Targets given by joint angles only: placed where the file itself proves whose angles they are.
+"""Targets given by joint angles only: met by the cell's arm as they are.
 
 Joint angles mean nothing without the arm that they belong to: signs, zeros and lengths differ from
-maker to maker. Targets that give both joint angles and a pose tell whether that arm is the cell's:
-then the pose of the tool in the flange comes out the same at all of them. If it does, the pose of
-a target with joint angles alone follows from the cell's own arm. If not, nothing is guessed.
+maker to maker. Targets of the file that give both joint angles and a pose tell whether that arm is
+the cell's: then the pose of the tool in the flange comes out the same at all of them. Where they
+show another arm, nothing is guessed; where nothing shows it, the angles are taken and said so.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity
+from postproc.errors import CellError, Finding, Severity
 from postproc.geometry import inverse, rotation_angle, transform
 from postproc.kinematics import build
 from postproc.model import ToolPath
 from postproc.planning import has_pose
+from postproc.process import claimed
 from postproc.units import DEG, MM
 
 FEWEST = 3
@@ -30,38 +31,56 @@ SEEN = 1.0 * DEG
 
 
 def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
-    """Return the toolpath with poses for its targets by joint angles, where they can be proven.
+    """Return the toolpath with poses for its targets by joint angles alone.
 
-    Args:
-        toolpath: what was read; its poses stand in the base frame of the arm that recorded it.
-        cell: the arm that the angles are tried on.
+    The pose is that of the cell's own tool in its own base at these angles. Targets beyond the
+    limits of the arm, or of an arm that the file shows to be another, stay without one.
     """
     if toolpath.joints is None or toolpath.rotations is None:
         return toolpath
     posed, jointed = has_pose(toolpath), np.isfinite(toolpath.joints).all(axis=1)
     wanted = jointed & ~posed
-    points, R, axes = toolpath.points.copy(), toolpath.rotations.copy(), toolpath.axes.copy()
+    wanted[wanted] &= build(cell.robot).within_limits(toolpath.joints[wanted])
+    if not wanted.any():
+        return toolpath
+    try:
+        claims = claimed(toolpath, cell)
+    except CellError:
+        return toolpath  # which tool is meant nobody knows: the job itself says so
+    served = claims.toolpath
+    points, R = served.points.copy(), np.array(served.rotations)
     placed: list[Finding] = []
-    for tool in np.unique(toolpath.tool[wanted]).tolist():
-        mine = toolpath.tool == tool
-        proof, here = mine & posed & jointed, np.flatnonzero(mine & wanted)
-        T_flange_tcp = _tool_of(toolpath, cell, proof)
-        if T_flange_tcp is None:
+    for index in np.unique(claims.tool[wanted]).tolist():
+        mine = claims.tool == index
+        proof, here = mine & posed & jointed, np.flatnonzero(mine & wanted & (claims.base >= 0))
+        known = _is_proven(toolpath, cell, proof)
+        if index < 0 or not len(here) or known is False:
             continue
-        T_base_tcp = build(cell.robot).fk(toolpath.joints[here]) @ T_flange_tcp
+        T_robroot_base = np.array([base.T_robroot_base for base in cell.bases])[claims.base[here]]
+        T_robroot_tcp = build(cell.robot).fk(toolpath.joints[here]) @ cell.tools[index].T_flange_tcp
+        T_base_tcp = inverse(T_robroot_base) @ T_robroot_tcp
         points[here], R[here] = T_base_tcp[:, :3, 3], T_base_tcp[:, :3, :3]
-        axes[here] = -(R[here] @ np.asarray(cell.tool.axis)) + 0.0
-        text = (
-            f"{len(here)} targets by joint angles were placed by the cell's arm: the {proof.sum()} "
-            "targets that give a pose as well agree with it; the spin about the tool axis is free"
+        text = f"{len(here)} targets by joint angles are met by the cell's arm as they are: " + (
+            f"the {proof.sum()} targets that give a pose as well agree with it"
+            if known
+            else "nothing in the file tells whether it is the same arm"
         )
-        placed.append(
-            Finding(Severity.WARNING, "CNV011", text, source=toolpath.source(int(here[0])))
-        )
+        source = toolpath.source(int(here[0]))
+        placed.append(Finding(Severity.WARNING, "CNV011", text, source=source))
     if not placed:
         return toolpath
+    axes = -np.einsum("nij,nj->ni", R, np.array([t.axis for t in cell.tools])[claims.tool]) + 0.0
     warnings = (*toolpath.warnings, *placed)
-    return replace(toolpath, points=points, rotations=R, axes=axes, warnings=warnings)
+    return replace(served, points=points, rotations=R, axes=axes, warnings=warnings)
+
+
+def _is_proven(toolpath: ToolPath, cell: Cell, proof: BoolArray) -> bool | None:
+    """Return whether the arm of the file is the cell's, None where nothing tells."""
+    if proof.sum() < FEWEST or toolpath.joints is None:
+        return None
+    if (np.ptp(toolpath.joints[proof], axis=0) < SEEN).any():
+        return None
+    return _tool_of(toolpath, cell, proof) is not None
 
 
 def _tool_of(toolpath: ToolPath, cell: Cell, proof: BoolArray) -> FloatArray | None:

@@ -58,6 +58,10 @@ class EventKind(StrEnum):
     """The spindle turns back at the bottom of a tapped hole."""
     HOLE = "hole"
     """A step of a hole, ``text`` its name, ``value`` the number of the hole."""
+    SIGNAL = "signal"
+    """A signal is set: ``text`` its name, ``value`` 1 or 0, ``arguments`` its port."""
+    WAIT_SIGNAL = "wait_signal"
+    """The program waits for a signal, likewise."""
     MESSAGE = "message"
     UNKNOWN = "unknown"
 
@@ -68,7 +72,8 @@ class Event:
 
     ``value``: spindle speed [turns/s] (negative = counterclockwise), dwell [s], tool number,
     else 0. ``text``: the words of the file (coolant mode, message, unknown statement).
-    ``arguments``: of a step of a hole: depth [m], feed [m/s], speed [turns/s], 0 where not given.
+    ``arguments``: of a step of a hole: depth [m], feed [m/s], speed [turns/s], 0 where not given;
+    of a signal: its port, 0 where not given.
     """
 
     index: int

@@ -20,6 +20,7 @@ from postproc.planning.search import (
     ordered_by_place,
     plan_with_external_axes,
     step_rules,
+    without_roll,
 )
 from postproc.planning.states import (
     TRAVEL,
@@ -37,6 +38,7 @@ from postproc.planning.states import (
     settle,
     stiffness_of,
     strokes_of,
+    take_joints,
     tilt_grid,
 )
 from postproc.planning.stretches import plan_stretches
@@ -176,6 +178,8 @@ def _planned(
     problem = checker.problem
     clock.lap("place")
     chosen, findings, record = choose(checker, clock.step)
+    take_joints(problem, chosen)
+    findings += without_roll(checker, chosen)
     clock.lap("search")
     routed, dropped = _routed(checker, chosen, partial=options.partial)
     clock.lap("route")

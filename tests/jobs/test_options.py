@@ -88,6 +88,16 @@ FINI
         for name, x in (("A", 1), ("B", 2))
     )
     + "</Resource></OLPData>",
+    "signals.xml": "<OLPData><Resource><ActivityList Task='T'>"
+    + "".join(
+        f"<Activity ActivityType='DNB{kind}SignalActivity'><S SignalName='{name}' "
+        "SignalValue='On' PortNumber='3'/></Activity>"
+        for kind, name in (("Set", "GO"), ("Wait", "DONE"))
+    )
+    + "<Activity ActivityType='DNBRobotMotionActivity' Operation='A'><MotionAttributes><MotionType>"
+    "Joint</MotionType></MotionAttributes><Target><CartesianTarget><Position Units='m' X='0.1' Y='0'"
+    " Z='0'/><Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target>"
+    "</Activity></ActivityList></Resource></OLPData>",
     "apart.csv": "x,y,z,i,j,k,depth\n0,-4000,0,0,0,1,5\n0,4000,0,0,0,1,5\n",
     "tools.csv": "x,y,z,i,j,k,depth,tool\n0,0,0,0,0,1,5,1\n40,0,0,0,0,1,5,MILL\n",
     "bases.csv": "x,y,z,i,j,k,depth,base\n0,0,0,0,0,1,5,A\n40,0,0,0,0,1,5,B\n",
@@ -280,6 +290,10 @@ CASES: dict[str, tuple[Any, ...]] = {
     **solids("obstacles", BLOCK, HEAD),
     "process.feed_by": ({}, {"process.feed_by": "unit"}),
     "process.hole": ({}, {"process.hole": ["clamp", "drill", "unclamp"]}),
+    "krl.outputs": ({}, {"krl.outputs": {"GO": 7}}, "signals.xml"),
+    "krl.inputs": ({}, {"krl.inputs": {"DONE": 8}}, "signals.xml"),
+    "krl.hooks.signal": ({}, {"krl.hooks": {"signal": "SET_IT"}}, "signals.xml"),
+    "krl.hooks.wait_signal": ({}, {"krl.hooks": {"wait_signal": "AWAIT_IT"}}, "signals.xml"),
     "limits.joint_margin_deg": ({}, {"limits.joint_margin_deg": 80.0}),
     "limits.singularity_deg": ({}, {"limits.singularity_deg": 80.0}),
     "limits.clearance_mm": (

@@ -36,6 +36,8 @@ STANDING = frozenset(
         EventKind.TOOL_CHANGE,
         EventKind.TAP_REVERSE,
         EventKind.HOLE,
+        EventKind.SIGNAL,
+        EventKind.WAIT_SIGNAL,
     }
 )
 """Events at which the robot stands."""

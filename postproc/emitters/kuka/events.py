@@ -42,6 +42,7 @@ class EventWriter:
             {
                 "hooks": self.style.hooks,
                 "routine": self.style.hooks.get(event.text, event.text),
+                "mapped": self._mapped(event),
                 **_values(event),
             },
             {"event": self._words(event)},
@@ -72,6 +73,12 @@ class EventWriter:
             return text
         # the line comes first: a long text is cut at its end
         return f"CAM line {event.line}: {text}" if text else f"CAM line {event.line}"
+
+    def _mapped(self, event: Event) -> int:
+        """Return the number of the input or output that the cell gives a signal, 0 without one."""
+        if event.kind is EventKind.SIGNAL:
+            return self.style.outputs.get(event.text, 0)
+        return self.style.inputs.get(event.text, 0) if event.kind is EventKind.WAIT_SIGNAL else 0
 
     def _check_dwell(self, seconds: float, line: int) -> None:
         try:
@@ -104,6 +111,12 @@ def _values(event: Event) -> dict[str, object]:
         return {"mode": coolant_mode(event.text)}
     if event.kind is EventKind.TOOL_CHANGE:
         return {"number": int(event.value)}
+    if event.kind in (EventKind.SIGNAL, EventKind.WAIT_SIGNAL):
+        name = "".join(
+            c if c.isascii() and c.isprintable() and c != '"' else "_" for c in event.text
+        )
+        port = int(event.arguments[0]) if event.arguments else 0
+        return {"name": name, "port": port, "value": "TRUE" if event.value else "FALSE"}
     if event.kind is EventKind.HOLE:
         depth, feed, speed = event.arguments or (0.0, 0.0, 0.0)
         return {

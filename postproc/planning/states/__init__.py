@@ -2,6 +2,7 @@
 
 from postproc.planning.states.candidates import States, context_of, evaluate, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
+from postproc.planning.states.given import strokes_into, take_joints
 from postproc.planning.states.ladder import NONE, Ladder, Rule
 from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
@@ -73,7 +74,9 @@ __all__ = [
     "spin_values",
     "stand_ins",
     "stiffness_of",
+    "strokes_into",
     "strokes_of",
+    "take_joints",
     "tilt_grid",
     "transported",
 ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.planning.states.costs import StateContext, state_costs
+from postproc.planning.states.given import as_given
 from postproc.planning.states.problem import Problem
 from postproc.planning.states.tilt import UPRIGHT
 
@@ -177,6 +178,9 @@ def _chunk(
         q, source = _nearest(problem, q, near[row[pose]])
     else:
         q, source = _copies(q, low, high, all_turns=problem.cell.optimize.turns)
+    may = as_given(problem, which[pose[source]], q)
+    if not may.all():
+        q, source = q[may], source[may]
     cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
     owner = row[pose[source]]
     _subtract_best(cost, owner)

@@ -21,6 +21,7 @@ from postproc.arrays import FloatArray, IntArray
 from postproc.geometry import circles, inverse
 from postproc.model import (
     Arcs,
+    CamSetup,
     CamTool,
     Event,
     EventKind,
@@ -31,7 +32,14 @@ from postproc.model import (
     WordUse,
 )
 from postproc.readers.base import READERS, ReadOptions
-from postproc.readers.delmia.records import N_JOINTS, Document, Motion, OtherActivity, pose
+from postproc.readers.delmia.records import (
+    N_JOINTS,
+    Document,
+    Motion,
+    OtherActivity,
+    Statement,
+    pose,
+)
 from postproc.readers.delmia.tasks import expanded
 from postproc.readers.delmia.xml import read_document
 from postproc.readers.text import Faults
@@ -42,6 +50,7 @@ _KINDS = {
     "linearmotion": MotionKind.LINEAR, "circular": MotionKind.ARC,
     "circularmotion": MotionKind.ARC,
 }  # fmt: skip
+_EVENTS = {"signal": EventKind.SIGNAL, "wait": EventKind.WAIT_SIGNAL, "delay": EventKind.DWELL}
 _VIA = frozenset({"circularvia", "circularviamotion"})
 _NONE = -1
 
@@ -86,6 +95,13 @@ def _collected(document: Document, options: ReadOptions, faults: Faults) -> _Pat
     result = _Path()
     via: Motion | None = None
     for name, item in expanded(document, options.task, faults):
+        if isinstance(item, Statement):
+            what = _EVENTS[item.kind]
+            port = (float(item.port),) if what is not EventKind.DWELL else ()
+            result.events.append(
+                Event(len(result.motions), what, item.value, item.name, item.line, port)
+            )
+            continue
         if isinstance(item, OtherActivity):
             text = f"{item.kind} {item.text}".strip()
             result.events.append(
@@ -132,6 +148,7 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
     axes = -(T[:, :3, :3] @ np.asarray(options.tool_axis, dtype=np.float64)) + 0.0
     arcs, arc = _arcs(path, points, kind, document, faults)
     tool, tools, events = _tools(path, document, faults)
+    setup, setups = _setups(motions, document, faults)
     _note_joint_only(points, motions, faults)
     _note_coordinates(document, faults)
     joints = np.array([m.joints or (np.nan,) * N_JOINTS for m in motions]).reshape(n, N_JOINTS)
@@ -157,6 +174,8 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
         events=tuple(sorted(path.events + events, key=lambda event: event.index)),
         rotations=T[:, :3, :3],
         joints=joints if not np.isnan(joints).all() else None,
+        setup=setup,
+        setups=setups,
         names=tuple(m.name for m in motions),
         extra={
             "via": np.array([m.via for m in motions], dtype=np.bool_),
@@ -236,7 +255,6 @@ def _tools(
     path: _Path, document: Document, faults: Faults
 ) -> tuple[IntArray, tuple[CamTool, ...], list[Event]]:
     """Return the tool (n,), the tools used, and an event for each change after the first."""
-    numbers = {name: i + 1 for i, name in enumerate(document.robot.tools)}
     used: dict[str, int] = {}
     tools: list[CamTool] = []
     events: list[Event] = []
@@ -246,17 +264,35 @@ def _tools(
         name = m.tool_profile
         if not name:
             continue
-        if numbers and name not in numbers:
+        if document.robot.tools and name not in document.robot.tools:
             raise faults.error("DEL016", "no tool profile of this name", m.line, name)
         if name not in used:
             used[name] = len(tools)
-            tools.append(CamTool(numbers.get(name, 0), name, line=m.line))
+            tools.append(CamTool(0, name, line=m.line))
         column[i] = used[name]
         if before and name != before:
-            number = float(numbers.get(name, 0))
-            events.append(Event(i, EventKind.TOOL_CHANGE, number, name, m.line))
+            events.append(Event(i, EventKind.TOOL_CHANGE, 0.0, name, m.line))
         before = name
     return column, tuple(tools), events
+
+
+def _setups(
+    motions: list[Motion], document: Document, faults: Faults
+) -> tuple[IntArray | None, tuple[CamSetup, ...]]:
+    """Return the object frame (n,) of each motion and the frames; None if all are the robot's."""
+    index: dict[str, int] = {}
+    setups: list[CamSetup] = []
+    column = np.full(len(motions), _NONE, dtype=np.int32)
+    for i, m in enumerate(motions):
+        if not m.object_profile or m.object_profile not in document.robot.objects:
+            continue
+        if m.object_profile not in index:
+            T = _frame_of(m, document, faults)
+            matrix = tuple(tuple(row) for row in (T[:3] + 0.0).tolist())
+            index[m.object_profile] = len(setups)
+            setups.append(CamSetup(m.object_profile, m.line, matrix, carried=True))
+        column[i] = index[m.object_profile]
+    return (column, tuple(setups)) if setups else (None, ())
 
 
 def _arcs(

@@ -72,7 +72,22 @@ class OtherActivity:
     text: str
 
 
-Item = Motion | Call | OtherActivity
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """An activity between motions: a signal that is set or waited for, or a delay.
+
+    ``kind``: ``signal``, ``wait`` or ``delay``; ``value``: 1 or 0 of a signal, seconds of a delay;
+    ``port``: its number, 0 where the file gives none.
+    """
+
+    line: int
+    kind: str
+    name: str = ""
+    port: int = 0
+    value: float = 0.0
+
+
+Item = Motion | Call | OtherActivity | Statement
 
 
 @dataclass(slots=True)

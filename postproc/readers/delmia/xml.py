@@ -22,6 +22,7 @@ from postproc.readers.delmia.records import (
     MotionProfile,
     OtherActivity,
     RobotData,
+    Statement,
     pose,
 )
 from postproc.readers.text import Faults, check_text, parse_number
@@ -41,6 +42,12 @@ _FARTHEST = 1e6
 _ROOT = "OLPData"
 _CALL = "DNBIgpCallRobotTask"
 _MOTION = "DNBRobotMotionActivity"
+_STATEMENTS = {
+    "DNBSetSignalActivity": "signal",
+    "DNBWaitSignalActivity": "wait",
+    "DelayActivity": "delay",
+}
+_SIGNAL_VALUES = {"on": 1, "true": 1, "1": 1, "off": 0, "false": 0, "0": 0}
 _TAGS = ("GeneralInfo", "ToolProfileList", "MotionProfileList", "AccuracyProfileList",
          "ObjectFrameProfileList", "Activity", "ActivityList", "Resource")  # fmt: skip
 
@@ -235,9 +242,46 @@ class _ElementReader:
             self._items.append(self._motion(element, self._child(element, "Target")))
         elif element.find("JointTarget") is not None:
             self._items.append(self._motion(element, element))
+        elif kind in _STATEMENTS and self._is_told(element, kind):
+            self._items.append(self._statement(element, _STATEMENTS[kind]))
         else:
             name = _text(element.find("ActivityName"))
             self._items.append(OtherActivity(_line(element), kind or "Activity", name))
+
+    def _is_told(self, element: etree._Element, kind: str) -> bool:
+        """Return whether an activity says what it does; else it is one without a meaning here."""
+        wanted = ("EndTime",) if kind == "DelayActivity" else ("SignalName", "SignalValue")
+        return all(self._given(element, name) for name in wanted)
+
+    def _statement(self, element: etree._Element, kind: str) -> Statement:
+        """Return a signal, a wait or a delay; values stand in attributes or in elements."""
+        line = _line(element)
+        if kind == "delay":
+            start, end = (self._given(element, name) for name in ("StartTime", "EndTime"))
+            if end is None:
+                raise self._missing("EndTime", element)
+            seconds = self._number(end, element) - self._number(start or "0", element)
+            if seconds < 0.0:
+                raise self._faults.error("DEL004", "a delay that ends before it begins", line)
+            return Statement(line, kind, value=seconds)
+        name, value = (self._given(element, key) for key in ("SignalName", "SignalValue"))
+        if not name or value is None:
+            raise self._missing("SignalName" if not name else "SignalValue", element)
+        known = _SIGNAL_VALUES.get(value.strip().lower())
+        if known is None:
+            text = "SignalValue needs On or Off, not"
+            raise self._faults.error("DEL004", text, line, value[:20])
+        port = self._number(self._given(element, "PortNumber") or "0", element)
+        return Statement(line, kind, name, int(port), float(known))
+
+    def _given(self, element: etree._Element, name: str) -> str | None:
+        """Return what an activity says about something, as an attribute or as an element."""
+        for node in element.iter():
+            if name in node.attrib:
+                return str(node.attrib[name]).strip()
+            if node.tag == name:
+                return _text(node)
+        return None
 
     def _motion(self, element: etree._Element, target: etree._Element) -> Motion:
         listed = element.find("MotionAttributes")

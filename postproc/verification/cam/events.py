@@ -31,6 +31,7 @@ _COUNTED = (
     EventKind.TOOL_CHANGE,
     EventKind.TAP_REVERSE,
 )
+_SIGNALS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
 _LISTED = 20
 
 
@@ -62,6 +63,7 @@ def check_events(
         asked = [(event, span) for event, span in everything if event.kind is kind]
         if name:
             _compare_kind(result, kind, name, asked, _calls(result, kind, name))
+    _compare_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
 
 
@@ -154,6 +156,35 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
         when = "early" if call.motion < span.first else "late"
         return f"{words} comes too {when}: line {event.line} of the CAM file has it elsewhere"
     return ""
+
+
+def _compare_signals(result: Result, cell: Cell, everything: list[tuple[Event, _Span]]) -> None:
+    """Compare the signals and waits that the cell does not map, all of them in their order."""
+    names = {cell.krl.hooks[str(kind)].upper(): kind for kind in _SIGNALS}
+    mapped = {EventKind.SIGNAL: cell.krl.outputs, EventKind.WAIT_SIGNAL: cell.krl.inputs}
+    asked = [
+        (event, span)
+        for event, span in everything
+        if event.kind in _SIGNALS and event.text not in mapped[event.kind]
+    ]
+    have = [
+        event
+        for event in result.paths.trace.events
+        if event.word is EventWord.HOOK and event.name in names
+    ]
+    if len(have) != len(asked):
+        text = _count("signals", " and ".join(names), have, [event for event, _ in asked])
+        _tell(result, have[-1] if have else None, text, Severity.ERROR)
+        return
+    for (event, span), call in zip(asked, have, strict=True):
+        value = call.arguments[2] if len(call.arguments) > 2 else None
+        text = ""
+        if names[call.name] is not event.kind or value is not bool(event.value):
+            text = f"{call.name} sets {value}, line {event.line} has {event.kind} {event.text}"
+        elif not span.first <= call.motion <= span.last:
+            text = f"{call.name} of {event.text} comes elsewhere than in line {event.line}"
+        if text:
+            _tell(result, call, text, Severity.ERROR)
 
 
 def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:

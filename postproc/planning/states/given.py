@@ -1,0 +1,78 @@
+"""Where an OLP task says itself how the arm stands: joint targets, and strokes without roll.
+
+A joint target is met to the turn where its angles belong to the cell's arm: that is where they
+reach the target's own pose. A straight stroke along the tool axis keeps the orientation that the
+task has given it, from where it begins to where it ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.geometry import rotation_angle
+from postproc.model import MotionKind, ToolPath
+from postproc.planning.states.moves import Chosen
+from postproc.planning.states.problem import Problem
+from postproc.units import DEG, MM
+
+NEAR = 0.05 * DEG
+"""A state this near to given joints is that of the target."""
+SAME_POSITION = 0.005 * MM
+SAME_ANGLE = 0.003 * DEG
+"""Given joints stand for the pose of a target within these."""
+_ALONG = 0.999
+_SHORT = 1e-6
+
+
+def strokes_into(toolpath: ToolPath) -> BoolArray:
+    """Return the tags (n,) to which a task goes straight along the tool axis, in or out."""
+    n = len(toolpath)
+    found = np.zeros(n, dtype=np.bool_)
+    if n < 2 or toolpath.format != "delmia":
+        return found
+    way = np.diff(toolpath.points, axis=0)
+    size = np.linalg.norm(way, axis=1)
+    along = np.abs(np.einsum("ij,ij->i", way, toolpath.axes[1:])) > _ALONG * size
+    stroke = along & (size > _SHORT) & (np.asarray(toolpath.kind[1:]) == MotionKind.LINEAR)
+    found[1:] = stroke
+    return found
+
+
+def _jointed(toolpath: ToolPath) -> BoolArray:
+    joints = toolpath.joints
+    if joints is None:
+        return np.zeros(len(toolpath), dtype=np.bool_)
+    is_joint = np.asarray(toolpath.kind) == MotionKind.JOINT
+    return np.asarray(is_joint & np.isfinite(joints).all(axis=1))
+
+
+def as_given(problem: Problem, tag: IndexArray, q: FloatArray) -> BoolArray:
+    """Return which states (m,) may stand for their tags: where one meets given joints, it alone."""
+    may = np.ones(len(tag), dtype=np.bool_)
+    joints = problem.toolpath.joints
+    if joints is None or not len(tag):
+        return may
+    wanted = _jointed(problem.toolpath)
+    near = wanted[tag] & (np.abs(q - joints[tag]).max(axis=1) < NEAR)
+    met = np.zeros(len(wanted), dtype=np.bool_)
+    met[tag[near]] = True
+    return np.asarray(near | ~met[tag])
+
+
+def take_joints(problem: Problem, chosen: Chosen) -> None:
+    """Let tags stand at their given joints to the last digit, where these reach the own pose."""
+    toolpath = problem.toolpath
+    tags = np.flatnonzero(_jointed(toolpath) & chosen.good)
+    if toolpath.joints is None or toolpath.rotations is None or not len(tags):
+        return
+    q = np.asarray(toolpath.joints)[tags]
+    T = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
+    upright = np.zeros((len(tags), 3))
+    asked = problem.placement.T_robroot_base @ problem.placement.tcp(tags, upright)
+    gap = np.linalg.norm(T[:, :3, 3] - asked[:, :3, 3], axis=1)
+    turn = rotation_angle(T[:, :3, :3], asked[:, :3, :3])
+    exact = (gap < SAME_POSITION) & (turn < SAME_ANGLE) & problem.within(q)
+    rows = tags[exact]
+    chosen.q[rows], chosen.attitude[rows] = q[exact], 0.0
+    chosen.branch[rows] = problem.kinematics.slot(q[exact])
