@@ -444,6 +444,13 @@ class Cell:
         """Return T_flange_tcp (n, 4, 4) of tools (n,)."""
         return np.array([entry.T_flange_tcp for entry in self.tools])[tool]
 
+    def axes_of(self, tool: AnyIntArray) -> FloatArray:
+        """Return the tool axes (n, 3) of tools (n,); only those that are asked for are needed."""
+        table = np.full((len(self.tools), 3), np.nan)
+        for index in np.unique(tool[tool >= 0]).tolist():
+            table[index] = self.tools[index].axis
+        return table[tool]
+
     @property
     def joint_compliance(self) -> Callable[[FloatArray], FloatArray] | None:
         """What a model of the arm knows with the tool in work."""

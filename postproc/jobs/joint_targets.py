@@ -69,7 +69,7 @@ def with_joint_targets(toolpath: ToolPath, cell: Cell) -> ToolPath:
         placed.append(Finding(Severity.WARNING, "CNV011", text, source=source))
     if not placed:
         return toolpath
-    axes = -np.einsum("nij,nj->ni", R, np.array([t.axis for t in cell.tools])[claims.tool]) + 0.0
+    axes = -np.einsum("nij,nj->ni", R, cell.axes_of(claims.tool)) + 0.0
     warnings = (*toolpath.warnings, *placed)
     return replace(served, points=points, rotations=R, axes=axes, warnings=warnings)
 

@@ -244,7 +244,7 @@ class _Sorter:
         """Return the toolpath with points and axes in the base of each tag."""
         toolpath = self._moved()
         if toolpath.rotations is not None and len(self.cell.tools) > 1:
-            axis = np.array([entry.axis for entry in self.cell.tools])[tool]
+            axis = self.cell.axes_of(tool)
             axes = -np.einsum("nij,nj->ni", toolpath.rotations, axis) + 0.0
             toolpath = replace(toolpath, axes=axes)
         events = tuple(
