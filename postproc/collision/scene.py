@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.cell import Cell
+from postproc.cell import Cell, ExternalAxis
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import THINNER, Body, bodies_of, pulled_back, thinner
@@ -103,6 +103,11 @@ class Scene:
     def pairs(self) -> tuple[tuple[str, str], ...]:
         """Names of the tested pairs, in the order in which they are named."""
         return self._engine.names
+
+    @property
+    def external_axes(self) -> tuple[ExternalAxis, ...]:
+        """The external axes, whose positions follow the joints."""
+        return self._cell.external_axes
 
     @property
     def pair_bodies(self) -> tuple[tuple[Body, Body], ...]:
