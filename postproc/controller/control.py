@@ -12,7 +12,7 @@ from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
 
-MAX_JUMPS = 1_000_000
+MAX_JUMPS = 100_000
 """Jumps backwards in one run; more means that the program does not end."""
 _FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
 _THEN = re.compile(r"\bTHEN\s*$", re.IGNORECASE)

@@ -67,7 +67,7 @@ from postproc.krl import (
 
 MAX_DEPTH = 50
 """Calls within calls."""
-MAX_CALLS = 1_000_000
+MAX_CALLS = 200_000
 """Calls in one run; more means that the program does not end."""
 MAX_WAIT = 600.0
 """A longer wait [s] is a slip of the digits, not a dwell."""
