@@ -17,6 +17,7 @@ from packaging.utils import canonicalize_name
 from packaging.version import Version
 
 from postproc.cli import app
+from postproc.version import __version__
 from tests.places import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -126,6 +127,15 @@ def test_every_dependency_has_a_tested_version():
         if name != "postproc":
             assert name in tested, f"{name}: see CONTRIBUTING, Release"
             assert requirement.specifier.contains(tested[name]), requirement
+
+
+def test_the_changelog_has_this_version_with_its_date():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## {re.escape(__version__)} \(\d{{4}}-\d\d-\d\d\)$", text, re.MULTILINE)
+    first = re.search(
+        rf"^## {re.escape(__version__)}.*?^### (.*?)$", text, re.DOTALL | re.MULTILINE
+    )
+    assert first.group(1) == "Changes emitted programs"
 
 
 def test_the_image_copies_what_there_is():
