@@ -94,9 +94,10 @@ FINI
         "SignalValue='On' PortNumber='3'/></Activity>"
         for kind, name in (("Set", "GO"), ("Wait", "DONE"))
     )
-    + "<Activity ActivityType='DNBRobotMotionActivity' Operation='A'><MotionAttributes><MotionType>"
-    "Joint</MotionType></MotionAttributes><Target><CartesianTarget>"
-    "<Position Units='m' X='0.1' Y='0' Z='0'/><Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target>"
+    + "<Activity ActivityType='DNBRobotMotionActivity' Operation='A'>"
+    "<MotionAttributes><MotionType>Joint</MotionType></MotionAttributes>"
+    "<Target><CartesianTarget><Position Units='m' X='0.1' Y='0' Z='0'/>"
+    "<Orientation Units='deg' Yaw='0' Pitch='90' Roll='0'/></CartesianTarget></Target>"
     "</Activity></ActivityList></Resource></OLPData>",
     "apart.csv": "x,y,z,i,j,k,depth\n0,-4000,0,0,0,1,5\n0,4000,0,0,0,1,5\n",
     "tools.csv": "x,y,z,i,j,k,depth,tool\n0,0,0,0,0,1,5,1\n40,0,0,0,0,1,5,MILL\n",

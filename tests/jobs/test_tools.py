@@ -99,6 +99,15 @@ def test_three_tools_in_two_setups(converted, run):
     assert run("lint", program, "--json")[0] == 0
 
 
+def test_a_whole_panel_in_one_command(converted, run):
+    """1,620 holes by three tools from two setups; every bottom found by pinocchio."""
+    cam, cell, program = converted("[optimize]\nstep_deg = 30\n", count=270)
+    code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
+    assert (code, report["violations"]) == (0, [])
+    assert (report["matched"], report["tags"]) == (1632, 1632)
+    assert_every_hole_is_drilled(program, cell, 270)
+
+
 def test_tools_are_changed_at_home(converted):
     """Between two calls of the routine the arm stands at home, by joint angles, on both sides."""
     _, _, program = converted()
