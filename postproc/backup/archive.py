@@ -19,9 +19,9 @@ from pathlib import Path, PurePosixPath
 from postproc.errors import ReadError, SourceRef
 
 MOST_FILES = 200_000
-MOST_BYTES = 32 * 1024 * 1024
+MOST_BYTES = 8 * 1024 * 1024
 """Of one file; the largest data list seen has half a megabyte."""
-MOST_BYTES_IN_ALL = 256 * 1024 * 1024
+MOST_BYTES_IN_ALL = 64 * 1024 * 1024
 MOST_RATIO = 300
 """Largest size of a file by its packed size; text of controllers has 10 to 30."""
 _SMALL = 1024 * 1024
@@ -38,6 +38,7 @@ class Archive:
     path: Path
     sizes: Mapping[str, int]
     _zip: zipfile.ZipFile | None = None
+    _packed: Mapping[str, zipfile.ZipInfo] = field(default_factory=dict)
     _read: dict[str, bytes] = field(default_factory=dict)
 
     def names(self, *tail: str) -> list[str]:
@@ -74,7 +75,7 @@ class Archive:
             if self._zip is None:
                 with (self.path.parent / name).open("rb") as stream:
                     return stream.read(most)
-            with self._zip.open(name) as stream:
+            with self._zip.open(self._packed[name]) as stream:
                 return stream.read(most)
         except _BROKEN as problem:
             reason = " ".join(str(problem).split()) or type(problem).__name__
@@ -130,20 +131,21 @@ def _open_zip(path: Path) -> Archive:
         raise ReadError("BAK001", text, source) from None
     if len(entries) > MOST_FILES:
         raise ReadError("BAK003", f"{len(entries)} files: no backup of a controller", source)
-    sizes: dict[str, int] = {}
+    packed: dict[str, zipfile.ZipInfo] = {}
     for entry in entries:
         if not entry.is_dir():
             name = _safe_name(entry, source)
-            if name in sizes:
+            if name in packed:
                 raise ReadError("BAK002", f"two files are named {_shown(name)}", source)
-            sizes[name] = entry.file_size
-    return Archive(path, sizes, opened)
+            packed[name] = entry
+    sizes = {name: entry.file_size for name, entry in packed.items()}
+    return Archive(path, sizes, opened, packed)
 
 
 def _safe_name(entry: zipfile.ZipInfo, source: SourceRef) -> str:
-    name, shown = entry.filename, _shown(entry.filename)
-    parts = PurePosixPath(name.replace("\\", "/")).parts
-    if ".." in parts or name.startswith(("/", "\\")) or (parts and parts[0].endswith(":")):
+    name, shown = entry.filename.replace("\\", "/"), _shown(entry.filename)
+    parts = PurePosixPath(name).parts
+    if ".." in parts or name.startswith("/") or (parts and parts[0].endswith(":")):
         raise ReadError("BAK002", f"the path {shown} leads out of the archive", source)
     if stat.S_ISLNK(entry.external_attr >> 16):
         raise ReadError("BAK002", f"{shown} is a link, expected files", source)

@@ -11,7 +11,7 @@ from postproc.backup.arm import ArmMatch, limits_of, match_arm, short_name
 from postproc.backup.controller import Controller
 from postproc.backup.external import ExternalKinematic
 from postproc.backup.frames import BaseEntry, ToolEntry
-from postproc.cell import LENGTHS, Robot
+from postproc.cell import LENGTHS, Kss, Robot
 from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
 from postproc.units import DEG
 
@@ -226,4 +226,10 @@ def _krl(controller: Controller) -> Values:
     version = controller.kss
     if version is None:
         return {}
-    return {"kss": "8.5" if version < (8, 6) else "8.6"}
+    known = [kss for kss in Kss if _version(kss) <= version]
+    return {"kss": str(known[-1] if known else Kss.V5)}
+
+
+def _version(kss: Kss) -> tuple[int, int]:
+    major, _, minor = kss.partition(".")
+    return int(major), int(minor or 0)

@@ -24,6 +24,7 @@ from postproc.cell.choices import (
     PointPlace,
     PointService,
     Preset,
+    RobotSolids,
     Split,
     Strategy,
 )
@@ -31,6 +32,8 @@ from postproc.cell.file import load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
+    KUKA_OFFSETS_DEG,
+    KUKA_SIGNS,
     LENGTHS,
     find_robot,
     load_robot,
@@ -55,6 +58,8 @@ from postproc.cell.urdf import (
 )
 
 __all__ = [
+    "KUKA_OFFSETS_DEG",
+    "KUKA_SIGNS",
     "LENGTHS",
     "ArcMotion",
     "Cell",
@@ -72,6 +77,7 @@ __all__ = [
     "Preset",
     "Provenance",
     "Robot",
+    "RobotSolids",
     "Split",
     "Strategy",
     "TiltRange",

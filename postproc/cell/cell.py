@@ -18,6 +18,7 @@ from postproc.cell.choices import (
     PointPlace,
     PointService,
     Preset,
+    RobotSolids,
     Split,
     Strategy,
 )
@@ -146,6 +147,7 @@ class Robot:
     link_meshes: tuple[tuple[int, MeshPlacement], ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     doubts: Mapping[str, str] = field(default_factory=dict)
+    solids: RobotSolids = RobotSolids.SIMPLE
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -219,6 +221,8 @@ class Workpiece:
     meshes: tuple[MeshPlacement, ...] = ()
     cam: tuple[str, ...] = ()
     """Names by which CAM files call this setup, as ``cam_key`` gives them."""
+    name: str = ""
+    """As the controller calls it."""
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

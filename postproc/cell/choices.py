@@ -60,10 +60,30 @@ class PointPlace(StrEnum):
 
 
 class Kss(StrEnum):
-    """System software that inline forms are written for."""
+    """System software of the controller: forms and motions that it knows."""
 
+    V5 = "5"
+    V8_3 = "8.3"
     V8_5 = "8.5"
     V8_6 = "8.6"
+    V8_7 = "8.7"
+
+    @property
+    def has_splines(self) -> bool:
+        """Whether SPTP, SLIN, SCIRC and spline blocks exist: from KSS 8 on."""
+        return self is not Kss.V5
+
+    @property
+    def has_parameter_folds(self) -> bool:
+        """Whether inline forms keep their parameters in a fold of their own: from KSS 8.6 on."""
+        return self in (Kss.V8_6, Kss.V8_7)
+
+
+class RobotSolids(StrEnum):
+    """What stands for the links of a built-in arm: simple hulls, or what encloses the real ones."""
+
+    SIMPLE = auto()
+    OUTLINE = auto()
 
 
 class Split(StrEnum):

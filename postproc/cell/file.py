@@ -149,6 +149,7 @@ class _Builder:
             robot,
             T_world_robroot=_transform(table.base),
             link_meshes=self._link_meshes(),
+            solids=table.solids,
             origins=origins,
             doubts=doubts,
             **changes,
@@ -204,6 +205,7 @@ class _Builder:
             _transform(table.frame),
             self._solids(table.meshes, (*at, "meshes"), "workpiece"),
             tuple(map(cam_key, table.cam)),
+            table.name or "",
         )
 
     def _motion(self, robot: Robot) -> Motion:

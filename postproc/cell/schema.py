@@ -19,6 +19,7 @@ from postproc.cell.choices import (
     PointPlace,
     PointService,
     Preset,
+    RobotSolids,
     Split,
     Strategy,
 )
@@ -181,6 +182,11 @@ class RobotTable(Table):
     )
     payload_kg: Positive | None = Field(
         default=None, description="rated payload [kg]; default: of the robot"
+    )
+    solids: Annotated[RobotSolids, _Choice] = Field(
+        default=RobotSolids.SIMPLE,
+        description="solids of a built-in arm: simple hulls, thinner than the real arm in places; "
+        "outline: prisms that enclose the real one",
     )
     link_meshes: list[LinkSolid] = Field(
         default=[], description="your own solids of the links instead of the built-in hulls"
@@ -558,7 +564,9 @@ class KrlTable(Table):
         description="dat: the points stand in the .dat file, to be touched up",
     )
     kss: Annotated[Kss, _Choice] = Field(
-        default=Kss.V8_6, description="inline forms of KSS 8.5 and older, or of 8.6 and newer"
+        default=Kss.V8_6,
+        description="system software of the controller: 5 (KRC2, no splines), 8.3 and 8.5 (forms "
+        "with parameters in their line), 8.6 and 8.7 (in a fold of their own)",
     )
     advance: Annotated[int, Field(ge=0, le=5)] = Field(
         default=3, description="$ADVANCE: motions planned ahead; 0 stops at every point"
@@ -587,6 +595,13 @@ class KrlTable(Table):
         default={}, description="signal of an OLP task to the number of its input: $IN[n]"
     )
     hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
+
+    @model_validator(mode="after")
+    def _motions_of_kss(self) -> KrlTable:
+        is_spline = self.motion in (MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK)
+        if is_spline and not self.kss.has_splines:
+            raise ValueError(f"motion: {self.motion.value} needs KSS 8, found kss = {self.kss}")
+        return self
 
 
 class VerifyTable(Table):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell import Cell, MeshPlacement, UrdfGeometry
+from postproc.cell import Cell, MeshPlacement, RobotSolids, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
@@ -31,12 +31,14 @@ class Body:
         link: 0..6, the link that carries it and in whose frame the mesh is given, or ``WORLD``:
             the mesh is given in the world.
         mesh: its surface [m].
+        is_outline: it is a generated outline of a link, which lies outside of the real one.
     """
 
     name: str
     kind: str
     link: int
     mesh: Mesh
+    is_outline: bool = False
 
     @property
     def vertices(self) -> FloatArray:
@@ -50,7 +52,7 @@ class Body:
 
     def coarse(self, max_faces: int) -> Body:
         """Return the body with at most ``max_faces`` triangles, for display."""
-        return Body(self.name, self.kind, self.link, decimated(self.mesh, max_faces))
+        return replace(self, mesh=decimated(self.mesh, max_faces))
 
 
 def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ...]]:
@@ -115,10 +117,13 @@ def _links(cell: Cell, arm: Arm) -> tuple[list[Body], list[Finding]]:
         ], []
     meshes = default_links(cell.robot, arm)
     findings: list[Finding] = []
+    is_urdf = isinstance(cell.robot.geometry, UrdfGeometry)
+    is_outline = cell.robot.solids is RobotSolids.OUTLINE and not is_urdf
     if isinstance(cell.robot.geometry, UrdfGeometry):
         found, findings = urdf_links(cell.robot.geometry)
         meshes = [joined(found[i]) if found[i] else mesh for i, mesh in enumerate(meshes)]
-    return [Body(f"link {i}", "link", i, mesh) for i, mesh in enumerate(meshes)], findings
+    bodies = [Body(f"link {i}", "link", i, mesh, is_outline) for i, mesh in enumerate(meshes)]
+    return bodies, findings
 
 
 def _link_name(link: int, placement: MeshPlacement, count: int) -> str:
@@ -152,5 +157,5 @@ def _told_apart(bodies: list[Body]) -> tuple[Body, ...]:
     for body in bodies:
         count = seen[body.name] = seen.get(body.name, 0) + 1
         name = body.name if count == 1 else f"{body.name} ({count})"
-        result.append(Body(name, body.kind, body.link, body.mesh))
+        result.append(replace(body, name=name))
     return tuple(result)

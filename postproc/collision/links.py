@@ -1,8 +1,9 @@
 """Solids of the robot links where the cell brings none of its own.
 
 A built-in arm gets simple closed bodies made from its dimensions and the cross sections of its
-size class (estimated from pictures and overall dimensions, a little on the thick side: no maker's
-geometry). A URDF arm gets its own collision geometry, else prisms between its joints.
+size class (estimated from pictures and overall dimensions: no maker's geometry), or where the cell
+asks for it the outline of its size class (``outlines``), which encloses the real bodies. A URDF arm
+gets its own collision geometry, else prisms between its joints.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import OpwGeometry, Robot
+from postproc.cell import OpwGeometry, Robot, RobotSolids
 from postproc.collision.arm import Arm
 from postproc.collision.mesh import Mesh, joined, loft, ring
+from postproc.collision.outlines import upright_solids
 from postproc.geometry import inverse, transform
 
 _SIDES = 24
@@ -71,7 +73,10 @@ def default_links(robot: Robot, arm: Arm) -> list[Mesh]:
     q = geometry.signs * geometry.offsets  # the posture in which the arm stands upright
     T_robroot_link = arm.link_frames(q)
     T_link_robroot = inverse(T_robroot_link)
-    solids = _upright(geometry, _scaled_sections(robot, geometry))
+    if robot.solids is RobotSolids.OUTLINE:
+        solids = upright_solids(robot, geometry)
+    else:
+        solids = _upright(geometry, _scaled_sections(robot, geometry))
     return [joined(s).moved(T) for s, T in zip(solids, T_link_robroot, strict=True)]
 
 

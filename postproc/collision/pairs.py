@@ -6,6 +6,8 @@ Tested: every link and every tool solid against workpiece and obstacles; the too
 - neighbouring links (i, i+1), which share a joint;
 - links (3, 5) and (4, 6): the mechanical stops of a wrist keep them apart;
 - the tool against link 6, to which it is bolted;
+- outlines of links (0, 2) and (2, 4): stops of A2 and A3 keep the real links apart, and outlines
+  are thicker;
 - link 0 against obstacles: the robot stands on one of them, or on the bed of its rail;
 - workpiece and obstacles against each other: the part lies on its fixture;
 - a pair of links that touches at the zero pose, at the cannon pose (0, -90, 90, 0, 0, 0), or at
@@ -32,6 +34,7 @@ _PRIMES = (2, 3, 5, 7, 11, 13)
 _OWN_WRIST = 5
 """From the tool to this link only axis 6 turns: what distance they keep is the maker's affair."""
 _APART_BY_STOPS = {(3, 5), (4, 6)}
+_OUTLINES_APART_BY_STOPS = {(0, 2), (2, 4)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +99,10 @@ def _is_tested(one: Body, two: Body) -> bool:
         return not (one.link == 0 and two.kind == "obstacle")
     if two.kind in TOOL:
         return one.link <= _OWN_WRIST
-    return two.link - one.link > 1 and (one.link, two.link) not in _APART_BY_STOPS
+    apart = _APART_BY_STOPS
+    if one.is_outline and two.is_outline:
+        apart = apart | _OUTLINES_APART_BY_STOPS
+    return two.link - one.link > 1 and (one.link, two.link) not in apart
 
 
 def neutral_poses(q_min: FloatArray, q_max: FloatArray) -> FloatArray:

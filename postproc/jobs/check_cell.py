@@ -8,8 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
-from postproc.cell import Cell, Provenance, missing_numbers
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import (
+    KUKA_OFFSETS_DEG,
+    KUKA_SIGNS,
+    Cell,
+    OpwGeometry,
+    Provenance,
+    UrdfGeometry,
+    missing_numbers,
+)
 from postproc.collision import Scene
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
@@ -21,6 +29,7 @@ from postproc.units import DEG, MM, NMM_PER_RAD
 
 _SOFTEST_USUAL = 1e4
 """Joint stiffness [N*m/rad] below which an industrial arm's value looks like a wrong unit."""
+_SAME_ZERO_DEG = 0.1
 _SPINS = 12
 _STRAIGHT_IN = ("+x", "-x", "+y", "-y", "+z", "-z")
 
@@ -246,9 +255,23 @@ def _robot(context: _Context) -> Iterator[Finding]:
         named = ", ".join(words.get(name, name) for name in assumed if name != "q_max")
         text = f"numbers of the robot that no source gives, wholly or for some axes: {named}"
         yield context.finding(Severity.NOTE, "CEL117", text, "robot")
+    arm = context.kinematics.arm
+    if isinstance(robot.geometry, UrdfGeometry) and arm is not None:
+        against = [f"A{i + 1}" for i in np.flatnonzero(_against_kuka(arm.geometry))]
+        if against:
+            text = f"{', '.join(against)} of this URDF do not turn or count as on a KUKA controller"
+            yield context.finding(Severity.WARNING, "CEL143", text, "robot", "urdf")
     if not context.kinematics.is_closed_form:
         text = "this arm has no closed-form inverse kinematics: planning is slow"
         yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")
+
+
+def _against_kuka(geometry: OpwGeometry) -> BoolArray:
+    """Return (6,) whether an axis has another sense or zero than on every arm of KUKA."""
+    turned = np.asarray(geometry.signs) != np.array(KUKA_SIGNS)
+    offset = np.asarray(geometry.offsets) / DEG - np.array(KUKA_OFFSETS_DEG)
+    shifted = np.abs((offset + 180.0) % 360.0 - 180.0) > _SAME_ZERO_DEG
+    return np.asarray(turned | shifted)
 
 
 def _emitter(context: _Context) -> Iterator[Finding]:
@@ -281,6 +304,7 @@ def _facts(context: _Context) -> dict[str, Any]:
     return {
         "name": cell.name,
         "robot": cell.robot.name,
+        "robot_solids": cell.robot.solids,
         "closed_form": context.kinematics.is_closed_form,
         "tool": {
             "number": cell.tool.number,
@@ -293,6 +317,7 @@ def _facts(context: _Context) -> dict[str, Any]:
         },
         "workpiece": {
             "number": cell.workpiece.number,
+            "name": cell.workpiece.name,
             "xyz_mm": _rounded(base),
             "abc_deg": _rounded(base_abc),
             "solids": len(cell.workpiece.meshes),

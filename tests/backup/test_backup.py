@@ -137,6 +137,13 @@ def test_a_folder_may_be_pointed_at_anywhere(tmp_path, inside):
     assert len(read_backup(folder / inside).tools) == 16
 
 
+def test_archives_of_other_tools(tmp_path):
+    for number, change in enumerate((lambda n: n.replace("/", "\\"), str.upper)):
+        path = tmp_path / f"{number}.zip"
+        path.write_bytes(archives.zipped({change(k): v for k, v in contents().items()}))
+        assert len(read_backup(path).tools) == 16
+
+
 def test_krcdiag_and_a_bare_r1(tmp_path):
     plain = contents()
     del plain["am.ini"]
@@ -244,6 +251,17 @@ def test_data_that_programs_assign_are_named(tmp_path, capsys):
     archive.write_bytes(archives.zipped(job))
     assert read_backup(archive).rewritten == ("BASE_DATA[any]", "TOOL_DATA[11]")
     assert "programs of the controller assign TOOL_DATA[11]" in cell_of(tmp_path, job, capsys)[2]
+
+
+@pytest.mark.parametrize(
+    ("said", "kss"),
+    [("V5.6.5 SP08", "5"), ("V8.3.20", "8.3"), ("V8.4.1", "8.3"), ("V8.5.9", "8.5"),
+     ("V8.6.5.268", "8.6"), ("V8.7.1", "8.7"), ("V9.2.0", "8.7"), ("V4.1.7 SP08", "5")],
+)  # fmt: skip
+def test_the_system_software_decides_the_forms(said, kss, tmp_path, capsys):
+    files = contents(tools={})
+    files["am.ini"] = files["am.ini"].replace(b"V8.6.5", said.encode())
+    assert cell_of(tmp_path, files, capsys)[1]["krl"]["kss"] == kss
 
 
 def test_external_axes_are_remarks(tmp_path, capsys):

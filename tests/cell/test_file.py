@@ -278,7 +278,8 @@ CEL004 | 5 | motion.points | found 'all' | [motion];points = "all"
 CEL004 | 5 | motion.arcs | 'circ' or 'lin', found True | [motion];arcs = true
 CEL004 | 5 | krl.motion | found 'sprung' | [krl];motion = "sprung"
 CEL004 | 5 | krl.points | 'inline' or 'dat', found 'both' | [krl];points = "both"
-CEL004 | 5 | krl.kss | '8.5' or '8.6', found 8.5 | [krl];kss = 8.5
+CEL004 | 5 | krl.kss | '8.7', found 8.5 | [krl];kss = 8.5
+CEL004 | 4 | krl: motion | spline needs KSS 8 | [krl];kss = "5";motion = "spline"
 CEL004 | 5 | krl.split | found 'never' | [krl];split = "never"
 CEL004 | 5 | krl.advance | equal to 5, found 6 | [krl];advance = 6
 CEL004 | 5 | krl.path_speed_max_m_s | equal to 3, found 3.1 | [krl];path_speed_max_m_s = 3.1

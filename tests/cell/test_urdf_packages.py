@@ -149,3 +149,14 @@ def test_folders_without_or_with_several_robots(tmp_path):
         find_urdf(tmp_path)
     with pytest.raises(CellError, match="2 robots"):
         find_urdf(REAL / "xacro")
+
+
+@pytest.mark.parametrize(("name", "against"), [("kr210_r3100_ultra", "A1"), ("kr210_r2700_2", "")])
+def test_axes_that_turn_against_kukas_sense_are_told(name, against, tmp_path, capsys):
+    cell = tmp_path / "cell.toml"
+    urdf = REAL / "expanded" / f"{name}.urdf"
+    assert run("new-cell", "--urdf", urdf, "--tip", "tool0", "-o", cell) == 0
+    run("check", cell)
+    err = capsys.readouterr().err
+    assert ("CEL143" in err) == bool(against)
+    assert not against or f"{against} of this URDF" in err

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from postproc.cell import RobotSolids
 from postproc.cell.cell import MeshPlacement
-from postproc.cell.robotfile import load_robot
+from postproc.cell.robotfile import load_robot, robot_names
 from postproc.cell.urdf.file import read_urdf_robot
 from postproc.collision.bodies import WORLD
 from postproc.collision.inside import parts_of
@@ -109,9 +110,10 @@ def test_own_link_meshes_replace_the_hulls(tmp_path):
     assert [b.link for b in scene.bodies] == [0, 2, 2]
 
 
+@pytest.mark.parametrize("kind", RobotSolids)
 @pytest.mark.parametrize("name", DETAILED)
-def test_hulls_of_built_in_arms(name):
-    robot = load_robot(name)
+def test_hulls_of_built_in_arms(name, kind):
+    robot = replace(load_robot(name), solids=kind)
     arm = build(robot)
     solids = default_links(robot, arm)
     assert len(solids) == 7
@@ -123,16 +125,31 @@ def test_hulls_of_built_in_arms(name):
     for i in range(6):
         world = apply(frames[i], solids[i].vertices)
         following = frames[i + 1][:3, 3]
-        gap = np.linalg.norm(np.maximum(np.abs(world - following).min(axis=0) - 0.3, 0.0))
-        assert gap == 0.0
+        assert (world.min(axis=0) < following + 0.3).all()
+        assert (world.max(axis=0) > following - 0.3).all()
     last = apply(frames[6], solids[6].vertices)
     assert last[:, 0].max() == pytest.approx(flange[0], abs=1e-9)
-    assert np.abs(last[:, 1]).max() < 0.15
-    scene = Scene.build(cell_of(robot=name), arm)
+    assert np.abs(last[:, 1]).max() < (0.15 if kind is RobotSolids.SIMPLE else 0.2)
+    scene = Scene.build(replace(cell_of(robot=name), robot=robot), arm)
     assert scene.excluded == ()
     assert not scene.check(np.clip(NEUTRAL, robot.q_min, robot.q_max)).hit.any()
     q = np.random.default_rng(0).uniform(robot.q_min, robot.q_max, (2000, 6))
-    assert scene.check(q).hit.mean() < 0.05
+    assert scene.check(q).hit.mean() < (0.05 if kind is RobotSolids.SIMPLE else 0.06)
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_arm_has_an_outline(name):
+    robot = load_robot(name)
+    arm = build(robot)
+    solids = default_links(replace(robot, solids=RobotSolids.OUTLINE), arm)
+    frames, flange = arm.link_frames(np.zeros(6)), arm.fk(np.zeros(6))[:3, 3]
+    for i, mesh in enumerate(solids):
+        assert parts_of(mesh).closed.all()
+        world = apply(frames[i], mesh.vertices)
+        following = frames[i + 1][:3, 3] if i < 6 else flange
+        assert (world.min(axis=0) < following + 0.3).all()
+        assert (world.max(axis=0) > following - 0.3).all()
+    assert apply(frames[6], solids[6].vertices)[:, 0].max() == pytest.approx(flange[0], abs=1e-9)
 
 
 def test_a_robot_standing_elsewhere_meets_the_same_things(random_q):

@@ -236,6 +236,7 @@ CASES: dict[str, tuple[Any, ...]] = {
         )
         for key in KR500_MM
     },
+    "robot.solids": ({}, {"robot.solids": "outline"}, CHECK),
     "robot.name": ({"robot": OWN_ARM}, {"robot.name": "other"}, CHECK),
     "robot.base.xyz_mm": (
         {"obstacles": [BLOCK], **HEAD},
@@ -283,6 +284,7 @@ CASES: dict[str, tuple[Any, ...]] = {
         {"tool.cutter": {"diameter_mm": 6.0, "length_mm": 50.0}, "obstacles": [ROOF]},
         {"tool.cutter.length_mm": 300.0},
     ),
+    "workpiece.name": ({}, {"workpiece.name": "table"}, CHECK),
     "workpiece.number": ({}, {"workpiece.number": 3}),
     "workpiece.cam": ({"workpiece.cam": ["A"]}, {"workpiece.cam": ["A", "B"]}, "bases.csv"),
     "workpiece.frame.xyz_mm": ({}, {"workpiece.frame.xyz_mm": [1600.0, 0.0, 700.0]}),
@@ -480,6 +482,7 @@ def outcome(folder):
         if source == CHECK:
             seen = check_cell(load_cell(path))
             facts = [seen.facts["name"], seen.facts["robot"]]
+            facts += [seen.facts["robot_solids"], seen.facts["workpiece"]["name"]]
             return json.dumps([*facts, *map(str, seen.findings)])
         try:
             made = convert(ConvertRequest(str(folder / source), str(path), **options))

@@ -34,7 +34,7 @@ _PROVIDER = "IlfProvider=kukaroboter.basistech.inlineforms.movement.old"
 
 @dataclass(frozen=True, slots=True)
 class FormWriter:
-    """Writes forms whose points and motion data go into a data list; ``kss``: 8.5 or 8.6."""
+    """Writes forms whose points and motion data go into a data list; ``kss`` of the controller."""
 
     points: PointStore
     kss: Kss
@@ -93,7 +93,7 @@ class FormWriter:
         self, head: str, old: str, new: str, code: list[Statement], motion: Move
     ) -> list[Statement]:
         begin: list[Statement]
-        if self.kss is Kss.V8_5:
+        if not self.kss.has_parameter_folds:
             begin = [FoldBegin(f"{head};%{{PE}}{old}")]
         else:
             begin = [

@@ -1,0 +1,166 @@
+"""Outlines of arms by size class: what the links of an arm look like, measured on real ones.
+
+``outlines.toml`` holds each link of an arm that stands straight up as a stack of prisms with eight
+sides, which enclose the bodies of all arms that were measured. They follow the lengths of the arm:
+their ends are shares of the link's length and distances beyond it.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import OpwGeometry, Robot
+from postproc.collision.mesh import Mesh, loft
+from postproc.units import MM
+
+_FILE = Path(__file__).resolve().parent / "outlines.toml"
+_ANGLES = np.arange(8) * (np.pi / 4.0)
+DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
+_THINNEST = 1e-4
+_SMALL_REACH, _MEDIUM_REACH, _LONG_REACH = 1.25, 2.0, 2.4
+_LIGHT, _HEAVY, _VERY_HEAVY = 20.0, 80.0, 300.0
+_LOW_SHOULDER = 0.62
+"""Height of axis 2 [m] below which a large arm is one that stands on a shelf."""
+_MOST_PAYLOAD = {
+    "agilus": 16.0, "cybertech": 20.0, "iontec": 70.0, "quantec": 300.0, "quantec_2": 300.0,
+    "quantec_k": 300.0, "fortec": 600.0, "fortec_2": 800.0,
+}  # fmt: skip
+"""Payload [kg] of the strongest arm of a class; a stronger one is thicker."""
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """A prism: both ends as (share of the length, distance beyond it [m]), reach (8,) [m]."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    reach: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Outline:
+    """Links 0..6 of a size class, or of ``arms``; ``a1``, ``a2`` [m]: of what was measured."""
+
+    arms: frozenset[str]
+    a1: float
+    a2: float
+    links: tuple[tuple[Segment, ...], ...]
+
+
+def upright_solids(robot: Robot, g: OpwGeometry) -> list[list[Mesh]]:
+    """Return the solids of links 0..6 in robroot with the arm standing straight up."""
+    name = _class_of(robot, g)
+    outline = _outlines()[name]
+    scale = 1.0
+    if robot.name not in outline.arms and robot.payload > _MOST_PAYLOAD[name]:
+        scale = float((robot.payload / _MOST_PAYLOAD[name]) ** (1.0 / 3.0))
+    forwards = np.maximum(DIRECTIONS[:, 0], 0.0) * max(g.a1 - outline.a1, 0.0)
+    aside = np.maximum(DIRECTIONS[:, 0] * (g.a2 - outline.a2), 0.0)
+    more = {1: forwards, 3: aside}
+    return [
+        [
+            prism
+            for segment in segments
+            if (prism := _prism(segment, place, scale, more.get(link, 0.0), g.b)) is not None
+        ]
+        for link, (segments, place) in enumerate(zip(outline.links, places(g), strict=True))
+    ]
+
+
+def places(g: OpwGeometry) -> list[tuple[float, float, float]]:
+    """Return for links 0..6 of an upright arm: height of the lower end, length, x of the axis."""
+    elbow = g.c1 + g.c2
+    wrist, x_wrist = elbow + g.c3, g.a1 + g.a2
+    return [
+        (0.0, g.c1, 0.0),
+        (0.0, g.c1, 0.0),
+        (g.c1, g.c2, g.a1),
+        (elbow, g.c3, g.a1),
+        (elbow, g.c3, x_wrist),
+        (wrist, g.c4, x_wrist),
+        (wrist, g.c4, x_wrist),
+    ]
+
+
+def _prism(
+    segment: Segment,
+    place: tuple[float, float, float],
+    scale: float,
+    more: FloatArray | float,
+    y: float,
+) -> Mesh | None:
+    z, length, x = place
+    (share, beyond), (share_high, beyond_high) = segment.low, segment.high
+    low, high = z + share * length + scale * beyond, z + share_high * length + scale * beyond_high
+    section = _octagon(scale * segment.reach + more)
+    if high - low < _THINNEST or len(section) < len("xyz"):
+        return None
+    return loft([section + np.array([x, y])] * 2, [low, high])
+
+
+def _octagon(reach: FloatArray) -> FloatArray:
+    """Return the corners (n, 2) of what lies within the reach in eight directions."""
+    east, north, west, south = reach[0::2]
+    section = np.array([[east, -south], [east, north], [-west, north], [-west, -south]])
+    for direction, distance in zip(DIRECTIONS[1::2], reach[1::2], strict=True):
+        section = _cut(section, direction, float(distance))
+    return section
+
+
+def _cut(section: FloatArray, direction: FloatArray, distance: float) -> FloatArray:
+    """Return a convex polygon without what lies farther than ``distance`` along a direction."""
+    over = section @ direction - distance
+    corners = []
+    for k in range(len(section)):
+        here, there = over[k], over[(k + 1) % len(section)]
+        if here <= 0.0:
+            corners.append(section[k])
+        if here * there < 0.0:
+            step = section[(k + 1) % len(section)] - section[k]
+            corners.append(section[k] + step * here / (here - there))
+    return np.array(corners).reshape(-1, 2)
+
+
+def _class_of(robot: Robot, g: OpwGeometry) -> str:
+    """Return the size class of an arm: its own where it was measured, else the nearest."""
+    for name, outline in _outlines().items():
+        if robot.name in outline.arms:
+            return name
+    reach = g.a1 + g.c2 + float(np.hypot(g.c3, g.a2))
+    payload = robot.payload
+    if np.isnan(payload):
+        payload = _LIGHT if reach < _MEDIUM_REACH else _HEAVY if reach < _LONG_REACH else 2 * _HEAVY
+    if payload >= _VERY_HEAVY and g.c1 > _LOW_SHOULDER:
+        return "fortec" if g.a2 > 0.0 else "fortec_2"
+    if payload > _HEAVY:
+        return "quantec_k" if g.c1 < _LOW_SHOULDER else "quantec" if g.a2 > 0.0 else "quantec_2"
+    if payload > _LIGHT:
+        return "iontec"
+    return "agilus" if reach < _SMALL_REACH else "cybertech"
+
+
+@cache
+def _outlines() -> dict[str, Outline]:
+    data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+    data.pop("schema")
+    return {
+        name: Outline(
+            frozenset(table["arms"]),
+            table["a1_mm"] * MM,
+            table["a2_mm"] * MM,
+            tuple(tuple(map(_segment, link)) for link in table["links"]),
+        )
+        for name, table in data.items()
+    }
+
+
+def _segment(row: list[list[float]]) -> Segment:
+    (share, beyond), (share_high, beyond_high), reach = row
+    ends = (share, beyond * MM), (share_high, beyond_high * MM)
+    return Segment(*ends, np.array(reach, dtype=np.float64) * MM)

@@ -1,0 +1,186 @@
+"""Outlines from real bodies: each link cut into prisms that enclose it with the least volume."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import OpwGeometry, load_robot
+from postproc.collision import outlines
+from postproc.geometry import apply
+from postproc.kinematics import build
+from tools.outlines.meshes import Triangles, surface_points
+
+SPARE = 0.006
+"""Distance [m] that is added all round."""
+PRISMS = (6, 7, 7, 7, 4, 4, 1)
+_STEP, _SLICES = 0.025, 48
+_BETWEEN = 10.0
+"""Length of a link in the coordinate that is in metres below and beyond it."""
+ALIKE: Mapping[str, Sequence[str]] = {
+    "agilus_sixx": ["kr6_r700_sixx", "kr6_r900_sixx"],
+    "agilus_2": ["kr6_r700_2", "kr6_r900_2", "kr10_r900_2", "kr10_r1100_2"],
+    "agilus_3": ["kr10_r1100_3", "kr13_r900_3", "kr16_r1100_3"],
+    "agilus_7": ["kr7_r900_3"],
+    "agilus_4": ["kr4_r600"],
+    "cybertech_hw": ["kr8_r1440_2_arc_hw", "kr12_r1450_3_hw"],
+    "cybertech_long_hw": ["kr8_r2100_2_arc_hw"],
+    "cybertech_2": ["kr16_r1610_2", "kr20_r1810_2"],
+    "cybertech_long": ["kr16_r2010_2"],
+    "cybertech_e": ["kr20_r1820_2_e"],
+    "iontec_long": ["kr20_r3100"],
+    "iontec_2": ["kr30_r2100", "kr50_r2100", "kr50_r2500", "kr70_r2100"],
+    "quantec_2_standard": ["kr210_r2700_2", "kr210_r3100_2"],
+    "quantec_2_heavy": ["kr120_r2700_2", "kr300_r2700_2"],
+    "quantec_2_long": ["kr150_r3100_2", "kr240_r2900_2"],
+    "quantec": ["kr210_r3100_ultra"],
+    "quantec_k": ["kr210_r3300_2_k"],
+    "fortec_long": ["kr240_r3330"],
+    "fortec_2830": ["kr360_r2830", "kr600_r2830"],
+    "fortec_2_500": ["kr500_r2800_2"],
+    "fortec_2_560": ["kr560_r3100_2"],
+    "fortec_2_heavy": ["kr300_r2800_2_mt", "kr800_r2800_2"],
+}
+"""Arms that share castings."""
+SIZES = ("agilus", "cybertech", "iontec", "quantec_2", "fortec_2", "fortec")
+_HEAD = """\
+schema = "postproc.outlines/1"
+
+# Outlines of arms standing straight up: each link is a stack of prisms, [from, to, reach]. From and
+# to are [share of the link's length, mm beyond it], reach is that of the octagon [mm] to 0, 45,
+# .. 315 deg of x forwards, y left, from the link's axis. Measured by tools/outlines on collision
+# meshes of KUKA's ROS 2 packages (Apache-2.0, kuka_robot_descriptions, July 2026), 6 mm to spare.
+# arms: those that look like this; a class without arms is over all of its size and stands for arms
+# that were not measured. a1_mm, a2_mm: largest and mean of the arms measured.
+"""
+
+
+def outlines_text(arms: Mapping[str, Triangles]) -> str:
+    """Return the outline file of real arms by name."""
+    groups = {name: [f"kuka_{arm}" for arm in group] for name, group in ALIKE.items()}
+    points = {name: _upright(name, links) for name, links in arms.items()}
+    lines = [_HEAD]
+    for name, group in groups.items():
+        lines += _table(name, group, group, points)
+    for size in SIZES:
+        others = [s for s in SIZES if s != size and s.startswith(size)]
+        members = [
+            arm
+            for name, group in groups.items()
+            if name.startswith(size) and not any(name.startswith(other) for other in others)
+            for arm in group
+        ]
+        lines += _table(size, [], members, points)
+    return "\n".join(lines)
+
+
+def _upright(name: str, links: Triangles) -> list[FloatArray]:
+    robot = load_robot(name)
+    geometry = robot.geometry
+    assert isinstance(geometry, OpwGeometry)  # noqa: S101 - every built-in robot has one
+    frames = build(robot).link_frames(geometry.signs * geometry.offsets)
+    return [
+        apply(T, surface_points(corners, _STEP)) for T, corners in zip(frames, links, strict=True)
+    ]
+
+
+def _table(
+    name: str, own: Sequence[str], members: Sequence[str], points: Mapping[str, list[FloatArray]]
+) -> list[str]:
+    known = [arm for arm in members if arm in points]
+    geometries = {arm: load_robot(arm).geometry for arm in known}
+    a1 = max(g.a1 for g in geometries.values())  # type: ignore[union-attr]
+    a2 = float(np.mean([g.a2 for g in geometries.values()]))  # type: ignore[union-attr]
+    lines = [f"[{name}]", f"arms = {json.dumps(list(own))}"]
+    lines += [f"a1_mm = {a1 * 1e3:.1f}", f"a2_mm = {a2 * 1e3:.1f}", "links = ["]
+    for link, count in enumerate(PRISMS):
+        sizes, clouds = [], []
+        for arm in known:
+            z, length, x = outlines.places(geometries[arm])[link]  # type: ignore[arg-type]
+            cloud = points[arm][link]
+            sizes.append(length)
+            clouds.append(
+                np.stack([_share(cloud[:, 2] - z, length), cloud[:, 0] - x, cloud[:, 1]], 1)
+            )
+        rows = _prisms(np.concatenate(clouds), float(np.mean(sizes)), count, link)
+        lines += ["  [", *(f"    {row}," for row in rows), "  ],"]
+    return [*lines, "]", ""]
+
+
+def _share(z: FloatArray, length: float) -> FloatArray:
+    """Return heights as metres below the link, 0 to ``_BETWEEN`` along it, metres beyond."""
+    along = _BETWEEN * z / max(length, 1e-9)
+    return np.where(z < 0.0, z, np.where(z <= length, along, _BETWEEN + z - length))
+
+
+def _prisms(cloud: FloatArray, length: float, count: int, link: int) -> list[str]:
+    """Return the rows of the prisms that enclose a cloud (n, 3) of share, x, y."""
+    is_last = link == len(PRISMS) - 1
+    height = _height(cloud[:, 0], length)
+    top = min(height.max(), length) if is_last else height.max()
+    borders = np.linspace(height.min(), top, _SLICES + 1)
+    reach = np.full((_SLICES, 8), -np.inf)
+    projected = cloud[:, 1:] @ outlines.DIRECTIONS.T
+    for k, (low, high) in enumerate(pairwise(borders)):
+        inside = (height >= low - 0.5 * _STEP) & (height <= high + 0.5 * _STEP)
+        if inside.any():
+            reach[k] = projected[inside].max(axis=0)
+    rows = []
+    cuts = _best_cuts(reach, borders, count)
+    for a, b in pairwise(cuts):
+        widest = reach[a:b].max(axis=0) + SPARE
+        if np.isfinite(widest).all():
+            low = _end(borders[a] - (SPARE if a == 0 else 0.0), length)
+            high = _end(borders[b] + (SPARE if b == _SLICES and not is_last else 0.0), length)
+            high = [1.0, 0.0] if is_last and b == _SLICES else high
+            rows.append(json.dumps([low, high, [int(np.ceil(1e3 * value)) for value in widest]]))
+    return rows
+
+
+def _height(share: FloatArray, length: float) -> FloatArray:
+    along = share * length / _BETWEEN
+    return np.where(share < 0, share, np.where(share <= _BETWEEN, along, length + share - _BETWEEN))
+
+
+def _end(z: float, length: float) -> list[float]:
+    if z < 0.0:
+        return [0.0, round(1e3 * z, 1)]
+    return [round(z / length, 4), 0.0] if z <= length else [1.0, round(1e3 * (z - length), 1)]
+
+
+def _best_cuts(reach: FloatArray, borders: FloatArray, count: int) -> list[int]:
+    """Return the borders between which ``count`` prisms have the least volume in all."""
+    n = len(reach)
+    cost = np.full((n, n + 1), np.inf)
+    for a in range(n):
+        widest = np.maximum.accumulate(reach[a:], axis=0)
+        cost[a, a + 1 :] = _area(widest) * (borders[a + 1 :] - borders[a])
+    best, before = np.full((count + 1, n + 1), np.inf), np.zeros((count + 1, n + 1), int)
+    best[0, 0] = 0.0
+    for used in range(1, count + 1):
+        whole = best[used - 1, :n, None] + cost
+        before[used], best[used] = whole.argmin(axis=0), whole.min(axis=0)
+    cuts, used = [n], int(best[:, n].argmin())
+    while cuts[-1] > 0:
+        cuts.append(int(before[used, cuts[-1]]))
+        used -= 1
+    return cuts[::-1]
+
+
+def _area(reach: FloatArray) -> FloatArray:
+    """Return the area (n,) of octagons, 0 where nothing is."""
+    s = np.where(np.isfinite(reach), reach, 0.0)
+    corners = [s[:, j] + s[:, (j + 2) % 8] - np.sqrt(2.0) * s[:, j + 1] for j in (0, 2, 4, 6)]
+    cut = sum(np.maximum(corner, 0.0) ** 2 / 2.0 for corner in corners)
+    return np.asarray((s[:, 0] + s[:, 4]) * (s[:, 2] + s[:, 6]) - cut)
+
+
+def write(packages: Path, arms: Mapping[str, Triangles]) -> None:
+    """Write the outline file of the product."""
+    Path(outlines.__file__).with_name("outlines.toml").write_text(outlines_text(arms))
+    print(f"{len(arms)} arms of {packages}")
