@@ -5,7 +5,17 @@ from __future__ import annotations
 import sys
 from importlib import import_module
 
-NAMES = ("batch", "collision", "kinematics", "krl", "motion", "page", "planning", "readers")
+NAMES = (
+    "batch",
+    "collision",
+    "contours",
+    "kinematics",
+    "krl",
+    "motion",
+    "page",
+    "planning",
+    "readers",
+)
 """Modules beside this one; ``tesseract.py`` runs in an interpreter of its own."""
 
 

@@ -136,6 +136,8 @@ def _capped(
         )
     speed[missing] = np.inf
     fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows] * (1.0 + 1e-9))]
+    cap = cap.copy()
+    cap[fast] = _even(cap[fast])
     tapped = _is_tapped(problem, table)
     for row in fast.tolist():
         tag = int(table.tag[row])
@@ -153,6 +155,16 @@ def _is_tapped(problem: Problem, table: Moves) -> BoolArray:
     taps = [cycle.kind in TAPS for cycle in problem.toolpath.cycles]
     own = np.array([*taps, False])[np.asarray(problem.toolpath.cycle)[table.tag]]
     return np.asarray(own & (table.speed < problem.cell.motion.rapid_speed))
+
+
+def _even(speed: FloatArray) -> FloatArray:
+    """Return speeds lowered to even ones: a program need not follow every digit of a limit.
+
+    Down to multiples of a fortieth or a hundredth of the power of ten above, 9 % lower at most.
+    """
+    size = 10.0 ** np.ceil(np.log10(np.maximum(speed, SLOWEST)))
+    fine = np.where(speed < 0.5 * size, 0.01, 0.025) * size
+    return np.asarray(np.floor(speed / fine + 1e-9) * fine)
 
 
 def _too_slow(problem: Problem, table: Moves, row: int) -> str:
