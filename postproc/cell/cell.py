@@ -434,22 +434,51 @@ class Cell:
         return (*tools, *(mesh for base in self.bases for mesh in base.meshes), *self.obstacles)
 
     def with_tool(self, index: int, base: int = 0) -> Cell:
-        """Return the cell at work with one of its tools in one of its setups."""
+        """Put one of the tools to work in one of the setups.
+
+        Args:
+            index: of the tool in ``tools``.
+            base: of the setup in ``bases``.
+
+        Returns:
+            The cell whose ``tool`` and ``workpiece`` are these.
+        """
         if (index, base) == (self.tool_index, self.base_index):
             return self
         return replace(self, tool_index=index, base_index=base)
 
     def rebased(self, move: Callable[[FloatArray], FloatArray]) -> Cell:
-        """Return the cell with every T_robroot_base (4, 4) as ``move`` gives it."""
+        """Move all setups.
+
+        Args:
+            move: a function T_robroot_base (4, 4) -> T_robroot_base (4, 4).
+
+        Returns:
+            The cell with every setup where ``move`` puts it.
+        """
         moved = (replace(base, T_robroot_base=move(base.T_robroot_base)) for base in self.bases)
         return replace(self, bases=tuple(moved))
 
     def tcp_of(self, tool: AnyIntArray) -> FloatArray:
-        """Return T_flange_tcp (n, 4, 4) of tools (n,)."""
+        """Look up tool frames.
+
+        Args:
+            tool: (n,) indices of ``tools``.
+
+        Returns:
+            T_flange_tcp (n, 4, 4) [m].
+        """
         return np.array([entry.T_flange_tcp for entry in self.tools])[tool]
 
     def axes_of(self, tool: AnyIntArray) -> FloatArray:
-        """Return the tool axes (n, 3) of tools (n,); only those that are asked for are needed."""
+        """Look up tool axes; a tool that nothing asks for needs none.
+
+        Args:
+            tool: (n,) indices of ``tools``, -1 for none.
+
+        Returns:
+            Unit vectors (n, 3) in the TCP frame, out of the tool into the part.
+        """
         table = np.full((len(self.tools), 3), np.nan)
         for index in np.unique(tool[tool >= 0]).tolist():
             table[index] = self.tools[index].axis
