@@ -9,6 +9,7 @@ from postproc.cell import expanded, find_urdf, load_cell, load_robot, read_urdf_
 from postproc.cli import app
 from postproc.errors import CellError
 from postproc.kinematics import build
+from postproc.kinematics.urdf import load_chain
 from postproc.units import DEG, MM
 from tests.places import SHARED
 
@@ -29,7 +30,7 @@ def rows():
 def test_forward_kinematics_as_published():
     assert len(rows()) > 25
     for row in rows():
-        arm = build(read_urdf_robot(REAL / row["file"], row["tip"]))
+        arm = load_chain(REAL / row["file"], row["tip"])
         q = np.array([float(row[f"q{i}_deg"]) for i in range(1, 7)]) * DEG
         T = arm.fk(q)
         p = [float(row[f"{key}_mm"]) for key in "xyz"]
@@ -153,8 +154,9 @@ def test_folders_without_or_with_several_robots(tmp_path):
 
 @pytest.mark.parametrize(("name", "against"), [("kr210_r3100_ultra", "A1"), ("kr210_r2700_2", "")])
 def test_axes_that_turn_against_kukas_sense_are_told(name, against, tmp_path, capsys):
-    cell = tmp_path / "cell.toml"
-    urdf = REAL / "expanded" / f"{name}.urdf"
+    cell, urdf = tmp_path / "cell.toml", tmp_path / "arm.urdf"
+    text = (REAL / "expanded" / f"{name}.urdf").read_text()
+    urdf.write_text(text.replace(f'name="{name}"', 'name="my_arm"'))
     assert run("new-cell", "--urdf", urdf, "--tip", "tool0", "-o", cell) == 0
     run("check", cell)
     err = capsys.readouterr().err
