@@ -27,6 +27,8 @@ number = 1
 name = "reflector"
 frame = { xyz_mm = [0, 0, 50], abc_deg = [0, 0, 0] }
 axis = "+z"
+[measuring]
+sigma_mm = 0.02
 """
 pytestmark = [pytest.mark.corpus, pytest.mark.skipif(not REAL.is_dir(), reason="no corpus")]
 

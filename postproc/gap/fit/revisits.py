@@ -29,6 +29,12 @@ _USUAL = 2e-4
 """Sd of the prior of a turn of a joint [rad] that a condition at its usual size brings."""
 _FIRST = 2e-5
 """Noise [m] that weighs this prior before there is an estimate."""
+_NEIGHBOURS = 6
+_CLOSE = 0.35
+"""Distance of two readings over their scatter below which 1 of 100 lies; and where more than this
+share of them do (but not fewer than so many), there are two scatters."""
+_MANY = 0.05
+_FEW_PAIRS = 5
 _ROUNDS = 8
 _FAULT = 6.0
 _MOST_FAULTS = 0.15
@@ -128,8 +134,30 @@ def _scatter(
         keep &= ~bad
     rows, group, rest = rows[keep], group[keep], rest[keep]
     group = np.unique(group, return_inverse=True)[1].astype(np.int32)
+    pure, pairs = _among_alike(rest, group, sigma)
+    if pairs:
+        return Revisits(rows, group, rest, pure, 3.0 * pairs, pure)
     course = _course(samples.rows(rows), rest, group, unit[rows], sigma)
     return Revisits(rows, group, rest, sigma, freedom, *course)
+
+
+def _among_alike(rest: FloatArray, group: IntArray, sigma: float) -> tuple[float, int]:
+    """Return the noise [m] of readings that are alike where many of the others are not, and pairs.
+
+    A condition that nobody logged (side, load) parts the readings of a pose: then far more of them
+    lie close together than noise of their whole scatter lets them. No pairs: there is one scatter.
+    """
+    order = np.argsort(group, kind="stable")
+    apart = []
+    for step in range(1, _NEIGHBOURS):
+        same = group[order[step:]] == group[order[:-step]]
+        between = rest[order[step:]] - rest[order[:-step]]
+        apart.append(np.linalg.norm(between[same], axis=1))
+    distance = np.concatenate(apart)
+    close = distance[distance < _CLOSE * np.sqrt(2.0) * sigma]
+    if len(close) < max(_FEW_PAIRS, _MANY * len(distance)):
+        return sigma, 0
+    return robust_sigma(close) / float(np.sqrt(2.0)), len(close)
 
 
 def _largest(values: FloatArray, group: IntArray) -> FloatArray:
