@@ -27,7 +27,7 @@ from postproc.gap.choice.evidence import (
 )
 from postproc.gap.choice.search import DECISIVE, Search, search
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.fit import Regression, Subset
+from postproc.gap.fit import NormalEquations, Regression, Subset
 
 
 def choose(regression: Regression) -> Choice:
@@ -37,7 +37,7 @@ def choose(regression: Regression) -> Choice:
         [(part, whole.minus(part)) for part in parts]
         for parts in (regression.fold_equations(), regression.stretch_equations())
     ]
-    found, excluded, reasons = _searched(regression, folds)
+    found, excluded, reasons = _searched(regression, folds, whole)
     found, best = _readmitted(regression, found, folds, found.best, reasons)
     best = _pruned(regression, found, folds, best, reasons)
     found, best = _readmitted(regression, found, folds, best, reasons)
@@ -70,7 +70,9 @@ def _standing(
     return standing | dict.fromkeys(small, Standing.UNNAMED)
 
 
-def _searched(regression: Regression, folds: Folds) -> tuple[Search, set[str], dict[str, str]]:
+def _searched(
+    regression: Regression, folds: Folds, plain: NormalEquations
+) -> tuple[Search, set[str], dict[str, str]]:
     """Search until nothing in the best subset is disqualified.
 
     Returns:
@@ -79,7 +81,7 @@ def _searched(regression: Regression, folds: Folds) -> tuple[Search, set[str], d
     equations = regression.normal_equations()
     excluded: set[str] = set()
     reasons: dict[str, str] = {}
-    found = search(equations, regression.always)
+    found = search(equations, regression.always, plain=plain)
     for _ in range(12):
         weak = _disqualified(regression, found, folds)
         if weak is None:
@@ -87,7 +89,9 @@ def _searched(regression: Regression, folds: Folds) -> tuple[Search, set[str], d
         key, reason = weak
         reasons[found.names[key]] = reason
         excluded.add(key)
-        found = search(equations, regression.always, excluded=excluded, known=found.scores)
+        found = search(
+            equations, regression.always, excluded=excluded, known=found.scores, plain=plain
+        )
     return found, excluded, reasons
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.gap.data import Samples
-from postproc.gap.fit import Block, Projection, Regression, Wave
+from postproc.gap.fit import REST, Block, Projection, Regression, Wave
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""
@@ -99,13 +99,16 @@ def unexplained(
 def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) -> dict[str, str]:
     """Return the named blocks in whose place a class explains more, and which.
 
-    Only classes whose formula is that of no effect stand against them.
+    Only classes whose formula is that of no effect stand against them. Where the likelihood holds a
+    smooth rest, the names have stood against that already.
 
     Args:
         regression: rows and blocks.
         named: keys of the blocks to be judged.
         beside: keys of all blocks of the model.
     """
+    if REST in regression.nuisance:
+        return {}
     bench = _Bench.of(regression, ())
     rivals = [k for k, group in enumerate(bench.groups) if group.is_rival]
     inside = {*regression.always, *beside}

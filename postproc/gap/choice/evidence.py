@@ -77,8 +77,9 @@ def unique_part(
     """Return what only some blocks of a subset explain together, 3D rms [m]."""
     rest = tuple(k for k in best if k not in keys)
     with_it, without = (*found.always, *best), (*found.always, *rest)
-    more = found.equations.freedom(with_it) - found.equations.freedom(without)
-    drop = found.equations.left(without) - found.equations.left(with_it) - more
+    equations = found.plain or found.equations
+    more = equations.freedom(with_it) - equations.freedom(without)
+    drop = equations.left(without) - equations.left(with_it) - more
     return regression.sigma * float(np.sqrt(max(drop, 0.0) / regression.rows))
 
 

@@ -25,7 +25,10 @@ _MERGES = 3
 
 @dataclass(slots=True)
 class Search:
-    """Subsets visited and their scores in nats (evidence minus the price of the names)."""
+    """Subsets visited and their scores in nats (evidence minus the price of the names).
+
+    ``plain``: the equations without a smooth rest, by which sizes are told.
+    """
 
     equations: NormalEquations
     always: Subset
@@ -33,6 +36,7 @@ class Search:
     names: dict[str, str]
     price: dict[str, float]
     scores: dict[Subset, float]
+    plain: NormalEquations | None = None
 
     @property
     def best(self) -> Subset:
@@ -83,6 +87,7 @@ def search(
     exhaustive: int = 3,
     excluded: Iterable[str] = (),
     known: Mapping[Subset, float] | None = None,
+    plain: NormalEquations | None = None,
 ) -> Search:
     """Score subsets of the candidates.
 
@@ -95,12 +100,13 @@ def search(
         exhaustive: largest size of which all subsets are tried.
         excluded: keys that may not be used.
         known: scores of an earlier search of the same equations.
+        plain: the equations without a smooth rest.
     """
     out = set(always) | set(excluded) | set(equations.nuisance)
     blocks = [block for block in equations.blocks if block.key not in out]
     names = {block.key: block.name for block in blocks}
     most = int(np.clip(equations.rows // _ROWS_EACH, 1, LARGEST))
-    state = Search(equations, tuple(always), most, {}, {}, {})
+    state = Search(equations, tuple(always), most, {}, {}, {}, plain)
     for block in blocks:
         state = state.with_candidate(block)
     keys = sorted(names)
