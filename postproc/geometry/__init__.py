@@ -1,6 +1,7 @@
 """Frames, rotations, lines and arcs."""
 
 from postproc.geometry.curves import (
+    STEP_SWEEP,
     Circles,
     angle_about,
     around,
@@ -31,6 +32,7 @@ from postproc.geometry.frames import (
 from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
 
 __all__ = [
+    "STEP_SWEEP",
     "Circles",
     "abc_from_rotation",
     "angle_about",

@@ -13,7 +13,10 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.geometry.frames import rotation_about
+from postproc.units import DEG
 
+STEP_SWEEP = 15.0 * DEG
+"""Longest piece [rad] of an arc between two sampled poses: its chord is 0.3 % shorter."""
 _FLAT = 1e-9
 
 

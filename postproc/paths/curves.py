@@ -52,6 +52,11 @@ class Curves:
     tangents: tuple[FloatArray, FloatArray]
     bad_circles: AnyIntArray
 
+    @property
+    def sweep(self) -> FloatArray:
+        """(m,) angle that a motion goes round [rad], 0 for all but arcs."""
+        return np.append(self.circles.sweep, 0.0)[self.circle]
+
     def poses(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
         """Return T_base_tcp (n, 4, 4) at ``share`` (n,) of path motions ``row`` (n,)."""
         T = self.T_end[row]

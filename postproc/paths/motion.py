@@ -17,7 +17,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Trace
 from postproc.errors import Finding, RunKind, Severity, SourceRef
-from postproc.geometry import inverse
+from postproc.geometry import STEP_SWEEP, inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
@@ -255,6 +255,7 @@ class _Solver:
         way = np.maximum(
             self.curves.length[moving] / step_length, self.curves.angle[moving] / step_angle
         )
+        way = np.maximum(way, self.curves.sweep[moving] / STEP_SWEEP)
         way = np.maximum(way, self._external_way(step_length, step_angle)[moving])
         way = np.where(np.isfinite(way), way, 1.0)
         total = float(way.sum())

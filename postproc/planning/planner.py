@@ -96,18 +96,16 @@ def plan(
     toolpath = claims.toolpath
     if any(finding.is_error for finding in claims.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
-    if not cell.optimize.free_order:
-        toolpath = holes_served(toolpath, cell)
-    distinct = np.flatnonzero(~repeats(toolpath))
-    if len(distinct) < len(toolpath) and not cell.optimize.free_order:
-        return with_repeats(
-            plan(without_repeats(toolpath, distinct), cell, options, progress), toolpath, distinct
-        )
     stretches = claims.stretches()
     if cell.optimize.free_order:
         toolpath = reordered(toolpath, _order(toolpath, cell, settings, stretches))
-        toolpath = holes_served(toolpath, cell)
         cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
+    toolpath = holes_served(toolpath, cell)
+    distinct = np.flatnonzero(~repeats(toolpath))
+    if len(distinct) < len(toolpath):
+        return with_repeats(
+            plan(without_repeats(toolpath, distinct), cell, options, progress), toolpath, distinct
+        )
     result = plan_stretches(
         toolpath,
         cell,
@@ -151,7 +149,9 @@ def _served(
         cell,
         settings,
         lambda here: checker_of(toolpath, here, settings),
-        lambda part, here: _planned(part, here, settings, options, progress),
+        lambda part, here, goes_on: _planned(
+            part, here, settings, options, progress, goes_on=goes_on
+        ),
     )
 
 
@@ -171,6 +171,8 @@ def _planned(
     settings: Settings,
     options: PlanOptions,
     progress: Progress | None,
+    *,
+    goes_on: bool = False,
 ) -> Plan:
     """Return the plan in a cell without external axes."""
     clock = Clock(progress)
@@ -181,7 +183,7 @@ def _planned(
     take_joints(problem, chosen)
     findings += without_roll(checker, chosen)
     clock.lap("search")
-    routed, dropped = _routed(checker, chosen, partial=options.partial)
+    routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on)
     clock.lap("route")
     findings = [
         *_notes(checker),
@@ -246,11 +248,13 @@ def checker_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
     return Checker(problem, strokes_of(problem.toolpath, cell.motion.approach), _scene(problem))
 
 
-def _routed(checker: Checker, chosen: Chosen, *, partial: bool) -> tuple[Route, list[Finding]]:
+def _routed(
+    checker: Checker, chosen: Chosen, *, partial: bool, goes_on: bool
+) -> tuple[Route, list[Finding]]:
     """Return the route; with ``partial`` the stretches that cannot be got to are left out."""
     dropped: list[Finding] = []
     for _ in range(_DROPS):
-        routed = route(checker, chosen)
+        routed = route(checker, chosen, goes_on=goes_on)
         stuck = [finding for finding in routed.findings if finding.severity is Severity.ERROR]
         if not partial or not stuck:
             break

@@ -5,6 +5,7 @@ from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
+from postproc.process.material import ALONG_AXIS, back_off, in_material
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
@@ -24,6 +25,7 @@ from postproc.process.unit import NUMBER, hole_steps, holes_served, unit_finding
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
+    "ALONG_AXIS",
     "AXIS_SHARE",
     "CHIP_LIFT",
     "COOLANTS",
@@ -41,6 +43,7 @@ __all__ = [
     "ToolStretch",
     "apart",
     "as_served",
+    "back_off",
     "claimed",
     "coolant_mode",
     "feeds_of",
@@ -48,6 +51,7 @@ __all__ = [
     "hole_runs",
     "hole_steps",
     "holes_served",
+    "in_material",
     "load_cases",
     "machining_findings",
     "may_stand",

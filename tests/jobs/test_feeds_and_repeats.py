@@ -130,3 +130,52 @@ def test_feeds_lowered_at_axis_limits_agree_with_the_check_and_are_one_finding(c
 def test_hooks_example_with_a_spindle_word(convert):
     job = convert("SPINDL/RPM,3000,CLW", *SLOT, "SPINDL/OFF", krl="[krl]\nhooks_example = true\n")
     assert errors(job) == []
+
+
+def test_small_arcs_at_an_axis_limit_agree_with_the_check(convert):
+    """An arc as short as one sampled piece: its chord asks less of the axes than its way."""
+    job = convert(
+        "RAPID", "GOTO/0,0,30,0,0,1", "FEDRAT/MMPM,90000", "GOTO/10,0,0",
+        "CIRCLE/5,0,0,0,0,1,5.0", "GOTO/0,0,0", "CIRCLE/5,0,0,0,0,1,5.0", "GOTO/10,0,0",
+        "RAPID", "GOTO/10,0,50",
+    )  # fmt: skip
+    assert errors(job) == []
+    speeds = [float(v) for v in re.findall(r"\$VEL\.CP=(\S+)", text(job))]
+    assert any(speed < 1.5 for speed in speeds[1:])
+
+
+def test_a_repeat_among_holes_in_free_order_keeps_the_feeds(convert):
+    hole = "CYCLE/DRILL,FEDTO,-9,MMPM,60,RAPTO,3,RTRCTO,20"
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "FEDRAT/MMPM,9000", "GOTO/0,0,50",
+        "FEDRAT/MMPM,300", "GOTO/40,0,-2", "GOTO/60,0,-2", hole, "GOTO/300,0,0", "GOTO/100,0,0",
+        "GOTO/200,0,0", "CYCLE/OFF", "SPINDL/OFF", krl="[optimize]\nfree_order = true\n",
+    )  # fmt: skip
+    assert errors(job) == []
+    assert job.plan.speed[job.plan.tag == 2].tolist() == [pytest.approx(0.005)]
+
+
+def test_a_tilted_cut_that_ends_in_a_repeat_and_a_turn(convert):
+    job = convert(
+        "RAPID", "GOTO/0,0,30,0,0,1", "FEDRAT/MMPM,600", "GOTO/0,0,0", "GOTO/100,0,0",
+        "GOTO/100,0,0", "GOTO/100,0,0,0.28,0,0.96", "RAPID", "GOTO/100,0,80",
+        krl="[optimize]\nlead_deg = [-10, 10]\n",
+    )  # fmt: skip
+    assert errors(job) == []
+
+
+@pytest.mark.parametrize("way", [5e-5, 5e-4])
+def test_a_turn_on_a_way_that_the_text_rounds(convert, way):
+    job = convert(
+        "RAPID", "GOTO/0,0,0,0,0,1", "FEDRAT/MMPM,600", "GOTO/100,0,0",
+        f"GOTO/{100 + way:.5f},0,0,0.001,0,0.9999995", "GOTO/150,0,0",
+    )  # fmt: skip
+    assert errors(job) == []
+
+
+def test_a_rapid_to_where_a_hole_begins(convert):
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "RAPID", "GOTO/40,0,0", "STOP",
+        "CYCLE/DRILL,FEDTO,-9,MMPM,60,RAPTO,3,RTRCTO,20", "GOTO/40,0,0", "CYCLE/OFF", "SPINDL/OFF",
+    )  # fmt: skip
+    assert errors(job) == []

@@ -51,7 +51,8 @@ def swings(count):
     start[:, 0], end[:, 0] = 0.5 * side, -0.5 * side
     tag = np.zeros(count, dtype=np.int64)
     # too low to back off anywhere: the tool stands at the tag only in name
-    return Ends(tag, tag + 1, np.full(count, np.nan), np.full(count, np.nan), start, end)
+    none = np.zeros(count)
+    return Ends(tag, tag + 1, np.full(count, np.nan), np.full(count, np.nan), start, end, none)
 
 
 def legs(ends, ways, samples=60):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.geometry import arc_poses, line_poses, path_length, rotation_angle
+from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
 from postproc.units import DEG
 
@@ -274,7 +274,10 @@ class Checker:
     def _shares(self, lines: Lines) -> tuple[IndexArray, FloatArray]:
         """Return row and share of every sample, both ends of each motion included."""
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
-        size = np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE) - 1e-9
+        size = np.maximum(lines.length / STEP_LENGTH, turn / STEP_ANGLE)
+        if lines.sweep is not None:
+            size = np.maximum(size, lines.sweep / STEP_SWEEP)
+        size -= 1e-9
         pieces = np.ceil(np.maximum(size, np.where(size > SHORT, 2.0, 1.0))).astype(np.int64)
         row = np.repeat(np.arange(len(lines)), pieces + 1)
         first = np.cumsum(pieces + 1) - (pieces + 1)

@@ -7,7 +7,7 @@ ends, shortened afterwards. Checks are asked for in batches: one call costs far 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Ends(Table):
         tag_from: (m,); tag_to: (m,).
         height_from: (m,) [m] above the tag where the tool leaves; height_to: where it arrives.
         q_from: (m, 6); q_to: (m, 6) [rad].
+        lift: (m,) [m] by which the tool backs off at the start whatever comes then; 0: it need not.
     """
 
     tag_from: IndexArray
@@ -43,6 +44,7 @@ class Ends(Table):
     height_to: FloatArray
     q_from: FloatArray
     q_to: FloatArray
+    lift: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +67,32 @@ def detours(
     Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
     """
     ways: dict[int, Detour] = {}
-    for height in BACK_OFF:
-        rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+    for height in (0.0, *BACK_OFF):
+        open_ = [row for row in range(len(ends)) if row not in ways]
+        rows = np.array([row for row in open_ if height or ends.lift[row]], dtype=np.int64)
         if not len(rows):
-            return ways
+            continue
         found = _by_backing_off(checker, ends.rows(rows), attitude, branch, height)
         ways.update({int(rows[row]): way for row, way in found.items()})
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
-    for row, points in _by_trees(checker, ends, rows).items():
-        ways[row] = Detour(points, np.zeros(len(points), dtype=np.bool_), False)
+    if not len(rows):
+        return ways
+    q, is_out = backed_off(checker, ends, attitude, branch)
+    out = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
+    for row, points in _by_trees(checker, out, rows[is_out[rows] | ~(ends.lift[rows] > 0)]).items():
+        first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
+        is_line = np.arange(len(first) + len(points)) < len(first)
+        ways[row] = Detour(np.vstack([first, points]), is_line, False)
     return ways
+
+
+def backed_off(
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the joints (m, 6) once the tool has backed off as it must, and where it can (m,)."""
+    start = (ends.tag_from, ends.height_from, ends.q_from)
+    q, is_free = _lifted(checker, *start, attitude, branch, ends.lift, ends.lift > 0.0)
+    return q, is_free & (ends.lift > 0.0)
 
 
 def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:
@@ -118,16 +136,20 @@ def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
 def _by_backing_off(
     checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: float
 ) -> dict[int, Detour]:
+    must = ends.lift > 0.0
+    leaving = (ends.tag_from, ends.height_from, ends.q_from)
     up_from, from_free = _lifted(
-        checker, ends.tag_from, ends.height_from, ends.q_from, attitude, branch, height
+        checker, *leaving, attitude, branch, np.maximum(height, ends.lift), must
     )
+    arriving = (ends.tag_to, ends.height_to, ends.q_to)
     up_to, to_free = _lifted(
-        checker, ends.tag_to, ends.height_to, ends.q_to, attitude, branch, height
+        checker, *arriving, attitude, branch, np.full(len(ends), height), np.zeros_like(must)
     )
     options = (
+        (must & from_free, up_from, ends.q_to, (True, False)),
         (from_free & to_free, up_from, up_to, (True, True)),
         (from_free, up_from, ends.q_to, (True, False)),
-        (to_free, ends.q_from, up_to, (False, True)),
+        (to_free & ~must, ends.q_from, up_to, (False, True)),
     )
     ways: dict[int, Detour] = {}
     for possible, start, end, lifted in options:
@@ -149,9 +171,10 @@ def _lifted(
     q: FloatArray,
     attitude: FloatArray,
     branch: IndexArray,
-    height: float,
+    height: FloatArray,
+    contact: BoolArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """Return the joints (m, 6) ``height`` above where the tool stands, and if the way is free."""
+    """Return the joints (m, 6) ``height`` (m,) above where tools stand, and if the way is free."""
     problem = checker.problem
     low = problem.placement.tcp(tag, attitude[tag], base)
     high = problem.placement.tcp(tag, attitude[tag], base + height)
@@ -165,7 +188,7 @@ def _lifted(
         q[rows],
         solved[rows],
         branch[tag[rows]],
-        np.zeros(len(rows), dtype=np.bool_),
+        contact[rows],
     )
     good[rows] = checker.lines(lines)[0].good
     return solved, good

@@ -11,12 +11,19 @@ from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
-from postproc.planning.route.connect import GIVE_UP, Detour, Ends, detours, free_way
+from postproc.planning.route.connect import (
+    GIVE_UP,
+    Detour,
+    Ends,
+    backed_off,
+    detours,
+    free_way,
+)
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, timed
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
-from postproc.process import hole_steps
+from postproc.process import back_off, hole_steps, in_material
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -24,6 +31,7 @@ _HOME = -1000
 _NOT_SEARCHED = (
     f"after {GIVE_UP} connections without a free way only backing off along the tool axis was tried"
 )
+_STUCK = "the tool cannot back off along its axis from the end of the cut"
 
 
 @dataclass(slots=True)
@@ -35,10 +43,15 @@ class Route:
     findings: list[Finding] = field(default_factory=list)
 
 
-def route(checker: Checker, chosen: Chosen) -> Route:
+def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
     """Return the moves that run the chosen poses.
 
     Connections that cannot be made free of collision are findings at their tag.
+
+    Args:
+        checker: of the toolpath.
+        chosen: poses of its tags.
+        goes_on: whether motions that are not planned here follow: no tool is left in material.
     """
     problem = checker.problem
     findings: list[Finding] = []
@@ -46,7 +59,7 @@ def route(checker: Checker, chosen: Chosen) -> Route:
     arrives, leaves = _ends(problem, checker, chosen)
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
-    parts += _home(checker, chosen, arrives, findings)
+    parts += _first_and_last(checker, chosen, arrives, findings, goes_on=goes_on)
     table = in_order(parts)
     ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings)
@@ -83,17 +96,24 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
     return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
 
 
-def _home(checker: Checker, chosen: Chosen, q: FloatArray, findings: list[Finding]) -> list[Moves]:
+def _first_and_last(
+    checker: Checker, chosen: Chosen, q: FloatArray, findings: list[Finding], *, goes_on: bool
+) -> list[Moves]:
     """Return the moves from home to the first tag's approach and from the last back home."""
     problem = checker.problem
     tags = np.nonzero(chosen.good)[0]
-    if problem.cell.motion.home is None or not len(tags):
+    if not len(tags) or (problem.cell.motion.home is None and not goes_on):
         return []
+    first, last = int(tags[0]), int(tags[-1])
+    out = _out_of_material(checker, chosen, last, q, findings)
+    parts = [_moves_to(problem, last, LEAVE + 1, out, MoveKind.LIN)]
+    if problem.cell.motion.home is None:
+        return parts
     home = np.asarray(problem.cell.motion.home)
-    parts = []
+    leaves = np.vstack([q[last : last + 1], out])[-1]
     for tag, way, order in (
-        (int(tags[0]), (home, q[tags[0]]), _HOME),
-        (int(tags[-1]), (q[tags[-1]], home), LEAVE + 1),
+        (first, (home, q[first]), _HOME),
+        (last, (leaves, home), LEAVE + 2),
     ):
         between = free_way(checker, *way)
         if between is None:
@@ -101,13 +121,39 @@ def _home(checker: Checker, chosen: Chosen, q: FloatArray, findings: list[Findin
             findings.append(failure(problem, tag, Reason.COLLISION, detail))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
-        role = np.full(len(points), MoveRole.RAPID)
-        role[:1] = MoveRole.ENTRY if order == _HOME else MoveRole.RAPID
-        k = len(points)
-        where, numbers = np.full(k, tag), order + np.arange(k)
-        T_base_tcp = _poses(problem, points)
-        parts.append(moves(where, numbers, MoveKind.PTP, role, T_base_tcp, points))
+        parts.append(_moves_to(problem, tag, order, points, MoveKind.PTP))
+        if order == _HOME:
+            parts[-1].role[0] = MoveRole.ENTRY
     return parts
+
+
+def _out_of_material(
+    checker: Checker, chosen: Chosen, tag: int, q: FloatArray, findings: list[Finding]
+) -> FloatArray:
+    """Return the joints (k, 6), one at most, to which the tool backs off from a tag."""
+    at, none = np.array([tag]), np.zeros(1)
+    lift = _lifts(checker.problem)[at]
+    if not lift[0]:
+        return np.zeros((0, 6))
+    ends = Ends(at, at, none, none, q[at], q[at], lift)
+    up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
+    if not is_free[0]:
+        findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK))
+    return up[is_free]
+
+
+def _lifts(problem: Problem) -> FloatArray:
+    """Return by how much (n,) [m] the tool backs off from a tag before it moves in rapid."""
+    inside = in_material(problem.toolpath, problem.cell)
+    return np.where(inside, back_off(problem.cell), 0.0)
+
+
+def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
+    """Return rapid moves to joints (k, 6) one after the other."""
+    k = len(q)
+    speed = problem.cell.motion.rapid_speed if kind is MoveKind.LIN else np.nan
+    numbers, T_base_tcp = order + np.arange(k), _poses(problem, q)
+    return moves(np.full(k, tag), numbers, kind, MoveRole.RAPID, T_base_tcp, q, speed)
 
 
 def _poses(problem: Problem, q: FloatArray) -> FloatArray:
@@ -131,7 +177,8 @@ def _connections(
     to = table.tag[arriving]
     before = good[np.searchsorted(good, to) - 1]
     top = checker.strokes.top
-    return Ends(before, to, top[before], top[to], leaves[before], arrives[to]), arriving
+    heights, lift = (top[before], top[to]), _lifts(problem)[before]
+    return Ends(before, to, *heights, leaves[before], arrives[to], lift), arriving
 
 
 def _decide(
@@ -142,7 +189,7 @@ def _decide(
     as_line = _straight_rapids(checker, chosen, ends)
     rest = np.nonzero(~as_line)[0]
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
-    stuck = np.nonzero(~verdict.good)[0]
+    stuck = np.nonzero(~verdict.good | (ends.lift[rest] > 0.0))[0]
     found = detours(checker, ends.rows(rest[stuck]), chosen.attitude, chosen.branch)
     for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
         row = int(rest[stuck[i]])
@@ -154,6 +201,8 @@ def _decide(
 
 
 def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
+    if verdict.good[row]:
+        return f"{_STUCK}, coming from tag {name}"
     pair = int(verdict.pair[row])
     what = " and ".join(checker.pairs[pair]) if 0 <= pair < len(checker.pairs) else "solids"
     return f"no free way was found here from tag {name}: {what} collide on the direct one"

@@ -30,6 +30,9 @@ BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take."""
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
+_ON_THE_SPOT = 1e-5
+"""On a way [m] as short as this the speed of the orientation counts: what program text rounds
+would shift the one of the path."""
 
 
 @dataclass(slots=True)
@@ -110,7 +113,7 @@ def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
     turning = np.full(len(lines), np.inf)
     np.minimum.at(turning, row, axis_speed_cap(dq, np.diff(track.share)[same] * angle[row], speed))
-    on_the_spot = (angle > _SHORT) & ((lines.length <= _SHORT) | (cap < SLOWEST))
+    on_the_spot = (angle > _SHORT) & ((lines.length <= _ON_THE_SPOT) | (cap < SLOWEST))
     slow = on_the_spot & (turning < checker.problem.cell.krl.orientation_speed)
     orientation[slow] = turning[slow]
     cap[on_the_spot] = np.inf

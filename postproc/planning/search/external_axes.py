@@ -39,7 +39,7 @@ UNREACHED = 1e6
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _ROUNDS = 12
-PlanHere = Callable[[ToolPath, Cell], Plan]
+PlanHere = Callable[[ToolPath, Cell, bool], Plan]
 
 
 def position_grid(cell: Cell) -> FloatArray:
@@ -111,7 +111,8 @@ def plan_with_external_axes(
         cell: with at least one external axis.
         settings: of the plan.
         make_checker: cell without external axes to the checks of the whole toolpath in it.
-        plan_here: part of the toolpath and such a cell to a plan.
+        plan_here: part of the toolpath, such a cell, and whether the job goes on behind the part,
+            to a plan.
     """
     values = position_grid(cell)
     units, cost, reach = _costs(toolpath, cell, settings, values, make_checker)
@@ -121,7 +122,8 @@ def plan_with_external_axes(
         for run in runs:
             if run not in search.done:
                 here = cell_at(cell, values[run[2]])
-                search.done[run] = plan_here(toolpath.rows(np.arange(run[0], run[1])), here)
+                part = toolpath.rows(np.arange(run[0], run[1]))
+                search.done[run] = plan_here(part, here, run[1] < len(toolpath))
             again |= search.blame(run, search.done[run])
         if not again:
             break

@@ -11,7 +11,9 @@ the program gets from one point to the next is judged by what the file asks for:
 - a hole: it must come down the hole's axis from the clearance height in the pecks of its cycle,
   stop exactly at the bottom, wait there as asked, and leave along the axis to the retract height,
   with the feed where it is reamed, bored or tapped. Only what has been drilled may be entered
-  faster than the feed.
+  faster than the feed;
+- the end of a cut: the tool backs off along its axis before any motion that neither cuts nor is the
+  straight rapid of the file (see ``leaving``).
 
 A point that the program does not go to is *missed*; if it goes there at another time, it is out of
 *order*. Both count with the distance to where the program does go between the neighbours.
@@ -38,6 +40,7 @@ from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes
+from postproc.verification.cam.leaving import check_leaving
 from postproc.verification.cam.matching import FAR, SAME_AXIS, Wanted, by_frames, match, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
@@ -145,7 +148,9 @@ def compare(
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
     near, is_cut = tolerances.position, comparison.is_cut
+    milled = is_cut.copy()
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
+    check_leaving(result, cell, toolpath, served, visits.last, milled)
     _relative(result, comparison.is_cut | (on_axis >= 0))
     comparison.strokes[:] = _strokes(wanted, on_axis)
     feeds.report()

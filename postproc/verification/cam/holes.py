@@ -165,7 +165,11 @@ class _Holes:
         return tuple(motions)
 
     def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
-        """Below the clearance height the tool may only move along the axis, never by PTP."""
+        """Below the clearance height the tool may only move along the axis, never by PTP.
+
+        Where the tag before is as high as the surface, the tool has yet to come to the hole.
+        """
+        surface = float(self._wanted.depth[row]) - self._near
         first = int(self._before[row]) + 1
         last = min(int(self._behind[row + 1]), len(self._points))
         places = [self._on_axis(v, base, axis) for v in range(max(first - 1, 0), last)]
@@ -178,7 +182,8 @@ class _Holes:
                 text = f"the tool goes {-height / MM:.3f} mm deeper than the hole"
                 self._tell(RunKind.DEPTH, number + offset, text)
                 return
-            if height is None or not height < clear - self._near:
+            is_outside = number + offset == first - 1 and height is not None and height > surface
+            if height is None or is_outside or not height < clear - self._near:
                 continue
             for motion, other in ((number, number - 1), (number + 1, number + 1)):
                 if not 0 <= other < len(places):

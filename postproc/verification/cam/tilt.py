@@ -8,7 +8,7 @@ linear from tag to tag, going round with an arc.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from postproc.cell import Cell, TiltRange
 from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about
 from postproc.model import MotionKind, ToolPath
-from postproc.process import PLUNGING, SHARPEST
+from postproc.process import PLUNGING, SHARPEST, repeats
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
 from postproc.verification.cam.feeds import AT_MOST
@@ -48,7 +48,9 @@ class Tilts:
         allowed, holder = cell.optimize.tilt, np.asarray(toolpath.axes)
         if not allowed:
             return cls(allowed, holder, np.zeros_like(holder))
-        return cls(allowed, holder, _feeds(toolpath))
+        again = repeats(toolpath)
+        feed = _feeds(replace(toolpath, events=()).rows(np.flatnonzero(~again)))
+        return cls(allowed, holder, feed[np.cumsum(~again) - 1])
 
     def judge(self, tags: AnyIntArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the error and the allowed tilt (m,) [rad] of tool axes.
