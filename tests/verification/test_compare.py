@@ -292,6 +292,33 @@ def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
         assert "peck" in kinds(drilled(cell, *deep(0), *lines, cycle=cycle)), lost
 
 
+@pytest.mark.parametrize(
+    ("depths", "lift", "expected"),
+    [
+        ((4, 8, 12), 1.0, set()),
+        ((4, 8, 12), 7.0, set()),
+        ((2, 6, 10, 12), 1.0, {"peck"}),
+        ((4, 7, 11, 12), 1.0, {"peck"}),
+        ((4.3, 8.3, 12), 1.0, {"peck"}),
+        ((3.7, 7.7, 11.7, 12), 1.0, {"peck"}),
+        ((4, 8, 12), 0.0, {"peck"}),
+    ],
+)
+def test_pecks_are_as_deep_as_ordered_and_the_chip_is_broken(cell, depths, lift, expected):
+    cycle = Cycle(
+        "deep", depth=12e-3, clearance=3e-3, retract=30e-3, peck=4e-3, feed=0.0025,
+        break_chip=True,
+    )  # fmt: skip
+    program = []
+    for y in (0, 40):
+        program += ["$VEL.CP=1.0", at(-30, y, 0), at(-3, y, 0)]
+        for depth in depths:
+            program += ["$VEL.CP=0.0025", at(depth, y, 0), "$VEL.CP=1.0"]
+            program += [at(depth - lift, y, 0)] if lift and depth < 12 else []
+        program += [at(-30, y, 0)]
+    assert kinds(drilled(cell, *program, cycle=cycle)) == expected
+
+
 def test_nothing_goes_deeper_than_the_hole(cell):
     lines = hole(40)
     plunge = next(i for i, line in enumerate(lines) if "X 8.0000" in line)

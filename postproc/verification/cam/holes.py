@@ -125,20 +125,30 @@ class _Holes:
     def _steps(
         self, row: int, drilled: tuple[int, ...], base: list[float], axis: list[float]
     ) -> None:
-        """Check that no more is drilled at once than the cycle allows, and chips get out."""
+        """Check that what is drilled at once is what the cycle orders, and chips get out.
+
+        Steps as small as what still counts as on the axis may be drilled together.
+        """
         wanted = self._wanted
-        depth, most = float(wanted.depth[row]), float(wanted.peck_first[row])
-        if not np.isfinite(most):
+        depth, step = float(wanted.depth[row]), float(wanted.peck_first[row])
+        if not np.isfinite(step):
             return
         before, last = 0.0, -1
         for vertex in drilled:
             now = depth - (self._on_axis(vertex, base, axis) or 0.0)
-            if now - before > most + self._near:
-                text = f"{(now - before) / MM:.3f} mm at once, the cycle allows {most / MM:.3f}"
+            if now <= self._near:
+                continue
+            asked = min(before + step, depth)
+            is_less = now < asked - self._near and step > 2.0 * self._near
+            if now > asked + self._near or is_less:
+                text = (
+                    f"{(now - before) / MM:.3f} mm at once, the cycle orders "
+                    f"{(asked - before) / MM:.3f}"
+                )
                 self._tell(RunKind.PECK, vertex, text)
             if last >= 0:
                 self._lift(row, last, vertex, depth - before, base, axis)
-            before, most, last = now, float(wanted.peck[row]), vertex
+            before, step, last = now, float(wanted.peck[row]), vertex
 
     def _lift(
         self, row: int, last: int, vertex: int, height: float, base: list[float], axis: list[float]
