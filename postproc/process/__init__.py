@@ -5,7 +5,7 @@ from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
-from postproc.process.material import ALONG_AXIS, back_off, in_material
+from postproc.process.material import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
 from postproc.process.order import hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
@@ -33,6 +33,7 @@ __all__ = [
     "FEED_OUT",
     "LOWERED_FROM",
     "LOWERED_TO",
+    "MACHINING_SPEED",
     "MOST_PECKS",
     "NUMBER",
     "PLUNGING",

@@ -17,6 +17,9 @@ from postproc.units import DEG
 ALONG_AXIS = float(np.cos(2.0 * DEG))
 """Cosine to the tool axis from which on a motion is one along it."""
 
+MACHINING_SPEED = 0.25
+"""Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
+
 
 def back_off(cell: Cell) -> float:
     """Return how far [m] the tool backs off: as far as where a point is approached from."""

@@ -10,6 +10,7 @@ from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, speed_shares
+from postproc.process import MACHINING_SPEED
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
@@ -20,8 +21,6 @@ STRETCHED = 3.0 * DEG
 OVERHEAD = 0.05
 """Wrist centre nearer to axis 1 than this [m] is worth a warning."""
 SPEED_SLACK = 1e-3
-MACHINING_SPEED = 0.25
-"""Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
 
 
 def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:

@@ -15,8 +15,8 @@ from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind
 from postproc.geometry import angle_between
+from postproc.process import MACHINING_SPEED
 from postproc.units import RPM
-from postproc.verification.checks import MACHINING_SPEED
 from postproc.verification.report import Result
 
 _BACK = np.deg2rad(179.0)

@@ -13,9 +13,8 @@ from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
-from postproc.process import ALONG_AXIS, back_off, in_material
+from postproc.process import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
 from postproc.units import MM
-from postproc.verification.checks import MACHINING_SPEED
 from postproc.verification.report import Result
 
 _LISTED = 20
