@@ -15,6 +15,7 @@ from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
 from postproc.process import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
 from postproc.units import MM
+from postproc.verification.cam.real import stands
 from postproc.verification.report import Result
 
 _LISTED = 20
@@ -58,7 +59,9 @@ def _as_asked(result: Result, toolpath: ToolPath, served: AnyIntArray) -> BoolAr
     """Return (m,) lines from one point of the CAM file straight to one that it says RAPID to."""
     asked = np.zeros(len(result.paths), dtype=np.bool_)
     rows = np.flatnonzero(np.asarray(toolpath.kind)[1:] == MotionKind.RAPID) + 1
-    rows = rows[(served[rows] >= 0) & (served[rows] - served[rows - 1] == 1)]
+    rows = rows[(served[rows] > served[rows - 1]) & (served[rows - 1] >= 0)]
+    moved = np.cumsum(~stands(result.paths))
+    rows = rows[moved[served[rows]] - moved[served[rows - 1]] == 1]
     asked[served[rows]] = True
     return np.asarray(asked & (result.paths.trace.motion_type == MotionType.LIN))
 
