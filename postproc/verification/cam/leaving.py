@@ -46,7 +46,7 @@ def check_leaving(
     last = np.maximum(served, latest)[served >= 0]
     inside[served[served >= 0]] = False
     inside[last] = in_material(toolpath, cell)[served >= 0]
-    fine = is_cut | _as_asked(result, toolpath, served)
+    fine = is_cut | _as_asked(result, toolpath, served, latest)
     inside[:-1] &= ~fine[1:]
     for motion in np.flatnonzero(inside)[:_LISTED].tolist():
         bad = _first_wrong(result, motion, back_off(cell) - _SLACK, fine)
@@ -55,13 +55,17 @@ def check_leaving(
             result.finding(RunKind.RETRACT, bad, text)
 
 
-def _as_asked(result: Result, toolpath: ToolPath, served: AnyIntArray) -> BoolArray:
+def _as_asked(
+    result: Result, toolpath: ToolPath, served: AnyIntArray, latest: AnyIntArray
+) -> BoolArray:
     """Return (m,) lines from one point of the CAM file straight to one that it says RAPID to."""
     asked = np.zeros(len(result.paths), dtype=np.bool_)
     rows = np.flatnonzero(np.asarray(toolpath.kind)[1:] == MotionKind.RAPID) + 1
-    rows = rows[(served[rows] > served[rows - 1]) & (served[rows - 1] >= 0)]
+    before = np.maximum(served, latest)[rows - 1]
+    straight = (served[rows] > before) & (before >= 0)
     moved = np.cumsum(~stands(result.paths))
-    rows = rows[moved[served[rows]] - moved[served[rows - 1]] == 1]
+    straight &= moved[served[rows]] - moved[before] == 1
+    rows = rows[straight]
     asked[served[rows]] = True
     return np.asarray(asked & (result.paths.trace.motion_type == MotionType.LIN))
 
