@@ -331,7 +331,9 @@ def _elements(
     rows = np.flatnonzero(np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)))
     rows = rows[rows > 0]
     rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
-    rows = rows[kind[rows - 1] != MotionKind.HOLE]
+    behind_hole = kind[rows - 1] == MotionKind.HOLE
+    comparison.is_cut[served[rows[behind_hole]]] = True  # at feed, wherever it comes from
+    rows = rows[~behind_hole]
     step = served[rows] - served[rows - 1]
     direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
     direct &= result.paths.trace.motion_type[served[rows]] == MotionType.LIN
