@@ -157,9 +157,7 @@ class Station:
             return T[:, :3, 3], T[:, :3, :3] @ tools[0].axis
         own = self.tool[row]
         T = T_part_robroot @ T_robroot_flange @ self.cell.tcp_of(own)
-        used = np.unique(own)
-        axis = np.array([tools[k].axis for k in used])[np.searchsorted(used, own)]
-        return T[:, :3, 3], np.einsum("nij,nj->ni", T[:, :3, :3], axis)
+        return T[:, :3, 3], np.einsum("nij,nj->ni", T[:, :3, :3], self.cell.axes_of(own))
 
     def turned_to_part(
         self, vectors: FloatArray, external: FloatArray, row: AnyIntArray
