@@ -336,7 +336,7 @@ def cut(*events):
     ],
 )
 def test_coolant_in_a_cut_does_not_stop_the_robot(motion, trigger):
-    on = plans.event(3, EventKind.COOLANT_ON, 0.0, "COOLNT/MIST")
+    on = plans.event(3, EventKind.COOLANT_ON, 0.0, "MIST")
     text = texts.code(write(cut(on), motion=motion), "TEST.src")
     at = text.index(trigger.format("PP_COOLANT_ON(2)"))
     assert texts.MOTION.match(text[at + 1])
@@ -345,12 +345,13 @@ def test_coolant_in_a_cut_does_not_stop_the_robot(motion, trigger):
         assert text[at - 1].endswith("C_DIS")
 
 
-def test_a_speed_change_of_a_turning_spindle_is_triggered_a_start_is_not():
+def test_a_change_of_the_spindle_stops_the_robot():
     start = plans.event(0, EventKind.SPINDLE_ON, 100.0)
     change = plans.event(3, EventKind.SPINDLE_ON, 200.0)
     text = texts.code(write(cut(start, change)), "TEST.src")
     assert "PP_SPINDLE_ON(6000)" in text
-    assert "TRIGGER WHEN DISTANCE=0 DELAY=0 DO PP_SPINDLE_ON(12000) PRIO=-1" in text
+    at = text.index("PP_SPINDLE_ON(12000)")
+    assert not text[at - 1].endswith("C_DIS")
     text = texts.code(write(cut(change)), "TEST.src")
     at = text.index("PP_SPINDLE_ON(12000)")
     assert not text[at - 1].endswith("C_DIS")

@@ -177,8 +177,8 @@ def test_its_effect_is_adopted_where_it_is_the_cause(installed, tmp_path, cell):
     xyz = (build(loaded.robot).fk(q) @ loaded.tool.T_flange_tcp)[:, :3, 3] * 1000.0
     xyz[:, 2] += 0.3 * np.sin(2.0 * np.pi * xyz[:, 0] / 500.0 + 0.6)
     xyz += rng.normal(scale=0.02, size=xyz.shape)
-    head = ",".join([*(f"q{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm"])
-    rows = np.column_stack([np.degrees(q), xyz])
+    head = ",".join([*(f"q{k}_deg" for k in range(1, 7)), "x_mm", "y_mm", "z_mm", "sigma_mm"])
+    rows = np.column_stack([np.degrees(q), xyz, np.full(len(q), 0.02)])
     np.savetxt(tmp_path / "rows.csv", rows, delimiter=",", header=head, comments="", fmt="%.6f")
     done = installed("diagnose", "rows.csv", "--cell", cell, "--json", "-o", "out")
     assert done.returncode == 0, done.stderr
