@@ -16,13 +16,14 @@ from postproc.errors import Finding
 from postproc.files import write_files
 from postproc.geometry import kuka_from_transform
 from postproc.jobs.convert import Conversion, document, output_paths
+from postproc.jobs.paged import Paged
 from postproc.model import MotionKind, MoveKind, MoveRole, Plan, ToolPath
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM
 
 Table = NDArray[np.void]
 
 
-class Job:
+class Job(Paged):
     """A part converted for a cell.
 
     Nothing is on disk before ``write``. A job that is not good has no files (unless it was asked to
@@ -149,21 +150,6 @@ class Job:
         from postproc.jobs.pages import page_of_conversion
 
         return page_of_conversion(self._conversion)
-
-    def report(self, file: str | Path) -> Path:
-        """Write the page of the program and return its path.
-
-        Args:
-            file: the HTML file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            ReadError: if it cannot be written.
-        """
-        write_files({Path(file): self.page()})
-        return Path(file)
 
     def __repr__(self) -> str:
         """Return name, sizes and verdict on one line."""

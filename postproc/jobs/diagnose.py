@@ -13,13 +13,14 @@ from postproc.gap import Along, Diagnosis, along, document, model_file, pose_pro
 from postproc.gap import diagnose as diagnose_problem
 from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
+from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.measurement import read_campaign
 from postproc.model import ModelFile, ToolPath, save_model
 from postproc.progress import Progress
 
 
-class DiagnosisJob:
+class DiagnosisJob(Paged):
     """The answer to a campaign. Nothing is on disk before ``write``.
 
     ``given``: what the simulation knew before; ``path``: where the rows lie on a program.
@@ -87,21 +88,6 @@ class DiagnosisJob:
         contents = {folder / name: content for name, content in files.items()}
         write_files(contents)
         return tuple(contents)
-
-    def report(self, file: str | Path) -> Path:
-        """Write the page alone and return its path.
-
-        Args:
-            file: the HTML file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            ReadError: if it cannot be written.
-        """
-        write_files({Path(file): self.page()})
-        return Path(file)
 
     def __repr__(self) -> str:
         """Return verdict and adopted effects on one line."""

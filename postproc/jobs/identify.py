@@ -10,6 +10,7 @@ from typing import Any
 from postproc.cell import Cell
 from postproc.files import write_files
 from postproc.gap import stiffness_tables
+from postproc.jobs.paged import Paged
 from postproc.kinematics import build
 from postproc.measurement import read_campaign
 from postproc.model import ModelFile, save_model
@@ -23,7 +24,7 @@ from postproc.stiffness.identify import (
 from postproc.stiffness.identify import identify as identify_rows
 
 
-class IdentifyJob:
+class IdentifyJob(Paged):
     """Joint stiffness identified from a campaign. Nothing is on disk before ``write``."""
 
     def __init__(self, result: Identification, cell: Cell) -> None:
@@ -67,21 +68,6 @@ class IdentifyJob:
             ReadError: if it cannot be written.
         """
         write_files({Path(file): save_model(self.model)})
-        return Path(file)
-
-    def report(self, file: str | Path) -> Path:
-        """Write the page and return its path.
-
-        Args:
-            file: the HTML file.
-
-        Returns:
-            Its path.
-
-        Raises:
-            ReadError: if it cannot be written.
-        """
-        write_files({Path(file): self.page()})
         return Path(file)
 
     def __repr__(self) -> str:

@@ -1,0 +1,31 @@
+"""What every finished job with a page can do with it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from postproc.files import write_files
+
+
+class Paged(ABC):
+    """A finished job that has a page: one HTML file that opens offline."""
+
+    @abstractmethod
+    def page(self) -> bytes:
+        """Return the page: one HTML file that opens offline."""
+
+    def report(self, file: str | Path) -> Path:
+        """Write the page alone and return its path.
+
+        Args:
+            file: the HTML file.
+
+        Returns:
+            Its path.
+
+        Raises:
+            ReadError: if it cannot be written.
+        """
+        write_files({Path(file): self.page()})
+        return Path(file)
