@@ -70,3 +70,37 @@ def test_a_room_says_what_it_is_for(room):
     doc = ast.get_docstring(ast.parse(text))
     assert doc
     assert doc.split("\n")[0].endswith(".")
+
+
+SLOW = {
+    # packages that take a tenth of a second and more to load, or are optional
+    *("scipy", "pinocchio", "fcl", "trimesh", "ruckig", "xacro", "xacrodoc", "jinja2", "PIL"),
+    *("numpy", "distributed", "pebble"),
+    # rooms that load them, for those who need them in some calls only
+    *("postproc.collision", "postproc.compensation", "postproc.comparison", "postproc.report"),
+    *("postproc.jobs", "postproc.planning", "postproc.kinematics", "postproc.process"),
+    *("postproc.krl", "postproc.cell", "postproc.model"),
+}
+"""What a function may load by itself, so that a command starts fast that does not need it."""
+NOT_EVERYWHERE = {"postproc.version", "resource"}
+"""The version while the package loads; what Windows does not have."""
+
+
+def test_imports_in_functions_are_for_the_start_up():
+    wrong = [
+        f"{name}:{node.lineno}: {target}"
+        for name, path in modules()
+        if not inside(name, "postproc.cli")
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(function, ast.FunctionDef)
+        for node in ast.walk(function)
+        for target in targets(node)
+        if not any(inside(target, allowed) for allowed in SLOW | NOT_EVERYWHERE)
+    ]
+    assert wrong == []
+
+
+def targets(node):
+    if isinstance(node, ast.ImportFrom):
+        return [node.module or ""]
+    return [alias.name for alias in node.names] if isinstance(node, ast.Import) else []

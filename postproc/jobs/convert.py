@@ -8,22 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import shared_cell
+from postproc.cell import Cell, shared_cell
+from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, read_back, with_emitter
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
+from postproc.jobs.joint_targets import with_joint_targets
+from postproc.kinematics import build
+from postproc.model import ModelFile, Plan, ToolPath, load_model
+from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
+from postproc.planning import plan as plan_toolpath
+from postproc.process import machining_findings, unit_findings, word_findings
 from postproc.progress import Clock, Progress
+from postproc.readers import ReadOptions, read, read_pins
 from postproc.units import DEG, MM, N_PER_MM
-
-if TYPE_CHECKING:
-    from postproc.cell import Cell
-    from postproc.emitters import Against, Program, ReadBack
-    from postproc.model import ModelFile, Plan, ToolPath
-
 
 REASONS = {
     "PLN101": "unreachable",
@@ -114,11 +117,6 @@ def convert(
     Raises:
         PostprocError: if the input, the cell or an option is wrong.
     """
-    from postproc.emitters import emitter_of, with_emitter
-    from postproc.model import Plan
-    from postproc.planning import PlanOptions, settle
-    from postproc.process import machining_findings, unit_findings, word_findings
-
     clock = Clock()
     wishes = PlanOptions(
         strategy=request.strategy, objective=request.objective, preset=request.preset
@@ -134,7 +132,6 @@ def convert(
     model = None
     if request.model:
         from postproc.compensation import cell_with_model
-        from postproc.model import load_model
 
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
@@ -161,9 +158,6 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     What the request leaves open is read as ``[import]`` of the cell says; words that either
     accepts are accepted.
     """
-    from postproc.jobs.joint_targets import with_joint_targets
-    from postproc.readers import ReadOptions, read
-
     habits = cell.reading
     given = ReadOptions(accept_words=request.accept_words).accepted_words
     options = ReadOptions(
@@ -196,10 +190,6 @@ def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
         DataError: as ``read_pins``; PIN007 if no tag has the name.
         ReadError: as ``read_pins``.
     """
-    from difflib import get_close_matches
-
-    from postproc.readers import read_pins
-
     pins = read_pins(path)
     names = {toolpath.tag_name(tag) for tag in range(len(toolpath))}
     for pin in pins:
@@ -222,7 +212,6 @@ def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
 
     def normals(points: Any) -> Any:  # noqa: ANN401 - arrays in, arrays out
         from postproc.collision import Scene
-        from postproc.kinematics import build
 
         return Scene.shared(cell, build(cell.robot)).surface_normals(points)
 
@@ -237,9 +226,6 @@ def make_plan(
     model: ModelFile | None = None,
 ) -> Plan:
     """Plan the toolpath and compensate it when a model is given."""
-    from postproc.planning import PlanOptions
-    from postproc.planning import plan as plan_toolpath
-
     options = PlanOptions(partial=request.partial, name=request.name)
     kept = cell
     if model is not None:
@@ -262,8 +248,6 @@ def _emit_checked(
     model: ModelFile | None,
 ) -> tuple[Program, tuple[Finding, ...], ReadBack | None]:
     """Return the program, all findings and what the text says; no files when the check fails."""
-    from postproc.emitters import Program, emit, read_back
-
     findings = [*plan.toolpath.warnings, *plan.toolpath.recovered, *plan.findings]
     if len(plan) == 0 or (plan.errors and not request.partial):
         return Program(plan.name, {}), fold(findings), None
@@ -282,8 +266,6 @@ def _emit_checked(
 
 def _against(plan: Plan, cell: Cell, model: ModelFile | None) -> Against:
     """Return what the text has to do: a compensated one is judged by where the real tool goes."""
-    from postproc.emitters import Against
-
     toolpath = None if plan.errors else plan.toolpath
     if model is None:
         return Against(toolpath)
@@ -318,8 +300,6 @@ def failures(conversion: Conversion) -> list[dict[str, Any]]:
 
 def document(conversion: Conversion) -> dict[str, Any]:
     """Return the ``postproc.convert/1`` document."""
-    from postproc.planning import grade_counts
-
     plan = conversion.plan
     return {
         "schema": "postproc.convert/1",
@@ -353,8 +333,6 @@ def smallest_clearance(conversion: Conversion) -> dict[str, Any] | None:
     Solids farther apart than what is measured at all are no pair.
     """
     from postproc.collision import Scene
-    from postproc.kinematics import build
-    from postproc.planning import NEAR_SOLIDS, tag_clearances
 
     plan, cell = conversion.plan, conversion.cell
     if not np.isfinite(plan.clearance).any():
