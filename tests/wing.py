@@ -79,12 +79,14 @@ def tool_text(tool, name, longer=0.0, cutter=True):
     )
 
 
-def base_text(setup, cam):
-    """Return the entry of a base with its panel."""
+def base_text(setup, cam, origin=None, thick=12):
+    """Return the entry of a base with its panel, its origin [mm] and how thick it is [mm]."""
     return (
         f"[[bases]]\nnumber = {2 + setup}\ncam = {cam}\n"
-        f"frame = {{ xyz_mm = {list(ORIGINS[setup])}, abc_deg = [{5 * (setup - 1)}, 0, 0] }}\n"
-        "meshes = [{ box = { size_mm = [330, 330, 12] }, xyz_mm = [150, 150, -6] }]\n"
+        f"frame = {{ xyz_mm = {list(origin or ORIGINS[setup])}, "
+        f"abc_deg = [{5 * (setup - 1)}, 0, 0] }}\n"
+        f"meshes = [{{ box = {{ size_mm = [330, 330, {thick}] }}, "
+        f"xyz_mm = [150, 150, {-thick / 2}] }}]\n"
     )
 
 

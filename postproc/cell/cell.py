@@ -385,7 +385,8 @@ class Cell:
 
     Whoever works with one tool in one setup takes ``tool`` and ``workpiece``: those at
     ``tool_index`` and ``base_index``, the first ones unless ``with_tool`` has chosen others. The
-    solids of all setups stand in the cell, those of the other tools do not.
+    solids of all setups stand in the cell but those that overlap the setup in work; those of the
+    other tools do not.
 
     ``origins`` maps keys of the cell file such as ``motion.feed_mm_min`` to where the value comes
     from: the file, the robot, or a default.

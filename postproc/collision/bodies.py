@@ -12,6 +12,7 @@ from postproc.cell import Cell, MeshPlacement, RobotSolids, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
+from postproc.collision.setups import present
 from postproc.collision.urdf_solids import urdf_links
 from postproc.errors import Finding, Severity
 from postproc.geometry import inverse, transform
@@ -58,7 +59,8 @@ class Body:
 def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ...]]:
     """Return the solids of a cell in fixed order, and what the user should know about them.
 
-    Links 0..6, tool, workpiece, obstacles; within each in the order of the cell file.
+    Links 0..6, tool, workpieces, obstacles; within each in the order of the cell file. Workpieces
+    that cannot stand there with the one in work are left out.
 
     Raises:
         CellError: COL001 to COL005 naming the mesh file that cannot be used.
@@ -67,6 +69,7 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
     zero = np.zeros(6)
     T_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK]) @ arm.fk(zero)
     links, findings = _links(cell, arm)
+    bases = present(cell)
     bodies = [
         *links,
         *(
@@ -75,7 +78,7 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
         ),
         *(
             _placed(s, "workpiece", WORLD, T_world_robroot @ base.T_robroot_base)
-            for base in cell.bases
+            for base in bases
             for s in base.meshes
         ),
         *(_placed(s, "obstacle", WORLD, np.eye(4)) for s in cell.obstacles),
@@ -83,6 +86,11 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
     if not cell.tool.meshes:
         text = "the tool has no solids: what it hits is not seen"
         findings.append(Finding(Severity.WARNING, "COL101", text))
+    if len(bases) < len(cell.bases):
+        there = {base.number for base in bases}
+        gone = ", ".join(str(base.number) for base in cell.bases if base.number not in there)
+        text = f"solids of base {gone} overlap those of base {cell.workpiece.number}: not there"
+        findings.append(Finding(Severity.NOTE, "COL106", f"{text} while it is in work"))
     return _told_apart(bodies), tuple(findings)
 
 

@@ -346,6 +346,6 @@ class _ByParts:
         )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=32)
 def _shared(key: _ByParts) -> Scene:
     return Scene.build(key.cell, key.kinematics)

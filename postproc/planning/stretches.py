@@ -110,8 +110,8 @@ def _with_home(cell: Cell, stretches: list[ToolStretch]) -> Cell:
     kinematics = build(cell.robot)
     postures = _folded(cell)
     free = kinematics.within_limits(postures, cell.limits.joint_margin)
-    for tool in sorted({stretch.tool for stretch in stretches}):
-        free &= ~Scene.shared(cell.with_tool(tool), kinematics).check(postures).hit
+    for tool, base in sorted({(stretch.tool, stretch.base) for stretch in stretches}):
+        free &= ~Scene.shared(cell.with_tool(tool, base), kinematics).check(postures).hit
     if not free.any():
         raise CellError(
             "PLN210",

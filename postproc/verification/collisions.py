@@ -57,17 +57,18 @@ def check_collisions(
     if contact is not None:
         steps = contact.steps(steps, motion[1:], point[:-1], point[1:])
     reported = _Reported(result)
-    tool = paths.station.tool
-    for index in np.unique(tool[motion[1:]]).tolist():
-        rows = np.flatnonzero(tool[motion[1:]] == index)
-        scene = Scene.shared(cell.with_tool(index), kinematics)
+    frames = np.stack([paths.station.tool, paths.station.base], axis=1)
+    for pair in np.unique(frames[motion[1:]], axis=0):
+        own = (frames == pair).all(axis=1)
+        rows = np.flatnonzero(own[motion[1:]])
+        scene = Scene.shared(cell.with_tool(*pair.tolist()), kinematics)
         hits = scene.check_paths(q[rows], q[rows + 1], steps[rows], track=motion[rows + 1])
         for row in np.flatnonzero(hits.hit).tolist():
             reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
-        own = np.flatnonzero((tool[at] == index) & (tool[at + 1] == index))
-        if len(own):
-            here = corners.rows(own)
-            check_corner_collisions(result, scene, kinematics, here, at[own], touch)
+        corner = np.flatnonzero(own[at] & own[at + 1])
+        if len(corner):
+            here = corners.rows(corner)
+            check_corner_collisions(result, scene, kinematics, here, at[corner], touch)
     return True
 
 

@@ -212,6 +212,28 @@ def test_a_longer_cutter_is_refused_where_it_collides(job, run, tmp_path):
     assert {third < item["line"] < fourth for item in document["failures"]} == {True}
 
 
+def test_a_part_clamped_anew_at_the_same_place(job, run, tmp_path):
+    """The block of the first setup reaches 120 mm above that of the second: it is gone by then."""
+    cam, cell = job()
+    first = wing.base_text(1, '["MSYS_1"]', thick=200)
+    second = wing.base_text(2, '["MCS_2"]', origin=(1500.0, -300.0, 480.0), thick=100)
+    head, _, rest = cell.read_text().partition("[[bases]]")
+    motion = "[motion]" + rest.partition("[motion]")[2]
+    cell.write_text(head + first + second + motion)
+    out = tmp_path / "out"
+    code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert (code, document["failures"]) == (0, []), err
+    code, report, _ = run("verify", out / "wing.src", "--cell", cell, "--against", cam, "--json")
+    assert (code, report["violations"], report["collisions_checked"]) == (0, [], True)
+    stays = (
+        '[[obstacles]]\nname = "block"\nbox = { size_mm = [330, 330, 119] }\n'
+        "xyz_mm = [1650, -150, 540]\n"
+    )
+    cell.write_text(head + second + motion + stays)
+    code, report, _ = run("verify", out / "wing.src", "--cell", cell, "--json")
+    assert any("block" in item["detail"] for item in report["violations"]), "it would be hit"
+
+
 def test_verify_sees_another_tool_in_the_text(converted, run):
     cam, cell, program = converted()
     verify = ("verify", program, "--cell", cell, "--against", cam, "--json")

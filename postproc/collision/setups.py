@@ -1,0 +1,99 @@
+"""Which workpieces can stand in the cell together: two solids are never at one place.
+
+A part that is clamped anew in the same fixture is drawn twice, once in each setup. Where solids of
+two setups overlap, the ones of the setup in work are there and those of the other are not. Setups
+side by side stay: the tool can hit either.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.cell import Cell, Workpiece
+from postproc.collision.exact import ExactTests
+from postproc.collision.inside import InsideTest, parts_of, probes_of
+from postproc.collision.mesh import Mesh, solid
+from postproc.units import MM
+
+TOUCHING = 0.1 * MM
+"""By so much the surface of a solid is drawn in: solids that only touch do not overlap."""
+
+
+def present(cell: Cell) -> tuple[Workpiece, ...]:
+    """Return the workpieces that can stand in the cell with the one in work, that one included.
+
+    Raises:
+        CellError: COL001 to COL005 naming the mesh file that cannot be used.
+    """
+    mine = cell.workpiece
+    return tuple(base for base in cell.bases if base is mine or not _overlap(base, mine))
+
+
+@lru_cache(maxsize=64)
+def _solids(base: _ById) -> tuple[Mesh, ...]:
+    T = np.asarray(base.workpiece.T_robroot_base)
+    return tuple(_inset(solid(placement).moved(T)) for placement in base.workpiece.meshes)
+
+
+class _ById:
+    """A workpiece as a cache key."""
+
+    def __init__(self, workpiece: Workpiece) -> None:
+        self.workpiece = workpiece
+
+    def __hash__(self) -> int:
+        return id(self.workpiece)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ById) and self.workpiece is other.workpiece
+
+
+def _overlap(one: Workpiece, two: Workpiece) -> bool:
+    return any(
+        _share_space(mesh, other)
+        for mesh in _solids(_ById(one))
+        for other in _solids(_ById(two))
+        if _boxes_meet(mesh, other)
+    )
+
+
+def _boxes_meet(one: Mesh, two: Mesh) -> bool:
+    low = np.maximum(one.vertices.min(axis=0), two.vertices.min(axis=0))
+    high = np.minimum(one.vertices.max(axis=0), two.vertices.max(axis=0))
+    return bool((low <= high).all())
+
+
+def _share_space(one: Mesh, two: Mesh) -> bool:
+    """Return whether surfaces meet or one solid lies inside the other."""
+    index = np.array([0]), np.array([1])
+    R, p = np.eye(3)[None], np.zeros((1, 3))
+    if len(ExactTests([one, two]).collide(*index, R, p, np.array([0]))):
+        return True
+    return _inside(one, two) or _inside(two, one)
+
+
+def _inside(mesh: Mesh, other: Mesh) -> bool:
+    test = InsideTest(other, parts_of(other))
+    if not test.has_inside:
+        return False
+    return bool(test.contains(probes_of(mesh, parts_of(mesh))).any())
+
+
+def _inset(mesh: Mesh) -> Mesh:
+    """Return a closed solid with its surface drawn in by ``TOUCHING``; another mesh as it is."""
+    parts = parts_of(mesh)
+    if not parts.oriented.all():
+        return mesh
+    corners = mesh.corners
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    volume = np.einsum("fi,fi->f", corners[:, 0], normal)
+    sign = np.sign(np.bincount(parts.label, volume))[parts.label]
+    out: FloatArray = np.zeros_like(mesh.vertices)
+    for k in range(3):
+        np.add.at(out, mesh.faces[:, k], sign[:, None] * normal)
+    length = np.linalg.norm(out, axis=1, keepdims=True)
+    step = np.divide(out, length, out=np.zeros_like(out), where=length > 0.0)
+    return Mesh(mesh.vertices - TOUCHING * step, mesh.faces)
