@@ -234,6 +234,16 @@ class Engine:
         d[found.nested[which]] = 0.0
         return d
 
+    def meeting_point(self, q: FloatArray, pair: int) -> FloatArray:
+        """Return where a pair meets or is nearest (3,) [m] in robroot at a row (6 + k,)."""
+        frames = self.frames(q[None])
+        first, second = int(self.table.first[pair]), int(self.table.second[pair])
+        one = Near(np.array([pair]), np.array([0]), np.zeros(1))
+        R, p = self._culler.relative(frames, one)
+        T_robroot_first = frames.link[self._links[first], :, :, 0]
+        point = self.exact.meeting_point(first, second, R[0], p[0])
+        return np.asarray(T_robroot_first[:, :3] @ point + T_robroot_first[:, 3])
+
     def axis_aligned_bound(self, placed: Placed) -> FloatArray:
         """Return lower bounds (p, n) [m] of all distances of surfaces."""
         return self._culler.axis_aligned_bound(placed)

@@ -15,6 +15,12 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.collision.mesh import Mesh
 
+_CONTACTS = 1000
+"""Crossings of triangles that are asked for to say where two surfaces meet."""
+
+_FLAT = 1e-18
+"""Volume [m^3] spanned by a triangle and an edge that lies in its plane."""
+
 
 class ExactTests:
     """Collision and distance of pairs of meshes by fcl's trees of triangles.
@@ -99,6 +105,31 @@ class ExactTests:
                 done = g
         return np.array(found, dtype=np.int64)
 
+    def meeting_point(self, first: int, second: int, R: FloatArray, p: FloatArray) -> FloatArray:
+        """Return the point (3,) [m] in the first body's frame about which two bodies meet.
+
+        The middle of where their surfaces cross; where they do not, the middle of the shortest way
+        between them. ``R`` (3, 3), ``p`` (3,) [m]: the second body's frame in the first's.
+        """
+        import fcl
+
+        standing, moving = self._objects(np.array([first, second]))
+        one, two = standing[first], moving[second]
+        two.setRotation(R)
+        two.setTranslation(p)
+        request = fcl.CollisionRequest(num_max_contacts=_CONTACTS, enable_contact=True)
+        met = fcl.CollisionResult()
+        if fcl.collide(one, two, request, met):
+            # fcl's own contact points may lie outside both bodies
+            faces = np.array([(contact.b1, contact.b2) for contact in met.contacts])
+            there = self._meshes[second].corners[faces[:, 1]] @ R.T + p
+            points = _crossings(self._meshes[first].corners[faces[:, 0]], there)
+            if len(points):
+                return np.asarray(points.mean(axis=0))
+        nearest = fcl.DistanceResult()
+        fcl.distance(one, two, fcl.DistanceRequest(enable_nearest_points=True), nearest)
+        return np.asarray(np.mean(nearest.nearest_points, axis=0))
+
     def distance(
         self, first: np.ndarray, second: np.ndarray, R: FloatArray, p: FloatArray
     ) -> FloatArray:
@@ -113,3 +144,20 @@ class ExactTests:
             two.setTranslation(p[k])
             distances[k] = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult())
         return np.maximum(distances, 0.0)
+
+
+def _crossings(one: FloatArray, two: FloatArray) -> FloatArray:
+    """Return points (k, 3) where edges of triangles (m, 3, 3) pass through the other triangle."""
+    found = []
+    for edges, faces in ((one, two), (two, one)):
+        corner, u, v = faces[:, 0], faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]
+        for begin, end in ((0, 1), (1, 2), (2, 0)):
+            start = edges[:, begin]
+            system = np.stack([u, v, start - edges[:, end]], axis=-1)
+            crosses = np.abs(np.linalg.det(system)) > _FLAT
+            away = (start - corner)[crosses, :, None]
+            a, b, share = np.linalg.solve(system[crosses], away)[:, :, 0].T
+            inside = (a >= 0.0) & (b >= 0.0) & (a + b <= 1.0) & (share >= 0.0) & (share <= 1.0)
+            way = (edges[:, end] - start)[crosses]
+            found.append((start[crosses] + share[:, None] * way)[inside])
+    return np.concatenate(found)

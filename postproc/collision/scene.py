@@ -183,6 +183,18 @@ class Scene:
         joints = self._rows(q)
         return clearance.clearance(self._engine, joints, _contact(contact, len(joints)), most)
 
+    def meeting_point(self, q: ArrayLike, pair: int) -> FloatArray:
+        """Return where one of ``pairs`` meets, or comes nearest, in robroot.
+
+        Args:
+            q: (6,) [rad].
+            pair: its index.
+
+        Returns:
+            (3,) [m].
+        """
+        return self._engine.meeting_point(self._rows(np.asarray(q)[None])[0], pair)
+
     def check_paths(
         self,
         q_from: ArrayLike,

@@ -128,4 +128,4 @@ def _colliding(paths: Paths, row: int, scene: Scene, text: str) -> FailingPose |
     q = q[np.isfinite(q).all(axis=1)]
     if not len(q):
         return None
-    return colliding_pose(q, scene.check(q, np.full(len(q), bool(paths.trace.is_cp[row]))), text)
+    return colliding_pose(q, scene, np.full(len(q), bool(paths.trace.is_cp[row])), text)

@@ -296,3 +296,20 @@ def test_a_tool_that_overlaps_the_wrist_in_every_pose_is_named_and_tested_thinne
     full = next(body for body in scene.bodies if body.name == "link 5")
     assert np.ptp(thin.vertices, axis=0).max() < 0.9 * np.ptp(full.vertices, axis=0).max()
     assert not scene.check(np.zeros((1, 6))).hit[0]
+
+
+@pytest.mark.parametrize("gap", [-0.004, 0.004])
+def test_the_point_where_two_solids_meet(gap):
+    turn = transform_from_kuka([700, -400, 300], [50, 0, 0])
+    rod = box_at("rod", [0.04, 0.04, 0.2], at(0, 0, 0.1))
+    cell = cell_of(tool=[rod], T_world_robroot=turn)
+    arm = build(cell.robot)
+    q = NEUTRAL[2]
+    tip = arm.fk(q) @ at(0, 0, 0.2)
+    post = box_at("post", [0.1, 0.1, 0.1], turn @ tip @ at(0.03, -0.03, 0.05 + gap))
+    scene = Scene.build(replace(cell, obstacles=(post,)), arm)
+    pair = scene.pairs.index(("tool rod", "obstacle post"))
+    point = np.linalg.inv(tip) @ [*scene.meeting_point(q, pair), 1.0]
+    # the end of the rod is seen by the post from x -0.02 to 0.02, y 0.02 to -0.02
+    assert np.all(np.abs(point[:2]) <= 0.02 + 1e-9)
+    assert point[2] == pytest.approx(gap / 2, abs=abs(gap) / 2 + 1e-9)

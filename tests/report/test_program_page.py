@@ -160,8 +160,13 @@ def test_a_failing_page_opens_on_the_first_failing_tag_and_the_pair_that_hits(br
     from postproc.collision.scene import Scene
 
     cell = load_cell(blocked / "cell.toml")
-    hits = Scene.build(cell, build(cell.robot)).check(np.array([pose["q"]]), True)
+    scene = Scene.build(cell, build(cell.robot))
+    hits = scene.check(np.array([pose["q"]]), True)
     assert hits.hit[0]
+    # and the point that is marked is the one where they meet: robroot stands in the world's origin
+    assert shown["meeting"] == pytest.approx(pose["point"])
+    meeting = scene.meeting_point(np.array(pose["q"]), scene.pairs.index(tuple(pose["pair"])))
+    np.testing.assert_allclose(pose["point"], meeting, atol=1e-9)
     assert browser.problems == []
 
 

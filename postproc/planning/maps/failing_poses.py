@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.collision import Hits, Scene
+from postproc.collision import Scene
 from postproc.errors import Finding, Severity
 from postproc.model import MotionKind, ToolPath
 from postproc.planning.planner import problem_of
@@ -33,11 +33,15 @@ _SHARES = 101
 
 @dataclass(frozen=True, slots=True)
 class FailingPose:
-    """Joints (6,) [rad], names of the solids that hit there, and what the pose is."""
+    """Joints (6,) [rad] and what the pose is; what hits there, about which point.
+
+    ``point``: (3,) [m] in robroot.
+    """
 
     q: FloatArray
-    pair: tuple[str, ...]
     note: str
+    pair: tuple[str, ...] = ()
+    point: FloatArray | None = None
 
 
 def failing_poses(
@@ -82,10 +86,10 @@ def _pose(
         found = postures(problem, tags, problem.placement.tcp(tags, spins, height), np.zeros(6))
         q = found.q[found.inside]
         if len(q):
-            shown = colliding_pose(q, scene.check(q, np.full(len(q), contact)), message)
+            shown = colliding_pose(q, scene, np.full(len(q), contact), message)
             if shown is not None:
                 return shown
-            spare = spare or FailingPose(q[0], (), _free(problem, q[0]))
+            spare = spare or FailingPose(q[0], _free(problem, q[0]))
         elif spare is None and found.reached.any():
             spare = _beyond(problem, found.q[found.reached])
     return spare or _nearest(problem, tag, spins)
@@ -105,23 +109,28 @@ def _nearest(problem: Problem, tag: int, spins: FloatArray) -> FailingPose | Non
         if found.inside.any():
             short = share * float(np.linalg.norm(way))
             note = f"as near as the arm comes: {short / MM:.0f} mm short of the tag"
-            return FailingPose(found.q[found.inside][0], (), note)
+            return FailingPose(found.q[found.inside][0], note)
     return None
 
 
-def colliding_pose(q: FloatArray, hits: Hits, message: str) -> FailingPose | None:
+def colliding_pose(
+    q: FloatArray, scene: Scene, contact: BoolArray, message: str
+) -> FailingPose | None:
     """Return one of the poses (m, 6) that collides, None without any.
 
     With the pair that the finding's message names, else the pair that hits most often.
+    ``contact`` (m,): where cutting solids may touch the workpiece.
     """
+    hits = scene.check(q, contact)
     if not hits.hit.any():
         return None
     numbers, counts = np.unique(hits.pair[hits.hit], return_counts=True)
     named = [" hits ".join(hits.pairs[int(number)]) in message for number in numbers]
     pair = int(numbers[np.lexsort((-counts, np.logical_not(named)))[0]])
-    names = hits.pairs[pair]
+    one, two = hits.pairs[pair]
     row = int(np.flatnonzero(hits.pair == pair)[0])
-    return FailingPose(q[row], tuple(names), f"{names[0]} hits {names[1]}")
+    point = scene.meeting_point(q[row], pair)
+    return FailingPose(q[row], f"{one} hits {two}", (one, two), point)
 
 
 def _free(problem: Problem, q: FloatArray) -> str:
@@ -139,4 +148,4 @@ def _beyond(problem: Problem, q: FloatArray) -> FailingPose:
     joints = ", ".join(
         f"A{j + 1} by {over[row, j] / DEG:.1f} deg" for j in np.flatnonzero(over[row] > 0.0)
     )
-    return FailingPose(q[row], (), f"beyond the limits: {joints}")
+    return FailingPose(q[row], f"beyond the limits: {joints}")

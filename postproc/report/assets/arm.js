@@ -26,6 +26,11 @@ export class Arm {
     this.#world.set(...rows);
   }
 
+  // a point of the robot's root in the world
+  inWorld(point) {
+    return new Vector3(...point).applyMatrix4(this.#world).toArray();
+  }
+
   // moves the link frames in the world to joint angles [rad]
   place(angles) {
     const chain = this.#world.clone();

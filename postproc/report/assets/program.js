@@ -85,10 +85,10 @@ function paint(column) {
   showLegend(colours);
 }
 
-function highlight(names) {
-  if (names.join() === colliding.join()) return;
+function highlight(names, point = null) {
+  if (names.join() === colliding.join() && !point) return;
   colliding = names;
-  scene.highlight(names);
+  scene.highlight(names, point);
 }
 
 // ---- time -------------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ function select(tag) {
     seek(time[own >= 0 ? own : nearestMove(points, moveOf, tag)] || 0, false);
   }
   showTag(tag);
-  if (pose) highlight(pose.pair);
+  if (pose) highlight(pose.pair, pose.point);
   list.reveal(tag);
   if (byId("view").value === "tag") look("tag");
 }
@@ -189,6 +189,7 @@ function state() {
     ...{ ready: texts !== null, clock, playing, current, shown, moves, tags, angles, colliding },
     ...{ rows: visible.length, first: visible[0] ?? -1, colour: byId("colour").value },
     tip: scene.tip,
+    meeting: scene.meeting,
     line: current >= 0 && krlLine.length ? krlLine[current] : null,
   };
 }

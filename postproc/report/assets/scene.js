@@ -23,6 +23,9 @@ import { Solids } from "./solids.js";
 
 const CLICK = 4; // px that the mouse may move between press and release
 const FLOOR = 8; // m
+const MEETING = 0.025; // m
+const PINK = 0xe91e63;
+const YELLOW = 0xffd600;
 
 class SceneView {
   #host;
@@ -34,6 +37,7 @@ class SceneView {
   #arm = null;
   #solids;
   #ball;
+  #meeting;
   #asked = false;
 
   constructor(host, renderer, { robot, bodies = [] }) {
@@ -49,7 +53,11 @@ class SceneView {
     this.#scene.add(this.#part);
     this.#addLights();
     this.#solids = new Solids(bodies, this.#scene, this.#part);
-    this.#addBall();
+    this.#ball = this.#addBall(PINK, { opacity: 0.45 });
+    this.#part.add(this.#ball);
+    this.#meeting = this.#addBall(YELLOW, { depthTest: false });
+    this.#meeting.scale.setScalar(MEETING);
+    this.#scene.add(this.#meeting);
     if (robot) {
       this.#arm = new Arm(robot);
       this.stand(robot.T_world_robroot, robot.T_world_base);
@@ -76,10 +84,17 @@ class SceneView {
     this.#draw();
   }
 
-  // shows solids of some names in red
-  highlight(names) {
+  // shows solids of some names in red, and through them the point [robot root] where they meet
+  highlight(names, point = null) {
     this.#solids.highlight(names);
+    this.#meeting.visible = point !== null;
+    if (point) this.#meeting.position.set(...this.#arm.inWorld(point));
     this.#draw();
+  }
+
+  // where solids meet in the world, null where nothing is shown
+  get meeting() {
+    return this.#meeting.visible ? this.#meeting.position.toArray() : null;
   }
 
   // the origin of the flange [m]
@@ -128,11 +143,11 @@ class SceneView {
     };
   }
 
-  #addBall() {
-    const pink = { color: 0xe91e63, transparent: true, opacity: 0.45 };
-    this.#ball = new Mesh(new SphereGeometry(1, 16, 12), new MeshLambertMaterial(pink));
-    this.#ball.visible = false;
-    this.#part.add(this.#ball);
+  #addBall(colour, settings) {
+    const material = new MeshLambertMaterial({ color: colour, transparent: true, ...settings });
+    const ball = new Mesh(new SphereGeometry(1, 16, 12), material);
+    ball.visible = false;
+    return ball;
   }
 
   #pick(mesh, onPick) {
@@ -213,6 +228,7 @@ export const NO_SCENE = {
   place() {},
   highlight() {},
   tip: null,
+  meeting: null,
   inWorld: (point) => point,
   addSegments: () => ({ paint() {}, remove() {} }),
   addMarks: () => ({ paint() {} }),

@@ -121,7 +121,12 @@ def _margins(maps: PlanMaps) -> str:
 def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
     """Return poses of failing tags or motions for the page's scripts."""
     return {
-        str(row): {"q": [float(v) for v in pose.q], "pair": list(pose.pair), "note": pose.note}
+        str(row): {
+            "q": pose.q.tolist(),
+            "pair": list(pose.pair),
+            "point": None if pose.point is None else pose.point.tolist(),
+            "note": pose.note,
+        }
         for row, pose in poses.items()
     }
 
