@@ -1,18 +1,18 @@
 """Archives that are broken, mutated or made to harm: one clear line, never a traceback."""
 
 import os
-import random
 import stat
 import zipfile
+from collections import Counter
 
 import pytest
 
 from postproc.backup import archive as archive_room
 from postproc.backup import read_backup
-from postproc.cli import app
 from postproc.errors import PostprocError
 from tests.backup import archives
 from tests.backup.test_backup import contents
+from tools.controllers.mutate import mutants, outcome_of
 
 
 def code_of(path):
@@ -82,50 +82,16 @@ def test_what_is_no_backup(tmp_path):
     assert code_of(tmp_path / "empty") == "BAK006"
 
 
-def test_two_hundred_mutated_archives(tmp_path, capsys):
-    """Bytes of the archive and of its files turned, cut, doubled: never a traceback."""
-    chance = random.Random(19)
+def test_two_hundred_mutated_archives(tmp_path):
+    """A slice of ``python -m tools.controllers mutate``: each kind of damage many times."""
     whole = contents(names={("TOOL", 3): "Fräser"}, loads={3: (40.0, (1.0, 2.0, 3.0))})
-    outcomes = {0: 0, 2: 0}
-    for number in range(200):
-        files = dict(whole)
-        if number % 2:
-            name = chance.choice(sorted(files))
-            files[name] = _mutated(files[name], chance)
-            packed = archives.zipped(files)
-        else:
-            packed = _mutated(archives.zipped(files), chance)
-        path = write(tmp_path, packed)
-        out = tmp_path / f"cell_{number}.toml"
-        code = app.run(["new-cell", "--backup", str(path), "-o", str(out)])
-        err = capsys.readouterr().err
-        assert "Traceback" not in err
-        assert code in (0, 2), err
-        assert out.exists() == (code == 0)
-        assert code == 0 or ": error " in err.splitlines()[0]
-        outcomes[code] += 1
-        if code == 0 and outcomes[0] % 10 == 0:
-            assert app.run(["check", str(out), "--backup", str(path)]) in (0, 1)
-            assert "Traceback" not in capsys.readouterr().err
-    assert min(outcomes.values()) > 20
-
-
-def _mutated(content, chance):
-    """Return content with one kind of damage."""
-    kind, at = chance.randrange(6), chance.randrange(max(len(content), 1))
-    if kind == 0:
-        return content[:at]
-    if kind == 1:
-        return content[:at] + bytes([chance.randrange(256)]) + content[at + 1 :]
-    if kind == 2:
-        return content[:at] + content[at : at + 200] * 2 + content[at + 200 :]
-    if kind == 3:
-        return content[:at] + chance.randbytes(30) + content[at:]
-    if kind == 4:
-        odd = [b"1E300", b"-", b"{", b'"', b"nan", b"\xff\xfe", b"9" * 400, b"#X", b"}}"]
-        numbers = [i for i, sign in enumerate(content) if sign in b"0123456789"]
-        at = chance.choice(numbers) if numbers else at
-        return content[:at] + chance.choice(odd) + content[at + 1 :]
-    lines = content.split(b"\n")
-    chance.shuffle(lines)
-    return b"\n".join(lines)
+    outcomes = Counter()
+    kinds = Counter()
+    for number, (kind, packed) in enumerate(mutants(whole, 200)):
+        outcome = outcome_of(packed, tmp_path, also_check=number % 5 == 0)
+        assert not outcome.startswith("fault"), (number, kind, outcome)
+        outcomes[outcome] += 1
+        kinds[kind] += 1
+    assert min(kinds.values()) >= 18
+    assert outcomes["cell"] > 40
+    assert {"BAK001", "BAK002", "BAK003", "BAK004", "BAK005", "BAK006"} <= set(outcomes)

@@ -435,3 +435,83 @@ def test_a_bad_file_in_a_folder_is_a_finding(tmp_path):
     assert len(files) == 2
     with pytest.raises(KrlError, match="KRL001"):
         lint_files([folder / "bad.src"])
+
+
+def test_letters_that_an_editor_broke_in_a_comment_are_no_binary_file(tmp_path):
+    text = "DEF JOB( )\n; uderza\x05 o siebie\nBAS(#INITMOV,0)\nEND\n"
+    assert "KRL001" not in {i.code for i in run({"JOB.src": text})}
+    folder = on_disk(tmp_path, {"BAD.src": "DEF BAD( )\nx\x05=1 ; a letter\nEND\n"})
+    assert {i.code for i in lint_files([folder])[0]} == {"KRL001"}
+
+
+def test_structures_of_options_have_components_of_their_own():
+    nested = (
+        "DEFDAT PARAMS PUBLIC\n"
+        "STRUC STIFF_T REAL X,Y,Z,RX,RY,RZ\n"
+        "DECL GLOBAL IMP_T imp[2]\n"
+        "imp[1]={STIFFNESS {X 1.0,Y 1.0,Z 1.0,RX 2.0,RY 2.0,RZ 2.0},K 1.0}\n"
+        "imp[2]={X 1.0,Y 1.0,Z 1.0,RX 2.0,RY 2.0,RZ 2.0}\nENDDAT\n"
+    )
+    assert "KRL107" not in {code for code, _ in found({"PARAMS.dat": nested})}
+    load = "DEFDAT D\nDECL LOAD l={M 1.0,CM {X 1.0,Y 1.0,Z 1.0,A 0.0,B 0.0,C 0.0,Q 1.0}}\nENDDAT\n"
+    assert ("KRL107", "error") in found({"D.dat": load})
+
+
+def test_words_that_follow_interrupt_alone_are_names(tmp_path):
+    text = "DEF JOB( ENABLE:IN )\nBOOL ENABLE\nIF ENABLE THEN\nENDIF\nEND\n"
+    assert "KRL104" not in {code for code, _ in found({"JOB.src": text})}
+
+
+def test_what_bas_lowers_is_a_warning():
+    high = mutated("PANEL.dat", "ENDDAT", "DECL PDAT PX={VEL 50.0,ACC 500.0,APO_DIST 1.0}\nENDDAT")
+    assert {s for c, s in found(high) if c == "KRL116"} == {"warning"}
+    none = mutated("PANEL.dat", "ENDDAT", "DECL PDAT PX={VEL 50.0,ACC 0.0,APO_DIST 1.0}\nENDDAT")
+    assert ("KRL116", "error") in found(none)
+
+
+def test_a_fold_may_hold_whole_routines():
+    text = ";FOLD HELP ( )\nDEF HELP( )\nEND\n;ENDFOLD HELP ( )\n"
+    folded = "DEF JOB( )\nEND\n" + text
+    assert "KRL123" not in {code for code, _ in found({"JOB.src": folded})}
+    open_fold = "DEF JOB( )\nEND\n" + text.replace(";ENDFOLD HELP ( )\n", "")
+    assert ("KRL123", "warning") in found({"JOB.src": open_fold})
+
+
+@pytest.mark.parametrize(
+    ("behind", "is_lost"),
+    [
+        ("LIN {X 1.0,Y 2.0,Z 3.0,A 0.0,B 0.0,C 0.0}\n", False),
+        ("MOVE_ON( )\n", False),
+        ("ENDIF\nMOVE_ON( )\nIF TRUE THEN\n", False),
+        ("WAIT SEC 1.0\nMOVE_ON( )\n", True),
+        ("", True),
+    ],
+)
+def test_the_motion_of_a_trigger_may_stand_in_a_routine(behind, is_lost):
+    text = (
+        "DEF JOB( )\nBAS(#INITMOV,0)\nIF TRUE THEN\n"
+        "TRIGGER WHEN DISTANCE=0 DELAY=0 DO $OUT[1]=TRUE\n"
+        f"{behind}{'ENDIF' if behind else ''}\nEND\n"
+        "DEF MOVE_ON( )\nPTP {A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 10.0,A6 0.0}\nEND\n"
+    )
+    if not behind:
+        text = text.replace("IF TRUE THEN\n", "")
+    lost = [i for i in run({"JOB.src": text}) if "without a motion" in i.message]
+    assert bool(lost) == is_lost
+
+
+def test_globals_of_a_config_that_is_absent_are_one_warning_per_module(tmp_path):
+    uses = "rA=gOne+gTwo\nIF gThree THEN\nENDIF\n"
+    files = {f"JOB{i}.src": f"DEF JOB{i}( )\nDECL REAL rA\n{uses}END\n" for i in range(2)}
+    files["LAST.src"] = "DEF LAST( )\nDECL REAL rA\nrA=gOne\nEND\n"
+    findings, _ = lint_files([on_disk(tmp_path, files)])
+    shown = [(i.code, i.severity) for i in findings if i.severity is not Severity.NOTE]
+    assert shown == [("KRL105", Severity.WARNING)] * 3
+
+
+def test_points_of_a_data_list_that_is_absent_stay_errors(tmp_path):
+    moves = "".join(f"FDAT_ACT=FP{i}\nLIN XP{i}\n" for i in range(9))
+    text = f"DEF JOB( )\nBAS(#INITMOV,0)\n{moves}END\n"
+    findings, _ = lint_files([on_disk(tmp_path, {"JOB.src": text}) / "JOB.src"])
+    missing = [i for i in findings if i.code == "KRL105" and i.severity is Severity.ERROR]
+    assert len(missing) == 18

@@ -35,6 +35,7 @@ from postproc.krl.text import (
 )
 
 _SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
+_FORM_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
 _DEFINES = re.compile(
     r"(?:DECL\s+|GLOBAL\s+)*(SIGNAL|STRUC|ENUM|CHANNEL)\s*:?\s*([A-Za-z_]\w*)(.*)", re.IGNORECASE
@@ -93,12 +94,13 @@ def declared(subject: Subject) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Missing:
-    """A name that is used and defined nowhere: where first, and whether it is a routine."""
+    """A name that is used and defined nowhere: where first, whether a routine or a taught point."""
 
     module: KrlModule
     name: str
     is_call: bool
     line: int
+    is_taught: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,13 +112,15 @@ class _Uses:
 def _of_single_modules(subject: Subject, missing: list[_Missing]) -> None:
     """Report missing names; one warning for all of a module that is part of something larger.
 
-    It is where it calls routines that are not here and uses many names that nothing declares.
+    It is where these modules use many names that nothing declares, and not only points and the data
+    of forms, which stand in a .dat of their own.
     """
+    is_part = len({i.name for i in missing if not i.is_call and not i.is_taught}) >= _MANY
     for module in subject.modules:
         own = [item for item in missing if item.module is module]
         routines = [i for i in own if i.is_call and not i.name.startswith(HOOK_PREFIX)]
         data = [item for item in own if not item.is_call]
-        if routines and len({item.name for item in data}) >= _MANY:
+        if data and (is_part or (routines and len({item.name for item in data}) >= _MANY)):
             names = _listed([item.name for item in (*routines, *data)])
             message = f"defined in modules that are not among these files: {names}"
             hint = "give the folder R1 of the controller, or --config $config.dat"
@@ -210,6 +214,7 @@ def _check_uses(
             external.add(found.group(1).upper())
     used: set[str] = set()
     missing: dict[str, _Missing] = {}
+    taught = set(_taught(routine.statements))
     for name, is_call, line in _uses(routine.statements):
         used.add(name)
         if name in missing or name.startswith("$"):
@@ -220,8 +225,20 @@ def _check_uses(
         else:
             ok = name in known
         if not ok:
-            missing[name] = _Missing(module, name, is_call, line)
+            missing[name] = _Missing(module, name, is_call, line, name in taught)
     return _Uses(used, list(missing.values()))
+
+
+def _taught(statements: Iterable[Statement]) -> Iterator[str]:
+    """Yield the names of points that are moved to and of the data of their forms."""
+    for statement in statements:
+        value: Value | None = None
+        if isinstance(statement, Move):
+            value = statement.target
+        elif isinstance(statement, Assign) and statement.target.upper() in _FORM_DATA:
+            value = statement.value
+        if isinstance(value, Expr):
+            yield value.text.strip().upper()
 
 
 def _undeclared(subject: Subject, item: _Missing) -> None:

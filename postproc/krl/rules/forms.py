@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
 from postproc.krl.text import (
@@ -43,10 +44,10 @@ class Form:
 
 
 def folds(subject: Subject) -> None:
-    """Row 23: every FOLD has its ENDFOLD."""
+    """Row 23: every FOLD has its ENDFOLD; a fold may hold whole routines."""
     for module in subject.modules:
-        for routine in module.routines:
-            _balance(subject, module.src_path, (*routine.statements, *routine.after))
+        parts = ((*routine.statements, *routine.after) for routine in module.routines)
+        _balance(subject, module.src_path, [*module.before, *chain.from_iterable(parts)])
         if module.data is not None:
             _balance(subject, module.dat_path, module.data.statements)
 
@@ -105,7 +106,8 @@ def _texts(subject: Subject, form: Form, move: Move) -> None:
     word, name, rest = visible.group(1, 2, 3)
     if word.upper() != move.word.value:
         message = f"the form shows {word}, the code is {move.word.value}"
-        subject.add(23, ERROR, part.path, line, message)
+        goes_alike = word.upper().removeprefix("S") == move.word.value.removeprefix("S")
+        subject.add(23, WARNING if goes_alike else ERROR, part.path, line, message)
     target = move.target.text.upper() if isinstance(move.target, Expr) else ""
     if not _same_point(target, name):
         message = f"the form shows {name}, the code goes to {target or 'a literal'}"

@@ -53,6 +53,8 @@ _FIELDS = {
     ),
     "LOAD": frozenset({"M", "CM", "J"}),
 }
+_NESTED = "a part of a structure"
+"""Stands for the type of what lies within a structure: only its declaration knows it."""
 _NOT_NUMBERS = frozenset({"NAN", "INF", "INFINITY", "NULL", "NONE"})
 _STAMP = re.compile(
     r"\b(19|20)\d\d[-./](0?[1-9]|1[0-2])[-./](0?[1-9]|[12]\d|3[01])\b"
@@ -128,7 +130,7 @@ def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_na
         if isinstance(item, Expr) and item.text.upper() in _NOT_NUMBERS:
             subject.add(7, ERROR, path, line, f"{name} {item.text} is no number")
         if isinstance(item, Aggregate):
-            _aggregate(subject, path, line, item, "")
+            _aggregate(subject, path, line, item, "" if kind == "LOAD" else _NESTED)
 
 
 def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
@@ -140,7 +142,7 @@ def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
         return _FIELDS[kind]
     if kind not in ("", "?"):
         return None  # a structure of the controller or of the user
-    if kind == "?" or ({"X", "Y", "Z", "A", "B", "C"} & set(names) and "M" not in names):
+    if kind == "?" or set("XYZABC") <= set(names) or {"A1", "A2", "A3"} <= set(names):
         return _AXES if any(name in ("A1", "A2", "A3") for name in names) else _POSE
     return None
 

@@ -6,12 +6,11 @@ import re
 from dataclasses import dataclass
 
 from postproc.krl.rules.blending import FEED
-from postproc.krl.rules.subject import WARNING, Part, Subject, number
+from postproc.krl.rules.subject import WARNING, Part, Subject, key_of, number
 from postproc.krl.text import (
     Assign,
     Call,
     Control,
-    FoldEnd,
     Halt,
     Interrupt,
     KrlModule,
@@ -27,7 +26,7 @@ from postproc.krl.text import (
 
 _ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
 _OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")
-_BLOCKING = (Call, Control, Halt, WaitFor, WaitSec, SplineEnd)
+_BLOCKING = (Halt, WaitFor, WaitSec, SplineEnd)
 
 
 def spindle(subject: Subject) -> None:
@@ -103,24 +102,27 @@ def triggers(subject: Subject) -> None:
 
 
 def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: tuple[Statement, ...]) -> None:
-    following: Move | None = None
-    for statement in behind:
-        if isinstance(statement, Move):
-            following = statement
-            break
-        if isinstance(statement, SplineBegin):
-            return
-        if isinstance(statement, _BLOCKING) and not isinstance(statement, FoldEnd):
-            break
+    stop = next((s for s in behind if _ends_search(subject, part, s)), None)
+    following = stop if isinstance(stop, Move) else None
     line = trigger.line
-    if following is None:
+    if isinstance(stop, _BLOCKING) or (stop is None and part.key not in subject.called_routines):
         subject.add(22, WARNING, part.path, line, "a TRIGGER without a motion behind it")
+    elif following is None:
+        pass  # the motion stands in another routine or on one of several ways
     elif trigger.word == "PATH" and following.word.is_axis_motion and not following.word.is_spline:
         message = f"TRIGGER WHEN PATH before a {following.word.value}: it needs a path motion"
         subject.add(22, WARNING, part.path, line, message)
     if isinstance(trigger.action, Call) and trigger.action.arguments and trigger.priority is None:
         message = "a TRIGGER that calls a routine with parameters needs PRIO"
         subject.add(22, WARNING, part.path, line, message)
+
+
+def _ends_search(subject: Subject, part: Part, statement: Statement) -> bool:
+    """Whether a statement behind a trigger decides about it, or lets nobody tell."""
+    if isinstance(statement, Call):
+        target = subject.called(statement.name, part.module)
+        return target is not None and key_of(*target) in subject.moving
+    return isinstance(statement, (Move, SplineBegin, Control, *_BLOCKING))
 
 
 def _interrupts(subject: Subject, part: Part) -> None:

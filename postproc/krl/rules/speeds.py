@@ -146,7 +146,9 @@ def _motion_data(subject: Subject, path: str, statement: Declaration) -> None:
             share = number(variable.value.get(name))
             if share is not None and not 0.0 < share <= 100.0:
                 message = f"{variable.name}: {name} {share:g} %, expected above 0 and at most 100"
-                subject.add(16, ERROR, path, statement.line, message)
+                # BAS takes the acceleration of 100 % for one above it
+                severity = WARNING if name == "ACC" and share > 100.0 else ERROR
+                subject.add(16, severity, path, statement.line, message)
 
 
 # ------------------------------------------------------------------------------------ blending

@@ -1,8 +1,9 @@
 """The bytes of a KRL file: decoded to lines, with the facts that only the bytes tell.
 
 Controllers write ASCII or ISO-8859 with CR LF; a file that was edited elsewhere may be UTF-8, may
-carry a byte order mark or bare line feeds. Those are facts for lint, not reasons to refuse. What
-cannot be text at all (NUL bytes, control characters, endless lines) is one clear error.
+carry a byte order mark, bare line feeds or, in comments, what an editor made of letters of another
+code page. Those are facts for lint, not reasons to refuse. What cannot be text at all (NUL bytes,
+control characters in code, endless lines) is one clear error.
 """
 
 from __future__ import annotations
@@ -111,7 +112,7 @@ def _refuse_binary(data: bytes, path: str) -> None:
     for mark, name in _MARKS.items():
         if data.startswith(mark):
             raise KrlError("KRL001", f"this is {name}, expected plain KRL text", SourceRef(path))
-    found = _CONTROL.search(data.rstrip(b"\x1a"))
+    found = next(filter(_is_code, _CONTROL.finditer(data.rstrip(b"\x1a"))), None)
     if found:
         line = data.count(b"\n", 0, found.start()) + 1
         raise KrlError(
@@ -119,6 +120,12 @@ def _refuse_binary(data: bytes, path: str) -> None:
             f"byte 0x{found.group()[0]:02X}: a binary file, expected KRL text",
             SourceRef(path, line),
         )
+
+
+def _is_code(found: re.Match[bytes]) -> bool:
+    """Whether a control character stands where a controller reads it: not in a comment."""
+    begin = found.string.rfind(b"\n", 0, found.start()) + 1
+    return found.group() == b"\0" or b";" not in found.string[begin : found.start()]
 
 
 def _text(body: bytes) -> str:

@@ -1,0 +1,42 @@
+"""The table of findings in real programs: every error is judged, false ones are few."""
+
+import json
+
+import pytest
+
+from tests.places import SHARED, snapshot
+from tools.controllers.lint_table import lines_of, table_of
+
+CONTROLLERS = {
+    "HugoDanielson/ChinaMilling": 152, "Aleynikovich/errekaSmartPal": 54,
+    "Aleynikovich/Zinkerreka": 75, "Naqiu06/KUKA-Robotics": 37, "rawpython/kukaKRLmagic": 28,
+    "khrzysio/KRC4_test": 154, "luciagumbau228/TFG": 72,
+}  # fmt: skip
+"""Repository to the number of its .src, .dat and .sub files that lint reads."""
+
+
+@pytest.mark.parametrize("repository", CONTROLLERS)
+def test_real_programs_have_no_false_error(repository):
+    table = table_of([snapshot(repository)])
+    assert table.files == CONTROLLERS[repository]
+    assert [str(finding) for finding in table.false] == []
+
+
+def test_what_nobody_judged_counts_as_false(tmp_path):
+    (tmp_path / "JOB.src").write_bytes(b"DEF JOB( )\r\nprint('1')\r\nEND\r\n")
+    (tmp_path / "GOOD.src").write_bytes(b"DEF GOOD( )\r\nEND\r\n")
+    table = table_of([tmp_path])
+    assert (table.files, table.share) == (2, 0.5)
+    text = "\n".join(lines_of(table))
+    assert "| KRL101 | error | 1 | 1 | nobody judged it yet |" in text
+    assert "50.0 % of the files have no false error" in text
+
+
+def test_archives_made_for_tests_have_no_error():
+    made = SHARED / "real" / "krc" / "made"
+    if not made.is_dir():
+        pytest.skip("the archives are not beside the checkout")
+    names = json.loads((made / "TRUTH.json").read_text())
+    table = table_of([made / name for name in names])
+    assert table.files == 10
+    assert table.errors == []
