@@ -98,7 +98,7 @@ class Session:
             task = bar.add_task("", total=None)
 
             def report(done: int, total: int, what: str) -> None:
-                bar.update(task, completed=done, total=total, description=what)
+                bar.update(task, completed=done, total=total or None, description=what)
 
             yield report
 

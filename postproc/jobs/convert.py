@@ -117,7 +117,7 @@ def convert(
     Raises:
         PostprocError: if the input, the cell or an option is wrong.
     """
-    clock = Clock()
+    clock = Clock("read", progress)
     wishes = PlanOptions(
         strategy=request.strategy, objective=request.objective, preset=request.preset
     )
@@ -140,13 +140,13 @@ def convert(
         *machining_findings(toolpath, cell),
         *unit_findings(toolpath, cell),
     )
-    clock.lap("read")
+    clock.begin("plan")
     if any(finding.is_error for finding in words):
         plan = Plan.nothing(toolpath, request.name or toolpath.name, words)
     else:
         plan = make_plan(toolpath, cell, request, progress, model)
         plan = replace(plan, findings=(*words, *plan.findings))
-    clock.lap("plan")
+    clock.begin("emit")
     program, findings, read = _emit_checked(plan, cell, request, clock, model)
     files, name = program.files, program.name
     return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read)
@@ -256,9 +256,8 @@ def _emit_checked(
         Finding(Severity.NOTE, "CNV010", f"{wanted!r} became the program name {got}")
         for wanted, got in program.renamed
     ]
-    clock.lap("emit")
+    clock.begin("check")
     read = read_back(program, plan, cell, _against(plan, cell, model))
-    clock.lap("check")
     if any(finding.is_error for finding in read.findings):
         program = replace(program, files={})
     return program, fold([*findings, *read.findings]), read

@@ -175,16 +175,15 @@ def _planned(
     goes_on: bool = False,
 ) -> Plan:
     """Return the plan in a cell without external axes."""
-    clock = Clock(progress)
+    clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings)
     problem = checker.problem
-    clock.lap("place")
+    clock.begin("search")
     chosen, findings, record = choose(checker, clock.step)
     take_joints(problem, chosen)
     findings += without_roll(checker, chosen)
-    clock.lap("search")
+    clock.begin("route")
     routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on)
-    clock.lap("route")
     findings = [
         *_notes(checker),
         *_tilt_note(problem, chosen),
@@ -193,7 +192,7 @@ def _planned(
         *routed.findings,
     ]
     result = _assembled(
-        problem, chosen, routed, findings, options, {**record, "timing": clock.stages}
+        problem, chosen, routed, findings, options, {**record, "timing": clock.stages()}
     )
     return replace(
         result,

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from postproc.jobs.convert import ConvertRequest, convert
 from tests.places import PANEL
 
 SQUARE = """\
@@ -170,3 +171,15 @@ def test_a_feed_that_nobody_gives_is_an_error(tmp_path, cell, run):
     code, _, err = run("convert", source, "--cell", cell, "-o", tmp_path / "o", "--json")
     assert code in (1, 2)
     assert "feed" in err
+
+
+def test_every_stage_is_named_before_it_runs(tmp_path, cell):
+    told = []
+    request = ConvertRequest(str(write(tmp_path, "square.cls", SQUARE)), str(cell))
+    result = convert(request, lambda done, total, what: told.append((done, total, what)))
+    assert result.good
+    stages = ["read", "plan", "place", "search", "route", "emit", "check"]
+    assert list(dict.fromkeys(what for _, _, what in told)) == stages
+    # where nobody knows how much there is to do, none of it is said to be done
+    assert all(done <= total for done, total, _ in told)
+    assert list(result.timing) == ["read", "plan", "emit", "check", "total"]

@@ -36,10 +36,9 @@ Step = Callable[[int, int, str], None]
 def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[str, object]]:
     """Return the pose of every tag, the findings, and a record of the work."""
     problem = checker.problem
-    wishes, n = problem.cell.optimize, len(problem)
+    wishes = problem.cell.optimize
     is_smooth = wishes.strategy is Strategy.SMOOTH
     between = Interpolation.of(problem)
-    step(0, n, "search")
     most = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
     bound = LossBound(best_index(checker, between), most) if is_smooth else None
     keys = key_tags(problem.toolpath, wishes) if is_smooth else dense_key_tags(problem)
@@ -52,11 +51,10 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
             found, chosen = _run(search, growth, step)
     record = search.record(found, chosen)
     if wishes.refine and wishes.strategy is Strategy.GLOBAL:
-        step(0, n, "refine")
+        step(0, 0, "refine")
         chosen = moved_off_grid(search, chosen)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     record |= _lost(search, chosen)
-    step(n, n, "search")
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
     if bound is not None:
