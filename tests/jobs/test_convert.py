@@ -178,7 +178,7 @@ def test_every_stage_is_named_before_it_runs(tmp_path, cell):
     request = ConvertRequest(str(write(tmp_path, "square.cls", SQUARE)), str(cell))
     result = convert(request, lambda done, total, what: told.append((done, total, what)))
     assert result.good
-    stages = ["read", "plan", "place", "search", "route", "emit", "check"]
+    stages = ["read", "plan", "place", "search", "refine", "route", "emit", "check"]
     assert list(dict.fromkeys(what for _, _, what in told)) == stages
     # where nobody knows how much there is to do, none of it is said to be done
     assert all(done <= total for done, total, _ in told)
