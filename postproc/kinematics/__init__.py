@@ -1,7 +1,14 @@
 """Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""
 
 from postproc.kinematics.build import build
-from postproc.kinematics.corners import IN_STEP, Corners, Pieces, joint_share, pieces_of
+from postproc.kinematics.corners import (
+    IN_STEP,
+    Corners,
+    Pieces,
+    corner_miss,
+    joint_share,
+    pieces_of,
+)
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import (
     elbow_distance,
@@ -18,6 +25,7 @@ __all__ = [
     "Kinematics",
     "Pieces",
     "build",
+    "corner_miss",
     "elbow_distance",
     "is_coaxial_with_axis_6",
     "joint_share",

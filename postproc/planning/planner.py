@@ -43,6 +43,7 @@ from postproc.planning.states import (
 )
 from postproc.planning.stretches import plan_stretches
 from postproc.process import (
+    LEAST_PECK,
     MOST_PECKS,
     NUMBER,
     ToolStretch,
@@ -159,8 +160,8 @@ def _require_few_pecks(toolpath: ToolPath) -> None:
     for number, cycle in enumerate(toolpath.cycles):
         count = peck_count(cycle)
         tags = np.flatnonzero(np.asarray(toolpath.cycle) == number)
-        if count > MOST_PECKS and len(tags):
-            step = cycle.peck or cycle.peck_first
+        step = cycle.peck or cycle.peck_first
+        if (count > MOST_PECKS or 0.0 < step <= LEAST_PECK) and len(tags):
             text = f"{count} pecks of {step / MM:g} mm in a hole, expected at most {MOST_PECKS}"
             raise PlanError("PLN209", text, toolpath.source(int(tags[0])))
 

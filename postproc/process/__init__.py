@@ -13,6 +13,7 @@ from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, swi
 from postproc.process.strokes import (
     CHIP_LIFT,
     FEED_OUT,
+    LEAST_PECK,
     MOST_PECKS,
     TAPS,
     hole_calls,
@@ -31,6 +32,7 @@ __all__ = [
     "COOLANTS",
     "CUTTING",
     "FEED_OUT",
+    "LEAST_PECK",
     "LOWERED_FROM",
     "LOWERED_TO",
     "MACHINING_SPEED",

@@ -18,6 +18,8 @@ _STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
 """What leaves the hole with a spindle that stands."""
 CHIP_LIFT = 1e-3
 """How far [m] the tool lifts to break the chip."""
+LEAST_PECK = 1e-6
+"""A peck as small as this [m] is lost in the digits of a program: it is none."""
 MOST_PECKS = 1000
 """More pecks in one hole are a slip of the digits."""
 
@@ -27,7 +29,7 @@ def peck_count(cycle: Cycle) -> int:
     first, step = cycle.peck_first or cycle.peck, cycle.peck or cycle.peck_first
     if step <= 0.0 or cycle.depth <= 0.0:
         return 1
-    return 1 + math.ceil(max(cycle.depth - first, 0.0) / step - 1e-9)
+    return 1 + math.ceil(max(cycle.depth - first - LEAST_PECK, 0.0) / step)
 
 
 def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
@@ -44,7 +46,7 @@ def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
         raise ValueError(f"{peck_count(cycle)} pecks in one hole: not refused beforehand")
     depths = []
     depth = first
-    while depth < cycle.depth - 1e-9:
+    while depth < cycle.depth - LEAST_PECK:
         depths.append(depth)
         depth += step
     depths.append(cycle.depth)

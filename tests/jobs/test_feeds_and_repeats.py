@@ -179,3 +179,61 @@ def test_a_rapid_to_where_a_hole_begins(convert):
         "CYCLE/DRILL,FEDTO,-9,MMPM,60,RAPTO,3,RTRCTO,20", "GOTO/40,0,0", "CYCLE/OFF", "SPINDL/OFF",
     )  # fmt: skip
     assert errors(job) == []
+
+
+def test_a_small_arc_is_not_blended_beyond_the_tolerance_of_a_corner(convert):
+    """Where both motions bend away, the chord between the ends of a blend is the tolerance off."""
+    job = convert(
+        "RAPID", "GOTO/40,0,30,0,0,1", "FEDRAT/MMPM,600", "GOTO/2,0,0",
+        "CIRCLE/0,0,0,0,0,-1,2.0,0.06,0.5,10.0,0.0", "GOTO/2,0,0",
+        "GOTO/-40,0,0",
+    )  # fmt: skip
+    assert errors(job) == []
+    reaches, reach = [], np.inf
+    for line in text(job).splitlines():
+        reach = float(line[10:]) if line.startswith("$APO.CDIS=") else reach
+        reaches += [reach] if line.startswith("CIRC") and "C_DIS" in line else []
+    assert len(reaches) >= 2
+    for along in reaches[:2]:  # from piece to piece of the circle of 2 mm
+        assert 2.0 * (1.0 - np.cos(along / 2.0)) <= 0.2 + 1e-4
+
+
+def test_a_line_back_from_the_end_of_an_arc_need_not_stop_where_it_goes_on(convert):
+    """The chord of an arc is not the way it ends: a half circle, then back over its diameter."""
+    job = convert(
+        "RAPID", "GOTO/0,0,30,0,0,1", "FEDRAT/MMPM,600", "GOTO/10,0,0",
+        "CIRCLE/0,0,0,0,0,-1,10.0,0.06,0.5,10.0,0.0", "GOTO/-10,0,0", "GOTO/40,0,0",
+        "CIRCLE/40,10,0,0,0,1,10.0,0.06,0.5,10.0,0.0", "GOTO/50,10,0",
+    )  # fmt: skip
+    assert errors(job) == []
+    ends = [line for line in text(job).splitlines() if "{X -10.0000,Y 0.0000" in line]
+    assert "C_DIS" in ends[-1], "a corner of 90 deg"
+    back = [line for line in text(job).splitlines() if "{X 40.0000,Y 0.0000" in line]
+    assert "C_DIS" not in back[-1], "the arc begins against the line"
+
+
+def test_a_fast_cut_to_the_bottom_of_the_hole_before_it_is_a_cut(convert):
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "FEDRAT/MMPM,90000",
+        "CYCLE/DRILL,FEDTO,0.0,MMPM,60,RAPTO,12,RTRCTO,20", "GOTO/40,0,-2", "CYCLE/OFF",
+        "GOTO/40,0,-2", "GOTO/40,0,-2", "GOTO/60,0,-2", "RAPID", "GOTO/60,0,50", "SPINDL/OFF",
+    )  # fmt: skip
+    assert errors(job) == []
+    bottoms = [target for target in line_targets(job) if target == ("40.0000", "0.0000", "-2.0000")]
+    assert len(bottoms) == 2, "drilled, and gone back to at feed"
+
+
+@pytest.mark.parametrize("order", ["", "[optimize]\nfree_order = true\n"])
+@pytest.mark.parametrize("kind", ["DEEP", "BRKCHP"])
+@pytest.mark.parametrize("depth", [9.009, 9.0005])
+def test_the_last_peck_of_a_hole_that_is_drilled_twice_is_its_bottom(convert, order, kind, depth):
+    """A last peck within the tolerance of the bottom: the one before it is none."""
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "FEDRAT/MMPM,600",
+        f"CYCLE/DRILL,{kind},STEP,3,FEDTO,-{depth},MMPM,60,RAPTO,3,RTRCTO,20,DWELL,.4",
+        "GOTO/40,0,-2", "GOTO/40,0,-2", "GOTO/60,0,-2", "CYCLE/OFF", "SPINDL/OFF",
+        krl=order or "[krl]\nmax_points_per_file = 5\n",
+    )  # fmt: skip
+    assert errors(job) == []
+    every = "".join(data.decode() for name, data in job.files.items() if name.endswith(".src"))
+    assert len(re.findall(rf"^LIN .*Z -{2 + depth:.4f},.*$\s+WAIT SEC 0\.4", every, re.M)) == 3

@@ -9,7 +9,17 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.geometry import transform_from_kuka
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Step, Subject, bas, key_of, number
+from postproc.krl.rules.subject import (
+    ERROR,
+    WARNING,
+    Part,
+    Step,
+    Subject,
+    bas,
+    key_of,
+    number,
+    position_of,
+)
 from postproc.krl.text import (
     Assign,
     Call,
@@ -105,10 +115,8 @@ def _plunges(subject: Subject, part: Part) -> None:
     if len(part.steps) < 3:
         return
     way = np.diff(part.positions, axis=0)
-    size = np.linalg.norm(way, axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        cosine = np.einsum("ij,ij->i", way[:-1], way[1:]) / (size[:-1] * size[1:])
-    turns = np.flatnonzero(cosine < _REVERSAL) + 1
+    begin, end = _headings(part, way)
+    turns = np.flatnonzero(np.einsum("ij,ij->i", end[:-1], begin[1:]) < _REVERSAL) + 1
     speeds = _speeds(part) if len(turns) else []
     for place in turns.tolist():
         bottom, before = part.steps[place], part.steps[place - 1]
@@ -122,6 +130,41 @@ def _plunges(subject: Subject, part: Part) -> None:
         if before.move.blend and down and _sets_feed(part, place):
             message = "blended before a plunge: the tool goes down beside the hole"
             subject.add(18, ERROR, part.path, before.move.line, message)
+
+
+def _headings(part: Part, way: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the directions (k-1, 3) in which the motions behind the first begin and end.
+
+    Those of a circle are its tangents; NaN where the text does not tell.
+
+    Args:
+        part: k motions.
+        way: (k-1, 3) from target to target [mm].
+    """
+    begin, end = way.copy(), way.copy()
+    places = [k for k, step in enumerate(part.steps) if k and step.move.word.is_circular]
+    if places:
+        rows = np.array(places) - 1
+        aux = np.array([_auxiliary(part, place) for place in places], dtype=np.float64)
+        to_aux, from_aux = aux - part.positions[rows], part.positions[places] - aux
+        begin[rows] = _inverted(to_aux) - _inverted(way[rows])
+        end[rows] = _inverted(from_aux) - _inverted(way[rows])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        begin, end = (ways / np.linalg.norm(ways, axis=1)[:, None] for ways in (begin, end))
+    return begin, end
+
+
+def _auxiliary(part: Part, place: int) -> tuple[float | None, ...]:
+    """Return X, Y, Z [mm] of the auxiliary point of a circle that ends at its target."""
+    move = part.steps[place].move
+    known = move.auxiliary is not None and move.angle_deg is None
+    return position_of(part.subject.point(move.auxiliary, part.module) if known else None)
+
+
+def _inverted(ways: FloatArray) -> FloatArray:
+    """Return ways (k, 3) inverted in the unit circle around where they begin."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(ways / np.einsum("ij,ij->i", ways, ways)[:, None])
 
 
 def _is_along_tool(bottom: Step, way: FloatArray) -> bool:

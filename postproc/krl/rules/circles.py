@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, number
-from postproc.krl.text import Axes, Pose, Statement
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, number, position_of
+from postproc.krl.text import Statement
 
 _LARGEST = 50_000.0
 """Radius [mm] from which on a circle is a straight line badly written."""
@@ -34,7 +34,7 @@ def _circle(subject: Subject, part: Part, place: int, start: FloatArray) -> None
     if step.move.word.is_relative:
         return
     point = subject.point(step.move.auxiliary, part.module)
-    middle = _position(point)
+    middle = np.array(position_of(point), dtype=np.float64)
     end = part.positions[place]
     if not np.isfinite(np.concatenate([middle, end])).all():
         return
@@ -59,13 +59,6 @@ def _three_points(
     elif sides[0] * sides[1] * sides[2] / (2.0 * area) > _LARGEST:
         message = "the circle has a radius of more than 50 m"
         subject.add(24, WARNING, part.path, line, message)
-
-
-def _position(point: Pose | Axes | None) -> FloatArray:
-    if isinstance(point, Pose):
-        values = (point.x_mm, point.y_mm, point.z_mm)
-        return np.array([np.nan if v is None else v for v in values])
-    return np.full(3, np.nan)
 
 
 # ------------------------------------------------------------------------------- external axes

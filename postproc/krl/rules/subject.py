@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -77,6 +76,13 @@ class Step:
     target: Pose | Axes | None
 
 
+def position_of(point: Pose | Axes | None) -> tuple[float | None, ...]:
+    """Return X, Y, Z [mm] of a point, as an array turns them into NaN where it has none."""
+    if isinstance(point, Pose):
+        return point.x_mm, point.y_mm, point.z_mm
+    return None, None, None
+
+
 RoutineKey = tuple[str, str, str, int]
 
 
@@ -131,11 +137,8 @@ class Part:
     def positions(self) -> FloatArray:
         """(k, 3) X, Y, Z [mm] of the targets, NaN where there are none."""
         if self._positions is None:
-            nowhere = (math.nan, math.nan, math.nan)
             rows = [
-                (step.target.x_mm, step.target.y_mm, step.target.z_mm)
-                if isinstance(step.target, Pose) and not step.move.word.is_relative
-                else nowhere
+                position_of(None if step.move.word.is_relative else step.target)
                 for step in self.steps
             ]
             self._positions = np.array(rows, dtype=np.float64).reshape(-1, 3)

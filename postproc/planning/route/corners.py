@@ -11,7 +11,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, stepped
 from postproc.geometry import inverse, rotation_angle
-from postproc.kinematics import IN_STEP, Corners, joint_share, pieces_of
+from postproc.kinematics import IN_STEP, Corners, corner_miss, joint_share, pieces_of
 from postproc.model import MoveRole
 from postproc.planning.checks import Checker, Lines, poses_between
 from postproc.planning.states import Moves
@@ -44,15 +44,23 @@ def lowered_blends(
     cut = table.role == MoveRole.CUT
     at_feed = cut[at] & cut[at + 1]
     feed = at[at_feed]
-    if len(feed):
-        tolerance = checker.problem.cell.motion.corner_tolerance
-        most = tolerance / np.maximum(legs.sharpness(feed), 1e-9)
-        kept[feed] = np.where(kept[feed] <= most, kept[feed], stepped(most))
+    _tolerable(legs, kept, feed, checker.problem.cell.motion.corner_tolerance)
     if checker.scene is not None:
-        plain = at_feed & (kept[at] * legs.sharpness(at) < NEGLIGIBLE)
-        at = at[~(plain & (legs.turn(at, kept[at]) < IN_STEP))]
+        plain = (legs.miss(feed, kept[feed]) < NEGLIGIBLE) & (legs.turn(feed, kept[feed]) < IN_STEP)
+        at = np.setdiff1d(at, feed[plain])
         _free(checker, legs, kept, at, cut)
     return np.where(kept < SMALLEST, 0.0, kept)
+
+
+def _tolerable(legs: _Legs, kept: FloatArray, at: IndexArray, tolerance: float) -> None:
+    """Lower the distances at moves ``at`` (k,) until no corner is passed too far, in place."""
+    for _ in range(_ROUNDS):
+        miss = legs.miss(at, kept[at])
+        at, miss = at[miss > tolerance], miss[miss > tolerance]
+        if not len(at):
+            return
+        kept[at] = stepped(kept[at] * tolerance / miss)
+    kept[at] = 0.0
 
 
 def _free(checker: Checker, legs: _Legs, kept: FloatArray, at: IndexArray, cut: np.ndarray) -> None:
@@ -84,31 +92,27 @@ class _Legs:
         self._length[rows] = lines.length
         self._tool = np.asarray(checker.problem.cell.tool.T_flange_tcp)
 
-    def sharpness(self, at: IndexArray) -> FloatArray:
-        """Return how far (k,) a corner may be passed, over the approximation distance."""
-        back, ahead = self._direction(at, 1.0), self._direction(at + 1, 0.0)
-        return np.asarray(0.5 * np.linalg.norm(ahead - back, axis=1))
+    def miss(self, at: IndexArray, distance: FloatArray) -> FloatArray:
+        """Return how far (k,) [m] corners of path moves may be passed, blended by distances."""
+        ends = [
+            poses_between(self._lines, self._line[move], np.abs(end - self._way(move, distance)))
+            for move, end in ((at, 1.0), (at + 1, 0.0))
+        ]
+        corner = self._table.T_base_tcp[at, :3, 3]
+        return corner_miss(ends[0][:, :3, 3], corner, ends[1][:, :3, 3])
 
     def turn(self, at: IndexArray, distance: FloatArray) -> FloatArray:
         """Return how far (k,) [rad] the tool turns where a corner is blended by distances (k,)."""
         R = self._table.T_base_tcp[:, :3, :3]
         turns = [
-            rotation_angle(R[move - 1], R[move])
-            * np.minimum(distance / np.maximum(self._length[move], 1e-12), 0.5)
+            rotation_angle(R[move - 1], R[move]) * self._way(move, distance)
             for move in (at, at + 1)
         ]
         return np.asarray(np.maximum(*turns))
 
-    def _direction(self, at: IndexArray, share: float) -> FloatArray:
-        """Return the direction (k, 3) of moves where they begin (0) or end (1)."""
-        T = self._table.T_base_tcp[:, :3, 3]
-        way = T[at] - T[np.maximum(at - 1, 0)]
-        round_ = np.flatnonzero(self._table.sweep[at] > 0.0)
-        if len(round_):
-            rows = at[round_]
-            spoke = T[rows if share else rows - 1] - self._table.centre[rows]
-            way[round_] = np.cross(self._table.normal[rows], spoke)
-        return np.asarray(way / np.maximum(np.linalg.norm(way, axis=1), 1e-12)[:, None])
+    def _way(self, move: IndexArray, distance: FloatArray) -> FloatArray:
+        """Return the share (k,) of path moves on which they may be approximated."""
+        return np.asarray(np.minimum(distance / np.maximum(self._length[move], 1e-12), 0.5))
 
     def corners(self, at: IndexArray, distance: FloatArray) -> Corners:
         """Return the corners at the ends of moves (k,), blended by distances (k,) [m]."""
@@ -145,7 +149,7 @@ class _Legs:
             T_robroot_tcp = kinematics.fk(q[joint]) @ self._tool
             T[joint] = inverse(self._problem.placement.T_robroot_base) @ T_robroot_tcp
         if len(path):
-            way = np.minimum(distance[path] / np.maximum(self._length[move[path]], 1e-12), 0.5)
+            way = self._way(move[path], distance[path])
             T[path] = poses_between(self._lines, line[path], np.abs(corner - way))
             q[path] = self._solved(T[path], at[path])
             bent = np.flatnonzero(table.sweep[move[path]] > 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,7 +67,7 @@ def timed(
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
     cap[rows], orientation[rows] = _caps(checker, lines)
     speed = _capped(problem, table, rows, cap, findings)
-    blend = _blends(problem, table, length, stops_before)
+    blend = _blends(problem, replace(table, speed=speed), length, stops_before)
     blend = lowered_blends(checker, table, lines, rows, blend)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
@@ -212,7 +212,9 @@ def _blends(
     touching = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE, MoveRole.LIFT))
     exact[:-1] |= touching[:-1] != touching[1:]
     exact[:-1] |= (table.role[:-1] == MoveRole.RETRACT) & (table.role[1:] == MoveRole.RETRACT)
-    exact[:-1] |= _turns_back(table)
+    back = _turns_back(table)
+    exact[:-1] |= back
+    exact[:-2] |= back[1:] & (table.speed[:-2] != table.speed[1:-1])
     exact[-1:] = True
     blend[exact] = 0.0
     return np.where(blend < 1e-6, 0.0, blend)
@@ -220,13 +222,23 @@ def _blends(
 
 def _turns_back(table: Moves) -> BoolArray:
     """Return (m-1,) whether the path turns back at the end of a move: its depth must be met."""
-    way = np.zeros((len(table), 3))
-    way[1:] = np.diff(table.T_base_tcp[:, :3, 3], axis=0)
-    straight = table.kind == MoveKind.LIN
-    size = np.linalg.norm(way, axis=1)
-    cosine = np.einsum("ij,ij->i", way[:-1], way[1:])
-    back = cosine < -0.5 * size[:-1] * size[1:]
-    return np.asarray(back & straight[:-1] & straight[1:] & (size[:-1] > _SHORT))
+    begin, end = _headings(table)
+    size = np.linalg.norm(end, axis=1)
+    cosine = np.einsum("ij,ij->i", end[:-1], begin[1:])
+    back = cosine < -0.5 * size[:-1] * np.linalg.norm(begin[1:], axis=1)
+    path = table.kind != MoveKind.PTP
+    return np.asarray(back & path[:-1] & path[1:] & (size[:-1] > _SHORT))
+
+
+def _headings(table: Moves) -> tuple[FloatArray, FloatArray]:
+    """Return the directions (m, 3), of any length, in which moves begin and end."""
+    point = table.T_base_tcp[:, :3, 3]
+    begin = np.diff(point, axis=0, prepend=point[:1])
+    end = begin.copy()
+    rows = np.flatnonzero(table.sweep > 0.0)
+    for tangent, at in ((begin, rows - 1), (end, rows)):
+        tangent[rows] = np.cross(table.normal[rows], point[at] - table.centre[rows])
+    return begin, end
 
 
 def _durations(

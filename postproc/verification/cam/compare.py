@@ -41,7 +41,16 @@ from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes
 from postproc.verification.cam.leaving import check_leaving
-from postproc.verification.cam.matching import FAR, SAME_AXIS, Wanted, by_frames, match, wanted_of
+from postproc.verification.cam.matching import (
+    FAR,
+    SAME_AXIS,
+    Wanted,
+    bottoms_apart,
+    by_frames,
+    match,
+    passed_pecks,
+    wanted_of,
+)
 from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
@@ -121,11 +130,14 @@ def compare(
     if displacement is not None:
         real = real_paths(paths, cell, toolpath, displacement)
     own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
     claims = claimed(toolpath, cell)
     own[[stretch.low for stretch in claims.stretches()]] = True
     moving = np.where(stands(paths)[:, None], FAR, _visited(real))
     visited, case = by_frames(moving, real.case, claims, paths.station)
+    pecks = passed_pecks(paths, tolerances.position)
+    visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
     visits = match(wanted.point, visited, tolerances.position, own, case)
     served = visits.first
     comparison = Comparison(

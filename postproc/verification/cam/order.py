@@ -21,7 +21,7 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
-from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
+from postproc.verification.cam.matching import Wanted, neighbours, passed_pecks, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.report import Result
 
@@ -54,6 +54,8 @@ def compare_served(
     if displacement is not None:
         real = real_paths(result.paths, cell, toolpath, displacement)
     visited = np.where(np.isfinite(real.end_point), real.end_point, _FAR)
+    passed = passed_pecks(result.paths, tolerances.position)
+    visited = np.where(passed[:, None], _FAR, visited)
     drilled = _Drilled(wanted_of(toolpath), visited, real.case, tolerances.position)
     order = drilled.order(runs)
     found = compare(result, cell, reordered(toolpath, order), tolerances, displacement)
