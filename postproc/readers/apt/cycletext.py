@@ -21,7 +21,8 @@ Found = dict[str, float]
 _FIELDS = {
     "FEDTO": "depth", "DEPTH": "depth", "RAPTO": "rapto", "CLEAR": "clear",
     "RTRCTO": "retract", "RETURN": "return", "STEP": "peck", "INCR": "peck",
-    "1STPECK": "peck_first", "SUBPECK": "peck", "DWELL": "dwell", "CSKDIA": "diameter",
+    "1STPECK": "peck_first", "SUBPECK": "peck", "DWELL": "dwell", "DWELL,REV": "dwell_turns",
+    "CSKDIA": "diameter",
     "ORIENT": "orient", "ORIANT": "orient", "SHIFT": "shift", "PITCH": "pitch", "LEAD": "pitch",
     "TIMES": "repeat", "REPEAT": "repeat",
 }  # fmt: skip
@@ -115,6 +116,8 @@ def _minor(
 ) -> None:
     """Take one minor word with its number."""
     value = tokens.number()
+    if word == "DWELL" and value is None and tokens.skip("REV"):
+        value, word = tokens.number(), "DWELL,REV"
     if word in FEED_UNITS or word == "TPI":
         if value is None:
             raise _no_number(state, word, line, statement)

@@ -145,7 +145,12 @@ class MotionReader:
         )
 
     def _set_rapid(self, index: int, statement: Statement, line: int) -> bool:
-        self._scan.code[index] = RAPID
+        """RAPID: for the next motion only; what stands behind a slash has no meaning there."""
+        self._scan.code[index] = SKIP if statement.upper[:1] == ("OFF",) else RAPID
+        if any(statement.args):
+            text = ",".join(statement.upper)[:20]
+            why = f"RAPID holds for the next motion only; {text} behind it is not carried out"
+            self._uses.refuse("RAPID", WordClass.GEOMETRY, line, why)
         return True
 
     def _skip(self, index: int, statement: Statement, line: int) -> bool:

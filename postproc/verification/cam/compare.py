@@ -39,7 +39,7 @@ from postproc.process import Claims, claimed
 from postproc.units import DEG, MM
 from postproc.verification.cam.elements import Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
-from postproc.verification.cam.holes import check_holes
+from postproc.verification.cam.holes import check_holes, passed_pecks
 from postproc.verification.cam.leaving import check_leaving
 from postproc.verification.cam.matching import (
     FAR,
@@ -48,7 +48,6 @@ from postproc.verification.cam.matching import (
     bottoms_apart,
     by_frames,
     match,
-    passed_pecks,
     wanted_of,
 )
 from postproc.verification.cam.real import RealPaths, real_paths, stands

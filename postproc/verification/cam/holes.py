@@ -12,7 +12,8 @@ from postproc.arrays import AnyIntArray, BoolArray, IntArray
 from postproc.controller import EventWord
 from postproc.errors import RunKind
 from postproc.model import ToolPath
-from postproc.process import FEED_OUT
+from postproc.paths import Paths
+from postproc.process import FEED_OUT, LEAST_PECK
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths, stands
@@ -23,7 +24,28 @@ NEAR = 10.0
 DWELL_SHARE = 0.01
 DWELL_SLACK = 1e-3
 """A dwell may differ by this share, and by so many seconds."""
+_PECK_MOVES = 3
+"""Most motions from one peck to the bottom of the next: up, back down, drill."""
 _LISTED = 20
+
+
+def passed_pecks(paths: Paths, tolerance: float) -> BoolArray:
+    """Return (m,) motions that end where the tool soon goes deeper by less than ``tolerance`` [m].
+
+    Both places are within the tolerance of the bottom of a hole, which is the deeper one.
+    """
+    rows = np.flatnonzero(~stands(paths))
+    point, axis = paths.end_point[rows], paths.end_axis[rows]
+    is_cp, count = paths.trace.is_cp[rows], len(rows)
+    passed = np.zeros(len(paths), dtype=np.bool_)
+    for ahead in range(1, min(_PECK_MOVES, count - 1) + 1):
+        step = point[ahead:] - point[:-ahead]
+        along = np.einsum("ij,ij->i", step, axis[:-ahead])
+        deeper = (along > LEAST_PECK / 2) & (np.linalg.norm(step, axis=1) <= tolerance)
+        for motion in range(1, ahead + 1):
+            deeper &= is_cp[motion : count - ahead + motion]
+        passed[rows[:-ahead][deeper]] = True
+    return passed
 
 
 class Feeds(Protocol):

@@ -15,17 +15,14 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
 from postproc.model import Cycle, MotionKind, ToolPath
-from postproc.paths import Paths, Station
-from postproc.process import LEAST_PECK, Claims, apart
-from postproc.verification.cam.real import stands
+from postproc.paths import Station
+from postproc.process import Claims, apart
 
 FAR = 1e9
 """Where a motion ends that cannot serve a tag [m]."""
 SAME_AXIS = 1e-6
 """Two tool axes that differ by less than this [rad] are one; else the tool turns on the spot."""
 MAX_PAIRS = 5_000_000
-_PECK_MOVES = 3
-"""Most motions from one peck to the bottom of the next: up, back down, drill."""
 PLACE = 1e-5
 """Size [m] of the cells in which pairs are counted beforehand."""
 
@@ -176,25 +173,6 @@ def bottoms_apart(
     kept = np.where(passed[:, None], FAR, visited)
     cases = np.asarray(np.where(is_hole, case + len(visited), case), dtype=np.int32)
     return np.concatenate([visited, kept]), cases
-
-
-def passed_pecks(paths: Paths, tolerance: float) -> BoolArray:
-    """Return (m,) motions that end where the tool soon goes deeper by less than ``tolerance`` [m].
-
-    Both places are within the tolerance of the bottom of a hole, which is the deeper one.
-    """
-    rows = np.flatnonzero(~stands(paths))
-    point, axis = paths.end_point[rows], paths.end_axis[rows]
-    is_cp, count = paths.trace.is_cp[rows], len(rows)
-    passed = np.zeros(len(paths), dtype=np.bool_)
-    for ahead in range(1, min(_PECK_MOVES, count - 1) + 1):
-        step = point[ahead:] - point[:-ahead]
-        along = np.einsum("ij,ij->i", step, axis[:-ahead])
-        deeper = (along > LEAST_PECK / 2) & (np.linalg.norm(step, axis=1) <= tolerance)
-        for motion in range(1, ahead + 1):
-            deeper &= is_cp[motion : count - ahead + motion]
-        passed[rows[:-ahead][deeper]] = True
-    return passed
 
 
 def _earliest(

@@ -21,7 +21,8 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
-from postproc.verification.cam.matching import Wanted, neighbours, passed_pecks, wanted_of
+from postproc.verification.cam.holes import passed_pecks
+from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.report import Result
 
