@@ -1,7 +1,8 @@
 """Backups of KRC controllers: what they say of arm, tools, bases and home, and of a cell."""
 
 from postproc.backup.cellvalues import cell_values
-from postproc.backup.compare import BackupComparison, Difference, compare
+from postproc.backup.compare import BackupComparison, compare
 from postproc.backup.controller import Controller, read_backup
+from postproc.backup.difference import Difference
 
 __all__ = ["BackupComparison", "Controller", "Difference", "cell_values", "compare", "read_backup"]

@@ -9,7 +9,7 @@ import numpy as np
 
 from postproc.backup.arm import ArmMatch, limits_of, match_arm, short_name
 from postproc.backup.controller import Controller
-from postproc.backup.external import ExternalKinematic
+from postproc.backup.external import ExternalAxisEntry, ExternalKinematic
 from postproc.backup.frames import BaseEntry, ToolEntry
 from postproc.cell import LENGTHS, Kss, Robot
 from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
@@ -45,13 +45,17 @@ def cell_values(controller: Controller, robot: Robot | None = None) -> tuple[Val
     for place, tool in enumerate(tools):
         remarks[f"tools.{place}"] = list(_tool_remarks(tool, controller))
     remarks["tools"] = [_left_out_tool(t) for t in controller.tools if not _is_usable(t)]
-    bases = [b for b in controller.bases if _is_usable_base(b)]
-    values["bases"] = [_base(base, controller.machine.root) for base in bases]
+    bases = [b for b in controller.bases if _is_usable_base(b, controller)]
+    values["bases"] = [_base(base, controller) for base in bases]
     for place, base in enumerate(bases):
         remarks[f"bases.{place}"] = list(_rewritten("BASE_DATA", base.number, controller))
-    remarks["bases"] = [_left_out_base(b) for b in controller.bases if not _is_usable_base(b)]
+    remarks["bases"] = [_left_out_base(b, controller) for b in controller.bases if b not in bases]
     values["motion"], remarks["motion"] = _home(controller, values["robot"])
-    remarks["external_axes"] = [line for e in controller.externals for line in _external(e)]
+    taken = (*controller.rails, *controller.positioners)
+    values["external_axes"] = [_external_axis(e, axis) for e in taken for axis in e.axes]
+    remarks["external_axes"] = [
+        line for e in controller.externals for line in _external(e, e in taken)
+    ]
     values["krl"] = _krl(controller)
     return values, remarks
 
@@ -78,7 +82,9 @@ def _robot(controller: Controller, match: ArmMatch) -> tuple[Values, list[str]]:
     else:
         values["model"] = robot.name
         remarks += _payload_remark(machine.payload_kg, robot)
-    values["base"] = _placement(machine.root)
+    values["base"] = _placement(controller.root)
+    if controller.rails:
+        remarks.append("base is the robot root with the rail at 0; a rail overrides $ROBROOT")
     limits, words = limits_of(machine, robot)
     remarks += words
     if limits:
@@ -108,8 +114,9 @@ def _is_usable(tool: ToolEntry) -> bool:
     return tool.is_carried and tool.number <= _MOST_NUMBER and _is_in_range(tool.frame)
 
 
-def _is_usable_base(base: BaseEntry) -> bool:
-    return base.is_fixed and base.number <= _MOST_NUMBER and _is_in_range(base.frame)
+def _is_usable_base(base: BaseEntry, controller: Controller) -> bool:
+    is_in_range = base.number <= _MOST_NUMBER and _is_in_range(base.frame)
+    return is_in_range and controller.T_world_base(base) is not None
 
 
 def _is_in_range(frame: Sequence[float]) -> bool:
@@ -158,12 +165,14 @@ def _left_out_tool(tool: ToolEntry) -> str:
     return f"left out: TOOL {tool.number} {tool.name} {_words(tool.frame)}: {why}"
 
 
-def _left_out_base(base: BaseEntry) -> str:
+def _left_out_base(base: BaseEntry, controller: Controller) -> str:
     why = "out of range"
     if base.kind == "#TCP":
         why = "a tool that stands in the room (#TCP), no workpiece frame"
-    elif base.parent:
+    elif base.parent and controller.T_world_base(base) is None:
         why = f"hangs on the kinematic {base.parent}"
+    elif controller.positioners and not base.parent:
+        why = "stands still beside the positioner that turns the bases of this cell"
     return f"left out: BASE {base.number} {base.name} {_words(base.frame)}: {why}"
 
 
@@ -171,11 +180,11 @@ def _words(frame: Sequence[float]) -> str:
     return ", ".join(f"{key} {value:g}" for key, value in zip("XYZABC", frame, strict=True))
 
 
-def _base(base: BaseEntry, root: Sequence[float]) -> Values:
-    frame = list(base.frame)
-    if any(root):
+def _base(base: BaseEntry, controller: Controller) -> Values:
+    frame, root = list(base.frame), controller.root
+    T_world_base = controller.T_world_base(base)
+    if T_world_base is not None and (any(root) or base.parent):
         T_world_root = transform_from_kuka(root[:3], root[3:])
-        T_world_base = transform_from_kuka(frame[:3], frame[3:])
         xyz, abc = kuka_from_transform(inverse(T_world_root) @ T_world_base)
         frame = [round(float(value), 9) + 0.0 for value in (*xyz, *abc)]
     values: Values = {"number": base.number}
@@ -205,21 +214,38 @@ def _home(controller: Controller, robot: Values) -> tuple[Values, list[str]]:
     return {"home_deg": list(homes[name])}, [f"home_deg is {name}", *remarks]
 
 
-def _external(kinematic: ExternalKinematic) -> Iterator[str]:
+def _external_axis(kinematic: ExternalKinematic, axis: ExternalAxisEntry) -> Values:
+    unit = "mm" if axis.is_linear else "deg"
+    return {
+        "name": axis.name,
+        "kind": kinematic.kind,
+        "axis": "+z",
+        f"range_{unit}": list(axis.limits or ()),
+        f"speed_{unit}_s": axis.speed,
+        **_placement(axis.frame or (0.0,) * 6),
+    }
+
+
+def _external(kinematic: ExternalKinematic, is_taken: bool) -> Iterator[str]:
     what = {"rail": "carries the robot", "positioner": "carries a workpiece"}
     kind = what.get(kinematic.kind, "belongs to no kinematic")
+    if is_taken:
+        yield f"{kinematic.name} {kind}: frames with all axes at 0, each moves along its +z"
+        return
     axes = []
     for axis in kinematic.axes:
         unit = "mm" if axis.is_linear else "deg"
         span = "limits not set"
         if axis.limits:
             span = f"{axis.limits[0]:g} to {axis.limits[1]:g} {unit}"
-        axes.append(f"{axis.name} ({'linear' if axis.is_linear else 'rotational'}, {span})")
+        speed = f", {axis.speed:g} {unit}/s" if axis.speed else ""
+        axes.append(f"{axis.name} ({'linear' if axis.is_linear else 'rotational'}, {span}{speed})")
     yield f"the controller has {kinematic.name}: {', '.join(axes)}, {kind}"
     for name, frame in kinematic.frames.items():
         if any(frame):
             yield f"  {name}: {_words(frame)}"
-    yield "  enter it here: placement of the axis in the world, direction, range and speed"
+    why = kinematic.unknown or "no base of the controller hangs on it, or there are several"
+    yield f"  left out: {why}; enter it here if the cell needs it"
 
 
 def _krl(controller: Controller) -> Values:

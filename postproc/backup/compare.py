@@ -4,38 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
 from postproc.backup.arm import limits_of, match_arm
+from postproc.backup.compare_external import compare_external_axes
 from postproc.backup.controller import Controller
+from postproc.backup.difference import ANGLE_DEG, LENGTH_MM, SPEED, Counted, Difference
 from postproc.backup.frames import BaseEntry, ToolEntry
 from postproc.cell import LENGTHS, Cell, OpwGeometry, Tool, Workpiece
 from postproc.errors import Severity
 from postproc.geometry import inverse, kuka_from_transform, rotation_angle, transform_from_kuka
 from postproc.units import DEG, MM
 
-LENGTH_MM = 1e-3
-ANGLE_DEG = 1e-3
-_SPEED = 1e-3
-"""Share of a speed."""
 _MASS_KG = 1e-3
 _LENGTH_OF_ARM_MM = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """One number that differs: key of the cell, both values in units of the key, weight, words."""
-
-    key: str
-    at: tuple[str | int, ...]
-    cell: Any
-    controller: Any
-    severity: Severity
-    text: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,25 +36,13 @@ def compare(cell: Cell, controller: Controller) -> BackupComparison:
     An error is what would make programs wrong on this controller: lengths, wider limits, another
     frame, mass or root. What one side lacks is a warning in the cell, a note on the controller.
     """
-    counted = _Counted()
+    counted = Counted()
     found = [*_arm(cell, controller, counted), *_frames(cell, controller, counted)]
+    found += compare_external_axes(cell, controller, counted)
     return BackupComparison(counted.numbers, tuple(found))
 
 
-@dataclass(slots=True)
-class _Counted:
-    """How many numbers have been compared."""
-
-    numbers: int = 0
-
-    def differ(self, a: ArrayLike, b: ArrayLike, tolerance: float) -> bool:
-        """Return whether two equally long lists of numbers are apart."""
-        own, other = np.atleast_1d(np.asarray(a, float)), np.atleast_1d(np.asarray(b, float))
-        self.numbers += own.size
-        return not bool(np.abs(own - other).max() <= tolerance)
-
-
-def _arm(cell: Cell, controller: Controller, counted: _Counted) -> Iterator[Difference]:
+def _arm(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
     robot, machine = cell.robot, controller.machine
     if isinstance(robot.geometry, OpwGeometry):
         own = [float(getattr(robot.geometry, key)) / MM for key in LENGTHS]
@@ -90,11 +62,11 @@ def _arm(cell: Cell, controller: Controller, counted: _Counted) -> Iterator[Diff
             )  # fmt: skip
     for axis, theirs in enumerate(machine.speed_deg_s or ()):
         speed = float(robot.qd_max[axis] / DEG)
-        if counted.differ(speed, theirs, _SPEED * theirs):
+        if counted.differ(speed, theirs, SPEED * theirs):
             key = f"robot.speed_deg_s[{axis + 1}]"
             severity = Severity.WARNING if speed > theirs else Severity.NOTE
             yield _number(key, ("robot", "speed_deg_s"), speed, theirs, "deg/s", severity)
-    T_world_robroot = transform_from_kuka(machine.root[:3], machine.root[3:])
+    T_world_robroot = transform_from_kuka(controller.root[:3], controller.root[3:])
     yield from _frame(
         "robot.base", ("robot", "base"), robot.T_world_robroot, T_world_robroot, counted
     )
@@ -113,7 +85,7 @@ def _number(
 
 
 def _frame(
-    key: str, at: tuple[str | int, ...], mine: FloatArray, theirs: FloatArray, counted: _Counted
+    key: str, at: tuple[str | int, ...], mine: FloatArray, theirs: FloatArray, counted: Counted
 ) -> Iterator[Difference]:
     """Yield a frame that differs; angles are compared as rotations, B near 90 has many."""
     step = np.asarray(mine)[:3, 3] - np.asarray(theirs)[:3, 3]
@@ -136,20 +108,20 @@ def _shown(T: FloatArray) -> str:
     return " ".join(f"{value:g}" for value in _listed(T))
 
 
-def _frames(cell: Cell, controller: Controller, counted: _Counted) -> Iterator[Difference]:
+def _frames(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
     tools = {tool.number: tool for tool in controller.tools if tool.is_carried}
     for place, tool in enumerate(cell.tools):
         if tool.number in tools:
             yield from _tool(("tools", place), tool, tools.pop(tool.number), counted)
         elif not _is_zero(tool.T_flange_tcp):
             yield _lacking(f"TOOL_DATA[{tool.number}]", ("tools", place), controller.tools)
-    bases = {base.number: base for base in controller.bases if base.is_fixed}
-    root = controller.machine.root
-    T_robroot_world = inverse(transform_from_kuka(root[:3], root[3:]))
+    bases = {
+        base.number: base for base in controller.bases if controller.T_world_base(base) is not None
+    }
     for place, base in enumerate(cell.bases):
         if base.number in bases:
             entry = bases.pop(base.number)
-            yield from _base(("bases", place), base, entry, T_robroot_world, counted)
+            yield from _base(("bases", place), base, entry, controller, counted)
         elif not _is_zero(base.T_robroot_base):
             yield _lacking(f"BASE_DATA[{base.number}]", ("bases", place), controller.bases)
     left: list[tuple[str, ToolEntry | BaseEntry]] = [("TOOL", tool) for tool in tools.values()]
@@ -174,7 +146,7 @@ def _lacking(
 
 
 def _tool(
-    at: tuple[str | int, ...], tool: Tool, entry: ToolEntry, counted: _Counted
+    at: tuple[str | int, ...], tool: Tool, entry: ToolEntry, counted: Counted
 ) -> Iterator[Difference]:
     key = f"tools[{tool.number}]"
     T_flange_tcp = transform_from_kuka(entry.frame[:3], entry.frame[3:])
@@ -197,11 +169,12 @@ def _base(
     at: tuple[str | int, ...],
     base: Workpiece,
     entry: BaseEntry,
-    T_robroot_world: FloatArray,
-    counted: _Counted,
+    controller: Controller,
+    counted: Counted,
 ) -> Iterator[Difference]:
-    T_world_base = transform_from_kuka(entry.frame[:3], entry.frame[3:])
-    yield from _frame(
-        f"bases[{base.number}].frame", (*at, "frame"), base.T_robroot_base,
-        T_robroot_world @ T_world_base, counted,
-    )  # fmt: skip
+    T_robroot_world = inverse(transform_from_kuka(controller.root[:3], controller.root[3:]))
+    T_world_base = controller.T_world_base(entry)
+    if T_world_base is not None:
+        theirs = T_robroot_world @ T_world_base
+        key = f"bases[{base.number}].frame"
+        yield from _frame(key, (*at, "frame"), base.T_robroot_base, theirs, counted)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from postproc.arrays import FloatArray
 from postproc.backup.archive import Archive, open_archive
 from postproc.backup.external import ExternalKinematic, external_kinematics
 from postproc.backup.frames import BaseEntry, ToolEntry, base_entries, tool_entries
@@ -15,6 +16,7 @@ from postproc.backup.layout import Layout, find_files
 from postproc.backup.machine import Machine, machine_of
 from postproc.backup.rewritten import rewritten_data
 from postproc.backup.variables import Variables, decoded, read_variables
+from postproc.geometry import transform_from_kuka
 
 _SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
 _CONNECTION = re.compile(r'ConnectionString="([^"]*)"')
@@ -48,6 +50,44 @@ class Controller:
     serial: str = ""
     notes: tuple[str, ...] = ()
     rewritten: tuple[str, ...] = ()
+
+    @property
+    def rails(self) -> tuple[ExternalKinematic, ...]:
+        """Kinematics that carry the robot and that a cell can have: one or none."""
+        found = [e for e in self.externals if e.kind == "rail"]
+        return tuple(found) if len(found) == 1 and not found[0].unknown else ()
+
+    @property
+    def positioners(self) -> tuple[ExternalKinematic, ...]:
+        """Kinematics that turn the workpiece and that a cell can have: one or none.
+
+        It is the only one of the controller, and one on which a base hangs.
+        """
+        found = [e for e in self.externals if e.kind == "positioner"]
+        is_one = len(found) == 1 and not found[0].unknown
+        hangs = is_one and any(base.system == found[0].system for base in self.bases)
+        return tuple(found) if hangs else ()
+
+    @property
+    def root(self) -> tuple[float, ...]:
+        """X Y Z A B C [mm, deg] of the robot root in the world with its rail at 0."""
+        flanges = [rail.flange for rail in self.rails if rail.flange is not None]
+        return flanges[0] if flanges else self.machine.root
+
+    def T_world_base(self, base: BaseEntry) -> FloatArray | None:
+        """Return a base in the world with a positioner at 0, None if it cannot be one of a cell.
+
+        The bases of a cell with a positioner turn with it, so those that stand still are none.
+        """
+        T = transform_from_kuka(base.frame[:3], base.frame[3:])
+        if base.kind == "#TCP":
+            return None
+        if not self.positioners:
+            return T if base.is_fixed else None
+        (positioner,) = self.positioners
+        if base.system != positioner.system or positioner.flange is None:
+            return None
+        return transform_from_kuka(positioner.flange[:3], positioner.flange[3:]) @ T
 
     @property
     def kss(self) -> tuple[int, int] | None:

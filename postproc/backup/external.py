@@ -1,36 +1,74 @@
-"""External axes of a controller, as far as its files tell."""
+"""External axes of a controller: what carries the robot, what turns a workpiece, and where.
+
+The chain of a kinematic is root, ``$ETn_TA1KR``, axis 1, ``$ETn_TA2A1``, axis 2, ``$ETn_TA3A2``,
+axis 3, ``$ETn_TFLA3``; each axis moves along or about z of its frame. A rail (``#ERSYS``) stands
+at ``$ERSYSROOT``, its flange is the robot root and ``$ROBROOT`` is ignored. A positioner stands at
+the ROOT of its ``MACHINE_DEF``; a base that hangs on it is ``EK(ROOT, MECH_TYPE, BASE_DATA)``.
+
+Source: KUKA, KR C2 machine data 02.2005, 2.1.9, 2.1.10, 2.2.8 to 2.2.11; ``bas.src`` of KSS 8.6.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
-from postproc.backup.variables import Variables
+import numpy as np
+
+from postproc.backup.variables import Variables, numbers_of
+from postproc.geometry import kuka_from_transform, transform_from_kuka
 
 _FRAME = "X Y Z A B C"
-_KINDS = {"ERSYS": "rail", **{f"E{letter}SYS": "positioner" for letter in "ABCDEF"}}
+_RAIL = "ERSYS"
+_POSITIONERS = frozenset(f"E{letter}SYS" for letter in "ABCDEF")
+_LINKS = ("TA1KR", "TA2A1", "TA3A2")
+_LINEAR, _ENDLESS = 1.0, 5.0
+_FARTHEST = 1e5
+"""Largest limit [mm or deg] that is one."""
 
 
 @dataclass(frozen=True, slots=True)
 class ExternalAxisEntry:
-    """E1..E6: soft limits [mm or deg] and type of the axis."""
+    """E1..E6 with all axes of its kinematic at 0.
+
+    Args:
+        name: ``E1``.
+        is_linear: whether its unit is mm, else deg.
+        limits: soft limits, None where they are not set.
+        speed: rated speed [mm/s or deg/s], None where drive data are not in the file.
+        frame: X Y Z A B C [mm, deg] in the world; it moves along or about z of this frame.
+    """
 
     name: str
     is_linear: bool
     limits: tuple[float, float] | None
+    speed: float | None = None
+    frame: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ExternalKinematic:
     """A kinematic of external axes.
 
-    ``kind``: ``rail`` where the robot stands on it, ``positioner`` where a workpiece does; frames
-    X Y Z A B C [mm, deg] by the name of their variable.
+    Args:
+        name: as the controller calls it.
+        kind: ``rail`` where the robot stands on it, ``positioner`` where a workpiece does, empty
+            for an axis that belongs to none.
+        system: such as ``ERSYS``.
+        axes: its axes in the order of the chain.
+        flange: X Y Z A B C [mm, deg] of its flange in the world with all axes at 0.
+        frames: frames of the files by the name of their variable.
+        unknown: why a cell cannot have it as it is, empty where it can.
     """
 
     name: str
     kind: str
+    system: str
     axes: tuple[ExternalAxisEntry, ...]
-    frames: dict[str, tuple[float, ...]]
+    flange: tuple[float, ...] | None = None
+    frames: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    unknown: str = ""
 
 
 def external_kinematics(data: Variables, config: Variables | None) -> tuple[ExternalKinematic, ...]:
@@ -41,43 +79,116 @@ def external_kinematics(data: Variables, config: Variables | None) -> tuple[Exte
     kinds = data.get("$EX_KIN")
     found, free = [], [f"E{i}" for i in range(1, count + 1)]
     for place in range(1, 7):
-        word = str(kinds.get("ET" + str(place), "#NONE")) if isinstance(kinds, dict) else "#NONE"
-        own = "$ET" + str(place) + "_"
-        members = data.get(own + "AX")
+        word = str(kinds.get(f"ET{place}", "#NONE")) if isinstance(kinds, dict) else "#NONE"
+        members = data.get(f"$ET{place}_AX")
         names = [str(v).lstrip("#") for v in members.values()] if isinstance(members, dict) else []
         names = [name for name in names if name in free]
         if word == "#NONE" or not names:
             continue
         free = [name for name in free if name not in names]
-        kind = _KINDS.get(word.lstrip("#").split("_")[0], "positioner")
-        frames = _frames(data, config, place, kind)
-        title = data.text(own + "NAME") or word.lstrip("#")
-        axes = tuple(_axis(data, name) for name in names)
-        found.append(ExternalKinematic(title, kind, axes, frames))
-    found += [ExternalKinematic(name, "", (_axis(data, name),), {}) for name in free]
+        found.append(_kinematic(data, config, place, word.lstrip("#"), names))
+    found += [
+        ExternalKinematic(
+            name, "", "", (_axis(data, name, None),), unknown="it belongs to no kinematic"
+        )
+        for name in free
+    ]
     return tuple(found)
 
 
-def _axis(data: Variables, name: str) -> ExternalAxisEntry:
+def _kinematic(
+    data: Variables, config: Variables | None, place: int, system: str, names: Sequence[str]
+) -> ExternalKinematic:
+    own = f"$ET{place}_"
+    kind = "rail" if system == _RAIL else "positioner" if system in _POSITIONERS else ""
+    root_name, root = _root(data, config, kind, system)
+    frames = {own + part: data.parts(own + part, _FRAME) for part in (*_LINKS, "TFLA3", "TPINFL")}
+    if root_name:
+        frames[root_name] = root
+    links = [frames[own + part] for part in _LINKS[: len(names)]]
+    chain = [root, *links, frames[own + "TFLA3"]]
+    axis_frames, flange = _chain(chain)
+    axes = tuple(_axis(data, name, frame) for name, frame in zip(names, axis_frames, strict=True))
+    return ExternalKinematic(
+        name=data.text(own + "NAME") or system,
+        kind=kind,
+        system=system,
+        axes=axes,
+        flange=flange,
+        frames={name: tuple(frame) for name, frame in frames.items() if frame is not None},
+        unknown=_unknown(kind, axes, flange, chain),
+    )
+
+
+def _root(
+    data: Variables, config: Variables | None, kind: str, system: str
+) -> tuple[str, list[float] | None]:
+    """Return name and value of the frame in the world that a kinematic stands at."""
+    if kind == "rail":
+        return "$ERSYSROOT", data.parts("$ERSYSROOT", _FRAME)
+    for index in config.indices("MACHINE_DEF") if config is not None else ():
+        machine = config.get("MACHINE_DEF", index) if config is not None else None
+        if isinstance(machine, dict) and machine.get("MECH_TYPE") == f"#{system}":
+            parent = str(machine.get("PARENT", "")).strip().upper()
+            root = numbers_of(machine.get("ROOT"), _FRAME) if parent in ("", "WORLD") else None
+            return f"MACHINE_DEF[{index}].ROOT", root
+    return "", None
+
+
+def _chain(
+    frames: Sequence[list[float] | None],
+) -> tuple[list[tuple[float, ...] | None], tuple[float, ...] | None]:
+    """Return the frames of the axes and of the flange in the world, None where one is not known."""
+    if None in frames:
+        return [None] * (len(frames) - 2), None
+    T, found = np.eye(4), []
+    for frame in frames:
+        T = T @ transform_from_kuka(frame[:3], frame[3:])  # type: ignore[index]
+        values = [*kuka_from_transform(T)[0], *kuka_from_transform(T)[1]]
+        found.append(tuple(round(float(value), 9) + 0.0 for value in values))
+    return found[1:-1], found[-1]  # type: ignore[return-value]
+
+
+def _axis(data: Variables, name: str, frame: tuple[float, ...] | None) -> ExternalAxisEntry:
     index = 6 + int(name[1:])
     low, high = data.number("$SOFTN_END", index), data.number("$SOFTP_END", index)
-    limits = (low, high) if low is not None and high is not None and low < high else None
-    return ExternalAxisEntry(name, data.number("$AXIS_TYPE", index) == 1.0, limits)
+    is_set = low is not None and high is not None and -_FARTHEST <= low < high <= _FARTHEST
+    limits = (low, high) if is_set and data.number("$AXIS_TYPE", index) != _ENDLESS else None
+    is_linear = data.number("$AXIS_TYPE", index) == _LINEAR
+    speed = _speed(data, index, is_linear)
+    return ExternalAxisEntry(name, is_linear, limits, speed, frame)  # type: ignore[arg-type]
 
 
-def _frames(
-    data: Variables, config: Variables | None, place: int, kind: str
-) -> dict[str, tuple[float, ...]]:
-    own = "$ET" + str(place) + "_"
-    names = [own + part for part in ("TA1KR", "TA2A1", "TA3A2", "TFLA3", "TPINFL")]
-    names += ["$ERSYSROOT"] if kind == "rail" else []
-    found = {name: data.parts(name, _FRAME) for name in names}
-    if kind == "positioner" and config is not None:
-        for index in config.indices("MACHINE_DEF"):
-            machine = config.get("MACHINE_DEF", index)
-            root = machine.get("ROOT") if isinstance(machine, dict) else None
-            if isinstance(root, dict) and index > 1 and any(root.values()):
-                found[f"MACHINE_DEF[{index}].ROOT"] = [
-                    float(root.get(k, 0)) for k in _FRAME.split()
-                ]
-    return {name: tuple(frame) for name, frame in found.items() if frame is not None}
+def _speed(data: Variables, index: int, is_linear: bool) -> float | None:
+    """Return the rated speed: turns of the motor by its turns per turn of the axis, or per m."""
+    rpm, ratio = data.number("$VEL_AXIS_MA", index), data.parts("$RAT_MOT_AX", "N D", index)
+    if rpm is None or ratio is None or not ratio[0]:
+        return None
+    per_turn = 1e3 if is_linear else 360.0
+    speed = rpm / 60.0 * per_turn * ratio[1] / abs(ratio[0])
+    return round(speed, 6) if 0.0 < speed < _FARTHEST and math.isfinite(speed) else None
+
+
+def _unknown(
+    kind: str,
+    axes: Sequence[ExternalAxisEntry],
+    flange: tuple[float, ...] | None,
+    chain: Sequence[list[float] | None],
+) -> str:
+    """Return why a cell cannot have a kinematic, empty where it can."""
+    kinds = {"rail": "linear", "positioner": "rotational"}
+    numbers = [value for frame in chain for value in frame or ()]
+    unset = [axis.name for axis in axes if axis.limits is None]
+    slow = [axis.name for axis in axes if axis.speed is None]
+    reasons = {
+        "its kind is not known": not kind,
+        "where it stands is not in the files": flange is None,
+        "all its frames are zero, it was never measured": not any(numbers),
+        "its frames are out of range": max(map(abs, numbers), default=0.0) > _FARTHEST,
+        f"a {kind} of a cell has {kinds.get(kind, '')} axes alone": any(
+            axis.is_linear != (kind == "rail") for axis in axes
+        ),
+        f"the soft limits of {', '.join(unset)} are not set": bool(unset),
+        f"the speed of {', '.join(slow)} is not in the files": bool(slow),
+    }
+    return next((reason for reason, holds in reasons.items() if holds), "")

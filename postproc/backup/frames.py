@@ -38,7 +38,8 @@ class BaseEntry:
     """A base: frame X Y Z A B C in the world [mm, deg].
 
     ``kind``: ``#TCP`` for a tool that stands in the room; ``parent``: the kinematic that carries
-    it, empty for the world.
+    it, empty for the world; ``system``: such as ``EASYS`` where it is one of this controller: the
+    frame is then one in its flange.
     """
 
     number: int
@@ -47,6 +48,7 @@ class BaseEntry:
     kind: str
     line: int
     parent: str = ""
+    system: str = ""
 
     @property
     def is_fixed(self) -> bool:
@@ -96,7 +98,7 @@ def base_entries(config: Variables) -> tuple[BaseEntry, ...]:
         if number < 1 or frame is None or not is_used:
             continue
         line, parent = _line(config, "BASE_DATA", number), _parent(config, number)
-        found.append(BaseEntry(number, name, tuple(frame), kind, line, parent))
+        found.append(BaseEntry(number, name, tuple(frame), kind, line, *parent))
     return tuple(found)
 
 
@@ -104,13 +106,19 @@ def _line(config: Variables, name: str, number: int) -> int:
     return config.source(name, number).line
 
 
-def _parent(config: Variables, number: int) -> str:
-    """Return the kinematic that carries a base, empty for the world."""
+def _parent(config: Variables, number: int) -> tuple[str, str]:
+    """Return name and system of the kinematic that carries a base, empty for the world.
+
+    ``EX_AX_DATA`` of older controllers says nothing of BASE_DATA: it has frames of its own.
+    """
     held = config.get("MACHINE_FRAME_DAT", number)
-    if isinstance(held, dict):
-        index, parent = numbers_of(held, "MACH_DEF_INDEX"), str(held.get("PARENT", "")).strip()
-        carries = index is not None and index[0] > 0.0
-        return parent if carries and parent.upper() not in ("", "WORLD") else ""
-    old = config.get("EX_AX_DATA", number)
-    kind = str(old.get("EX_KIN", "")) if isinstance(old, dict) else ""
-    return kind.lstrip("#") if kind not in ("", "#NONE") else ""
+    index = numbers_of(held, "MACH_DEF_INDEX")
+    parent = str(held.get("PARENT", "")).strip() if isinstance(held, dict) else ""
+    if index is None or index[0] <= 0.0 or parent.upper() in ("", "WORLD"):
+        return "", ""
+    machine, own = config.get("MACHINE_DEF", int(index[0])), config.get("MACHINE_DEF", 1)
+    if not isinstance(machine, dict):
+        return parent, ""
+    controller = own.get("COOP_KRC_INDEX") if isinstance(own, dict) else None
+    is_own = machine.get("COOP_KRC_INDEX") in (None, 0, controller)
+    return parent, str(machine.get("MECH_TYPE", "")).lstrip("#") if is_own else ""

@@ -264,20 +264,6 @@ def test_the_system_software_decides_the_forms(said, kss, tmp_path, capsys):
     assert cell_of(tmp_path, files, capsys)[1]["krl"]["kss"] == kss
 
 
-def test_external_axes_are_remarks(tmp_path, capsys):
-    extra = [
-        "$EX_AX_NUM=2", "DECL EX_KIN $EX_KIN={ET1 #ERSYS,ET2 #EASYS,ET3 #NONE}",
-        "DECL ET_AX $ET1_AX={TR_A1 #E1,TR_A2 #NONE,TR_A3 #NONE}",
-        "DECL ET_AX $ET2_AX={TR_A1 #E2,TR_A2 #NONE,TR_A3 #NONE}",
-        '$ET1_NAME[]="KL4000"', "$AXIS_TYPE[7]=1", "$SOFTN_END[7]=-100", "$SOFTP_END[7]=5900.0",
-        "$SOFTN_END[8]=-180.0", "$SOFTP_END[8]=180.0",
-    ]  # fmt: skip
-    _, data, text, _ = cell_of(tmp_path, contents(archives.machine(extra=extra)), capsys)
-    assert "KL4000: E1 (linear, -100 to 5900 mm), carries the robot" in text
-    assert "E2 (rotational, -180 to 180 deg), carries a workpiece" in text
-    assert "external_axes" not in data
-
-
 def test_differences_of_cell_and_controller(tmp_path, capsys):
     cell, _, text, _ = cell_of(tmp_path, contents(loads={1: (50.0, (0.0, 0.0, 100.0))}), capsys)
     changed = text.replace("-3.25, 201.0", "-3.25, 201.1", 1).replace("148.0]", "149.0]")
