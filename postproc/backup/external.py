@@ -22,6 +22,7 @@ from postproc.geometry import kuka_from_transform, transform_from_kuka
 _FRAME = "X Y Z A B C"
 _RAIL = "ERSYS"
 _POSITIONERS = frozenset(f"E{letter}SYS" for letter in "ABCDEF")
+_KINEMATICS = ("ET1", "ET2", "ET3", "ET4", "ET5", "ET6")
 _LINKS = ("TA1KR", "TA2A1", "TA3A2")
 _LINEAR, _ENDLESS = 1.0, 5.0
 _FARTHEST = 1e5
@@ -78,15 +79,15 @@ def external_kinematics(data: Variables, config: Variables | None) -> tuple[Exte
         return ()
     kinds = data.get("$EX_KIN")
     found, free = [], [f"E{i}" for i in range(1, count + 1)]
-    for place in range(1, 7):
-        word = str(kinds.get(f"ET{place}", "#NONE")) if isinstance(kinds, dict) else "#NONE"
-        members = data.get(f"$ET{place}_AX")
+    for kinematic in _KINEMATICS:
+        word = str(kinds.get(kinematic, "#NONE")) if isinstance(kinds, dict) else "#NONE"
+        members = data.get(f"${kinematic}_AX")
         names = [str(v).lstrip("#") for v in members.values()] if isinstance(members, dict) else []
         names = [name for name in names if name in free]
         if word == "#NONE" or not names:
             continue
         free = [name for name in free if name not in names]
-        found.append(_kinematic(data, config, place, word.lstrip("#"), names))
+        found.append(_kinematic(data, config, kinematic, word.lstrip("#"), names))
     found += [
         ExternalKinematic(
             name, "", "", (_axis(data, name, None),), unknown="it belongs to no kinematic"
@@ -97,9 +98,9 @@ def external_kinematics(data: Variables, config: Variables | None) -> tuple[Exte
 
 
 def _kinematic(
-    data: Variables, config: Variables | None, place: int, system: str, names: Sequence[str]
+    data: Variables, config: Variables | None, short: str, system: str, names: Sequence[str]
 ) -> ExternalKinematic:
-    own = f"$ET{place}_"
+    own = f"${short}_"
     kind = "rail" if system == _RAIL else "positioner" if system in _POSITIONERS else ""
     root_name, root = _root(data, config, kind, system)
     frames = {own + part: data.parts(own + part, _FRAME) for part in (*_LINKS, "TFLA3", "TPINFL")}
