@@ -71,9 +71,12 @@ def _rotation(angle: ArrayLike, first: int, second: int) -> FloatArray:
 
 def rotation_about(axis: ArrayLike, angle: ArrayLike) -> FloatArray:
     """Return (..., 3, 3), turn by ``angle`` (...,) [rad] about unit ``axis`` (..., 3)."""
-    n = np.asarray(axis, dtype=np.float64)
-    a = np.asarray(angle, dtype=np.float64)[..., None, None]
+    n, a = np.asarray(axis, dtype=np.float64), np.asarray(angle, dtype=np.float64)
     K = skew(n)
+    if K.ndim == 2:  # one axis for all angles: one product
+        parts = np.stack([np.sin(a), 1.0 - np.cos(a)], axis=-1) @ np.stack([K, K @ K]).reshape(2, 9)
+        return np.asarray(np.eye(3) + parts.reshape(*a.shape, 3, 3))
+    a = a[..., None, None]
     R: FloatArray = np.eye(3) + np.sin(a) * K + (1.0 - np.cos(a)) * (K @ K)
     return R
 

@@ -22,6 +22,7 @@ _EXACT = 1e-14
 """Constants nearer than this to 0 or +-1 are taken as such; multiplications fall away."""
 
 Columns = tuple[FloatArray, FloatArray, FloatArray]
+_Turn = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +90,40 @@ class SerialChain:
         flat = angles.reshape(-1, 6)
         tcp = np.asarray(p_flange_tcp, dtype=np.float64)
         J = np.empty((len(flat), 6, 6))
-        steps = self._steps
         for block in blocks(len(flat)):
-            columns, origin = _identity(flat[block].shape[0])
-            turns: list[tuple[FloatArray, FloatArray]] = []
-            for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
-                columns, origin = step.advance(columns, origin, cosine, sine)
-                turns.append((columns[2], origin))
-            columns, origin = steps[6].advance(columns, origin)
-            end = origin + _combined(columns, tcp) if tcp.any() else origin
-            _write_jacobian(J[block], turns, end)
+            _write_jacobian(J[block], *self._turns(flat[block], tcp))
         return J.reshape(*angles.shape[:-1], 6, 6)
+
+    def rates(self, q: ArrayLike, p_flange_tcp: ArrayLike, direction: ArrayLike) -> FloatArray:
+        """Return how fast (n, 6) [m/rad] joints move the TCP along a direction: linear rows of J.
+
+        Args:
+            q: (n, 6) joint angles [rad].
+            p_flange_tcp: (3,) TCP in the flange [m].
+            direction: (n, 3) unit, robroot.
+        """
+        angles, along = np.asarray(q, dtype=np.float64), np.asarray(direction, dtype=np.float64)
+        tcp = np.asarray(p_flange_tcp, dtype=np.float64)
+        result = np.empty((len(angles), 6))
+        for block in blocks(len(angles)):
+            turns, end = self._turns(angles[block], tcp)
+            n = np.ascontiguousarray(along[block].T)
+            before, lever = None, n
+            for joint, (axis, origin) in enumerate(turns):
+                if origin is not before:  # the axes of a wrist meet in one point
+                    lever, before = _cross(end - origin, n), origin
+                result[block, joint] = axis[0] * lever[0] + axis[1] * lever[1] + axis[2] * lever[2]
+        return result
+
+    def _turns(self, q: FloatArray, tcp: FloatArray) -> tuple[list[_Turn], FloatArray]:
+        """Return axis and origin (3, n) of each joint of a block, and the TCP (3, n); robroot."""
+        columns, origin = _identity(len(q))
+        turns: list[_Turn] = []
+        for step, cosine, sine in zip(self._steps[:6], *_trigonometry(q), strict=True):
+            columns, origin = step.advance(columns, origin, cosine, sine)
+            turns.append((columns[2], origin))
+        columns, origin = self._steps[6].advance(columns, origin)
+        return turns, origin + _combined(columns, tcp) if tcp.any() else origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,9 +221,14 @@ def _write(T: FloatArray, columns: Columns, origin: FloatArray) -> None:
         T[:, :3, place] = column.T
 
 
-def _write_jacobian(
-    J: FloatArray, turns: list[tuple[FloatArray, FloatArray]], end: FloatArray
-) -> None:
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return a x b (3, n)."""
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )
+
+
+def _write_jacobian(J: FloatArray, turns: list[_Turn], end: FloatArray) -> None:
     for joint, (axis, origin) in enumerate(turns):
         x, y, z = end - origin
         ax, ay, az = axis

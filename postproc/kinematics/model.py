@@ -77,6 +77,10 @@ class Kinematics:
         """
         return self.chain.jacobian(q, p_flange_tcp)
 
+    def rates(self, q: ArrayLike, p_flange_tcp: ArrayLike, direction: ArrayLike) -> FloatArray:
+        """Return how fast (n, 6) [m/rad] joints move the TCP along directions (n, 3), robroot."""
+        return self.chain.rates(q, p_flange_tcp, direction)
+
     def ik(self, T_robroot_flange: ArrayLike) -> tuple[FloatArray, BoolArray]:
         """Return all branches of each pose.
 
@@ -89,9 +93,9 @@ class Kinematics:
             reachable, limits not asked. Slot = overhead + 2 elbow + 4 wrist.
         """
         T = np.asarray(T_robroot_flange, dtype=np.float64).reshape(-1, 4, 4)
-        is_number = np.isfinite(T).all(axis=(1, 2))
-        if is_number.all():
+        if np.isfinite(T).all():
             return self.solver.solve(T)
+        is_number = np.isfinite(T).all(axis=(1, 2))
         q, valid = np.full((len(T), 8, 6), np.nan), np.zeros((len(T), 8), dtype=np.bool_)
         q[is_number], valid[is_number] = self.solver.solve(T[is_number])
         return q, valid
@@ -106,9 +110,9 @@ class Kinematics:
             slot: (n,) branches 0..7.
         """
         T = np.asarray(T_robroot_flange, dtype=np.float64)
-        is_number = np.isfinite(T).all(axis=(1, 2))
-        if is_number.all():
+        if np.isfinite(T).all():
             return self.solver.solve_in(T, slot)
+        is_number = np.isfinite(T).all(axis=(1, 2))
         q, valid = np.full((len(T), 6), np.nan), np.zeros(len(T), dtype=np.bool_)
         q[is_number], valid[is_number] = self.solver.solve_in(T[is_number], slot[is_number])
         return q, valid

@@ -35,7 +35,17 @@ def directional(jacobian: ArrayLike, c_joint: ArrayLike, direction: ArrayLike) -
     """
     J = np.asarray(jacobian, dtype=np.float64)
     n = np.asarray(direction, dtype=np.float64)
-    along = np.matmul(n[..., None, :], J[..., :3, :])[..., 0, :]
+    return of_rates(np.matmul(n[..., None, :], J[..., :3, :])[..., 0, :], c_joint)
+
+
+def of_rates(rates: ArrayLike, c_joint: ArrayLike) -> FloatArray:
+    """Return the stiffness (...,) [N/m] along a direction in which joints move the tool point.
+
+    Args:
+        rates: (..., n) n · J_i [m/rad], of each joint along the direction.
+        c_joint: (n,) or (..., n) [rad/(N*m)].
+    """
+    along = np.asarray(rates, dtype=np.float64)
     give = np.sum(np.asarray(c_joint, dtype=np.float64) * along * along, axis=-1)
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / give)

@@ -40,6 +40,8 @@ def test_rotation_about_agrees_with_scipy():
     angle = rng.uniform(-np.pi, np.pi, 100)
     want = Rotation.from_rotvec(axis * angle[:, None]).as_matrix()
     assert np.abs(frames.rotation_about(axis, angle) - want).max() < 1e-14
+    one = Rotation.from_rotvec(axis[0] * angle[:, None]).as_matrix().reshape(20, 5, 3, 3)
+    assert np.abs(frames.rotation_about(axis[0], angle.reshape(20, 5)) - one).max() < 1e-14
 
 
 def test_inverse_and_apply():

@@ -93,6 +93,21 @@ def test_jacobian_is_the_derivative(robot):
         np.testing.assert_allclose(J[:, 3:, joint].T, turn / (2 * h), atol=1e-8)
 
 
+def test_rates_along_a_direction_are_the_derivative(robot):
+    kinematics = build(robot)
+    rng = np.random.default_rng(3)
+    q, tcp, h = rng.uniform(-2.0, 2.0, (2100, 6)), np.array([0.1, -0.05, 0.4]), 1e-6
+    direction = rng.normal(size=(len(q), 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    rates = kinematics.rates(q, tcp, direction)
+    for joint in range(6):
+        step = h * np.eye(6)[joint]
+        ahead, behind = kinematics.fk(q + step), kinematics.fk(q - step)
+        moved = (ahead - behind)[:, :3, :3] @ tcp + (ahead - behind)[:, :3, 3]
+        along = np.einsum("ni,ni->n", moved, direction) / (2 * h)
+        np.testing.assert_allclose(rates[:, joint], along, atol=1e-8)
+
+
 def test_link_frames_are_parallel_to_robroot_at_zero_and_lie_on_the_axes(robot):
     kinematics = build(robot)
     g = robot.geometry

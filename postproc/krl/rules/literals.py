@@ -233,4 +233,9 @@ def _attribute_stamps(subject: Subject, module: KrlModule) -> None:
 
 
 def _has_minus_zero(value: Pose | Axes) -> bool:
-    return any(n == 0.0 and math.copysign(1.0, n) < 0.0 for _, n in components(value))
+    if isinstance(value, Axes):
+        own: Iterable[float | None] = value.angles_deg
+    else:
+        own = (value.x_mm, value.y_mm, value.z_mm, value.a_deg, value.b_deg, value.c_deg)
+    numbers = (*own, *value.external)
+    return 0.0 in numbers and any(n == 0.0 and math.copysign(1.0, n) < 0.0 for n in numbers)

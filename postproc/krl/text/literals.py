@@ -7,6 +7,7 @@ left to the expression parser.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 from postproc.krl.text.lexer import KrlSyntaxError
@@ -15,6 +16,11 @@ from postproc.krl.text.program import Axes, Pose
 _POSE_SLOTS = {name: slot for slot, name in enumerate(("X", "Y", "Z", "A", "B", "C", "S", "T"))}
 _POSE_SLOTS |= {f"E{i}": 7 + i for i in range(1, 7)}
 _AXIS_SLOTS = {f"A{i}": i - 1 for i in range(1, 7)} | {f"E{i}": 5 + i for i in range(1, 7)}
+_N = r"([-+]?\d{1,9}(?:\.\d{0,9})?)"
+_PLAIN: tuple[tuple[re.Pattern[str], type[Pose] | type[Axes]], ...] = (
+    (re.compile(rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", re.ASCII), Pose),
+    (re.compile(rf"\{{A1 {_N},A2 {_N},A3 {_N},A4 {_N},A5 {_N},A6 {_N}\}}", re.ASCII), Axes),
+)
 _POSE_TYPES = frozenset({"FRAME", "POS", "E6POS", ""})
 _AXIS_TYPES = frozenset({"AXIS", "E6AXIS", ""})
 
@@ -131,8 +137,23 @@ def components(value: Pose | Axes) -> Iterator[tuple[str, float]]:
 def quick_literal(text: str) -> Pose | Axes | None:
     """Return a pose or axes literal of plain numbers, else None (then parse it in full).
 
-    A hundred thousand of them are read by splitting at commas instead of by tokens.
+    A hundred thousand of them are read by one pattern, or by splitting at commas, instead of by
+    tokens.
     """
+    return _plain(text) or _split(text)
+
+
+def _plain(text: str) -> Pose | Axes | None:
+    """Return a literal written as nearly all are: six decimal numbers in order."""
+    for pattern, kind in _PLAIN:
+        match = pattern.fullmatch(text)
+        if match is not None:
+            first, second, third, fourth, fifth, sixth = map(float, match.groups())
+            return kind(first, second, third, fourth, fifth, sixth)
+    return None
+
+
+def _split(text: str) -> Pose | Axes | None:
     body = text[1:-1]
     if "{" in body or "_" in body or not body.isascii():
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import lru_cache
 
 from postproc.krl.text.expression import ExpressionParser
 from postproc.krl.text.lexer import KrlSyntaxError, TokenKind
@@ -103,25 +104,40 @@ def _is_assignment(code: str, word: str) -> bool:
 
 
 def _assignment_call_or_declaration(code: str, comment: str, line: int) -> Statement:
+    found = _assignment_or_call(code)
+    if found is None:
+        return _declaration(code, comment, line)
+    name, arguments, value = found
+    if arguments is not None:
+        return Call(name=name, arguments=arguments, comment=comment, line=line)
+    return Assign(target=name, value=value, comment=comment, line=line)
+
+
+@lru_cache(maxsize=4096)
+def _assignment_or_call(code: str) -> tuple[str, tuple[Value | None, ...] | None, Value] | None:
+    """Return name, arguments of a call (None: none), value of an assignment; None: neither.
+
+    Programs repeat such lines a thousand times.
+    """
     parser = ExpressionParser(code)
     first = parser.tokens[0].text
     second = parser.tokens[1]
     if second.kind is TokenKind.NAME and (first.upper() in BASIC_TYPES or "=" in code):
-        return _declaration(code, comment, line)
+        return None
     if second.kind is TokenKind.END:
         raise KrlSyntaxError(_bare_word(first))
     parser.take()
     if second.text == "(":
         arguments = _arguments(parser)
         parser.finish()
-        return Call(name=first, arguments=arguments, comment=comment, line=line)
+        return first, arguments, 0
     parser.selectors()
     target = written(code[: parser.token.start])
     if not parser.accept("="):
         raise KrlSyntaxError(f"{code[:40]!r} is no KRL statement")
     value = parser.value()
     parser.finish()
-    return Assign(target=target, value=value, comment=comment, line=line)
+    return target, None, value
 
 
 def _bare_word(word: str) -> str:

@@ -37,7 +37,7 @@ class Bridges:
     stride: IndexArray
     closed: bool
     loose: BoolArray
-    run: IndexArray = field(init=False)
+    run: NDArray[np.int32] = field(init=False)
     _stale: BoolArray = field(init=False)
     _joined: dict[int, tuple[IndexArray, IndexArray, BoolArray]] = field(
         init=False, default_factory=dict
@@ -45,7 +45,7 @@ class Bridges:
 
     def __post_init__(self) -> None:
         """Leave all runs to be found."""
-        self.run = np.full(len(self.states.q), NONE, dtype=np.int64)
+        self.run = np.full(len(self.states.q), NONE, dtype=np.int32)
         self._stale = np.ones(len(self.states), dtype=np.bool_)
 
     def changed(self, rungs: IndexArray) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
@@ -61,11 +61,11 @@ class PoseSearch:
     weight: FloatArray
     share: FloatArray
     pinned: BoolArray
-    reason: IndexArray
-    pair: IndexArray
+    reason: AnyIntArray
+    pair: AnyIntArray
     seen: BoolArray
     checked: BoolArray
-    passed: IndexArray
+    passed: AnyIntArray
     out: BoolArray
     failures: IndexArray
     stroked: BoolArray
@@ -110,11 +110,11 @@ class PoseSearch:
             weight,
             share,
             pinned,
-            reason=np.zeros(size, dtype=np.int64),
-            pair=np.full(size, -1, dtype=np.int64),
+            reason=np.zeros(size, dtype=np.int8),
+            pair=np.full(size, NONE, dtype=np.int32),
             seen=np.zeros(size, dtype=np.bool_),
             checked=np.zeros(size, dtype=np.bool_),
-            passed=np.full(size, NONE, dtype=np.int64),
+            passed=np.full(size, NONE, dtype=np.int32),
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
             stroked=np.zeros(n, dtype=np.bool_),
@@ -145,7 +145,7 @@ class PoseSearch:
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
         self.checked = by_state(self.checked, False)
-        self.passed = moved[by_state(self.passed, NONE)]
+        self.passed = moved[by_state(self.passed, NONE)].astype(np.int32)
         parts = ladder_of(problem, self.between, self.tags, self.states, self.wish)
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf
@@ -313,7 +313,7 @@ class PoseSearch:
         """
         width, n = self.states.spins.shape[-1], len(self.tags)
         if self.cells is None:
-            self.cells = self._cell(np.arange(len(self.states.q)))
+            self.cells = self._all_cells()
         along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1) * FINE
         rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
         tilt, spin = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], width)
@@ -371,10 +371,14 @@ class PoseSearch:
         to, start = np.nonzero(near)
         return list(zip(before[start].tolist(), now[to].tolist(), strict=True))
 
-    def _cell(self, states: IndexArray) -> IndexArray:
-        column = self.states.column[states].astype(np.int64)
-        branch = self.states.branch[states].astype(np.int64)
-        return self._place(self.states.tag_of(states), column, branch)
+    def _all_cells(self) -> IndexArray:
+        """Return ``_place`` (N,) of all states, in place: there are millions."""
+        places = np.repeat(np.arange(len(self.tags)), np.diff(self.states.offsets))
+        places *= self.states.spins.shape[-1] * len(self.states.tilts)
+        places += self.states.column
+        places *= 8
+        places += self.states.branch
+        return places
 
     def _place(self, rung: IndexArray, column: IndexArray, branch: IndexArray) -> IndexArray:
         """Return numbers of configurations that rise with rung, then column, then branch."""

@@ -102,7 +102,7 @@ def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -
     """Return the poses with one angle of the attitudes moved to a local optimum."""
     attitude, q, at = poses.attitude.copy(), poses.q.copy(), angle.column
     free, low, high = bounds.free[:, at], bounds.low[:, at], bounds.high[:, at]
-    cost = _costs(problem, poses, attitude, q)
+    cost = _costs(problem, poses, poses.tcp(problem, attitude), attitude, q)
     total = float(cost.sum()) + poses.travel(q)
     for _ in range(_ROUNDS):
         step = _newton(problem, poses, angle, (attitude, q, cost), free)
@@ -117,7 +117,7 @@ def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -
     rounded = poses.attitude.copy()
     fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
     rounded[:, at] = np.clip(fine, low, high)
-    solved, good = _joints(problem, poses, rounded, q)
+    solved, good = _joints(problem, poses, poses.tcp(problem, rounded), q)
     return replace(
         poses,
         attitude=np.where(good[:, None], rounded, poses.attitude),
@@ -137,10 +137,13 @@ def _descend(
     attitude, q = now
     for share in (1.0, 0.5, 0.25, 0.1, 0.03):
         moved = angle.moved(attitude, share * step)
-        solved, good = _joints(problem, poses, moved, q)
-        moved = np.where(good[:, None], moved, attitude)
-        solved = np.where(good[:, None], solved, q)
-        cost = _costs(problem, poses, moved, solved)
+        T_base_tcp = poses.tcp(problem, moved)
+        solved, good = _joints(problem, poses, T_base_tcp, q)
+        if not good.all():
+            moved = np.where(good[:, None], moved, attitude)
+            solved = np.where(good[:, None], solved, q)
+            T_base_tcp = poses.tcp(problem, moved)
+        cost = _costs(problem, poses, T_base_tcp, moved, solved)
         new = float(cost.sum()) + poses.travel(solved)
         if new < total:
             return moved, solved, cost, new
@@ -156,11 +159,13 @@ def _newton(
 ) -> FloatArray:
     """Return the Newton step (n,) [rad], 0 where a tag cannot move."""
     attitude, q, cost = now
-    sides = [_joints(problem, poses, angle.moved(attitude, d), q) for d in (-_PROBE, _PROBE)]
+    beside = [angle.moved(attitude, d) for d in (-_PROBE, _PROBE)]
+    at = [poses.tcp(problem, moved) for moved in beside]
+    sides = [_joints(problem, poses, T_base_tcp, q) for T_base_tcp in at]
     moving = movable & sides[0][1] & sides[1][1]
     below, above = (np.where(moving[:, None], solved, q) for solved, _ in sides)
-    cost_below = _costs(problem, poses, angle.moved(attitude, -_PROBE), below)
-    cost_above = _costs(problem, poses, angle.moved(attitude, _PROBE), above)
+    cost_below = _costs(problem, poses, at[0], beside[0], below)
+    cost_above = _costs(problem, poses, at[1], beside[1], above)
     slope = np.where(moving, (cost_above - cost_below) / (2.0 * _PROBE), 0.0)
     bend = np.where(moving, (cost_above - 2.0 * cost + cost_below) / _PROBE**2, 0.0)
     rate = (above - below) / (2.0 * _PROBE)
@@ -173,24 +178,25 @@ def _newton(
     diagonal = np.maximum(bend, 0.0) + 1e-9
     diagonal[1:] += 2.0 * w * square[1:]
     diagonal[:-1] += 2.0 * w * square[:-1]
-    beside = -2.0 * w * np.einsum("ij,ij->i", rate[1:], rate[:-1])
+    mixed = -2.0 * w * np.einsum("ij,ij->i", rate[1:], rate[:-1])
     diagonal[~moving] = 1.0
     gradient[~moving] = 0.0
-    beside[~(moving[1:] & moving[:-1])] = 0.0
-    step = tridiagonal(diagonal, beside, -gradient)
+    mixed[~(moving[1:] & moving[:-1])] = 0.0
+    step = tridiagonal(diagonal, mixed, -gradient)
     return np.clip(step, -angle.bound, angle.bound)
 
 
 def _joints(
-    problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray
+    problem: Problem, poses: TagPoses, T_base_tcp: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    solved, reached = problem.solve(poses.tcp(problem, attitude), poses.branch, q)
+    solved, reached = problem.solve(T_base_tcp, poses.branch, q)
     solved = np.where(reached[:, None], solved, q)
     return solved, reached & problem.within(solved) & problem.regular(solved)
 
 
-def _costs(problem: Problem, poses: TagPoses, attitude: FloatArray, q: FloatArray) -> FloatArray:
-    T_base_tcp = poses.tcp(problem, attitude)
+def _costs(
+    problem: Problem, poses: TagPoses, T_base_tcp: FloatArray, attitude: FloatArray, q: FloatArray
+) -> FloatArray:
     cost, index = evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)
     return poses.share * (cost + problem.settings.weights.price(1.0 - index / poses.best))
 

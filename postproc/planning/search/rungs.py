@@ -42,6 +42,8 @@ BRIDGED_TURN = 15.0 * DEG
 """Largest turn of the tool axis [rad], likewise."""
 HOME_SHARE = 0.05
 """Share of the price of travel that counts from home and back: one move, and a long one."""
+_AT_ONCE = 200_000
+"""States that are priced together, so that memory stays bounded."""
 FINE = 2
 """Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
 
@@ -99,17 +101,21 @@ def states_on(
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
     states = sample_on(problem, tags, spins, stride)
-    every = np.arange(len(states.q))
-    owner = states.tag_of(every)
-    states.cost += problem.settings.weights.price(1.0 - states.index / best_of(states)[owner])
+    best, price = best_of(states), problem.settings.weights.price
+    for low in range(0, len(states.q), _AT_ONCE):
+        part = np.arange(low, min(low + _AT_ONCE, len(states.q)))
+        states.cost[part] += price(1.0 - states.index[part] / best[states.tag_of(part)])
     if wish.least is not None:
+        owner = states.tag_of(np.arange(len(states.q)))
         dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
         states.cost[dear] += DEAR
     if pinned.any():
+        owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
         states.cost[pinned[owner] & (column != pin[owner])] = np.inf
     if wish.each:
-        states.cost += _TIE_SPIN * (states.spin_of(every) / TRAVEL_UNIT) ** 2
+        spin = states.spin_of(np.arange(len(states.q)))
+        states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     return states, pinned
 
 

@@ -44,7 +44,7 @@ class States:
     q: NDArray[np.float32]
     column: NDArray[np.int16]
     branch: NDArray[np.int8]
-    config: IndexArray
+    config: NDArray[np.int32]
     cost: FloatArray
     index: NDArray[np.float32]
     spins: FloatArray
@@ -108,7 +108,7 @@ def sample(
     ]
     counts = np.concatenate([part.counts for part in parts]) if parts else np.zeros(0, np.int64)
     offsets = np.concatenate([[0], np.cumsum(counts)])
-    configs = np.cumsum([0, *(part.configs for part in parts)])
+    configs = np.cumsum([0, *(part.configs for part in parts)], dtype=np.int32)
     return States(
         offsets=offsets,
         q=_joined([part.q for part in parts], np.zeros((0, 6), np.float32)),
@@ -116,7 +116,7 @@ def sample(
         branch=_joined([part.branch for part in parts], np.zeros(0, np.int8)),
         config=_joined(
             [part.config + first for part, first in zip(parts, configs, strict=False)],
-            np.zeros(0, np.int64),
+            np.zeros(0, np.int32),
         ),
         cost=_joined([part.cost for part in parts], np.zeros(0)),
         index=_joined([part.index for part in parts], np.zeros(0, np.float32)),
@@ -134,7 +134,7 @@ class _Part:
     q: NDArray[np.float32]
     column: NDArray[np.int16]
     branch: NDArray[np.int8]
-    config: IndexArray
+    config: NDArray[np.int32]
     cost: FloatArray
     index: NDArray[np.float32]
     refused: IndexArray
@@ -190,7 +190,7 @@ def _chunk(
         q=q.astype(np.float32),
         column=column[pose[source]].astype(np.int16),
         branch=slot[source].astype(np.int8),
-        config=source.astype(np.int64),
+        config=source.astype(np.int32),
         cost=cost,
         index=index.astype(np.float32),
         refused=refused,

@@ -74,6 +74,11 @@ class StateContext:
             self._jacobian = self.kinematics.jacobian(self.q, p_flange_tcp)
         return self._jacobian
 
+    def rates(self, direction: FloatArray) -> FloatArray:
+        """Return how fast (N, 6) [m/rad] joints move the TCP along directions (N, 3), robroot."""
+        p_flange_tcp = np.asarray(self.cell.tool.T_flange_tcp)[:3, 3]
+        return self.kinematics.rates(self.q, p_flange_tcp, direction)
+
     @property
     def tool_axis(self) -> FloatArray:
         """(N, 3) unit, robroot, out of the tool into the part."""

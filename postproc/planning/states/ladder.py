@@ -13,7 +13,7 @@ is worked out in blocks, a chain's group by group, so that memory stays bounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -41,6 +41,9 @@ class Rule(IntEnum):
     """Any state to any state."""
     CHAIN = 1
     """Same group, no coordinate moves more than half a turn."""
+
+
+_CHAIN = int(Rule.CHAIN)  # looking a member up costs as much as a row of the search
 
 
 @dataclass(slots=True)
@@ -207,12 +210,18 @@ class Ladder:
         if i == 0 or high == low or after == before:
             self.broken[i] = True
             return cost.copy()
-        value = np.full(high - low, np.inf)
-        for a, b in self._blocks(i, np.arange(before, after), np.arange(low, high)):
-            steps = self._steps(i, a, b)
+        if (after - before) * (high - low) <= WIDE:
+            steps = self._steps(i, slice(before, after), slice(low, high))
             back = steps.argmin(axis=1)
-            self.back[b] = a[back] - before
-            value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
+            self.back[low:high] = back
+            value = steps[np.arange(high - low), back] + cost
+        else:
+            value = np.full(high - low, np.inf)
+            for a, b in self._blocks(i, np.arange(before, after), np.arange(low, high)):
+                steps = self._steps(i, a, b)
+                back = steps.argmin(axis=1)
+                self.back[b] = a[back] - before
+                value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
         self.broken[i] = not value.min() < np.inf
         return cost.copy() if self.broken[i] else value
 
@@ -220,11 +229,8 @@ class Ladder:
         self, i: int, before: IndexArray, now: IndexArray
     ) -> Iterator[tuple[IndexArray, IndexArray]]:
         """Return states before and now whose steps are worked out at once; every state now once."""
-        if len(before) * len(now) <= WIDE:
-            yield before, now
-            return
         groups = [(before, now)]
-        if self.rule[i] == Rule.CHAIN:
+        if self.rule[i] == _CHAIN:
             of_before, of_now = self.group[before], self.group[now]
             shared = np.intersect1d(of_before, of_now).tolist()
             groups = [(before[of_before == group], now[of_now == group]) for group in shared]
@@ -233,7 +239,7 @@ class Ladder:
             for low in range(0, len(b), size):
                 yield a, b[low : low + size]
 
-    def _steps(self, i: int, before: IndexArray, now: IndexArray) -> FloatArray:
+    def _steps(self, i: int, before: IndexArray | slice, now: IndexArray | slice) -> FloatArray:
         """Return value + step cost (m now, m before) of states, both rising."""
         w = float(self.weight[i])
         a, b = self.position[before], self.position[now]
@@ -248,13 +254,30 @@ class Ladder:
         right[:, d] += self.value[before]
         right[:, d + 1] = w
         steps: FloatArray = left @ right.T
-        if self.rule[i] == Rule.CHAIN:
+        forbidden = self._forbidden.get(i, ())
+        if self.rule[i] == _CHAIN or forbidden:
+            before, now = (
+                np.arange(at.start, at.stop) if isinstance(at, slice) else at
+                for at in (before, now)
+            )
+            self._take_out(i, steps, before, now, forbidden)
+        return steps
+
+    def _take_out(
+        self,
+        i: int,
+        steps: FloatArray,
+        before: IndexArray,
+        now: IndexArray,
+        forbidden: Sequence[tuple[int, int]],
+    ) -> None:
+        """Take out the steps that a chain may not do, and single ones that are forbidden."""
+        if self.rule[i] == _CHAIN:
             self._keep_chain(i, steps, before, now)
-        for state, to in self._forbidden.get(i, ()):
+        for state, to in forbidden:
             row, column = int(np.searchsorted(now, to)), int(np.searchsorted(before, state))
             if row < len(now) and now[row] == to and column < len(before):
                 steps[row, column] = np.inf if before[column] == state else steps[row, column]
-        return steps
 
     def _keep_chain(self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
         """Take out the steps that a chain may not do."""

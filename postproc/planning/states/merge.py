@@ -67,7 +67,7 @@ def merged(known: States, tags: IndexArray, new: States, new_tags: IndexArray) -
     first = int(known.config[-1]) + 1 if len(known.config) else 0
     config = np.concatenate([known.config, new.config + first])[pick]
     edges = np.flatnonzero(np.diff(config)) + 1
-    ranks = np.zeros(len(config), dtype=np.int64)
+    ranks = np.zeros(len(config), dtype=np.int32)
     ranks[edges] = 1
     spins = known.spins
     if spins.ndim == 2:
@@ -77,7 +77,7 @@ def merged(known: States, tags: IndexArray, new: States, new_tags: IndexArray) -
         q=np.concatenate([known.q, new.q])[pick],
         column=np.concatenate([known.column, new.column])[pick],
         branch=np.concatenate([known.branch, new.branch])[pick],
-        config=np.cumsum(ranks),
+        config=np.cumsum(ranks, dtype=np.int32),
         cost=np.concatenate([known.cost, new.cost])[pick],
         index=np.concatenate([known.index, new.index])[pick],
         spins=spins,

@@ -15,7 +15,7 @@ from postproc.stiffness import index
 def _along(context: StateContext, direction: FloatArray) -> FloatArray:
     if context.cell.optimize.index is Index.ELLIPSOID:
         return index.ellipsoid(context.jacobian, context.compliance, direction)
-    return index.directional(context.jacobian, context.compliance, direction)
+    return index.of_rates(context.rates(direction), context.compliance)
 
 
 @objective("axial", is_stiffness=True)
