@@ -280,7 +280,7 @@ def _cutter(table: CutterTable, T_flange_tcp: FloatArray, axis: FloatArray) -> M
     """Return the cylinder of a cutter, in the flange: its tip at the TCP."""
     length = table.length_mm * MM
     main = int(np.argmax(np.abs(axis)))
-    R = np.roll(np.eye(3), main + 1, axis=1)  # a proper rotation whose third column is ``main``
+    R = np.roll(np.eye(3), 2 - main, axis=1)  # a proper rotation whose third column is ``main``
     T_tcp_mesh = transform(R, -0.5 * length * axis)
     return MeshPlacement(
         name="cutter",

@@ -10,8 +10,11 @@ from postproc.cell.choices import ArcMotion, Index, Kss, PointService, Strategy
 from postproc.cell.file import load_cell
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import load_robot
+from postproc.collision.mesh import solid
 from postproc.errors import CellError, ReadError
-from postproc.units import DEG
+from postproc.geometry.frames import apply
+from postproc.units import DEG, MM
+from tests.cells import cell_text
 
 FIXTURES = Path(__file__).parent / "data"
 SMALLEST = 'schema = "postproc.cell/1"\n[robot]\nmodel = "kuka_kr500_r2830"\n'
@@ -372,3 +375,19 @@ def test_reference_page_names_every_key():
     assert '| `axis` | `"+x"`' in page
     assert "## `[robot.base]`, `[tool.frame]`, `[tools.frame]`, `[workpiece.frame]`" in page
     assert "list of 3: number" in page
+
+
+@pytest.mark.parametrize("axis", ["+x", "-x", "+y", "-y", "+z", "-z"])
+def test_the_cutter_lies_along_the_tool_axis(tmp_path, axis):
+    """A cylinder from the TCP back along the axis, in the flange, whatever the frame's turn."""
+    text = cell_text(tcp=(100, 20, 300), tcp_abc=(30, -40, 70)).replace(
+        'axis = "+x"', f'axis = "{axis}"\ncutter = {{ diameter_mm = 6, length_mm = 80 }}'
+    )
+    tool = loaded(tmp_path, text).tool
+    (cutter,) = tool.meshes
+    points = apply(np.linalg.inv(tool.T_flange_tcp), solid(cutter).vertices) / MM
+    way = np.eye(3)["xyz".index(axis[1])] * (1 if axis[0] == "+" else -1)
+    along = points @ way
+    across = np.linalg.norm(points - along[:, None] * way, axis=1)
+    np.testing.assert_allclose([along.min(), along.max()], [-80, 0], atol=1e-9)
+    assert np.all((across < 1e-9) | ((across > 3 - 1e-9) & (across < 3.1)))
