@@ -30,6 +30,7 @@ def identify(
     blend: bool = True,
     confidence: float = 0.9,
     register: bool = False,
+    tool: int | None = None,
     progress: Progress | None = None,
 ) -> IdentifyJob:
     """Return joint stiffness identified from readings with and without load.
@@ -44,12 +45,14 @@ def identify(
         blend: run continuously between cell centres; False: average on faces (Jiao et al. 2022).
         confidence: of the intervals.
         register: fit the tracker's frame and the reflector's place first.
+        tool: TOOL number of the one on the flange, in a cell with several.
         progress: called with (done, total, what).
 
     Returns:
         The job: model, figures, page.
 
     Raises:
+        CellError: CEL015 if the cell has several tools and none is named.
         DataError: if the file is wrong or lacks a column.
         StiffnessError: if an option is wrong or the loads show no joint.
     """
@@ -61,7 +64,7 @@ def identify(
         confidence=confidence,
         register=register,
     )
-    return identify_campaign(measurements, _cell(cell), options, progress)
+    return identify_campaign(measurements, _cell(cell, tool), options, progress)
 
 
 def diagnose(
@@ -71,6 +74,7 @@ def diagnose(
     model: ModelFile | Source | None = None,
     register: bool = False,
     program: ToolPath | Source | None = None,
+    tool: int | None = None,
     progress: Progress | None = None,
 ) -> DiagnosisJob:
     """Return where a robot misses its model, which effect causes it and how far that shrinks it.
@@ -81,15 +85,17 @@ def diagnose(
         model: what the simulation knows already.
         register: the measured frame and the reflector's place on the tool are unknown: fit them.
         program: toolpath or CAM file; tells where along it the gap lies.
+        tool: TOOL number of the one on the flange, in a cell with several.
         progress: called with (done, total, what).
 
     Returns:
         The job: verdict, adopted effects, document, model.
 
     Raises:
+        CellError: CEL015 if the cell has several tools and none is named.
         DataError: if a file is wrong or lacks a column.
     """
-    known = _cell(cell)
+    known = _cell(cell, tool)
     files = [measurements] if isinstance(measurements, Source) else list(measurements)
     part = read(program, known) if isinstance(program, Source) else program
     return diagnose_campaign(files, known, _model(model), register, part, progress)
@@ -101,6 +107,7 @@ def predict(
     model: ModelFile | Source | None = None,
     *,
     register: bool = False,
+    tool: int | None = None,
 ) -> Prediction:
     """Return the tool point that a model expects at each row of a measurement file.
 
@@ -109,18 +116,21 @@ def predict(
         cell: the cell, or its file.
         model: what is known of the arm; None: nominal.
         register: fit the measured frame and the reflector anew on these rows.
+        tool: TOOL number of the one on the flange, in a cell with several.
 
     Returns:
         Points in the frame of the measurement, and the misfit.
 
     Raises:
+        CellError: CEL015 if the cell has several tools and none is named.
         DataError: if a file is wrong or lacks a column.
     """
-    return predict_rows(measurements, _cell(cell), _model(model), register)[0]
+    return predict_rows(measurements, _cell(cell, tool), _model(model), register)[0]
 
 
-def _cell(cell: Cell | Source) -> Cell:
-    return cell if isinstance(cell, Cell) else load_cell(cell)
+def _cell(cell: Cell | Source, tool: int | None) -> Cell:
+    known = cell if isinstance(cell, Cell) else load_cell(cell)
+    return known.for_tool(tool)
 
 
 def _model(model: ModelFile | Source | None) -> ModelFile | None:

@@ -448,6 +448,31 @@ class Cell:
             return self
         return replace(self, tool_index=index, base_index=base)
 
+    def for_tool(self, number: int | None) -> Cell:
+        """Put the tool to work that a call asks for.
+
+        Args:
+            number: KUKA TOOL number; None: the only tool of the cell.
+
+        Returns:
+            The cell with this tool in its first setup.
+
+        Raises:
+            CellError: CEL015 if the cell has no such tool, or several and none is asked for.
+        """
+        numbers = [tool.number for tool in self.tools]
+        if number is None and len(numbers) == 1:
+            return self
+        if number in numbers:
+            return self.with_tool(numbers.index(number))
+        known = ", ".join(f"{tool.number} {tool.name}".strip() for tool in self.tools)
+        if number is None:
+            message = f"the cell has {len(numbers)} tools: {known}"
+            hint = "say with --tool N which one is on the flange"
+        else:
+            message, hint = f"the cell has no tool {number}", f"it has {known}"
+        raise CellError("CEL015", message, SourceRef(self.path), hint)
+
     def rebased(self, move: Callable[[FloatArray], FloatArray]) -> Cell:
         """Move all setups.
 

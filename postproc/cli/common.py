@@ -226,6 +226,13 @@ def emitter_option(function: Callable[P, R]) -> Callable[P, R]:
     )(function)
 
 
+def tool_option(function: Callable[P, R]) -> Callable[P, R]:
+    """Add the option that names the tool of a call that works with one."""
+    return click.option(
+        "--tool", type=int, metavar="N", help="TOOL number of a cell with several: on the flange."
+    )(function)
+
+
 def reading(options: Mapping[str, Any]) -> dict[str, Any]:
     """Return those of a command's options that ``reading_options`` added."""
     return {name: options[name] for name in READING}

@@ -1,9 +1,11 @@
 """The only user of fcl and trimesh: solids, pairs, the pair that hit, motions in between."""
 
+from postproc.collision.bodies import Body
 from postproc.collision.check import Hits
 from postproc.collision.scene import Scene
 
 __all__ = [
+    "Body",
     "Hits",
     "Scene",
 ]

@@ -12,7 +12,7 @@ from postproc.cell import Cell, MeshPlacement, RobotSolids, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
-from postproc.collision.setups import present
+from postproc.collision.setups import absent_bases
 from postproc.collision.urdf_solids import urdf_links
 from postproc.errors import Finding, Severity
 from postproc.geometry import inverse, transform
@@ -33,6 +33,7 @@ class Body:
             the mesh is given in the world.
         mesh: its surface [m].
         is_outline: it is a generated outline of a link, which lies outside of the real one.
+        base: of a workpiece, the place of its setup in the cell; -1 of all others.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Body:
     link: int
     mesh: Mesh
     is_outline: bool = False
+    base: int = -1
 
     @property
     def vertices(self) -> FloatArray:
@@ -69,7 +71,6 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
     zero = np.zeros(6)
     T_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK]) @ arm.fk(zero)
     links, findings = _links(cell, arm)
-    bases = present(cell)
     bodies = [
         *links,
         *(
@@ -77,8 +78,10 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
             for s in cell.tool.meshes
         ),
         *(
-            _placed(s, "workpiece", WORLD, T_world_robroot @ base.T_robroot_base)
-            for base in bases
+            replace(
+                _placed(s, "workpiece", WORLD, T_world_robroot @ base.T_robroot_base), base=index
+            )
+            for index, base in enumerate(cell.bases)
             for s in base.meshes
         ),
         *(_placed(s, "obstacle", WORLD, np.eye(4)) for s in cell.obstacles),
@@ -86,12 +89,13 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
     if not cell.tool.meshes:
         text = "the tool has no solids: what it hits is not seen"
         findings.append(Finding(Severity.WARNING, "COL101", text))
-    if len(bases) < len(cell.bases):
-        there = {base.number for base in bases}
-        gone = ", ".join(str(base.number) for base in cell.bases if base.number not in there)
+    absent = absent_bases(cell)
+    if absent:
+        gone = ", ".join(str(cell.bases[index].number) for index in absent)
         text = f"solids of base {gone} overlap those of base {cell.workpiece.number}: not there"
         findings.append(Finding(Severity.NOTE, "COL106", f"{text} while it is in work"))
-    return _told_apart(bodies), tuple(findings)
+    there = (body for body in _told_apart(bodies) if body.base not in absent)
+    return tuple(there), tuple(findings)
 
 
 def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:

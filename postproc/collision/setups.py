@@ -22,14 +22,16 @@ TOUCHING = 0.1 * MM
 """By so much the surface of a solid is drawn in: solids that only touch do not overlap."""
 
 
-def present(cell: Cell) -> tuple[Workpiece, ...]:
-    """Return the workpieces that can stand in the cell with the one in work, that one included.
+def absent_bases(cell: Cell) -> tuple[int, ...]:
+    """Return the setups whose workpieces cannot stand in the cell with the one in work.
 
     Raises:
         CellError: COL001 to COL005 naming the mesh file that cannot be used.
     """
     mine = cell.workpiece
-    return tuple(base for base in cell.bases if base is mine or not _overlap(base, mine))
+    return tuple(
+        index for index, base in enumerate(cell.bases) if base is not mine and _overlap(base, mine)
+    )
 
 
 @lru_cache(maxsize=64)

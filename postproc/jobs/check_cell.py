@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from postproc.cell import (
     Cell,
     OpwGeometry,
     Provenance,
+    Tool,
     UrdfGeometry,
+    Workpiece,
     missing_numbers,
 )
 from postproc.collision import Scene
@@ -31,6 +33,7 @@ _SOFTEST_USUAL = 1e4
 """Joint stiffness [N*m/rad] below which an industrial arm's value looks like a wrong unit."""
 _SAME_ZERO_DEG = 0.1
 _SPINS = 12
+_Entry = TypeVar("_Entry", Tool, Workpiece)
 _STRAIGHT_IN = ("+x", "-x", "+y", "-y", "+z", "-z")
 
 
@@ -59,12 +62,9 @@ def check_cell(cell: Cell) -> CellCheck:
         CellError: if a mesh file is broken or the robot's geometry cannot be used.
     """
     kinematics = build(cell.robot)
-    context = _Context(
-        cell,
-        kinematics,
-        load_toml(cell.path, CellError, "CEL001"),
-        _reachable_directions(cell, kinematics),
-    )
+    reachable = [_reachable_directions(cell, kinematics, base) for base in range(len(cell.bases))]
+    toml = load_toml(cell.path, CellError, "CEL001")
+    context = _Context(cell, kinematics, toml, tuple(reachable))
     findings = [finding for check in _CHECKS for finding in check(context)]
     return CellCheck(cell, _facts(context), _in_order(findings))
 
@@ -81,14 +81,33 @@ class _Context:
     cell: Cell
     kinematics: Kinematics
     toml: TomlText
-    reachable: tuple[str, ...]
-    """Workpiece axes along which the tool can point at the workpiece's origin."""
+    reachable: tuple[tuple[str, ...], ...]
+    """For each base the axes of it along which a tool can point at its origin."""
 
-    def finding(self, severity: Severity, code: str, message: str, *at: str) -> Finding:
+    def finding(self, severity: Severity, code: str, message: str, *at: str | int) -> Finding:
         """Return a finding that points at a key of the file."""
         location: Location = at
         source = self.toml.source(location)
         return Finding(severity, code, message, source=SourceRef(source.path, source.line))
+
+    def tools(self) -> Iterator[tuple[Tool, tuple[str | int, ...], str]]:
+        """Yield every tool, where the file has it, and its name where there are several."""
+        yield from self._entries(self.cell.tools, "tools", "tool")
+
+    def bases(self) -> Iterator[tuple[Workpiece, tuple[str | int, ...], str]]:
+        """Yield every base, where the file has it, and its name where there are several."""
+        yield from self._entries(self.cell.bases, "bases", "workpiece")
+
+    def _entries(
+        self, entries: Sequence[_Entry], table: str, short: str
+    ) -> Iterator[tuple[_Entry, tuple[str | int, ...], str]]:
+        if table not in self.toml.data:
+            yield entries[0], (short,), ""
+            return
+        word = table.removesuffix("s")
+        for index, entry in enumerate(entries):
+            name = f"{word} {entry.number} {entry.name}".strip()
+            yield entry, (table, index), f"{name}: " if len(entries) > 1 else ""
 
     def is_given(self, key: str) -> bool:
         """Return whether a key such as ``motion.feed_mm_min`` stands in the file."""
@@ -97,21 +116,22 @@ class _Context:
 
 
 def _tool(context: _Context) -> Iterator[Finding]:
-    tool, robot = context.cell.tool, context.cell.robot
-    if tool.known_axis is None:
-        return
-    if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
-        text = "the tool axis lies on A6: turning about it turns A6 alone, no stiffness to gain"
-        yield context.finding(Severity.WARNING, "CEL101", text, "tool", "frame")
-    if np.isnan(tool.mass):
-        text = "no mass_kg: the load data of the program are incomplete"
-        yield context.finding(Severity.WARNING, "CEL102", text, "tool")
-    elif tool.mass > robot.payload:
-        text = f"the tool weighs {tool.mass:g} kg, the robot carries {robot.payload:g} kg"
-        yield context.finding(Severity.ERROR, "CEL103", text, "tool", "mass_kg")
-    if tool.mass > 0 and tool.com is None:
-        text = "no cog_mm: the centre of gravity is needed for load data and sag"
-        yield context.finding(Severity.NOTE, "CEL104", text, "tool")
+    robot = context.cell.robot
+    for tool, at, name in context.tools():
+        if tool.known_axis is None:
+            continue
+        if is_coaxial_with_axis_6(context.kinematics, tool.T_flange_tcp, tool.axis):
+            text = "the tool axis lies on A6: turning about it turns A6 alone, no stiffness to gain"
+            yield context.finding(Severity.WARNING, "CEL101", name + text, *at, "frame")
+        if np.isnan(tool.mass):
+            text = "no mass_kg: the load data of the program are incomplete"
+            yield context.finding(Severity.WARNING, "CEL102", name + text, *at)
+        elif tool.mass > robot.payload:
+            text = f"the tool weighs {tool.mass:g} kg, the robot carries {robot.payload:g} kg"
+            yield context.finding(Severity.ERROR, "CEL103", name + text, *at, "mass_kg")
+        if tool.mass > 0 and tool.com is None:
+            text = "no cog_mm: the centre of gravity is needed for load data and sag"
+            yield context.finding(Severity.NOTE, "CEL104", name + text, *at)
 
 
 def _axes(context: _Context) -> Iterator[Finding]:
@@ -123,14 +143,20 @@ def _axes(context: _Context) -> Iterator[Finding]:
 
 def _solids(context: _Context) -> Iterator[Finding]:
     cell = context.cell
-    for owner, meshes in (("tool", cell.tool.meshes), ("workpiece", cell.workpiece.meshes)):
-        if not meshes:
-            text = f"the {owner} has no meshes: its collisions cannot be seen"
-            yield context.finding(Severity.WARNING, "CEL105", text, owner)
-    has_both = cell.tool.meshes and cell.workpiece.meshes
-    if has_both and not any(mesh.cutting for mesh in cell.tool.meshes):
-        text = "no mesh of the tool is marked cutting = true: every cut collides with the workpiece"
-        yield context.finding(Severity.WARNING, "CEL106", text, "tool", "meshes")
+    has_part = any(base.meshes for base in cell.bases)
+    unseen = "has no meshes: its collisions cannot be seen"
+    if not has_part:
+        at = next(where for _, where, _ in context.bases())
+        yield context.finding(Severity.WARNING, "CEL105", f"the workpiece {unseen}", *at)
+    for tool, at, name in context.tools():
+        if not tool.meshes:
+            yield context.finding(Severity.WARNING, "CEL105", f"{name}the tool {unseen}", *at)
+        elif has_part and not any(mesh.cutting for mesh in tool.meshes):
+            text = (
+                f"{name}no mesh of the tool is marked cutting = true: every cut collides with the "
+                "workpiece"
+            )
+            yield context.finding(Severity.WARNING, "CEL106", text, *at, "meshes")
 
 
 def _stiffness(context: _Context) -> Iterator[Finding]:
@@ -153,29 +179,31 @@ def _workpiece(context: _Context) -> Iterator[Finding]:
     if not context.is_given("workpiece.frame") and "bases" not in context.toml.data:
         text = "no workpiece frame: CAM coordinates are taken as robot root coordinates"
         yield context.finding(Severity.WARNING, "CEL110", text, "workpiece")
-    if context.cell.tool.known_axis is None:
+    if all(tool.known_axis is None for tool in context.cell.tools):
         return
-    if not context.reachable and missing_numbers(context.cell) is None:
-        text = "the origin of the workpiece frame cannot be reached with the tool along any axis"
-        yield context.finding(Severity.WARNING, "CEL111", text, "workpiece", "frame")
+    for (_, at, name), reachable in zip(context.bases(), context.reachable, strict=True):
+        if not reachable and missing_numbers(context.cell) is None:
+            text = "the origin of the workpiece frame cannot be reached with the tool along any"
+            yield context.finding(Severity.WARNING, "CEL111", f"{name}{text} axis", *at, "frame")
 
 
-def _reachable_directions(cell: Cell, kinematics: Kinematics) -> tuple[str, ...]:
-    """Return the workpiece axes along which the tool can point at the frame's origin."""
-    if cell.tool.known_axis is None:
-        return ()
+def _reachable_directions(cell: Cell, kinematics: Kinematics, base: int) -> tuple[str, ...]:
+    """Return the axes of a base along which any tool can point at its origin."""
     spins = np.arange(_SPINS) * (360.0 / _SPINS) * DEG
     margin = cell.limits.joint_margin
-    found = []
-    for name in _STRAIGHT_IN:
-        wanted = np.eye(3)["xyz".index(name[1])] * (1.0 if name[0] == "+" else -1.0)
-        R = rotation_about(wanted, spins) @ _turning(np.asarray(cell.tool.axis), wanted)
-        T_robroot_tcp = cell.T_robroot_base @ transform(R, np.zeros(3))
-        q, valid = kinematics.ik(T_robroot_tcp @ inverse(cell.tool.T_flange_tcp))
-        turned, _ = kinematics.turns(q[valid])
-        if kinematics.within_limits(turned, margin).any():
-            found.append(name)
-    return tuple(found)
+    found = set()
+    for tool in cell.tools:
+        if tool.known_axis is None:
+            continue
+        for name in _STRAIGHT_IN:
+            wanted = np.eye(3)["xyz".index(name[1])] * (1.0 if name[0] == "+" else -1.0)
+            R = rotation_about(wanted, spins) @ _turning(np.asarray(tool.axis), wanted)
+            T_robroot_tcp = cell.bases[base].T_robroot_base @ transform(R, np.zeros(3))
+            q, valid = kinematics.ik(T_robroot_tcp @ inverse(tool.T_flange_tcp))
+            turned, _ = kinematics.turns(q[valid])
+            if kinematics.within_limits(turned, margin).any():
+                found.add(name)
+    return tuple(name for name in _STRAIGHT_IN if name in found)
 
 
 def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -191,13 +219,11 @@ def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _home(context: _Context) -> Iterator[Finding]:
     cell, kinematics = context.cell, context.kinematics
-    scene = Scene.build(cell, kinematics)
     home = cell.motion.home
     if home is None:
         return
-    hits = scene.check(home[None])
-    if hits.hit[0]:
-        text = f"the robot collides at home: {hits.name(0)}"
+    for pair, name in _home_hits(context, home):
+        text = f"{name}the robot collides at home: {pair}"
         yield context.finding(Severity.ERROR, "CEL112", text, "motion", "home_deg")
     if not kinematics.within_limits(home, cell.limits.joint_margin):
         text = "home does not keep joint_margin_deg from the limits"
@@ -205,6 +231,19 @@ def _home(context: _Context) -> Iterator[Finding]:
     if float(wrist_distance(kinematics, home)) < cell.limits.singularity:
         text = "home has a straight wrist (A5 near 0); axis moves there are fine, path moves not"
         yield context.finding(Severity.NOTE, "CEL114", text, "motion", "home_deg")
+
+
+def _home_hits(context: _Context, home: FloatArray) -> Iterator[tuple[str, str]]:
+    """Yield what collides at home, once with each tool, and the tool where there are several."""
+    cell = context.cell
+    for index, (_, _, name) in enumerate(context.tools()):
+        seen = set()
+        for base in range(len(cell.bases)):
+            scene = Scene.shared(cell.with_tool(index, base), context.kinematics)
+            hits = scene.check(home[None])
+            if hits.hit[0] and hits.name(0) not in seen:
+                seen.add(hits.name(0))
+                yield hits.name(0), name
 
 
 def _options(context: _Context) -> Iterator[Finding]:
@@ -298,31 +337,21 @@ _CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
 def _facts(context: _Context) -> dict[str, Any]:
     """Return what the cell is, in the units of files."""
     cell = context.cell
-    tcp, tcp_abc = kuka_from_transform(cell.tool.T_flange_tcp)
-    base, base_abc = kuka_from_transform(cell.T_robroot_base)
+    tools = [_tool_facts(tool) for tool in cell.tools]
+    bases = [
+        _base_facts(base, reachable)
+        for base, reachable in zip(cell.bases, context.reachable, strict=True)
+    ]
     stiffness = cell.joint_stiffness
     return {
         "name": cell.name,
         "robot": cell.robot.name,
         "robot_solids": cell.robot.solids,
         "closed_form": context.kinematics.is_closed_form,
-        "tool": {
-            "number": cell.tool.number,
-            "name": cell.tool.name,
-            "xyz_mm": _rounded(tcp),
-            "abc_deg": _rounded(tcp_abc),
-            "axis": _axis_name(cell.tool.known_axis),
-            "mass_kg": None if np.isnan(cell.tool.mass) else cell.tool.mass,
-            "solids": len(cell.tool.meshes),
-        },
-        "workpiece": {
-            "number": cell.workpiece.number,
-            "name": cell.workpiece.name,
-            "xyz_mm": _rounded(base),
-            "abc_deg": _rounded(base_abc),
-            "solids": len(cell.workpiece.meshes),
-            "reachable_along": list(context.reachable),
-        },
+        "tool": tools[0],
+        "workpiece": bases[0],
+        "tools": tools,
+        "bases": bases,
         "obstacles": [obstacle.name for obstacle in cell.obstacles],
         "external_axes": [axis.name for axis in cell.external_axes],
         "clearance_mm": round(cell.limits.clearance / MM, 6),
@@ -333,6 +362,33 @@ def _facts(context: _Context) -> dict[str, Any]:
         if isinstance(cell.optimize.objective, str)
         else dict(cell.optimize.objective),
         "strategy": cell.optimize.strategy,
+    }
+
+
+def _tool_facts(tool: Tool) -> dict[str, Any]:
+    xyz, abc = kuka_from_transform(tool.T_flange_tcp)
+    return {
+        "number": tool.number,
+        "name": tool.name,
+        "xyz_mm": _rounded(xyz),
+        "abc_deg": _rounded(abc),
+        "axis": _axis_name(tool.known_axis),
+        "mass_kg": None if np.isnan(tool.mass) else tool.mass,
+        "solids": len(tool.meshes),
+        "cam": list(tool.cam),
+    }
+
+
+def _base_facts(base: Workpiece, reachable: Sequence[str]) -> dict[str, Any]:
+    xyz, abc = kuka_from_transform(base.T_robroot_base)
+    return {
+        "number": base.number,
+        "name": base.name,
+        "xyz_mm": _rounded(xyz),
+        "abc_deg": _rounded(abc),
+        "solids": len(base.meshes),
+        "reachable_along": list(reachable),
+        "cam": list(base.cam),
     }
 
 

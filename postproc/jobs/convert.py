@@ -347,8 +347,9 @@ def smallest_clearance(conversion: Conversion) -> dict[str, Any] | None:
     }
     if value >= NEAR_SOLIDS:
         return entry
-    scene = Scene.shared(cell, build(cell.robot))
     here = plan.rows(np.flatnonzero(plan.tag == tag))
+    frames = int(here.tool_of_moves[0]), int(here.base_of_moves[0])
+    scene = Scene.shared(cell.with_tool(*frames), build(cell.robot))
     pair = int(tag_clearances(here, scene)[1][tag])
     names = list(scene.pairs[pair]) if pair >= 0 else None
     line = int(plan.toolpath.line[tag])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from postproc.cell import Cell
-from postproc.collision import Scene
-from postproc.kinematics import build
+from postproc.collision import Body, Scene
+from postproc.kinematics import Kinematics, build
 from postproc.report.parts import Drawing, Solid
 
 MAX_FACES = 60_000
@@ -14,17 +16,45 @@ MAX_FACES = 60_000
 _FEWEST_FACES = 500
 
 
-def drawing_of(cell: Cell, scene: Scene | None = None) -> Drawing:
-    """Return the drawing of a cell, with the solids of ``scene`` where that is known."""
+def drawing_of(cell: Cell, *, every: bool = False) -> Drawing:
+    """Return the drawing of a cell with the tool and the setup in work, or with ``every`` one."""
     kinematics, zero = build(cell.robot), np.zeros(6)
-    scene = scene or Scene.shared(cell, kinematics)
-    most = max(_FEWEST_FACES, MAX_FACES // max(len(scene.bodies), 1))
+    found = list(_all(cell, kinematics) if every else _at_work(cell, kinematics))
+    most = max(_FEWEST_FACES, MAX_FACES // max(len(found), 1))
+    thinned = ((body.coarse(most), tool, bases) for body, tool, bases in found)
     return Drawing(
         cell,
         kinematics.link_frames(zero),
         kinematics.jacobian(zero)[3:, :].T,
         tuple(
-            Solid(body.name, body.kind, body.link, body.vertices, body.faces)
-            for body in scene.display_bodies(most)
+            Solid(body.name, body.kind, body.link, body.vertices, body.faces, tool, bases)
+            for body, tool, bases in thinned
         ),
     )
+
+
+_Drawn = tuple[Body, int, tuple[int, ...]]
+"""A solid, its tool and the setups in whose work it is there, as ``Solid`` has them."""
+
+
+def _at_work(cell: Cell, kinematics: Kinematics) -> Iterator[_Drawn]:
+    for body in Scene.shared(cell, kinematics).bodies:
+        yield body, -1, ()
+
+
+def _all(cell: Cell, kinematics: Kinematics) -> Iterator[_Drawn]:
+    """Yield the solids of all tools and setups."""
+    setups = [Scene.shared(cell.with_tool(0, k), kinematics).bodies for k in range(len(cell.bases))]
+    there = [{body.base for body in bodies} for bodies in setups]
+    for body in setups[0]:
+        if body.kind in ("link", "obstacle"):
+            yield body, -1, ()
+    for tool in range(len(cell.tools)):
+        for body in Scene.shared(cell.with_tool(tool), kinematics).bodies:
+            if body.kind in ("tool", "cutting"):
+                yield body, tool, ()
+    for base, bodies in enumerate(setups):
+        seen = tuple(k for k in range(len(setups)) if base in there[k])
+        for body in bodies:
+            if body.base == base:
+                yield body, -1, seen

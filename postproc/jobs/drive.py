@@ -123,6 +123,8 @@ def motion_plan(drive: Drive) -> Plan:
         stiffness_initial=np.full(tags, np.nan),
         clearance=np.full(tags, np.nan),
         events=_events(drive),
+        tool=np.full(m, cell.tool_index),
+        base=np.full(m, cell.base_index),
         settings={"command": drive.command},
     )
 

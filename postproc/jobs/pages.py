@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,11 +33,10 @@ _SAMPLES = 60
 def page_of_conversion(conversion: Conversion) -> bytes:
     """Return the page of a converted program; one that failed shows its failing tags."""
     cell, findings = conversion.cell, conversion.findings
-    scene = Scene.shared(cell, build(cell.robot))
     return program_page(
         conversion.plan,
-        drawing_of(cell, scene),
-        plan_maps(conversion.plan, cell, scene, findings),
+        drawing_of(cell, every=True),
+        plan_maps(conversion.plan, cell, findings),
         findings,
         program_text(conversion.files, conversion.read),
     )
@@ -59,14 +59,18 @@ def page_of_cell(checked: CellCheck) -> bytes:
     """Return the page of a cell: the robot at home, or upright (A2 -90, A3 90) without one."""
     cell = checked.cell
     kinematics = build(cell.robot)
-    scene = Scene.shared(cell, kinematics)
     home = cell.motion.home
     q = _upright(cell) if home is None else np.asarray(home)
-    hits = scene.check(q[None])
-    hit = home is not None and bool(hits.hit[0])
-    T_robroot_tcp = kinematics.fk(q) @ cell.tool.T_flange_tcp
-    stance = Stance(q, T_robroot_tcp, hits.pairs[int(hits.pair[0])] if hit else ())
-    return cell_page(drawing_of(cell, scene), stance, checked.facts, checked.findings)
+    colliding: list[tuple[tuple[str, ...], ...]] = []
+    for tool in range(len(cell.tools)):
+        scenes = (
+            Scene.shared(cell.with_tool(tool, base), kinematics) for base in range(len(cell.bases))
+        )
+        checks = [scene.check(q[None]) for scene in scenes]
+        found = [hits.pairs[int(hits.pair[0])] if hits.hit[0] else () for hits in checks]
+        colliding.append(tuple(() if home is None else pair for pair in found))
+    stance = Stance(q, kinematics.fk(q), tuple(colliding))
+    return cell_page(drawing_of(cell, every=True), stance, checked.facts, checked.findings)
 
 
 def page_of_verification(
@@ -84,11 +88,10 @@ def page_of_verification(
     """
     if report.run is None:
         raise ValueError("a report without its run cannot be shown")
-    scene = Scene.shared(cell, build(cell.robot))
     paths, texts = report.run.paths, texts_by_motion(report)
     margin, wrist = _margins(paths, cell)
-    maps = RunMaps(margin, wrist, texts, _poses(paths, scene, texts))
-    return verify_page(report, drawing_of(cell, scene), maps, toolpath)
+    maps = RunMaps(margin, wrist, texts, _poses(paths, cell, texts))
+    return verify_page(report, drawing_of(cell, every=True), maps, toolpath)
 
 
 def _upright(cell: Cell) -> FloatArray:
@@ -109,14 +112,18 @@ def _margins(paths: Paths, cell: Cell) -> tuple[FloatArray, FloatArray]:
     return least_by(limit, row, len(paths)), least_by(wrist, row, len(paths))
 
 
-def _poses(paths: Paths, scene: Scene, texts: Mapping[int, list[str]]) -> dict[int, FailingPose]:
+def _poses(paths: Paths, cell: Cell, texts: Mapping[int, list[str]]) -> dict[int, FailingPose]:
     """Return a colliding configuration of each motion that collides."""
     found = {}
     for row in list(texts)[:MOST_ROWS]:
         named = [text for text in texts[row] if text.startswith(f"{RunKind.COLLISION}: ")]
-        pose = _colliding(paths, row, scene, named[0]) if named else None
+        if not named:
+            continue
+        tool, base = int(paths.station.tool[row]), int(paths.station.base[row])
+        scene = Scene.shared(cell.with_tool(tool, base), build(cell.robot))
+        pose = _colliding(paths, row, scene, named[0])
         if pose is not None:
-            found[row] = pose
+            found[row] = replace(pose, tool=tool, base=base)
     return found
 
 

@@ -15,7 +15,7 @@ from postproc.errors import DataError, Finding, SourceRef
 from postproc.gap import stiffness_of
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
-from postproc.process import word_findings
+from postproc.process import claimed, word_findings
 from postproc.stiffness import describe
 from postproc.units import N_PER_MM
 
@@ -62,7 +62,9 @@ def stiffness(
     if model is not None:
         cell, words = _with_model(model, cell)
     curves = spin_curves(toolpath, cell, _tags(tags, toolpath), step, most)
-    return SpinStiffness(toolpath, curves, words, word_findings(toolpath))
+    claims = claimed(toolpath, cell)
+    findings = (*word_findings(claims.toolpath), *claims.findings)
+    return SpinStiffness(toolpath, curves, words, findings)
 
 
 def _with_model(path: str, cell: Cell) -> tuple[Cell, str]:
@@ -108,6 +110,7 @@ def document(found: SpinStiffness) -> dict[str, Any]:
             {
                 "tag": int(curves.tags[row]),
                 "name": name,
+                "tool": curves.tools[row],
                 "branch": int(curves.branch[row]),
                 "best": best,
                 "N_per_mm": values,
@@ -119,7 +122,7 @@ def document(found: SpinStiffness) -> dict[str, Any]:
     return {
         "schema": "postproc.stiffness/1",
         "joint_stiffness": found.words,
-        "coaxial": curves.coaxial,
+        "coaxial": bool(curves.coaxial.all()),
         "spins_deg": degrees.tolist(),
         "tags": tags,
     }

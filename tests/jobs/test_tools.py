@@ -324,3 +324,157 @@ def test_entries_that_contradict_each_other(job, run, tmp_path, change, code, wo
     assert words in err.splitlines()[0]
     line = int(err.split(":")[1])
     assert cell.read_text().splitlines()[line - 1].startswith(("[[tools]]", "[[bases]]", "cam"))
+
+
+MEASURED = "id,q1_deg,q2_deg,q3_deg,q4_deg,q5_deg,q6_deg,x_mm,y_mm,z_mm\n"
+BOX = ("--box", 1300, -300, 500, 1500, 300, 700, "--grid", 400)
+
+
+def test_calls_with_one_tool_ask_which(job, run, tmp_path):
+    """Nothing is assumed: neither the first tool nor one that the cell does not have."""
+    _, cell = job()
+    rows = tmp_path / "rows.csv"
+    rows.write_text(MEASURED)
+    calls = (
+        ("sample", *BOX, "-o", tmp_path / "plan"),
+        ("identify", rows, "-o", tmp_path / "model.toml"),
+        ("diagnose", rows),
+        ("predict", rows, "-o", tmp_path / "out.csv"),
+    )
+    for call in calls:
+        code, _, err = run(*call, "--cell", cell)
+        first, hint = err.splitlines()[:2]
+        assert (code, first) == (
+            2,
+            f"{cell}:1: error CEL015: the cell has 3 tools: 7 drill, 8 csink, 9 ream",
+        )
+        assert "--tool N" in hint
+        code, _, err = run(*call, "--cell", cell, "--tool", 2)
+        assert (code, "CEL015: the cell has no tool 2" in err) == (2, True), err
+    assert not (tmp_path / "plan").exists()
+
+
+def test_a_measuring_plan_is_of_the_tool_that_is_named(job, run, tmp_path):
+    """Frame, number and drawing are those of tool 9: its tip is in the box, by pinocchio."""
+    stiff = "[stiffness]\njoint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]\n"
+    _, cell = job(stiff)
+    out = tmp_path / "plan"
+    code, _, err = run("sample", *BOX, "-o", out, "--cell", cell, "--tool", 9, "--json")
+    assert code == 0, err
+    text = (out / "sample.src").read_text()
+    assert set(re.findall(r"BAS\(#TOOL,(\d+)\)", text)) == {"9"}
+    rows = [line for line in (out / "sample.csv").read_text().splitlines() if line[0] != "#"]
+    names = rows[0].split(",")
+    loaded = load_cell(cell)
+    model, flange = pinocchio_arm(loaded.robot.geometry)
+    data = model.createData()
+    tips = {}
+    for row in (line.split(",") for line in rows[1:]):
+        q = np.radians([float(row[names.index(f"q{joint}_deg")]) for joint in range(1, 7)])
+        pinocchio.framesForwardKinematics(model, data, q)
+        for place, tool in enumerate(loaded.tools):
+            tip = data.oMf[flange].homogeneous @ tool.T_flange_tcp[:, 3] / MM
+            tips.setdefault((place, row[1]), []).append(tip[:3])
+    spread = {key: float(np.ptp(points, axis=0).max()) for key, points in tips.items()}
+    assert max(value for (place, _), value in spread.items() if place == 2) < 0.01
+    assert max(value for (place, _), value in spread.items() if place == 0) > 1.0
+
+
+def one_tool_alone(folder, tool, setup, count=3):
+    """Write the holes of one tool in one setup as a job of their own; return CAM file and cell."""
+    text = wing.tool_text(tool, dict(wing.TOOLS)[tool]).replace("[[tools]]", "[tool]")
+    text += wing.base_text(setup, "[]").replace("[[bases]]", "[workpiece]")
+    text = re.sub(r"(?m)^cam = .*\n", "", text)
+    cam, cell = folder / "alone.cls", folder / "alone.toml"
+    cell.write_text(wing.HEAD + text + wing.HOME)
+    lines = wing.apt_text(count).splitlines()
+    starts = [i for i, line in enumerate(lines) if line.startswith("MSYS/")] + [len(lines) - 2]
+    at = 3 * (setup - 1) + tool - 1
+    own = lines[starts[at] + 1 : starts[at + 1]]
+    cam.write_text("\n".join(["PARTNO wing", "UNITS/MM", *own, "SPINDL/OFF", "FINI", ""]))
+    return cam, cell
+
+
+STIFF = "[stiffness]\njoint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]\n"
+
+
+def without_solids(text, other):
+    """Return the cell without the panel of one setup."""
+    head, *bases = text.split("[[bases]]")
+    bases[other - 1] = re.sub(r"(?m)^meshes = .*\n", "", bases[other - 1])
+    return "[[bases]]".join([head, *bases])
+
+
+@pytest.mark.parametrize(("tool", "setup"), [(1, 1), (3, 2)])
+def test_stiffness_is_that_of_each_tool(job, run, tmp_path, tool, setup):
+    """Tag by tag as in a cell that has only this tool and this setup."""
+    cam, cell = job(STIFF)
+    cell.write_text(without_solids(cell.read_text(), other=3 - setup))
+    own_cam, own_cell = one_tool_alone(tmp_path, tool, setup)
+    own_cell.write_text(own_cell.read_text() + STIFF)
+    call = ("--json", "--dialect", "nx", "--step", 30, "--most", 100)
+    code, whole, err = run("stiffness", cam, "--cell", cell, *call)
+    assert code == 0, err
+    code, alone, err = run("stiffness", own_cam, "--cell", own_cell, *call)
+    assert code == 0, err
+    mine = [tag for tag in whole["tags"] if tag["tag"] // 5 == 3 * (setup - 1) + tool - 1]
+    assert len(mine) == len(alone["tags"]) == 4
+    assert {tag["tool"] for tag in mine} == {6 + tool}
+    for one, two in zip(mine, alone["tags"], strict=True):
+        for name, values in two["N_per_mm"].items():
+            known = [np.array(row, dtype=float) for row in (one["N_per_mm"][name], values)]
+            np.testing.assert_allclose(*known, rtol=1e-9)
+        assert one["can_be_run"] == two["can_be_run"]
+
+
+def test_the_spin_map_is_that_of_each_tool(job, run, tmp_path):
+    cam, cell = job(STIFF, "[optimize]\nstep_deg = 60\n")
+    cell.write_text(without_solids(cell.read_text(), other=1))
+    maps = []
+    own_cam, own_cell = one_tool_alone(tmp_path, 3, 2)
+    own_cell.write_text(own_cell.read_text() + STIFF + "[optimize]\nstep_deg = 60\n")
+    for number, (source, where) in enumerate(((cam, cell), (own_cam, own_cell))):
+        table = tmp_path / f"map{number}.csv"
+        call = ("-o", tmp_path / f"out{number}", "--spin-map", table, "--json", "--dialect", "nx")
+        code, document, err = run("convert", source, "--cell", where, *call)
+        assert (code, document["failures"]) == (0, []), err
+        rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+        maps.append([(row[2], row[3], row[4]) for row in rows])
+    own = len(maps[1])
+    assert own == 5 * 6
+    assert maps[0][-own:] == maps[1]
+
+
+def test_check_looks_at_every_tool_and_base(job, run):
+    _, cell = job()
+    code, document, _ = run("check", cell, "--json")
+    assert (code, document["ok"]) == (0, True)
+    assert [tool["number"] for tool in document["tools"]] == [7, 8, 9]
+    assert [base["number"] for base in document["bases"]] == [3, 4]
+    assert document["tools"][2]["xyz_mm"] == [127.0, 0.0, 362.0]
+    assert (document["tool"], document["workpiece"]) == (document["tools"][0], document["bases"][0])
+    text = cell.read_text()
+    broken = text.replace("mass_kg = 82", "mass_kg = 820").replace("mass_kg = 81\n", "")
+    broken = broken.replace("[1500.0, 200.0, 600.0]", "[9500.0, 200.0, 600.0]")
+    cell.write_text(broken)
+    code, document, _ = run("check", cell, "--json")
+    lines = broken.splitlines()
+    found = {item["code"]: (lines[item["line"] - 1], item["text"]) for item in document["findings"]}
+    assert code == 1
+    assert found["CEL103"] == (
+        "mass_kg = 820",
+        "tool 9 ream: the tool weighs 820 kg, the robot carries 500 kg",
+    )
+    assert found["CEL102"][1].startswith("tool 8 csink: no mass_kg")
+    assert found["CEL111"][0].startswith("frame = { xyz_mm = [9500.0")
+    assert found["CEL111"][1].startswith("base 4: ")
+    cell.write_text(wing.cell_text(longer={3: 400.0}))
+    loaded = load_cell(cell)
+    tip = (build(loaded.robot).fk(loaded.motion.home) @ loaded.tools[2].T_flange_tcp)[:3, 3] / MM
+    post = '[[obstacles]]\nname = "post"\nbox = { size_mm = [20, 20, 20] }\n'
+    post += f"xyz_mm = {[round(float(v), 3) for v in tip]}\n"
+    cell.write_text(wing.cell_text(post, longer={3: 400.0}))
+    code, document, _ = run("check", cell, "--json")
+    home = [item["text"] for item in document["findings"] if item["code"] == "CEL112"]
+    assert code == 1
+    assert home == ["tool 9 ream: the robot collides at home: tool cutter and obstacle post"]

@@ -98,18 +98,13 @@ def _entry(finding: Finding) -> dict[str, Any]:
 
 
 def _summary(facts: dict[str, Any]) -> str:
-    tool, part = facts["tool"], facts["workpiece"]
     stiffness = facts["joint_stiffness_Nmm_per_rad"]
-    along = ", ".join(part["reachable_along"]) or "nothing"
     lines = [
         f"cell       {facts['name']}",
         f"robot      {facts['robot']}"
         + ("" if facts["closed_form"] else ", inverse kinematics numeric"),
-        f"tool       {tool['number']} {tool['name']}: {_place(tool)}, axis {tool['axis']}, "
-        + ("mass unknown" if tool["mass_kg"] is None else f"{tool['mass_kg']:g} kg")
-        + f", {_count(tool['solids'])}",
-        f"workpiece  {part['number']}: {_place(part)}, {_count(part['solids'])}; "
-        f"origin reachable with the tool along {along}",
+        *map(_tool, facts["tools"]),
+        *map(_base, facts["bases"]),
         f"obstacles  {', '.join(facts['obstacles']) or 'none'}",
         "stiffness  " + (" ".join(f"{k:g}" for k in stiffness) if stiffness else "none"),
     ]
@@ -118,11 +113,26 @@ def _summary(facts: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
+def _tool(tool: dict[str, Any]) -> str:
+    mass = "mass unknown" if tool["mass_kg"] is None else f"{tool['mass_kg']:g} kg"
+    name = f"{tool['number']} {tool['name']}"
+    return f"tool       {name}: {_place(tool)}, axis {tool['axis']}, {mass}, {_count(tool)}"
+
+
+def _base(base: dict[str, Any]) -> str:
+    name = f"{base['number']} {base['name']}".strip()
+    along = ", ".join(base["reachable_along"]) or "nothing"
+    return (
+        f"workpiece  {name}: {_place(base)}, {_count(base)}; "
+        f"origin reachable with the tool along {along}"
+    )
+
+
 def _place(frame: dict[str, Any]) -> str:
     xyz = " ".join(f"{value:g}" for value in frame["xyz_mm"])
     abc = " ".join(f"{value:g}" for value in frame["abc_deg"])
     return f"X Y Z {xyz} mm, A B C {abc} deg"
 
 
-def _count(solids: int) -> str:
-    return "1 solid" if solids == 1 else f"{solids} solids"
+def _count(entry: dict[str, Any]) -> str:
+    return "1 solid" if entry["solids"] == 1 else f"{entry['solids']} solids"

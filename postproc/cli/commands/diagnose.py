@@ -7,7 +7,14 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import (
+    Session,
+    answer,
+    read_cam,
+    reading_options,
+    standard_options,
+    tool_option,
+)
 
 EPILOG = """\b
 Examples:
@@ -21,6 +28,7 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("measurements", metavar="MEAS.csv...", nargs=-1, required=True)
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@tool_option
 @click.option("--model", metavar="MODEL.toml", help="What the simulation knows already.")
 @click.option(
     "--register",
@@ -56,7 +64,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     if options["output"]:
         keep_readings(Path(options["output"]))
-    cell = load_cell(options["cell"])
+    cell = load_cell(options["cell"]).for_tool(options["tool"])
     model = load_model(options["model"]) if options["model"] else None
     toolpath = read_cam(options["program"], options, cell) if options["program"] else None
     if toolpath is not None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, standard_options, tool_option
 
 EPILOG = """\b
 Examples:
@@ -19,6 +19,7 @@ Examples:
 @click.command(epilog=EPILOG)
 @click.argument("source", metavar="MEAS.csv")
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@tool_option
 @click.option("-o", "--output", required=True, metavar="MODEL.toml", help="Model to write.")
 @click.option(
     "--method",
@@ -64,7 +65,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.identify import identify
     from postproc.model import save_model
 
-    cell = load_cell(options["cell"])
+    cell = load_cell(options["cell"]).for_tool(options["tool"])
     with session.progress() as progress:
         job = identify(options["source"], cell, _settings(options), progress)
     contents = {Path(options["output"]): save_model(job.model)}

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, standard_options, tool_option
 
 EPILOG = """\b
 Example:
@@ -18,6 +18,7 @@ Example:
 @click.command(epilog=EPILOG)
 @click.argument("measurements", metavar="MEAS.csv")
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@tool_option
 @click.option("--model", metavar="MODEL.toml", help="What is known of the robot; else nominal.")
 @click.option(
     "--register",
@@ -38,7 +39,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.predict import predict
     from postproc.model import load_model
 
-    cell = load_cell(options["cell"])
+    cell = load_cell(options["cell"]).for_tool(options["tool"])
     model = load_model(options["model"]) if options["model"] else None
     prediction, rows = predict(options["measurements"], cell, model, options["registered"])
     write_files({Path(options["output"]): prediction.csv(rows.ids)})

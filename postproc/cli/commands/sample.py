@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import Session, answer, standard_options, tool_option
 
 EPILOG = """\b
 Examples:
@@ -19,6 +19,7 @@ Examples:
 
 @click.command(epilog=EPILOG)
 @click.option("--cell", required=True, metavar="CELL.toml", help="The robot cell.")
+@tool_option
 @click.option(
     "--box",
     required=True,
@@ -121,7 +122,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.report.pages.sample import sample_page
     from postproc.stiffness.sample import csv_text, sample_document
 
-    cell = load_cell(options["cell"])
+    cell = load_cell(options["cell"]).for_tool(options["tool"])
     with session.progress() as progress:
         sampling = sample(cell, _request(options), progress)
     files = dict(program_files(sampling))

@@ -65,7 +65,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             if best is None
             else (f"axial {best['N_per_mm']:.0f} N/mm at {best['spin_deg']:+.0f} deg")
         )
-        session.show(f"{tag['name']:>12}  {value}")
-    if found.curves.coaxial:
+        several = f"  tool {tag['tool']}" if len(set(found.curves.tools)) > 1 else ""
+        session.show(f"{tag['name']:>12}{several}  {value}")
+    if content["coaxial"]:
         session.say("the tool axis lies on axis 6: turning the tool changes no stiffness")
     return answer(found.good)

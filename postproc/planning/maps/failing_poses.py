@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.errors import Finding, Severity
-from postproc.model import MotionKind, ToolPath
+from postproc.model import MotionKind, Plan
+from postproc.planning.maps.tags import at_places
 from postproc.planning.planner import problem_of
 from postproc.planning.states import (
     PlanOptions,
@@ -33,19 +34,21 @@ _SHARES = 101
 
 @dataclass(frozen=True, slots=True)
 class FailingPose:
-    """Joints (6,) [rad] and what the pose is; what hits there, about which point.
+    """Joints (6,) [rad] and what the pose is; what hits there, about which point; its frames.
 
-    ``point``: (3,) [m] in robroot.
+    ``point``: (3,) [m] in robroot; ``tool``, ``base``: places in the cell.
     """
 
     q: FloatArray
     note: str
     pair: tuple[str, ...] = ()
     point: FloatArray | None = None
+    tool: int = 0
+    base: int = 0
 
 
 def failing_poses(
-    toolpath: ToolPath, cell: Cell, scene: Scene, findings: Sequence[Finding]
+    plan: Plan, cell: Cell, moves: IndexArray, findings: Sequence[Finding]
 ) -> dict[int, FailingPose]:
     """Return poses of failing tags by tag.
 
@@ -53,19 +56,34 @@ def failing_poses(
     one is shown, with the pair that hits most often; the stroke of a hole counts. Where the arm
     cannot reach the tag at all it is shown as near as it comes. With external axes there are no
     poses: where the axes would stand is not known.
+
+    Args:
+        plan: the plan.
+        cell: its cell.
+        moves: (n,) from ``moves_of_tags``.
+        findings: all of the conversion; errors name the failing tags.
     """
     errors = [i for i in findings if i.severity is Severity.ERROR and i.tag_index is not None]
     messages = {int(i.tag_index or 0): i.message for i in errors}
     if not messages or cell.external_axes:
         return {}
-    problem = problem_of(toolpath, *settle(cell, PlanOptions()))
-    strokes = strokes_of(problem.toolpath, cell.motion.approach)
-    given = [tag for tag in messages if problem.placement.given[tag]]
-    found = {
-        tag: _pose(problem, scene, tag, _heights(problem, strokes, tag), messages[tag])
-        for tag in given[:MOST_TAGS]
-    }
-    return {tag: pose for tag, pose in found.items() if pose is not None}
+    found: dict[int, FailingPose] = {}
+    for place in at_places(plan, cell, moves):
+        mine = [tag for tag in place.tags.tolist() if tag in messages]
+        if not mine or len(found) >= MOST_TAGS:
+            continue
+        problem = problem_of(place.toolpath, *settle(place.cell, PlanOptions()))
+        scene = Scene.shared(place.cell, problem.kinematics)
+        strokes = strokes_of(problem.toolpath, cell.motion.approach)
+        for tag in mine[: MOST_TAGS - len(found)]:
+            own = tag - place.first
+            if not problem.placement.given[own]:
+                continue
+            pose = _pose(problem, scene, own, _heights(problem, strokes, own), messages[tag])
+            if pose is not None:
+                tool, base = place.cell.tool_index, place.cell.base_index
+                found[tag] = replace(pose, tool=tool, base=base)
+    return found
 
 
 def _heights(problem: Problem, strokes: Strokes, tag: int) -> list[tuple[float, bool]]:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
-from postproc.collision import Scene
 from postproc.errors import Finding
 from postproc.model import Plan
 from postproc.planning.checks import NEAR_SOLIDS, grade_counts, moves_of_tags
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
+from postproc.process import claimed
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +23,13 @@ class PlanMaps:
 
     ``moves`` (n,) the move that works at each tag, -1 without any; ``clearance`` (n,) [m];
     ``grades``: tags by criteria class; ``spins``: index over the spin, or ``no_spins`` why there is
-    none; ``poses``: how the robot would stand at failing tags.
+    none; ``poses``: how the robot would stand at failing tags; ``tool``, ``base`` (n,): indices
+    into those of the cell, -1 where no entry claims what the file asks for.
     """
 
     moves: IndexArray
+    tool: IntArray
+    base: IntArray
     clearance: FloatArray
     grades: Mapping[str, int]
     spins: SpinIndex | None
@@ -40,21 +43,22 @@ def _clearances(plan: Plan) -> FloatArray:
     return plan.clearance if near.any() else np.full(len(plan.clearance), np.nan)
 
 
-def plan_maps(plan: Plan, cell: Cell, scene: Scene, findings: Sequence[Finding]) -> PlanMaps:
+def plan_maps(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> PlanMaps:
     """Return the maps of a plan.
 
     Args:
         plan: the plan.
         cell: its cell, with the objective of the call.
-        scene: the solids of the cell.
         findings: all of the conversion; errors name the failing tags.
     """
-    moves = moves_of_tags(plan)
+    moves, claims = moves_of_tags(plan), claimed(plan.toolpath, cell)
     return PlanMaps(
         moves,
+        claims.tool,
+        claims.base,
         _clearances(plan),
         grade_counts(plan, cell),
-        spin_index(plan, cell, moves, scene),
-        failing_poses(plan.toolpath, cell, scene, findings),
+        spin_index(plan, cell, moves),
+        failing_poses(plan, cell, moves, findings),
         missing(plan),
     )

@@ -38,6 +38,7 @@ from postproc.planning.states import (
     stiffness_of,
     strokes_of,
 )
+from postproc.process import Claims, claimed
 from postproc.stiffness import index
 from postproc.units import DEG
 
@@ -59,20 +60,21 @@ INDICES = {
 class SpinCurves:
     """Indices over the spin.
 
-    tags (t,) indices of the toolpath; names (t,); spins (s,) [rad]; values: index name to (t, s)
-    [N/m], NaN where the arm cannot take the spin; blocked (t, s): something collides there,
-    or the stroke cannot be run; branch (t,); q (t, s, 6); coaxial: the tool axis lies on axis 6,
-    where the spin changes nothing.
+    tags (t,) indices of the toolpath; names (t,); tools (t,): TOOL numbers; spins (s,) [rad];
+    values: index name to (t, s) [N/m], NaN where the arm cannot take the spin; blocked (t, s):
+    something collides there, or the stroke cannot be run; branch (t,); q (t, s, 6);
+    coaxial (t,): the axis of the tag's tool lies on axis 6, where the spin changes nothing.
     """
 
     tags: IndexArray
     names: tuple[str, ...]
+    tools: tuple[int, ...]
     spins: FloatArray
     values: Mapping[str, FloatArray]
     blocked: BoolArray
     branch: IndexArray
     q: FloatArray
-    coaxial: bool
+    coaxial: BoolArray
 
     def best(self, name: str) -> IndexArray:
         """Return the best free spin (t,) of an index as a number in ``spins``, -1 without any."""
@@ -107,7 +109,8 @@ def spin_curves(
         most: how many key tags.
 
     Raises:
-        CellError: PLN208 if neither the cell nor a model gives joint stiffness.
+        CellError: PLN208 if neither the cell nor a model gives joint stiffness; WRD002, WRD020 if
+            no tag has a tool and a base in the cell.
     """
     if stiffness_of(cell) is None:
         raise CellError(
@@ -116,11 +119,57 @@ def spin_curves(
             SourceRef(cell.path),
         )
     cell, settings = settle(cell, PlanOptions())
+    claims = claimed(toolpath, cell)
+    toolpath, stretches = claims.toolpath, [s for s in claims.stretches() if s.is_claimed]
     if tags is None:
-        tags = _some(np.flatnonzero(key_tags(toolpath, cell.optimize)), most)
+        keys = [
+            key_tags(toolpath.rows(np.arange(s.low, s.high)), cell.optimize).nonzero()[0] + s.low
+            for s in stretches
+        ]
+        tags = _some(np.concatenate(keys), most)
+    tags = _with_frames(np.asarray(tags, dtype=np.int64), claims)
     spins = spin_values(step or cell.optimize.step, *cell.optimize.range)
-    place(toolpath, cell)  # refuses tags without a pose: there are no curves for stand-ins
-    problem = problem_of(toolpath, cell, settings)
+    pieces = []
+    for stretch in stretches:
+        own = tags[(tags >= stretch.low) & (tags < stretch.high)]
+        if len(own):
+            part = toolpath.rows(np.arange(stretch.low, stretch.high))
+            here = cell.with_tool(stretch.tool, stretch.base)
+            place(part, here)  # refuses tags without a pose: there are no curves for stand-ins
+            problem = problem_of(part, here, settings)
+            pieces.append(_curves(problem, own - stretch.low, spins))
+    shape = (-1, len(spins))
+    order = np.argsort(np.argsort(tags, kind="stable"), kind="stable")
+    columns = [np.concatenate(column)[order] for column in zip(*pieces, strict=True)]
+    q, branch, blocked, coaxial, *values = columns
+    return SpinCurves(
+        tags=tags,
+        names=tuple(toolpath.tag_name(int(tag)) for tag in tags),
+        tools=tuple(cell.tools[index].number for index in claims.tool[tags]),
+        spins=spins,
+        values=dict(zip(INDICES, (value.reshape(shape) for value in values), strict=True)),
+        blocked=blocked.reshape(shape),
+        branch=branch,
+        q=q,
+        coaxial=coaxial,
+    )
+
+
+def _with_frames(tags: IndexArray, claims: Claims) -> IndexArray:
+    """Return the tags that have a tool and a base.
+
+    Raises:
+        CellError: WRD002 or WRD020 if none has.
+    """
+    kept = tags[(claims.tool[tags] >= 0) & (claims.base[tags] >= 0)]
+    if len(tags) and not len(kept):
+        worst = next(finding for finding in claims.findings if finding.is_error)
+        raise CellError(worst.code, worst.message, worst.source, worst.hint)
+    return kept
+
+
+def _curves(problem: Problem, tags: IndexArray, spins: FloatArray) -> tuple[FloatArray, ...]:
+    """Return q (t, s, 6), branch (t,), blocked (t, s), coaxial (t,) and the indices (t, s)."""
     which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
     T = problem.placement.tcp(which, spin)
     q, branch = _followed(postures(problem, which, T, np.zeros(6)), len(tags))
@@ -133,16 +182,15 @@ def spin_curves(
     blocked = np.zeros(len(q), dtype=np.bool_)
     own = np.repeat(branch, len(spins))
     blocked[can] = _blocked(problem, which[can], q[can], spin[can], own[can])
+    tool = problem.cell.tool
+    coaxial = is_coaxial_with_axis_6(problem.kinematics, tool.T_flange_tcp, tool.axis)
     shape = (len(tags), len(spins))
-    return SpinCurves(
-        tags=np.asarray(tags, dtype=np.int64),
-        names=tuple(toolpath.tag_name(int(tag)) for tag in tags),
-        spins=spins,
-        values={name: value.reshape(shape) for name, value in values.items()},
-        blocked=blocked.reshape(shape),
-        branch=branch,
-        q=q.reshape(*shape, 6),
-        coaxial=is_coaxial_with_axis_6(problem.kinematics, cell.tool.T_flange_tcp, cell.tool.axis),
+    return (
+        q.reshape(*shape, 6),
+        branch,
+        blocked.reshape(shape),
+        np.full(len(tags), coaxial),
+        *(value.reshape(shape) for value in values.values()),
     )
 
 

@@ -12,7 +12,14 @@ from postproc.collision import Scene
 from postproc.model import MotionKind, Plan
 from postproc.planning.maps.tags import at_places
 from postproc.planning.planner import problem_of
-from postproc.planning.states import PlanOptions, evaluate, postures, settle, spin_values
+from postproc.planning.states import (
+    PlanOptions,
+    Problem,
+    evaluate,
+    postures,
+    settle,
+    spin_values,
+)
 from postproc.units import DEG
 
 MOST_TAGS = 10_000
@@ -44,7 +51,7 @@ def missing(plan: Plan) -> str:
     return ""
 
 
-def spin_index(plan: Plan, cell: Cell, moves: IndexArray, scene: Scene) -> SpinIndex | None:
+def spin_index(plan: Plan, cell: Cell, moves: IndexArray) -> SpinIndex | None:
     """Return the map of a plan, None where one is ``missing``.
 
     The posture is that of the plan: its branch, and the turns of the joints nearest to it.
@@ -53,7 +60,6 @@ def spin_index(plan: Plan, cell: Cell, moves: IndexArray, scene: Scene) -> SpinI
         plan: the plan.
         cell: its cell, with the objective of the call.
         moves: (n,) the move at which each tag's pose is taken, -1 for a tag without any.
-        scene: the solids.
     """
     if missing(plan):
         return None
@@ -61,20 +67,26 @@ def spin_index(plan: Plan, cell: Cell, moves: IndexArray, scene: Scene) -> SpinI
     spins = spin_values(_STEP, *cell.optimize.range)
     index = np.full((n, len(spins)), np.nan)
     hit = np.zeros(index.shape, dtype=np.bool_)
-    for here, tags in at_places(plan, cell, moves):
-        tags = tags[moves[tags] >= 0]
+    for place in at_places(plan, cell, moves):
+        tags = place.tags[moves[place.tags] >= 0]
+        if not len(tags):
+            continue
+        problem = problem_of(place.toolpath, *settle(place.cell, PlanOptions()))
+        scene = Scene.shared(place.whole, problem.kinematics)
         for low in range(0, len(tags), _CHUNK):
             some = tags[low : low + _CHUNK]
-            index[some], q = _values(plan, here, some, moves[some], spins)
+            index[some], q = _values(plan, problem, some - place.first, moves[some], spins)
             hit[some] = _hits(plan, some, q, moves, scene)
     return SpinIndex(spins, index, hit)
 
 
 def _values(
-    plan: Plan, cell: Cell, tags: IndexArray, moves: IndexArray, spins: FloatArray
+    plan: Plan, problem: Problem, tags: IndexArray, moves: IndexArray, spins: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the index (t, s) of tags (t,) and the joints (t, s, 6), NaN where the arm cannot."""
-    problem = problem_of(plan.toolpath, *settle(cell, PlanOptions()))
+    """Return the index (t, s) of tags (t,) and the joints (t, s, 6), NaN where the arm cannot.
+
+    Tags are those of the problem, moves (t,) those of the plan that serve them.
+    """
     which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
     T = problem.placement.tcp(which, spin)
     of_row = np.repeat(moves, len(spins))

@@ -128,17 +128,18 @@ def spin_map(result: Plan, cell: Cell, progress: Progress | None = None) -> Spin
     stiffness, chosen = np.full((n, width), np.nan), np.full(n, np.nan)
     moves = moves_of_tags(result)
     done = 0
-    for here, tags in at_places(result, cell, moves):
-        checker = checker_of(result.toolpath, here, settings)
+    for place in at_places(result, cell, moves):
+        tags, first = place.tags, place.first
+        checker = checker_of(place.toolpath, place.cell, settings)
         for low in range(0, len(tags), _CHUNK):
             if progress is not None:
                 progress(done, n, "spin map")
             some = tags[low : low + _CHUNK]
-            classes[some], stiffness[some] = _cells(checker, some)
+            classes[some], stiffness[some] = _cells(checker, some - first)
             done += len(some)
         served = tags[moves[tags] >= 0]
         R_base_tcp = result.T_base_tcp[moves[served], :3, :3]
-        chosen[served] = _spin_of(checker.problem.placement, served, R_base_tcp)
+        chosen[served] = _spin_of(checker.problem.placement, served - first, R_base_tcp)
     middle = 0.5 * float(settings.spins[0] + settings.spins[-1])
     chosen = chosen - _FULL_TURN * np.round((chosen - middle) / _FULL_TURN)
     return SpinMap(result, settings.spins, classes, stiffness, chosen, grades(result, cell))

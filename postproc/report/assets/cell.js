@@ -10,6 +10,7 @@ const FRAME = 0.25; // m
 
 const data = pageData();
 const angles = data.home.slice();
+let colliding = [];
 
 function look() {
   const root = origin(data.robot.T_world_robroot);
@@ -36,8 +37,17 @@ function addSlider([low, high], j) {
   tell();
 }
 
+// shows the tool and the base that are chosen, and what collides with them
+function work() {
+  const [tool, base] = ["tool", "base"].map((what) => +(byId(what)?.value ?? 0));
+  colliding = data.colliding[tool][base];
+  scene.work(tool, base);
+  scene.highlight(colliding);
+}
+
 function state() {
-  return { ready: true, angles: angles.slice(), colliding: data.colliding, tip: scene.tip };
+  const { tip, solids } = scene;
+  return { ready: true, angles: angles.slice(), colliding, tip, solids };
 }
 
 sortTables();
@@ -46,7 +56,8 @@ for (const { matrix } of data.frames) scene.addFrame(matrix, FRAME);
 scene.addFloor();
 scene.place(angles);
 look();
-scene.highlight(data.colliding);
+work();
+for (const what of ["tool", "base"]) byId(what)?.addEventListener("change", work);
 data.robot.limits.forEach(addSlider);
 
 window.ppPage = { state };

@@ -34,6 +34,7 @@ const moves = time.length;
 const tagOf = unpack(data.tag);
 const rapid = unpack(data.rapid);
 const station = unpack(data.station);
+const frame = unpack(data.frame);
 const krlLine = unpack(data.krl_line);
 const krlFile = unpack(data.krl_file);
 const movesOf = movesOfTags(tagOf, tags);
@@ -100,6 +101,7 @@ function seek(t, follow = true) {
   if (moves) {
     angles = anglesAt(q, time, current, clock);
     highlight([]);
+    if (frame.length) scene.work(...data.frames[frame[current]]);
     if (station.length) scene.stand(...data.stations[station[current]]);
     scene.place(angles);
     charts?.move(clock);
@@ -116,6 +118,7 @@ function select(tag) {
   if (pose) {
     seek(own >= 0 ? time[own] : player.clock, false);
     angles = pose.q.slice();
+    scene.work(...pose.frames);
     scene.place(angles);
   } else {
     seek(time[own >= 0 ? own : nearestMove(points, moveOf, tag)] || 0, false);
@@ -134,6 +137,7 @@ function showTag(tag) {
   const note = data.poses[tag]?.note;
   byId("which").textContent =
     `${what} ${data.names[tag]}, line ${lines[tag]}` +
+    (data.tag_frames.length ? `, ${data.tag_frames[tag]}` : "") +
     (finding ? `: ${finding}` : "") +
     (note ? `. Shown: ${note}.` : "");
   byId("which").className = finding ? "bad" : "";
@@ -188,8 +192,7 @@ function state() {
   return {
     ...{ ready: texts !== null, clock, playing, current, shown, moves, tags, angles, colliding },
     ...{ rows: visible.length, first: visible[0] ?? -1, colour: byId("colour").value },
-    tip: scene.tip,
-    meeting: scene.meeting,
+    ...{ tip: scene.tip, solids: scene.solids, meeting: scene.meeting },
     line: current >= 0 && krlLine.length ? krlLine[current] : null,
   };
 }

@@ -53,6 +53,7 @@ class SceneView {
     this.#scene.add(this.#part);
     this.#addLights();
     this.#solids = new Solids(bodies, this.#scene, this.#part);
+    this.#solids.work(0, 0);
     this.#ball = this.#addBall(PINK, { opacity: 0.45 });
     this.#part.add(this.#ball);
     this.#meeting = this.#addBall(YELLOW, { depthTest: false });
@@ -82,6 +83,17 @@ class SceneView {
     this.#arm.place(angles);
     this.#solids.carry(this.#arm.frames);
     this.#draw();
+  }
+
+  // shows the solids of one tool and what stands there in one base (their places in the cell)
+  work(tool, base) {
+    this.#solids.work(tool, base);
+    this.#draw();
+  }
+
+  // names of the solids that are shown
+  get solids() {
+    return this.#solids.shown;
   }
 
   // shows solids of some names in red, and through them the point [robot root] where they meet
@@ -226,6 +238,8 @@ class SceneView {
 export const NO_SCENE = {
   stand() {},
   place() {},
+  work() {},
+  solids: [],
   highlight() {},
   tip: null,
   meeting: null,

@@ -45,6 +45,18 @@ export class Solids {
     for (const { kind, mesh } of this.#parts) (kind === "workpiece" ? workpiece : world).add(mesh);
   }
 
+  // shows what is there while a tool works in a base (their places in the cell)
+  work(tool, base) {
+    for (const { mesh, tool: own, bases } of this.#parts) {
+      mesh.visible = (own < 0 || own === tool) && (!bases.length || bases.includes(base));
+    }
+  }
+
+  // names of the solids that are shown
+  get shown() {
+    return this.#parts.filter(({ mesh }) => mesh.visible).map(({ name }) => name);
+  }
+
   // moves what the links carry to the frames of the links
   carry(frames) {
     for (const { mesh, link } of this.#parts) if (link >= 0) mesh.matrix.copy(frames[link]);

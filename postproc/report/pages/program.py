@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import IntArray
+from postproc.arrays import AnyIntArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
@@ -19,9 +19,11 @@ from postproc.report.parts import (
     T_world_base,
     TagColumn,
     add_scene,
+    axes_in_drawn_base,
     cam_lines,
     escape,
     extent_of,
+    in_drawn_base,
     packed,
     packed_text,
     tag_columns,
@@ -60,7 +62,8 @@ def program_page(
     page.script = "program.js"
     page.data |= {
         **_moves(plan, cell),
-        **_tags(plan.toolpath, columns),
+        **frame_data(cell, plan.tool_of_moves, plan.base_of_moves),
+        **_tags(plan.toolpath, cell, maps, columns),
         **_texts(plan, text),
         "failing": {str(tag): message for tag, message in failing.items()},
         "poses": pose_data(maps.poses),
@@ -126,9 +129,27 @@ def pose_data(poses: Mapping[int, FailingPose]) -> dict[str, Any]:
             "pair": list(pose.pair),
             "point": None if pose.point is None else pose.point.tolist(),
             "note": pose.note,
+            "frames": [pose.tool, pose.base],
         }
         for row, pose in poses.items()
     }
+
+
+def frame_data(cell: Cell, tool: AnyIntArray, base: AnyIntArray) -> dict[str, Any]:
+    """Return the tool and the base of each move (m,) for the page's scripts; none of one each."""
+    if len(cell.tools) == len(cell.bases) == 1:
+        return {"frames": [], "frame": packed(np.zeros(0), "uint16")}
+    pairs, row = np.unique(np.stack([tool, base], axis=1), axis=0, return_inverse=True)
+    return {"frames": pairs.tolist(), "frame": packed(row.ravel(), "uint16")}
+
+
+def frame_words(cell: Cell, tool: AnyIntArray, base: AnyIntArray) -> list[str]:
+    """Return tool and base of each row (n,) in words, empty in a cell of one each."""
+    if len(cell.tools) == len(cell.bases) == 1:
+        return []
+    tools = [f"tool {entry.number} {entry.name}".strip() for entry in cell.tools] + ["no tool"]
+    bases = [f"base {entry.number} {entry.name}".strip() for entry in cell.bases] + ["no base"]
+    return [f"{tools[t]}, {bases[b]}" for t, b in zip(tool.tolist(), base.tolist(), strict=True)]
 
 
 def time_span(seconds: float) -> str:
@@ -140,17 +161,17 @@ def time_span(seconds: float) -> str:
 
 
 def _moves(plan: Plan, cell: Cell) -> dict[str, Any]:
-    """Return the moves in columns; points are given in the workpiece frame."""
+    """Return the moves in columns; points are given in the first workpiece's frame."""
     rapid = ~np.isfinite(plan.speed) | np.isin(plan.role, (MoveRole.ENTRY, MoveRole.RAPID))
     circles = np.flatnonzero(plan.kind == MoveKind.CIRC)
     return {
         "q": packed(plan.q),
         "time": packed(np.cumsum(np.nan_to_num(plan.duration))),
-        "positions": packed(plan.T_base_tcp[:, :3, 3]),
+        "positions": packed(in_drawn_base(cell, plan.base_of_moves, plan.T_base_tcp[:, :3, 3])),
         "tag": packed(plan.tag, "int32"),
         "rapid": packed(rapid, "uint8"),
         "circles": packed(circles, "int32"),
-        "aux": packed(plan.aux[circles]),
+        "aux": packed(in_drawn_base(cell, plan.base_of_moves[circles], plan.aux[circles])),
         **_stations(plan, cell),
     }
 
@@ -168,15 +189,17 @@ def _stations(plan: Plan, cell: Cell) -> dict[str, Any]:
     return {"stations": frames, "station": packed(row.ravel(), "uint16")}
 
 
-def _tags(path: ToolPath, columns: list[TagColumn]) -> dict[str, Any]:
+def _tags(path: ToolPath, cell: Cell, maps: PlanMaps, columns: list[TagColumn]) -> dict[str, Any]:
     path = stand_ins(path)[0]
+    points = in_drawn_base(cell, maps.base, path.points)
     return {
         "names": [path.tag_name(i) for i in range(len(path))],
         "lines": packed(path.line, "int32"),
         "columns": [column.to_page() for column in columns],
-        "tag_positions": packed(path.points),
-        "tag_axes": packed(path.axes),
-        **extent_of(path.points),
+        "tag_positions": packed(points),
+        "tag_axes": packed(axes_in_drawn_base(cell, maps.base, path.axes)),
+        "tag_frames": frame_words(cell, maps.tool, maps.base),
+        **extent_of(points),
     }
 
 

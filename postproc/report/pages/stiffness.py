@@ -24,7 +24,7 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
         stiffness: what the joint stiffness is, in words.
     """
     lead = [_result(curves), f"Calculated with {stiffness}."]
-    if curves.coaxial:
+    if curves.coaxial.all():
         lead.append(
             "The tool axis lies on axis 6: the rotation turns axis 6 alone and changes no "
             "stiffness. Spinning the tool gains nothing here."
@@ -35,10 +35,15 @@ def stiffness_page(curves: SpinCurves, title: str, stiffness: str) -> bytes:
     page.section("All tags", _comparison(curves, "normal"), "half")
     for row, name in enumerate(curves.names):
         charts = "".join(_chart(curves, row, names) for names in _PAIRS)
-        page.section(f"Tag {name}", f'<div class="grid">{charts}</div>')
+        page.section(f"Tag {name}{_tool(curves, row)}", f'<div class="grid">{charts}</div>')
     meaning = [(name, text) for name, text in INDICES.items()]
     page.section("What the curves are", table(("curve", "stiffness"), meaning))
     return page.render()
+
+
+def _tool(curves: SpinCurves, row: int) -> str:
+    """Return the tool of a tag in words, nothing where all have one."""
+    return f", tool {curves.tools[row]}" if len(set(curves.tools)) > 1 else ""
 
 
 def _result(curves: SpinCurves) -> str:
@@ -84,7 +89,7 @@ def _best(curves: SpinCurves) -> str:
     degrees = spin_degrees(curves)
     rows = []
     for row, name in enumerate(curves.names):
-        cells: list[str] = [name]
+        cells: list[str] = [name + _tool(curves, row)]
         for index in ("axial", "normal", "ellipsoid_kx", "ellipsoid_kv"):
             at = int(curves.best(index)[row])
             if at < 0:

@@ -11,17 +11,26 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray, forward_filled
+from postproc.cell import Cell
 from postproc.model import ToolPath
 from postproc.planning import FailingPose
-from postproc.report.pages.program import motion_sections, pose_data, time_span
+from postproc.report.pages.program import (
+    frame_data,
+    frame_words,
+    motion_sections,
+    pose_data,
+    time_span,
+)
 from postproc.report.parts import (
     Drawing,
     Page,
     TagColumn,
     add_scene,
+    axes_in_drawn_base,
     cam_lines,
     escape,
     extent_of,
+    in_drawn_base,
     packed,
     packed_text,
     table,
@@ -70,8 +79,8 @@ def verify_page(
     page.script = "program.js"
     page.data |= {
         "what": "motion",
-        **_moves(report.run),
-        **_rows(report.run, columns),
+        **_moves(report.run, drawing.cell),
+        **_rows(report.run, drawing.cell, columns),
         **_texts(report.run, toolpath),
         "failing": {str(row): "; ".join(text) for row, text in maps.texts.items()},
         "poses": pose_data(maps.poses),
@@ -123,16 +132,19 @@ def texts_by_motion(report: VerifyReport) -> dict[int, list[str]]:
     return dict(found)
 
 
-def _moves(run: Run) -> dict[str, Any]:
-    paths = run.paths
+def _moves(run: Run, cell: Cell) -> dict[str, Any]:
+    paths, station = run.paths, run.paths.station
     m = len(paths)
     is_cp = paths.trace.is_cp
     owner, _, _, point = paths.in_order()
+    point = in_drawn_base(cell, station.base[owner], point)
+    end_point = in_drawn_base(cell, station.base, paths.end_point)
     known = np.isfinite(point).all(axis=1)
     return {
         "q": packed(forward_filled(paths.q)),
         "time": packed(np.cumsum(run.durations)),
-        "positions": packed(forward_filled(paths.end_point)),
+        "positions": packed(forward_filled(end_point)),
+        **frame_data(cell, station.tool, station.base),
         "tag": packed(np.arange(m), "int32"),
         "rapid": packed(~is_cp, "uint8"),
         "trail": packed(point[known]),
@@ -164,15 +176,17 @@ def _deviation(run: Run) -> FloatArray:
     return result
 
 
-def _rows(run: Run, columns: list[TagColumn]) -> dict[str, Any]:
-    paths = run.paths
-    points = forward_filled(paths.end_point)
+def _rows(run: Run, cell: Cell, columns: list[TagColumn]) -> dict[str, Any]:
+    paths, station = run.paths, run.paths.station
+    points = forward_filled(in_drawn_base(cell, station.base, paths.end_point))
+    axes = axes_in_drawn_base(cell, station.base, paths.end_axis)
     return {
         "names": [str(i + 1) for i in range(len(paths))],
         "lines": packed(paths.trace.line, "int32"),
         "columns": [column.to_page() for column in columns],
         "tag_positions": packed(points),
-        "tag_axes": packed(-forward_filled(paths.end_axis)),
+        "tag_axes": packed(-forward_filled(axes)),
+        "tag_frames": frame_words(cell, station.tool, station.base),
         "move_of_tag": packed(np.arange(len(paths)), "int32"),
         **extent_of(points),
     }

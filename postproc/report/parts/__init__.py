@@ -4,7 +4,15 @@ from postproc.report.parts.headline import headline
 from postproc.report.parts.page import Page, escape, packed, packed_text, table
 from postproc.report.parts.program_text import ProgramText
 from postproc.report.parts.rows_view import RowsView, add_rows
-from postproc.report.parts.scene_data import Drawing, Solid, T_world_base, add_scene, extent_of
+from postproc.report.parts.scene_data import (
+    Drawing,
+    Solid,
+    T_world_base,
+    add_scene,
+    axes_in_drawn_base,
+    extent_of,
+    in_drawn_base,
+)
 from postproc.report.parts.spin_map_picture import CLASS_WORDS, Picture, draw
 from postproc.report.parts.svg import Series, bar_chart, line_chart, space_view
 from postproc.report.parts.tag_values import TagColumn, tag_columns
@@ -23,12 +31,14 @@ __all__ = [
     "TagColumn",
     "add_rows",
     "add_scene",
+    "axes_in_drawn_base",
     "bar_chart",
     "cam_lines",
     "draw",
     "escape",
     "extent_of",
     "headline",
+    "in_drawn_base",
     "line_chart",
     "packed",
     "packed_text",

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.geometry import apply, inverse
 from postproc.report.parts.page import Page, packed
@@ -16,13 +16,19 @@ from postproc.units import DEG
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """Triangles: vertices (v, 3) [m] in the frame of the link (0: world), faces (f, 3)."""
+    """Triangles: vertices (v, 3) [m] in the frame of the link (0: world), faces (f, 3).
+
+    ``tool``: the tool of the cell that it belongs to, -1 for none; ``bases``: the setups of the
+    cell in whose work it is there, none for all.
+    """
 
     name: str
     kind: str
     link: int
     vertices: FloatArray
     faces: IntArray
+    tool: int = -1
+    bases: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +80,8 @@ def body_data(drawing: Drawing) -> list[dict[str, Any]]:
             "name": solid.name,
             "kind": solid.kind,
             "link": solid.link,
+            "tool": solid.tool,
+            "bases": list(solid.bases),
             "vertices": packed(
                 apply(T_base_world, solid.vertices) if solid.kind == "workpiece" else solid.vertices
             ),
@@ -90,6 +98,24 @@ def extent_of(points: FloatArray) -> dict[str, Any]:
         "centre": [float(v) for v in (low + high) / 2],
         "extent": float(np.linalg.norm(high - low)),
     }
+
+
+def in_drawn_base(cell: Cell, base: AnyIntArray, points: FloatArray) -> FloatArray:
+    """Return points (n, 3) [m] of bases (n,) in that of the drawing: the one in work."""
+    return _moved(cell, base, points, 1.0)
+
+
+def axes_in_drawn_base(cell: Cell, base: AnyIntArray, axes: FloatArray) -> FloatArray:
+    """Return directions (n, 3) of bases (n,) in axes of that of the drawing."""
+    return _moved(cell, base, axes, 0.0)
+
+
+def _moved(cell: Cell, base: AnyIntArray, rows: FloatArray, scale: float) -> FloatArray:
+    if len(cell.bases) < 2:
+        return rows
+    T = inverse(cell.T_robroot_base) @ np.array([b.T_robroot_base for b in cell.bases])
+    own = T[np.maximum(base, 0)]
+    return np.asarray(np.einsum("nij,nj->ni", own[:, :3, :3], rows) + scale * own[:, :3, 3])
 
 
 def T_world_base(cell: Cell) -> FloatArray:

@@ -53,6 +53,7 @@ def tag_columns(
     """
     moves = maps.moves
     columns = [
+        *_frames(cell, maps),
         TagColumn("spin", "spin", "deg", _of_moves(plan.spin, moves) / DEG),
         TagColumn("tilt", "tilt", "deg", _tilt(plan, cell, moves) / DEG),
         TagColumn("stiffness", "stiffness", "N/mm", plan.stiffness / N_PER_MM, "low"),
@@ -62,6 +63,16 @@ def tag_columns(
         TagColumn("deviation", "deviation", "mm", _deviation(plan, text) / MM, "high"),
     ]
     return [column for column in columns if np.isfinite(column.values).any()]
+
+
+def _frames(cell: Cell, maps: PlanMaps) -> list[TagColumn]:
+    """Return the numbers of tool and base where the cell has several."""
+    found = []
+    for key, entries, index in (("tool", cell.tools, maps.tool), ("base", cell.bases, maps.base)):
+        if len(entries) > 1:
+            numbers = np.array([*(float(entry.number) for entry in entries), np.nan])
+            found.append(TagColumn(key, key, "no.", numbers[index]))
+    return found
 
 
 def _of_moves(values: FloatArray, moves: IndexArray) -> FloatArray:
@@ -76,7 +87,8 @@ def _tilt(plan: Plan, cell: Cell, moves: IndexArray) -> FloatArray:
     result = np.full(len(moves), np.nan)
     if cell.optimize.tilt:
         known = np.flatnonzero(moves >= 0)
-        axis = plan.T_base_tcp[moves[known], :3, :3] @ np.asarray(cell.tool.axis)
+        R, axes = plan.T_base_tcp[moves[known], :3, :3], cell.axes_of(plan.tool_of_moves)
+        axis = np.einsum("nij,nj->ni", R, axes[moves[known]])
         result[known] = angle_between(-axis, plan.toolpath.axes[known])
     return result
 
