@@ -279,10 +279,6 @@ class Scene:
             )
         return found.normal
 
-    def display_bodies(self, max_faces: int = 20_000) -> list[Body]:
-        """Return the bodies with at most ``max_faces`` triangles each, for display."""
-        return [body.coarse(max_faces) for body in self.bodies]
-
     def _rows(self, q: ArrayLike) -> FloatArray:
         """Return configurations (n, 6 + k), external axes at 0 where they are not given."""
         joints = np.atleast_2d(np.asarray(q, dtype=np.float64))

@@ -1,6 +1,6 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
-from postproc.process.claims import Claims, ToolStretch, claimed, tool_words
+from postproc.process.claims import Claims, ToolStretch, carried, claimed, tool_words
 from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
@@ -47,6 +47,7 @@ __all__ = [
     "apart",
     "as_served",
     "back_off",
+    "carried",
     "claimed",
     "coolant_mode",
     "feeds_of",

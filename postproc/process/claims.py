@@ -268,30 +268,11 @@ class _Sorter:
             return toolpath
         column = toolpath.setup_of_tags
         T = np.stack([self.maps.get(i, np.eye(4)) for i in range(-1, len(toolpath.setups))])
-        T_tag = T[column + 1]
-        R = T_tag[:, :3, :3]
-        rotations = toolpath.rotations
-        of_arc = np.zeros(len(toolpath.arcs), dtype=np.int64)
-        has_arc = np.asarray(toolpath.arc) >= 0
-        of_arc[toolpath.arc[has_arc]] = np.flatnonzero(has_arc)
-        arcs = toolpath.arcs
         setups = (
             _served_setup(setup, index in self.at_home, self.maps.get(index))
             for index, setup in enumerate(toolpath.setups)
         )
-        return replace(
-            toolpath,
-            points=apply(T_tag, toolpath.points),
-            axes=np.einsum("nij,nj->ni", R, toolpath.axes),
-            rotations=None if rotations is None else R @ rotations,
-            arcs=Arcs(
-                apply(T_tag[of_arc], arcs.centre),
-                np.einsum("nij,nj->ni", R[of_arc], arcs.normal),
-                arcs.radius,
-                arcs.sweep,
-            ),
-            setups=tuple(setups),
-        )
+        return replace(carried(toolpath, T[column + 1]), setups=tuple(setups))
 
     def _settled_uses(self) -> Iterator[WordUse]:
         """Yield the words of the file without the refusals that a claimed setup answers."""
@@ -338,6 +319,26 @@ class _Sorter:
         shown = [f"{line[group[0]]} to {line[group[-1]]}" for group in groups[:_MOST_LINES]]
         more = f" and {len(groups) - _MOST_LINES} more" if len(groups) > _MOST_LINES else ""
         return f"{len(rows)} motions in lines {', '.join(shown)}{more}"
+
+
+def carried(toolpath: ToolPath, T: FloatArray) -> ToolPath:
+    """Return a toolpath whose tags are carried by T (n, 4, 4), arcs with the tags they lead to."""
+    R, rotations, arcs = T[:, :3, :3], toolpath.rotations, toolpath.arcs
+    of_arc = np.zeros(len(arcs), dtype=np.int64)
+    has_arc = np.asarray(toolpath.arc) >= 0
+    of_arc[toolpath.arc[has_arc]] = np.flatnonzero(has_arc)
+    return replace(
+        toolpath,
+        points=apply(T, toolpath.points),
+        axes=np.einsum("nij,nj->ni", R, toolpath.axes),
+        rotations=None if rotations is None else R @ rotations,
+        arcs=Arcs(
+            apply(T[of_arc], arcs.centre),
+            np.einsum("nij,nj->ni", R[of_arc], arcs.normal),
+            arcs.radius,
+            arcs.sweep,
+        ),
+    )
 
 
 def tool_words(tool: CamTool) -> str:

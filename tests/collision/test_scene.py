@@ -184,7 +184,7 @@ def test_a_broken_file_stops_the_scene(tmp_path):
 
 def test_bodies_for_display(busy_cell, arm_of):
     scene = Scene.build(busy_cell, arm_of(busy_cell))
-    shown = scene.display_bodies(500)
+    shown = [body.coarse(500) for body in scene.bodies]
     assert [b.name for b in shown] == [b.name for b in scene.bodies]
     assert max(len(b.faces) for b in shown) <= 500 < max(len(b.faces) for b in scene.bodies)
     assert all(b.faces.max() < len(b.vertices) for b in shown)

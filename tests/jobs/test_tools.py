@@ -478,3 +478,38 @@ def test_check_looks_at_every_tool_and_base(job, run):
     home = [item["text"] for item in document["findings"] if item["code"] == "CEL112"]
     assert code == 1
     assert home == ["tool 9 ream: the robot collides at home: tool cutter and obstacle post"]
+
+
+def test_measured_holes_are_found_in_the_setup_they_lie_in(converted, run, tmp_path):
+    """Rows at the holes that the second tool makes in both setups, 0.2 mm off in the root's z."""
+    cam, cell, program = converted("[measuring]\nsigma_mm = 0.01\n", count=12)
+    loaded = load_cell(cell)
+    modules, kinematics = load_program(program), build(loaded.robot)
+    trace = run_in_cell(modules, modules[0].name, loaded, kinematics)
+    q = joint_paths(trace, loaded, kinematics).q
+    tool, _, points = tips(program, cell)
+    bottom = (tool == 8) & (np.abs(points[:, 2] + wing.DEPTHS[2]) < 0.01)
+    assert bottom.sum() == 24
+    tip = (kinematics.fk(q[bottom]) @ loaded.tools[1].T_flange_tcp)[:, :3, 3] / MM
+    rng = np.random.default_rng(5)
+    rows = [MEASURED.strip()]
+    for k, (angles, p) in enumerate(zip(np.degrees(q[bottom]), tip, strict=True)):
+        values = [*angles, *(p + rng.normal([0.0, 0.0, 0.2], 0.01))]
+        rows.append(",".join([f"R{k}", *(f"{value:.6f}" for value in values)]))
+    measured = tmp_path / "rows.csv"
+    measured.write_text("\n".join([*rows, ""]))
+    call = ("diagnose", measured, "--cell", cell, "--program", cam, "--json")
+    code, document, err = run(*call, "--tool", 8)
+    assert code == 0, err
+    found = document["where"]["program"]
+    assert (found["rows"], found["rows_beside"]) == (24, 0)
+    lines = cam.read_text().splitlines()
+    second = lines.index("MSYS/" + MSYS_2) + 1
+    counts = [
+        sum(piece["n"] for piece in found["stretches"] if (piece["line"] > second) == later)
+        for later in (False, True)
+    ]
+    assert counts == [12, 12]
+    assert document["gap"]["rms_mm"] == pytest.approx(0.2, abs=0.02)
+    wrong = run(*call, "--tool", 7)[1]
+    assert wrong["gap"]["rms_mm"] > 5.0, "another tool is another tool point"

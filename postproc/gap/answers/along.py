@@ -16,6 +16,7 @@ from postproc.gap.answers.diagnose import Diagnosis, rms
 from postproc.geometry import apply, arc_points, inverse
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length
+from postproc.process import carried, claimed
 from postproc.units import MM
 
 REACH = 5.0 * MM
@@ -58,6 +59,8 @@ def along(diagnosis: Diagnosis, toolpath: ToolPath, cell: Cell) -> Along:
     T_part_robroot = inverse(cell.workpiece.T_robroot_base)
     T_part_flange = T_part_robroot @ samples.arm.kinematics.fk(samples.q)
     points = apply(T_part_flange, cell.tool.T_flange_tcp[:3, 3])
+    if len(cell.bases) > 1:
+        toolpath = _in_work(toolpath, cell)
     pieces = _Pieces.of(toolpath)
     way, tag, distance = pieces.nearest(points)
     far = distance > REACH
@@ -76,6 +79,14 @@ def along(diagnosis: Diagnosis, toolpath: ToolPath, cell: Cell) -> Along:
             hint="check the workpiece frame of the cell, or leave --program out",
         )
     return Along(toolpath, way, tag)
+
+
+def _in_work(toolpath: ToolPath, cell: Cell) -> ToolPath:
+    """Return the tags that have a base, all in the one in work."""
+    claims = claimed(toolpath, cell)
+    rows = np.flatnonzero(claims.base >= 0)
+    T = inverse(cell.workpiece.T_robroot_base) @ np.array([b.T_robroot_base for b in cell.bases])
+    return carried(claims.toolpath.rows(rows), T[claims.base[rows]])
 
 
 @dataclass(frozen=True, slots=True)
