@@ -237,3 +237,42 @@ def test_the_last_peck_of_a_hole_that_is_drilled_twice_is_its_bottom(convert, or
     assert errors(job) == []
     every = "".join(data.decode() for name, data in job.files.items() if name.endswith(".src"))
     assert len(re.findall(rf"^LIN .*Z -{2 + depth:.4f},.*$\s+WAIT SEC 0\.4", every, re.M)) == 3
+
+
+SAME_PLACE = {
+    "deep, then a spot": ["DRILL,FEDTO,-30", "DRILL,FEDTO,-5"],
+    "a spot, then pecks": ["DRILL,FEDTO,-5", "DRILL,DEEP,STEP,8,FEDTO,-30"],
+    "pecks, ream and bore": ["DRILL,DEEP,STEP,8,FEDTO,-30", "REAM,FEDTO,-25", "BORE,FEDTO,-20"],
+    "pecks three times": [f"DRILL,DEEP,STEP,5,FEDTO,-{depth}" for depth in (15, 25, 15)],
+}
+
+
+@pytest.mark.parametrize("cycles", SAME_PLACE.values(), ids=SAME_PLACE)
+def test_holes_at_one_place_are_each_judged_by_their_own_strokes(convert, cycles):
+    lines = [f"CYCLE/{cycle},MMPM,60,RAPTO,3,RTRCTO,20" for cycle in cycles]
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "FEDRAT/MMPM,600",
+        *[line for cycle in lines for line in (cycle, "GOTO/40,0,0", "CYCLE/OFF")], "SPINDL/OFF",
+    )  # fmt: skip
+    assert errors(job) == []
+    depths = [float(z) for x, _, z in line_targets(job) if x == "40.0000"]
+    bottoms = [float(cycle.split("-")[-1]) for cycle in cycles]
+    for bottom in bottoms:
+        depths = depths[depths.index(-bottom) + 1 :]
+
+
+def test_holes_whose_axes_meet_at_their_bottom(convert):
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/0,0,50,0,0,1",
+        "CYCLE/DRILL,FEDTO,-10,MMPM,60,RAPTO,3,RTRCTO,20", "GOTO/20,0,0,0,0,1",
+        "GOTO/22.8,0,-0.4,0.28,0,0.96", "GOTO/20,0,0,0,0,1", "CYCLE/OFF", "SPINDL/OFF",
+    )  # fmt: skip
+    assert errors(job) == []
+
+
+def test_a_hole_above_the_end_of_a_cut(convert):
+    job = convert(
+        "SPINDL/RPM,900,CLW", "RAPID", "GOTO/20,0,20,0,0,1", "FEDRAT/MMPM,600", "GOTO/20,0,-20",
+        "CYCLE/DRILL,FEDTO,-5,MMPM,60,RAPTO,3,RTRCTO,20", "GOTO/20,0,0", "CYCLE/OFF", "SPINDL/OFF",
+    )  # fmt: skip
+    assert errors(job) == []

@@ -114,6 +114,9 @@ class _Holes:
         self._reported: dict[RunKind, int] = {}
         self.along: dict[int, int] = {}
         """Path motions that begin and end on the axis of a hole, to the row of the hole."""
+        self._left: dict[int, int] = {}
+        """Vertex at which the tool is out of a hole, to the row of the hole."""
+        self._holes = frozenset(np.flatnonzero(wanted.is_hole & (served >= 0)).tolist())
         count = len(self._points)
         self._before = np.r_[-1, np.maximum.accumulate(served)[:-1]]
         later = np.where(served >= 0, served, count)
@@ -199,23 +202,27 @@ class _Holes:
     def _inside(self, row: int, base: list[float], axis: list[float], clear: float) -> None:
         """Below the clearance height the tool may only move along the axis, never by PTP.
 
-        Where the tag before is as high as the surface, the tool has yet to come to the hole.
+        What the tool does at the tag before is judged there; where that or the next one is a hole
+        at the same place, so is what the tool does from there on, or up to there.
         """
-        surface = float(self._wanted.depth[row]) - self._near
-        first = int(self._before[row]) + 1
-        last = min(int(self._behind[row + 1]), len(self._points))
-        places = [self._on_axis(v, base, axis) for v in range(max(first - 1, 0), last)]
-        offset = max(first - 1, 0)
+        begin, stop = int(self._before[row]), min(int(self._behind[row + 1]), len(self._points))
+        if self._is_hole_at(row - 1, base, axis):
+            begin = max(begin, self._left[row - 1])
+        if self._is_hole_at(row + 1, base, axis):
+            stop = min(stop, self._left[row] + 1)
+        offset = max(begin, 0)
+        places = [self._on_axis(v, base, axis) for v in range(offset, stop)]
         both = [a is not None and b is not None for a, b in pairwise(places)]
         ends = [offset + number + 1 for number, is_both in enumerate(both) if is_both]
         self.along.update((motion, row) for motion in ends if self._is_cp[motion])
         for number, height in enumerate(places):
-            if height is not None and height < -self._near:
+            if number + offset == begin or height is None:
+                continue
+            if height < -self._near:
                 text = f"the tool goes {-height / MM:.3f} mm deeper than the hole"
                 self._tell(RunKind.DEPTH, number + offset, text)
                 return
-            is_outside = number + offset == first - 1 and height is not None and height > surface
-            if height is None or is_outside or not height < clear - self._near:
+            if not height < clear - self._near:
                 continue
             for motion, other in ((number, number - 1), (number + 1, number + 1)):
                 if not 0 <= other < len(places):
@@ -225,24 +232,38 @@ class _Holes:
                     self._tell(RunKind.PLUNGE, motion + offset, text)
                     return
 
+    def _is_hole_at(self, row: int, base: list[float], axis: list[float]) -> bool:
+        """Return whether a row is a hole with its top or its bottom on the axis of another."""
+        wanted = self._wanted
+        if row not in self._holes:
+            return False
+        ends = (wanted.point[row].tolist(), wanted.top[row].tolist())
+        return any(self._height(end, base, axis) is not None for end in ends)
+
     def _on_axis(self, vertex: int, base: list[float], axis: list[float]) -> float | None:
         """Return the height above the bottom of a vertex on the hole's axis, None beside it."""
-        a, b, c = (p - q for p, q in zip(self._points[vertex], base, strict=True))
+        return self._height(self._points[vertex], base, axis)
+
+    def _height(self, point: list[float], base: list[float], axis: list[float]) -> float | None:
+        a, b, c = (p - q for p, q in zip(point, base, strict=True))
         height = -(a * axis[0] + b * axis[1] + c * axis[2])
         d, e, f = (p + height * q for p, q in zip((a, b, c), axis, strict=True))
         return height if d * d + e * e + f * f <= self._near * self._near else None
 
     def _way_out(self, row: int, bottom: int, base: list[float], axis: list[float]) -> None:
+        """Check how far the tool goes out along the axis, and remember where it is out."""
         wanted = self._wanted
-        out = [height for _, height in self._walk(bottom, 1, base, axis, len(self._points))]
+        out = list(self._walk(bottom, 1, base, axis, len(self._points)))
+        top = max((height for _, height in out), default=0.0)
         lift = float(wanted.retract[row] or wanted.clear[row])
         needed = float(wanted.depth[row]) + lift
-        if max(out, default=0.0) < needed - self._near:
+        high = (vertex for vertex, height in out if height >= needed - self._near)
+        self._left[row] = next(high, bottom)
+        if top < needed - self._near:
             self._tell(
                 RunKind.RETRACT,
                 min(bottom + 1, len(self._points) - 1),
-                f"the tool leaves the hole's axis {(needed - max(out, default=0.0)) / MM:.3f} mm "
-                "too low",
+                f"the tool leaves the hole's axis {(needed - top) / MM:.3f} mm too low",
             )
 
     def _walk(
