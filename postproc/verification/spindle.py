@@ -13,7 +13,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
-from postproc.errors import RunKind
+from postproc.errors import RunKind, Severity
 from postproc.geometry import angle_between
 from postproc.process import MACHINING_SPEED
 from postproc.units import RPM
@@ -22,8 +22,8 @@ from postproc.verification.report import Result
 _BACK = np.deg2rad(179.0)
 """A motion that turns by more goes back the way that the one before has come."""
 _LISTED = 20
-_SLOWER = 0.99
-"""Share of the speed of straight rapids from which on a motion may be one."""
+_AS_RAPID = 0.01
+"""A motion whose speed differs from that of straight rapids by less than this share is one."""
 _ROUTINES = ("spindle_on", "spindle_off", "tap_reverse")
 _UNNAMED = np.inf
 """Speed before the spindle is named at all."""
@@ -37,7 +37,8 @@ def check_spindle(
     Args:
         result: the program; collects the findings.
         cell: names of the routines, direction of the tool.
-        is_cut: (m,) motions that cut; None: path motions of machining speed.
+        is_cut: (m,) motions that cut; None: path motions of machining speed; what of faster ones is
+            not known is said.
         accepted: whether the user knows that cuts at a standstill are meant.
     """
     hooks = {key: name.upper() for key, name in cell.krl.hooks.items()}
@@ -49,17 +50,15 @@ def check_spindle(
     ]
     if not calls:
         return
-    trace = result.paths.trace
-    cuts = is_cut
-    if cuts is None:
-        slow = min(MACHINING_SPEED, _SLOWER * cell.motion.rapid_speed)
-        cuts = trace.is_cp & (trace.column("speed") <= slow) & ~_ways_back(result, calls)
+    cuts, unknown = (is_cut, None) if is_cut is not None else _guessed(result, cell, calls)
     turns = _turns(calls, words, len(result.paths))
     ways = np.array([1.0 if tool.cuts_clockwise else -1.0 for tool in cell.tools])
     way = ways[result.paths.station.tool]
     if not accepted:
         _tell(result, cuts & (turns == 0.0), "a cut while the spindle stands")
         _tell(result, cuts & (turns == _UNNAMED), "a cut before the spindle is started")
+        if unknown is not None:
+            _not_known(result, unknown & ((turns == 0.0) | (turns == _UNNAMED)))
     with np.errstate(invalid="ignore"):
         against = cuts & np.isfinite(turns) & (turns * way < 0.0)
     _tell(result, against, "a cut while the spindle turns against the tool")
@@ -70,6 +69,27 @@ def check_spindle(
     if words[calls[-1].name] != "spindle_off":
         text = "the program ends while the spindle turns"
         result.finding_at(RunKind.SPINDLE, _place(result, calls[-1]), text)
+
+
+def _guessed(result: Result, cell: Cell, calls: list[TraceEvent]) -> tuple[BoolArray, BoolArray]:
+    """Return path motions (m,) that cut for all their speed says, and those that may cut."""
+    trace, rapid = result.paths.trace, cell.motion.rapid_speed
+    speed = trace.column("speed")
+    may = trace.is_cp & ~_ways_back(result, calls) & (np.abs(speed - rapid) > _AS_RAPID * rapid)
+    cuts = may & (speed <= MACHINING_SPEED)
+    return cuts, may & ~cuts
+
+
+def _not_known(result: Result, rows: BoolArray) -> None:
+    """Warn of motions (m,) at a standstill of the spindle of which the text does not tell all."""
+    if rows.any():
+        first, count = int(np.argmax(rows)), int(rows.sum())
+        speed = result.paths.trace.column("speed")[first]
+        text = (
+            f"the spindle stands on {count} path motions, the first at {speed:g} m/s: whether they "
+            "cut is not known without the CAM file"
+        )
+        result.finding(RunKind.SPINDLE, first, text, Severity.WARNING)
 
 
 def _turns(calls: list[TraceEvent], words: Mapping[str, str], count: int) -> FloatArray:

@@ -11,7 +11,7 @@ def test_random_files_end_in_a_program_or_a_finding_about_the_file(tmp_path):
     assert outcome.faults == []
     assert sum(outcome.counts.values()) == 60
     assert outcome.good >= 20
-    assert not OWN_FAULTS & set(outcome.counts)
+    assert not any(code.startswith(OWN_FAULTS) for code in outcome.counts)
 
 
 def test_the_same_seed_is_the_same_file_and_every_seat_occurs():

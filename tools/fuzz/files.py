@@ -55,7 +55,8 @@ class Writer:
         steps = (
             (6, self.cut), (3, self.rapid), (3, self.cycle), (2, self.arc), (2, self.feed),
             (1, self._spindle), (1, self._coolant), (1, self._pause), (2, self.again),
-            (1, self._turned), (1 if self.wild else 0, self._word),
+            (1, self._turned), (1, self._change), (1, self.same_place), (1, self.slot),
+            (1 if self.wild else 0, self._word),
         )  # fmt: skip
         choice: list[Callable[[], None]] = [step for weight, step in steps for _ in range(weight)]
         self.feed()
@@ -150,6 +151,40 @@ class Writer:
 
     def _pause(self) -> None:
         self.add(self.rng.choice(("DELAY/.5", "DELAY/3,REV", "STOP", "OPSTOP", "DELAY/0")))
+
+    def _change(self) -> None:
+        """Change the tool, mostly to one that cells with two tools know."""
+        if self.rng.random() < 0.5:
+            return
+        number = self.rng.choice((1, 2, 2))
+        word = "LOAD/TOOL" if self.seat in ("nx", "solidworks", "camworks") else "LOADTL"
+        self.add(f"{word},{number}" if "/" in word else f"{word}/{number}")
+        if self.rng.random() < 0.7:
+            self._spindle()
+        self.rapid()
+
+    def slot(self) -> None:
+        """Mill there and back, over arcs too, at feeds that change on the way."""
+        ends = [list(self.at), [self.at[0] + self.number(-40, 40), self.at[1], self.number(-5, 2)]]
+        for k in range(self.rng.randint(2, 5)):
+            if self.rng.random() < 0.5:
+                self.feed()
+            self.at = list(ends[(k + 1) % 2])
+            self.goto()
+        if self.rng.random() < 0.3:
+            self.at[2] -= self.rng.choice((4.0, 15.0))
+            self.goto()
+            self.at[2] += 20.0
+            self.goto()
+
+    def same_place(self) -> None:
+        """Make holes at one place by more than one cycle, along more than one axis now and then."""
+        self.at = [self.number(-100, 100), self.number(-100, 100), self.number(-5, 5)]
+        for _ in range(self.rng.randint(1, 3)):
+            self.add(self._cycle_words())
+            for axis in ("", ",0.28,0,0.96", ",0,0,1")[: self.rng.choice((1, 1, 1, 3))]:
+                self.goto(axis)
+            self.add("CYCLE/OFF")
 
     def _word(self) -> None:
         self.add(self.rng.choice(_WORDS))
