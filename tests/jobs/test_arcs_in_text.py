@@ -151,3 +151,20 @@ def test_a_helix_of_the_text_rises_evenly(tmp_path, seat, sense, rise):
         assert np.linalg.norm(point - at(a, rise * a / (sense * sweep))) < 5e-4
     chord = np.abs(np.diff(angle)).max()
     assert RADIUS * (1.0 - np.cos(np.radians(chord) / 2.0)) < 0.011
+
+
+@pytest.mark.parametrize("sweep", [60, 180, 270])
+def test_a_negative_angle_turns_the_other_way(tmp_path, sweep):
+    """A HSM file whose sense stands in the sign of the angle, not in the vector."""
+    n, at = circle("xy")
+    text = (
+        f"{HEADS['fusion']}RAPID\nGOTO/{numbers(at(0) + np.array([9, 0, 9]))}\nFEDRAT/600,MMPM\n"
+        f"GOTO/{numbers(at(0))}\nMOVARC/{numbers(CENTRE)},0,0,1,{RADIUS},ANGLE,{-sweep}\n"
+        f"GOTO/{numbers(at(-sweep))}\nFINI\n"
+    )
+    way, before = 0.0, None
+    for step in steps(converted(tmp_path, text, dialect="fusion")):
+        if step.word == "CIRC":
+            way += turned(before, step.aux, step.point, n)
+        before = step.point if step.point is not None else before
+    assert way == pytest.approx(-sweep, abs=2e-3)

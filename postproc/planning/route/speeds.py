@@ -137,6 +137,7 @@ def _capped(
                 hint="give [motion] feed_mm_min in the cell file",
             )
         )
+    findings += _crawls(problem, table, rows[speed[rows] < SLOWEST])
     speed[missing] = np.inf
     fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows] * (1.0 + 1e-9))]
     cap = cap.copy()
@@ -151,6 +152,20 @@ def _capped(
         findings.append(_slower(problem, table, cuts[speed[cuts] == asked], asked, cap))
     speed[fast] = cap[fast]
     return np.where(np.isfinite(speed), speed, SLOWEST)
+
+
+def _crawls(problem: Problem, table: Moves, rows: IndexArray) -> list[Finding]:
+    """Return one error for each feed of moves (k,) that is too slow to be one."""
+    asked, first = np.unique(table.speed[rows], return_index=True)
+    return [
+        failure(
+            problem,
+            int(table.tag[rows[row]]),
+            Reason.SPEED,
+            f"a feed of {speed / MM_PER_MIN:g} mm/min, expected at least {SLOWEST / MM_PER_MIN:g}",
+        )
+        for speed, row in zip(asked.tolist(), first.tolist(), strict=True)
+    ]
 
 
 def _is_tapped(problem: Problem, table: Moves) -> BoolArray:

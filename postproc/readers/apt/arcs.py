@@ -76,7 +76,7 @@ def arcs_between(
 
     Where the record leaves the sense open, the start is turned by the written sweep both ways: one
     of them meets the end. If both do, as half turns and full circles do, the arc goes
-    counterclockwise about the written vector and is marked.
+    counterclockwise about the written vector, clockwise where the sweep is negative, and is marked.
 
     Args:
         records: m arcs as read.
@@ -123,7 +123,8 @@ def _senses(
 ) -> tuple[BoolArray, BoolArray]:
     """Return which arcs (m,) go clockwise about the written vector, and which may go either way."""
     across = np.cross(normal, to_start)
-    cosine, sine = np.cos(records.sweep)[:, None], np.sin(records.sweep)[:, None]
+    sweep = np.abs(records.sweep)[:, None]
+    cosine, sine = np.cos(sweep), np.sin(sweep)
     forth = np.linalg.norm(cosine * to_start + sine * across - to_end, axis=1)
     back = np.linalg.norm(cosine * to_start - sine * across - to_end, axis=1)
     back[~records.free] = np.inf
@@ -140,7 +141,8 @@ def _senses(
         )
     with np.errstate(invalid="ignore"):
         either = records.free & ~(np.abs(forth - back) > _SAME_GAP)
-        return records.free & (back < forth) & ~either, either
+        backwards = np.where(either, records.sweep < 0.0, back < forth)
+        return records.free & backwards, either
 
 
 def _check_rise(records: ArcRecords, rise: FloatArray, faults: Faults) -> None:

@@ -129,12 +129,12 @@ def _contradicted(state: AptState, unit: str, line: int) -> float | None:
 
 
 def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
-    """Handle SPINDL/: speed, unit and direction in any order, ON, OFF or nothing else."""
+    """Handle SPINDL/: speed, unit and direction in any order, ON, OFF or 0, or nothing else."""
     words = statement.upper
-    if "OFF" in words:
+    value = None if "OFF" in words else _speed(state, words, line)
+    if "OFF" in words or value == 0.0:
         state.add_event(EventKind.SPINDLE_OFF, line)
         return
-    value = _speed(state, words, line)
     if value is not None:
         state.spindle = abs(_turns_per_second(state, words, value, line))
     elif {"ORIENT", "LOCK"} & set(words):

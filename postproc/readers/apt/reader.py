@@ -12,7 +12,7 @@ from collections import Counter
 
 import numpy as np
 
-from postproc.model import ToolPath
+from postproc.model import ToolPath, WordClass
 from postproc.readers.apt.dialect import Dialect
 from postproc.readers.apt.finish import finished_toolpath
 from postproc.readers.apt.lines import statement_blocks
@@ -65,6 +65,12 @@ class AptReader:
         motion_reader.finish()
         close_spline(state)
         check_homes(state)
+        if 0 < state.first_fini < last_motion:
+            state.uses.refuse(
+                "FINI", WordClass.GEOMETRY, state.first_fini,
+                f"the part ends here, but motions follow down to line {last_motion}; they are "
+                "read as more of it",
+            )  # fmt: skip
         last_open = max(last_motion, state.last_open)
         if last_open > state.last_end:
             ends = " or ".join(sorted(state.dialect.ends))

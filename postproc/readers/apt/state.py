@@ -153,10 +153,9 @@ class AptState:
         self.matrix = MatrixComment()
         self.last_point: FloatArray | None = None
         """The last point in file coordinates and units, for increments."""
-        self.last_open = 0
-        """Line of the last TOOL PATH, which an end word must close."""
-        self.last_end = 0
-        """Line of the last word that may end a file."""
+        self.last_open = self.last_end = self.first_fini = 0
+        """Lines of the last TOOL PATH, which an end word must close; of the last word that may end
+        a file; of the first FINI, behind which nothing belongs to the part."""
         self.spline: SplineDraft | None = None
 
     @property

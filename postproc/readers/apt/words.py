@@ -345,6 +345,8 @@ def _setup(state: AptState, statement: Statement, line: int) -> None:
 def _end(state: AptState, statement: Statement, line: int) -> None:
     if statement.word in state.dialect.ends:
         state.last_end = line
+    if statement.word == "FINI":
+        state.first_fini = state.first_fini or line
 
 
 _HANDLERS: dict[str, Handler] = {
