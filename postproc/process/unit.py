@@ -89,8 +89,11 @@ def hole_steps(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, list[Event
 
 
 def unit_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return an error for feed moves into the part that the unit would make a second time."""
-    if not cell.process.unit_feeds or len(toolpath) < 2:
+    """Return an error for feed moves into the part that the unit would make a second time.
+
+    The file tells, as it is read; holes that are served already stand above their places.
+    """
+    if not cell.process.unit_feeds or len(toolpath) < 2 or NUMBER in toolpath.extra:
         return []
     way = np.diff(toolpath.points, axis=0)
     along = -np.einsum("ij,ij->i", way, toolpath.axes[1:])
