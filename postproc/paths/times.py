@@ -8,12 +8,12 @@ from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, EventWord
 from postproc.paths.motion import Paths
+from postproc.timing import joint_move_time, path_times
 
 SLOWEST = 1e-7
 """A path speed [m/s] below this is none; times are finite with it."""
 
 
-_RAMP = 0.1
 _TINY = 1e-12
 
 
@@ -60,41 +60,25 @@ def cycle_time(paths: Paths, cell: Cell) -> float:
 
 
 def durations(paths: Paths, cell: Cell) -> FloatArray:
-    """Return an estimate (m,) [s] of each motion, with the ramp at the start of each chain."""
+    """Return an estimate (m,) [s] of each motion, with ramps and jerk."""
     trace = paths.trace
     times = np.zeros(len(trace))
-    if len(trace) == 0:
-        return times
-    cp = trace.is_cp
-    if cp.any():
-        speed = np.minimum(trace.column("speed"), _reachable(paths))
-        ramps = speed / trace.column("acceleration") + _RAMP
-        chain = chains(paths)
-        firsts = np.r_[True, chain[1:] != chain[:-1]] & cp
-        times[cp] = np.nan_to_num(motion_times(paths)[cp])
-        times[firsts] += ramps[firsts]
-    joint = np.flatnonzero(~cp)
+    cp = np.flatnonzero(trace.is_cp)
+    turning = paths.curves.angle / np.maximum(trace.column("orientation_speed"), SLOWEST)
+    times[cp] = path_times(
+        paths.curves.length[cp],
+        np.maximum(trace.column("speed")[cp], SLOWEST),
+        chains(paths)[cp],
+        np.nan_to_num(turning[cp]),
+        trace.column("acceleration")[cp],
+    )
+    joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
-    times[joint] += _ptp_times(paths, cell)
-    return times
-
-
-def _ptp_times(paths: Paths, cell: Cell) -> FloatArray:
-    trace = paths.trace
-    rows = np.flatnonzero(~trace.is_cp)
-    rows = rows[rows > 0]
-    if not len(rows):
-        return np.zeros(0)
-    way = np.nan_to_num(np.abs(paths.q[rows] - paths.q[rows - 1]))
-    share = np.array([s.ptp for s in trace.settings])[trace.setting[rows]]
+    share = np.array([s.ptp for s in trace.settings])[trace.setting[joint]]
+    before, after = np.nan_to_num(paths.q[joint - 1]), np.nan_to_num(paths.q[joint])
     top = np.maximum(cell.robot.qd_max * share, _TINY)
-    push = np.where(np.isfinite(cell.robot.qdd_max), cell.robot.qdd_max, np.inf)
-    full = way >= top**2 / push
-    ramp = np.where(np.isinf(push), 0.0, top / push)
-    short = np.where(np.isinf(push), way / top, 2.0 * np.sqrt(way / push))
-    each = np.where(full, way / top + ramp, short)
-    slowest = each.max(axis=1)
-    return np.where(slowest > _TINY, slowest + _RAMP, 0.0)
+    times[joint] = joint_move_time(before, after, top, cell.robot.qdd_max)
+    return times
 
 
 def feed_shares(paths: Paths, cell: Cell) -> FloatArray:

@@ -7,6 +7,7 @@ from postproc.timing.profile import (
     chain_profile,
     joint_move_time,
     line_time,
+    path_times,
 )
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "chain_profile",
     "joint_move_time",
     "line_time",
+    "path_times",
 ]

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, FloatArray, runs
 
 RAMP = 0.1
 """Time [s] in which acceleration is built up; assumed."""
@@ -63,7 +63,7 @@ def joint_move_time(
 def line_time(
     length: ArrayLike,
     speed: ArrayLike,
-    acceleration: float = PATH_ACCELERATION,
+    acceleration: ArrayLike = PATH_ACCELERATION,
     ramp: float = RAMP,
 ) -> FloatArray:
     """Return the time (m,) [s] of straight moves from rest to rest.
@@ -71,16 +71,18 @@ def line_time(
     Args:
         length: (m,) [m].
         speed: (m,) or one [m/s].
-        acceleration: along the path [m/s^2].
+        acceleration: (m,) or one, along the path [m/s^2].
         ramp: as in ``joint_move_time``.
     """
     way = np.atleast_1d(np.asarray(length, dtype=np.float64))
     top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
-    known: dict[tuple[float, float], float] = {}
+    push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), way.shape)
+    known: dict[tuple[float, float, float], float] = {}
     times = np.zeros(len(way))
-    for i, key in enumerate(zip(np.round(way, 9).tolist(), top.tolist(), strict=True)):
+    keys = zip(np.round(way, 9).tolist(), top.tolist(), push.tolist(), strict=True)
+    for i, key in enumerate(keys):
         if key not in known:
-            known[key] = _RestToRest.time(key[0], key[1], acceleration, ramp)
+            known[key] = _RestToRest.time(*key, ramp)
         times[i] = known[key]
     return times
 
@@ -129,6 +131,34 @@ def chain_profile(
         total = float(duration.sum())
         duration = duration * (1.0 + ramp / total) if total > _TINY else duration
     return PathSpeed(speed, duration)
+
+
+def path_times(
+    length: FloatArray,
+    speed: FloatArray,
+    chain: AnyIntArray,
+    turning: FloatArray,
+    acceleration: ArrayLike = PATH_ACCELERATION,
+) -> FloatArray:
+    """Return the time (m,) [s] of path motions in order.
+
+    Args:
+        length: (m,) [m].
+        speed: (m,) largest speed [m/s].
+        chain: (m,) equal from one stop to the next.
+        turning: (m,) time that the orientation needs at least [s].
+        acceleration: one or (m,) along the path [m/s^2].
+    """
+    push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), length.shape)
+    times = np.zeros(len(length))
+    bounds = runs(chain)
+    alone = np.array([low for low, high in bounds if high - low == 1], dtype=np.int64)
+    times[alone] = line_time(length[alone], speed[alone], push[alone])
+    for low, high in bounds:
+        if high - low > 1:
+            way = np.concatenate([[0.0], np.cumsum(length[low:high])])
+            times[low:high] = chain_profile(way, speed[low:high], push[low:high]).duration
+    return np.maximum(times, turning)
 
 
 def axis_speed_cap(

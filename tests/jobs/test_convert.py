@@ -63,6 +63,7 @@ def test_a_path_becomes_a_program_that_passes_its_points(tmp_path, cell, run):
     assert report["ok"]
     assert report["max_position_error_mm"] <= 0.01
     assert report["max_axis_error_deg"] <= 0.005
+    assert report["cycle_time_s"] == pytest.approx(document["cycle_time_s"], rel=1e-4)
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path, cell, run):

@@ -13,6 +13,7 @@ from postproc.timing.profile import (
     chain_profile,
     joint_move_time,
     line_time,
+    path_times,
 )
 
 
@@ -118,3 +119,15 @@ def test_no_waypoint_and_no_network(monkeypatch):
     _, request, trajectory = profile._RestToRest._parts
     assert request.intermediate_positions == []
     assert trajectory.intermediate_durations in ([], [trajectory.duration])
+
+
+def test_path_times_are_those_of_each_chain():
+    length, speed = np.array([0.05, 0.2, 0.1, 0.3, 0.0]), np.array([0.01, 0.1, 0.2, 0.2, 0.1])
+    chain, turning = np.array([1, 2, 2, 2, 3]), np.array([0.0, 0.0, 9.0, 0.0, 0.5])
+    push = np.full(5, 2.3)
+    got = path_times(length, speed, chain, turning, push)
+    way = np.array([0.0, 0.2, 0.3, 0.6])
+    blended = chain_profile(way, speed[1:4], 2.3).duration
+    want = [double_s(0.05, 0.01, 2.3, 23.0), blended[0], 9.0, blended[2], 0.5]
+    assert np.allclose(got, want, rtol=5e-6)
+    assert path_times(*np.zeros((2, 0)), np.zeros(0, dtype=int), np.zeros(0)).shape == (0,)

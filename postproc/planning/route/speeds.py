@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
@@ -16,11 +16,9 @@ from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS
 from postproc.timing import (
     ORIENTATION_SPEED,
-    PATH_ACCELERATION,
     axis_speed_cap,
-    chain_profile,
     joint_move_time,
-    line_time,
+    path_times,
 )
 from postproc.units import MM_PER_MIN
 
@@ -70,7 +68,7 @@ def timed(
     blend = _blends(problem, replace(table, speed=speed), length, stops_before)
     blend = lowered_blends(checker, table, lines, rows, blend)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
-    duration = _durations(problem, table, length, np.minimum(speed, cap), blend)
+    duration = _durations(problem, table, length, np.minimum(speed, cap), blend, orientation)
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
 
 
@@ -257,7 +255,12 @@ def _headings(table: Moves) -> tuple[FloatArray, FloatArray]:
 
 
 def _durations(
-    problem: Problem, table: Moves, length: FloatArray, speed: FloatArray, blend: FloatArray
+    problem: Problem,
+    table: Moves,
+    length: FloatArray,
+    speed: FloatArray,
+    blend: FloatArray,
+    orientation: FloatArray,
 ) -> FloatArray:
     """Return the estimated time (m,) [s] of each move, without its dwell."""
     robot = problem.cell.robot
@@ -270,19 +273,14 @@ def _durations(
         np.asarray(robot.qd_max) * problem.cell.motion.rapid,
         robot.qdd_max,
     )
-    path = (table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0)
-    stop = (blend == 0.0) | ~path
-    stop[:-1] |= ~path[1:]
-    starts = path & np.concatenate([[True], stop[:-1]])
-    alone = np.nonzero(starts & stop)[0]
-    duration[alone] = line_time(length[alone], np.maximum(speed[alone], SLOWEST))
-    group = np.cumsum(starts)
-    chained = np.nonzero(path & ~(starts & stop))[0]
-    for low, high in runs(group[chained]):
-        rows = chained[low:high]
-        way = np.concatenate([[0.0], np.cumsum(length[rows])])
-        cap = np.maximum(speed[rows], SLOWEST)
-        duration[rows] = chain_profile(way, cap, PATH_ACCELERATION).duration
+    path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
+    stop = blend[path] == 0.0
+    stop[:-1] |= np.diff(path) > 1
+    R = table.T_base_tcp[:, :3, :3]
     turned = np.zeros(len(table))
-    turned[1:] = np.abs(np.diff(table.q[:, :], axis=0)).max(axis=1) / ORIENTATION_SPEED
-    return np.where(path & (length <= _SHORT), np.maximum(duration, turned), duration)
+    turned[1:] = rotation_angle(R[:-1], R[1:])
+    turning = turned / np.where(np.isfinite(orientation), orientation, ORIENTATION_SPEED)
+    chain = np.cumsum(np.r_[True, stop[:-1]][: len(path)])
+    top = np.maximum(speed[path], SLOWEST)
+    duration[path] = path_times(length[path], top, chain, turning[path])
+    return duration
