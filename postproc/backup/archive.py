@@ -152,7 +152,7 @@ def _safe_name(entry: zipfile.ZipInfo, source: SourceRef) -> str:
     if entry.file_size > _SMALL and entry.file_size > MOST_RATIO * max(entry.compress_size, 1):
         text = f"{shown} unpacks to {entry.file_size} bytes, {MOST_RATIO} times its size and more"
         raise ReadError("BAK003", f"{text}: no backup of a controller", source)
-    return name
+    return "/".join(parts)  # without the ./ that some tools write in front
 
 
 def _shown(name: str) -> str:
