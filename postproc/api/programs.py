@@ -125,6 +125,7 @@ def convert(
     model: Source | None = None,
     pins: Source | None = None,
     partial: bool = False,
+    trade: bool = False,
     progress: Progress | None = None,
 ) -> Job:
     """Return a part planned, checked and written as program text, in memory.
@@ -140,6 +141,7 @@ def convert(
         model: model file of the arm, to compensate what it predicts.
         pins: CSV of spins that tags must have (``tag,spin_deg``).
         partial: keep the good stretches although tags fail.
+        trade: plan with the other presets too; ``document["trade"]`` compares them.
         progress: called with (done, total, what).
 
     Returns:
@@ -162,6 +164,7 @@ def convert(
         model=None if model is None else str(model),
         pins=None if pins is None else str(pins),
         partial=partial,
+        trade=trade,
     )
     return Job(convert_part(request, progress, toolpath, known))
 

@@ -121,16 +121,36 @@ class PieceBounds:
                 centre = np.einsum("kij,kj->ki", frame[0][part], box[0][part]) + frame[1][part]
                 centre = (centre - shape.centre) @ shape.axes
                 extent = np.einsum("kij,kj->ki", np.abs(R @ box[1][part]), box[2][part])
-                low = shape.low - (centre + extent)[:, None]
-                high = (centre - extent)[:, None] - shape.high
-                gap = np.maximum(np.maximum(low, high), 0.0)
-                square = np.einsum("kmi,kmi->km", gap, gap)
-                row, piece = np.nonzero(square <= (threshold[part, None] + SLACK) ** 2)
+                row, piece = _near_pieces(
+                    shape, centre - extent, centre + extent, (threshold[part] + SLACK) ** 2
+                )
                 rows.append(part[row])
                 pieces.append(piece)
         row, piece = np.concatenate(rows), np.concatenate(pieces)
         order = np.argsort(row, kind="stable")
         return row[order], piece[order]
+
+
+def _near_pieces(
+    shape: Shape, low: FloatArray, high: FloatArray, square: FloatArray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (row, piece) of boxes ``low`` to ``high`` (k, 3) near pieces of a shape.
+
+    The axis along which the shape is longest rules out most; only what is left is looked at
+    further. ``square`` (k,) [m^2] of the distances that count as near.
+    """
+    longest = int(np.argmax(shape.half))
+    gap = np.maximum(
+        shape.low[:, longest] - high[:, None, longest],
+        low[:, None, longest] - shape.high[:, longest],
+    )
+    np.maximum(gap, 0.0, out=gap)
+    np.multiply(gap, gap, out=gap)
+    row, piece = np.nonzero(gap <= square[:, None])
+    apart = np.maximum(shape.low[piece] - high[row], low[row] - shape.high[piece])
+    np.maximum(apart, 0.0, out=apart)
+    near = np.flatnonzero(np.einsum("ki,ki->k", apart, apart) <= square[row])
+    return row[near], piece[near]
 
 
 def _inverse(R: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,6 +19,7 @@ from postproc.cell import Cell, shared_cell
 from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, read_back, with_emitter
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.jobs.joint_targets import with_joint_targets
+from postproc.jobs.trade import LOST, Outcome, outcomes
 from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
@@ -40,10 +41,6 @@ REASONS = {
 """Finding code of a failing tag to the reason of the JSON document. A tag without a feed has no
 speed, one without a Cartesian target no place to reach. Findings about the whole program, and not
 about a tag, have the reason ``check``."""
-
-
-_LOST = ("lost_mean_percent", "lost_max_percent")
-"""What tags lose of the best stiffness within their reach, collisions not asked."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +69,8 @@ class ConvertRequest:
     partial: bool = False
     cam_lines: bool = True
     """False: the program names no CAM lines, which move with every line added elsewhere."""
+    trade: bool = False
+    """Plan with the other presets too, to compare."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +78,8 @@ class Conversion:
     """A finished conversion: the plan, the program files by name, findings and times.
 
     ``cell``: with the emitter, the strategy and the objective of the call, and what a model knows
-    of the arm. ``read``: what the program text says, None where none was written.
+    of the arm. ``read``: what the program text says, None where none was written. ``trade``: what
+    each preset would make of it, where that was asked.
     """
 
     cell: Cell
@@ -90,6 +90,7 @@ class Conversion:
     findings: tuple[Finding, ...]
     timing: Mapping[str, float] = field(default_factory=dict)
     read: ReadBack | None = None
+    trade: tuple[Outcome, ...] = ()
 
     @property
     def good(self) -> bool:
@@ -148,8 +149,14 @@ def convert(
         plan = replace(plan, findings=(*words, *plan.findings))
     clock.begin("emit")
     program, findings, read = _emit_checked(plan, cell, request, clock, model)
+    trade: tuple[Outcome, ...] = ()
+    if request.trade and not any(finding.is_error for finding in words):
+        clock.begin("trade")
+        trade = outcomes(
+            plan, cell, lambda here: make_plan(toolpath, here, request, progress, model)
+        )
     files, name = program.files, program.name
-    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read)
+    return Conversion(cell, toolpath, plan, files, name, findings, clock.total(), read, trade)
 
 
 def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
@@ -310,6 +317,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "grades": grade_counts(plan, conversion.cell),
         "clearance": smallest_clearance(conversion),
         "stiffness": _stiffness(conversion),
+        "trade": [outcome.to_dict() for outcome in conversion.trade],
         "compensation": _compensation(conversion),
         "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
         "warnings": [
@@ -368,7 +376,7 @@ def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
         "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
         "mean_N_per_mm": float(values.mean() / N_PER_MM),
         "min_N_per_mm": float(values.min() / N_PER_MM),
-        **{key: plan.settings[key] for key in _LOST if key in plan.settings},
+        **{key: plan.settings[key] for key in LOST if key in plan.settings},
     }
 
 

@@ -15,6 +15,7 @@ from postproc.errors import RunKind
 from postproc.jobs.check_cell import CellCheck
 from postproc.jobs.convert import Conversion
 from postproc.jobs.drawing import drawing_of
+from postproc.jobs.trade import HEAD
 from postproc.kinematics import build, wrist_distance
 from postproc.model import ToolPath
 from postproc.paths import Paths
@@ -39,6 +40,7 @@ def page_of_conversion(conversion: Conversion) -> bytes:
         plan_maps(conversion.plan, cell, findings),
         findings,
         program_text(conversion.files, conversion.read),
+        [HEAD, *(outcome.row() for outcome in conversion.trade)] if conversion.trade else (),
     )
 
 

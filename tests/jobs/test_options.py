@@ -540,6 +540,7 @@ BENT = "UNITS/MM\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
 """No end of the file: strict reading refuses it."""
 CALLS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "preset": ({}, {"--preset": "stiffest"}),
+    "trade": ({"--report": "page.html"}, {"--trade": None}),
     "source": ({}, {"source": "points.csv"}),
     "cell": ({}, {"--cell": "other.toml"}),
     "output": ({}, {"-o": "elsewhere"}),

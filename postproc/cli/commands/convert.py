@@ -22,6 +22,7 @@ EPILOG = """\b
 Examples:
   postproc convert part.cls --cell cell.toml -o out
   postproc convert holes.csv --cell cell.toml -o out --strategy smooth --report out/holes.html
+  postproc convert holes.csv --cell cell.toml -o out --trade
   postproc convert holes.csv --cell cell.toml -o out --spin-map map.html --spin-map map.csv
 """
 _SPIN_MAPS = (".html", ".png", ".csv")
@@ -62,6 +63,7 @@ def _known_suffix(
     type=click.Choice(["stiffest", "balanced", "fastest"]),
     help="Stiffness against time, for an objective by name; default: the cell's.",
 )
+@click.option("--trade", is_flag=True, help="Show what each preset would lose and gain.")
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
 @click.option("--pins", metavar="FILE.csv", help="Spins that tags must have: tag,spin_deg.")
 @click.option("--partial", is_flag=True, help="Write the good stretches although tags fail.")
@@ -95,6 +97,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         strategy=options["strategy"],
         objective=options["objective"],
         preset=options["preset"],
+        trade=options["trade"],
         model=options["model"],
         pins=options["pins"],
         partial=options["partial"],
@@ -170,6 +173,12 @@ def _summary(
             f"stiffness {figures['objective']}: mean {figures['mean_N_per_mm']:.0f} N/mm{gain}, "
             f"lowest {figures['min_N_per_mm']:.0f} N/mm"
         )
+    if conversion.trade:
+        from postproc.jobs.trade import HEAD
+
+        session.show("presets  (* is written)")
+        for row in (HEAD, *(outcome.row() for outcome in conversion.trade)):
+            session.show(f"  {row[0]:<12}" + "".join(f"{word:>10}" for word in row[1:]))
     session.show(f"cycle    {content['cycle_time_s']:.1f} s (estimate)")
     grades = ", ".join(f"{count} {grade}" for grade, count in content["grades"].items())
     session.show(f"margin   to limits, singularity and solids: {grades}")

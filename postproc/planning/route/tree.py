@@ -15,6 +15,8 @@ ROUNDS = 60
 """How often a tree grows at most."""
 _SEED = 20220115
 _BATCH = 48
+_MEETINGS = 12
+"""Moves between two trees that are checked together."""
 _STEPS = (0.6, 0.3)
 """Longest move [rad] of a tree: in open space, and once that has not been enough."""
 _SHORTER = 20
@@ -67,19 +69,24 @@ class _Tree:
         return np.arange(first, len(self.nodes))
 
     def meet(self, checker: Checker, other: _Tree, new: IndexArray) -> tuple[int, int] | None:
-        """Return a new node of the other tree and the own node joined to it by a free move."""
+        """Return a new node of the other tree and the own node joined to it by a free move.
+
+        The shortest such move: moves are checked in that order, some at a time, up to the first.
+        """
         if not len(new):
             return None
         near = self.nearest(other.nodes[new])
         middle = 0.5 * (other.nodes[new] + self.nodes[near])
         hopeful = np.nonzero(checker.free_poses(middle))[0]
-        start, end = other.nodes[new[hopeful]], self.nodes[near[hopeful]]
-        good = hopeful[checker.joint_moves(start, end).good]
-        if not len(good):
-            return None
-        gap = np.linalg.norm(other.nodes[new[good]] - self.nodes[near[good]], axis=1)
-        best = good[int(np.argmin(gap))]
-        return int(new[best]), int(near[best])
+        gap = np.linalg.norm(other.nodes[new[hopeful]] - self.nodes[near[hopeful]], axis=1)
+        hopeful = hopeful[np.argsort(gap, kind="stable")]
+        for low in range(0, len(hopeful), _MEETINGS):
+            some = hopeful[low : low + _MEETINGS]
+            start, end = other.nodes[new[some]], self.nodes[near[some]]
+            good = some[checker.joint_moves(start, end).good]
+            if len(good):
+                return int(new[good[0]]), int(near[good[0]])
+        return None
 
     def way(self, node: int) -> list[FloatArray]:
         """Return the nodes from the root to this one."""

@@ -26,6 +26,7 @@ from postproc.report.parts import (
     in_drawn_base,
     packed,
     packed_text,
+    table,
     tag_columns,
 )
 from postproc.units import DEG, MM, N_PER_MM
@@ -40,6 +41,7 @@ def program_page(
     maps: PlanMaps,
     findings: Sequence[Finding] = (),
     text: ProgramText | None = None,
+    presets: Sequence[Sequence[str]] = (),
 ) -> bytes:
     """Return the page of a plan as one self-contained HTML file.
 
@@ -49,6 +51,7 @@ def program_page(
         maps: what is known of its tags.
         findings: all findings of the conversion.
         text: the program text, read back; None when no text was written.
+        presets: head and rows of what each preset would lose and gain; none where not asked.
     """
     cell = drawing.cell
     failing = {
@@ -73,6 +76,8 @@ def program_page(
         "no_spin_map": maps.no_spins,
     }
     motion_sections(page, columns, "Tags", spins=True)
+    if presets:
+        page.section("Stiffness against time", table(presets[0], presets[1:]), "half")
     page.section("Time per operation", _operations(plan), "half")
     page.section("Findings", _findings(findings), "half")
     return page.render()
