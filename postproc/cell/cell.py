@@ -105,6 +105,7 @@ class ExternalAxis:
 
     ``kind``: ``rail`` (carries the robot along ``axis`` of the world) or ``positioner`` (turns the
     workpiece about ``axis`` through ``T_world_axis``'s origin). Limits [m] or [rad] and per second.
+    ``moves_in_cuts``: the axis may move while the tool cuts.
     """
 
     name: str
@@ -114,6 +115,7 @@ class ExternalAxis:
     q_min: float
     q_max: float
     qd_max: float
+    moves_in_cuts: bool = True
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

@@ -332,6 +332,7 @@ def _external_axis(table: ExternalAxisTable) -> ExternalAxis:
         q_min=low * unit,
         q_max=high * unit,
         qd_max=(speed or 0.0) * unit,
+        moves_in_cuts=table.moves_in_cuts,
     )
 
 

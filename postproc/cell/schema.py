@@ -632,6 +632,10 @@ class ExternalAxisTable(Placement):
     speed_deg_s: Positive | None = Field(
         default=None, description="largest speed of a positioner [deg/s]"
     )
+    moves_in_cuts: bool = Field(
+        default=True,
+        description="whether it may move while the tool cuts, where no single place serves a cut",
+    )
 
     @model_validator(mode="after")
     def _units_of_kind(self) -> ExternalAxisTable:

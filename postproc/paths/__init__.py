@@ -1,5 +1,6 @@
 """From executed motions to joint paths, moments and times."""
 
+from postproc.paths.externals import Externals
 from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
 from postproc.paths.motion import Paths, Shift, Station, joint_paths
 from postproc.paths.times import SLOWEST, cycle_time, durations, feed_shares, speed_shares
@@ -8,6 +9,7 @@ from postproc.paths.world import run_in_cell
 __all__ = [
     "SLOWEST",
     "Displacement",
+    "Externals",
     "Moments",
     "Paths",
     "Shift",

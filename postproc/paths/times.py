@@ -8,7 +8,7 @@ from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, EventWord
 from postproc.paths.motion import Paths
-from postproc.timing import joint_move_time, path_times
+from postproc.timing import SPEED_UP_TIME, joint_move_time, path_times
 
 SLOWEST = 1e-7
 """A path speed [m/s] below this is none; times are finite with it."""
@@ -75,14 +75,17 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
     share = np.array([s.ptp for s in trace.settings])[trace.setting[joint]]
-    before, after = np.nan_to_num(paths.q[joint - 1]), np.nan_to_num(paths.q[joint])
-    top = np.maximum(cell.robot.qd_max * share, _TINY)
-    times[joint] = joint_move_time(before, after, top, cell.robot.qdd_max)
+    share = np.hstack([share, np.tile(share[:, :1], (1, len(cell.external_axes)))])
+    places = np.nan_to_num(np.hstack([paths.q, paths.external]))
+    speed = _top_speeds(cell)
+    ramps = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
+    top = np.maximum(speed * share, _TINY)
+    times[joint] = joint_move_time(places[joint - 1], places[joint], top, ramps)
     return times
 
 
 def feed_shares(paths: Paths, cell: Cell) -> FloatArray:
-    """Return how much of its speed (s, 6) each axis needs for the programmed path speed.
+    """Return how much of its speed (s, 6 + k) each axis needs for the programmed path speed.
 
     As if the path speed were held all along: neither ramps nor the speed of the orientation make
     a motion slower. What a feed asks of the axes is a question of the path.
@@ -92,17 +95,27 @@ def feed_shares(paths: Paths, cell: Cell) -> FloatArray:
 
 
 def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
-    """Return how much of its speed (s, 6) each axis needs at each sample, 1 = its limit."""
+    """Return how much of its speed (s, 6 + k) each axis needs at each sample, 1 = its limit.
+
+    The external axes stand behind those of the arm.
+    """
     return _shares(paths, cell, motion_times(paths))
+
+
+def _top_speeds(cell: Cell) -> FloatArray:
+    """Return the largest speeds (6 + k,) of the arm's axes and the external ones."""
+    return np.append(cell.robot.qd_max, [axis.qd_max for axis in cell.external_axes])
 
 
 def _shares(paths: Paths, cell: Cell, times: FloatArray) -> FloatArray:
     first = np.r_[True, paths.row[1:] != paths.row[:-1]]
-    at_start = paths.q[np.maximum(paths.row - 1, 0)]
-    before = np.where(first[:, None], at_start, np.roll(paths.q_sample, 1, axis=0))
+    external = paths.curves.external_at(paths.row, paths.share, paths.external)
+    sample = np.hstack([paths.q_sample, external])
+    at_start = np.hstack([paths.q, paths.external])[np.maximum(paths.row - 1, 0)]
+    before = np.where(first[:, None], at_start, np.roll(sample, 1, axis=0))
     share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
     dt = times[paths.row] * share
     with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.abs(paths.q_sample - before) / dt[:, None] / cell.robot.qd_max
+        needed = np.abs(sample - before) / dt[:, None] / _top_speeds(cell)
     needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
     return np.where(np.isfinite(needed), needed, 0.0)

@@ -11,6 +11,7 @@ from postproc.cell import Cell
 from postproc.errors import Finding, PlanError, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import Event, MoveRole, Plan, ToolPath
+from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, tag_clearances
 from postproc.planning.repeats import with_repeats, without_repeats
 from postproc.planning.route import Route, route, step_rows
@@ -149,9 +150,10 @@ def _served(
         toolpath,
         cell,
         settings,
+        lambda external: checker_of(toolpath, cell, settings, external),
         lambda here: checker_of(toolpath, here, settings),
-        lambda part, here, goes_on: _planned(
-            part, here, settings, options, progress, goes_on=goes_on
+        lambda part, here, goes_on, external: _planned(
+            part, here, settings, options, progress, external, goes_on=goes_on
         ),
     )
 
@@ -172,12 +174,13 @@ def _planned(
     settings: Settings,
     options: PlanOptions,
     progress: Progress | None,
+    external: FloatArray | None = None,
     *,
     goes_on: bool = False,
 ) -> Plan:
-    """Return the plan in a cell without external axes."""
+    """Return the plan with the external axes at ``external`` (n, k); None: the cell has none."""
     clock = Clock("place", progress)
-    checker = checker_of(toolpath, cell, settings)
+    checker = checker_of(toolpath, cell, settings, external)
     problem = checker.problem
     clock.begin("search")
     chosen, findings, record = choose(checker, clock.step)
@@ -219,9 +222,16 @@ def _as_used(problem: Problem) -> dict[str, object]:
     } | ({"tilts_deg": np.round(problem.tilts / DEG, 6).tolist()} if wishes.tilt else {})
 
 
-def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
-    """Return the planning problem of a toolpath in a cell."""
+def problem_of(
+    toolpath: ToolPath, cell: Cell, settings: Settings, external: FloatArray | None = None
+) -> Problem:
+    """Return the planning problem of a toolpath in a cell.
+
+    With external axes ``external`` (n, k) says where they stand at each tag [m or rad].
+    """
     toolpath, placement = place_given(toolpath, cell)
+    if external is not None:
+        placement = replace(placement, external=external, axes=Externals.of(cell))
     served = as_served(toolpath, cell)
     tilts = UPRIGHT
     if cell.optimize.tilt:
@@ -242,9 +252,11 @@ def problem_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Problem:
     )
 
 
-def checker_of(toolpath: ToolPath, cell: Cell, settings: Settings) -> Checker:
-    """Return the checks of a toolpath in a cell without external axes."""
-    problem = problem_of(toolpath, cell, settings)
+def checker_of(
+    toolpath: ToolPath, cell: Cell, settings: Settings, external: FloatArray | None = None
+) -> Checker:
+    """Return the checks of a toolpath in a cell; arguments as ``problem_of``."""
+    problem = problem_of(toolpath, cell, settings, external)
     return Checker(problem, strokes_of(problem.toolpath, cell.motion.approach), _scene(problem))
 
 
@@ -288,8 +300,9 @@ def _straight_ways(checker: Checker, chosen: Chosen) -> FloatArray:
         result[tags] = 1.0
         return result
     top = problem.placement.tcp(tags, chosen.attitude[tags], strokes.top[tags])
-    q, _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
-    result[tags] = checker.joint_moves(np.broadcast_to(home, q.shape), q).good
+    external = problem.placement.external[tags]
+    q, _ = problem.solve(top, external, chosen.branch[tags], chosen.q[tags])
+    result[tags] = checker.joint_moves(np.broadcast_to(home, q.shape), q, external).good
     return result
 
 
@@ -359,7 +372,7 @@ def _assembled(
         blend=times.blend,
         dwell=table.dwell,
         duration=times.duration,
-        external=np.zeros((len(table), 0)),
+        external=table.external,
         stiffness=index,
         stiffness_initial=initial,
         clearance=np.full(len(toolpath), np.nan),
@@ -396,7 +409,8 @@ def _stiffness(problem: Problem, chosen: Chosen) -> tuple[FloatArray, FloatArray
     upright = np.zeros((len(tags), 3))
     for result, attitude in ((index, chosen.attitude[tags]), (initial, upright)):
         T = problem.placement.tcp(tags, attitude)
-        q, reached = problem.solve(T, chosen.branch[tags], chosen.q[tags])
+        external = problem.placement.external[tags]
+        q, reached = problem.solve(T, external, chosen.branch[tags], chosen.q[tags])
         rows = np.nonzero(reached)[0]
         result[tags[rows]] = evaluate(problem, tags[rows], attitude[rows, 0], T[rows], q[rows])[1]
     return index, initial

@@ -3,6 +3,7 @@
 from postproc.timing.profile import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,
+    SPEED_UP_TIME,
     axis_speed_cap,
     chain_profile,
     joint_move_time,
@@ -13,6 +14,7 @@ from postproc.timing.profile import (
 __all__ = [
     "ORIENTATION_SPEED",
     "PATH_ACCELERATION",
+    "SPEED_UP_TIME",
     "axis_speed_cap",
     "chain_profile",
     "joint_move_time",

@@ -26,6 +26,8 @@ PATH_ACCELERATION = 2.3
 """[m/s^2], the default of $ACC.CP on KUKA controllers."""
 ORIENTATION_SPEED = 3.490658503988659
 """[rad/s], the default of $VEL.ORI1 (200 deg/s) on KUKA controllers."""
+SPEED_UP_TIME = 0.5
+"""Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
 
 

@@ -77,6 +77,9 @@ FINI
     "tap.apt": "UNITS/MM\nSPINDL/600,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
     "CYCLE/TAP,FEDTO,9,MMPM,600,RAPTO,3\nGOTO/0,0,0\nCYCLE/OFF\nFINI\n",
     "inches.apt": "UNITS/INCH\nFEDRAT/35,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/2,0,0\nFINI\n",
+    "long.apt": "PARTNO/LONG\nUNITS/MM\nFEDRAT/3000,MMPM\nGOTO/0,-4800,0,0,0,1\n"
+    + "".join(f"GOTO/0,{-4800 + 200 * i},0\n" for i in range(1, 49))
+    + "FINI\n",
     "plain.apt": "PARTNO/X\nFEDRAT/600\nGOTO/0,0,0,0,0,1\nGOTO/5,0,0\nFINI\n",
     "tasks.xml": "<OLPData><Resource id='r'>"
     + "".join(
@@ -424,6 +427,11 @@ CASES: dict[str, tuple[Any, ...]] = {
         {"external_axes": [{**RAIL, "range_mm": [-4000.0, 4000.0]}]},
         {"external_axes.0.speed_mm_s": 40.0},
         "apart.csv",
+    ),
+    "external_axes[].moves_in_cuts": (
+        {"external_axes": [{**RAIL, "range_mm": [-4000.0, 4000.0]}]},
+        {"external_axes.0.moves_in_cuts": False},
+        "long.apt",
     ),
     "external_axes[].speed_deg_s": (
         {"external_axes": [TABLE]},

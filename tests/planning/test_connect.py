@@ -39,6 +39,7 @@ def checker_of(make_cell, make_path):
     return make
 
 
+STANDING = np.zeros(0)
 POST = ("post", [0.1, 0.1, 1.6], 2.15, 0.0, 2.2)
 
 
@@ -52,7 +53,8 @@ def swings(count):
     tag = np.zeros(count, dtype=np.int64)
     # too low to back off anywhere: the tool stands at the tag only in name
     none = np.zeros(count)
-    return Ends(tag, tag + 1, np.full(count, np.nan), np.full(count, np.nan), start, end, none)
+    beside = np.full(count, np.nan)
+    return Ends(tag, tag + 1, beside, beside, start, end, np.zeros((count, 0)), none)
 
 
 def legs(ends, ways, samples=60):
@@ -67,8 +69,8 @@ def legs(ends, ways, samples=60):
 def test_a_way_found_once_serves_the_connections_beside_it(checker_of, monkeypatch):
     checker = checker_of(solid(*POST))
     ends = swings(24)
-    assert not checker.joint_moves(ends.q_from, ends.q_to).good.any()
-    assert checker.free_poses(np.vstack([ends.q_from, ends.q_to])).all()
+    assert not checker.joint_moves(ends.q_from, ends.q_to, STANDING).good.any()
+    assert checker.free_poses(np.vstack([ends.q_from, ends.q_to]), STANDING).all()
     grown = []
 
     def counted(*args):
@@ -79,7 +81,7 @@ def test_a_way_found_once_serves_the_connections_beside_it(checker_of, monkeypat
     ways = connect._by_trees(checker, ends, np.arange(24))
     assert sorted(ways) == list(range(24))
     assert all(len(way) for way in ways.values())
-    assert checker.free_poses(legs(ends, ways)).all()
+    assert checker.free_poses(legs(ends, ways), STANDING).all()
     assert len(grown) <= 6
     again = connect._by_trees(checker, ends, np.arange(24))
     assert all(np.array_equal(again[row], way) for row, way in ways.items())
@@ -90,7 +92,7 @@ def test_ways_lent_are_not_much_longer(checker_of):
     ends = swings(24)
     lent = connect._by_trees(checker, ends, np.arange(24))
     for row in range(0, 24, 5):
-        own = rrt_connect(checker, ends.q_from[row], ends.q_to[row])
+        own = rrt_connect(checker, ends.q_from[row], ends.q_to[row], STANDING)
         lengths = [
             np.linalg.norm(
                 np.diff(np.vstack([ends.q_from[row], way, ends.q_to[row]]), axis=0), axis=1
@@ -103,7 +105,7 @@ def test_ways_lent_are_not_much_longer(checker_of):
 def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatch):
     checker = checker_of(solid(*POST))
     asked = []
-    monkeypatch.setattr(connect, "rrt_connect", lambda *args: asked.append(args[3]))
+    monkeypatch.setattr(connect, "rrt_connect", lambda *args: asked.append(args[4]))
     assert connect._by_trees(checker, swings(9), np.arange(9)) == {}
     assert asked == [ROUNDS] * 5 + [connect._FEW] * 4
     asked.clear()
@@ -114,4 +116,4 @@ def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatc
 def test_a_free_way_needs_no_points(checker_of):
     checker = checker_of()
     ends = swings(1)
-    assert free_way(checker, ends.q_from[0], ends.q_to[0]).shape == (0, 6)
+    assert free_way(checker, ends.q_from[0], ends.q_to[0], STANDING).shape == (0, 6)

@@ -6,8 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation, Slerp
 
 from postproc.cell.cell import ExternalAxis, MeshPlacement
+from postproc.collision import Scene
 from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
@@ -132,30 +134,155 @@ def test_free_order_along_a_rail(make_cell, make_path):
     assert result.settings["stations"] < given.settings["stations"]
 
 
-def test_a_cut_longer_than_the_reach_says_what_it_needs(make_cell, make_path):
-    """Every point of it is in reach from somewhere, all of it from nowhere."""
-    n = 45
-    points = np.stack([np.full(n, 1.9), np.linspace(-4.4, 4.4, n), np.full(n, 1.0)], axis=1)
+def long_cut(make_path, half=3.0, n=121, feed=0.05):
+    """A wavy cut along the rail, its tool axis swaying."""
+    y = np.linspace(-half, half, n)
+    points = np.stack([1.9 + 0.05 * np.sin(2.0 * y), y, 1.0 + 0.05 * np.cos(3.0 * y)], axis=1)
+    axes = np.stack([-np.ones(n), 0.2 * np.sin(y), 0.1 * np.cos(2.0 * y)], axis=1)
     kind = np.full(n, MotionKind.LINEAR)
     kind[0] = MotionKind.RAPID
-    cell = make_cell(external_axes=(RAIL,))
-    toolpath = make_path(points, [-1.0, 0, 0], kind, feed=np.full(n, 0.05))
+    return make_path(points, axes, kind, feed=np.full(n, feed))
+
+
+def along_cuts(result, cell, shares=8):
+    """Joints (k, 6), external (k, 1), part points (k, 3) along cuts, by slerp and IK."""
+    kinematics = build(cell.robot)
+    rows = np.flatnonzero(result.role == MoveRole.CUT)
+    q, external, points = [], [], []
+    for row in rows.tolist():
+        R = Rotation.from_matrix(result.T_base_tcp[[row - 1, row], :3, :3])
+        for share in (np.arange(shares) + 1.0) / shares:
+            T = np.eye(4)
+            T[:3, :3] = Slerp([0.0, 1.0], R)(share).as_matrix()
+            T[:3, 3] = (1.0 - share) * result.T_base_tcp[row - 1, :3, 3]
+            T[:3, 3] += share * result.T_base_tcp[row, :3, 3]
+            e = (1.0 - share) * result.external[row - 1] + share * result.external[row]
+            T_flange = cell_at(cell, e).T_robroot_base @ T @ np.linalg.inv(cell.tool.T_flange_tcp)
+            slots, valid = kinematics.ik(T_flange[None])
+            near = result.q[row - 1] + share * (result.q[row] - result.q[row - 1])
+            off = slots[0] - near
+            moved = slots[0] - 2.0 * np.pi * np.round(off / (2.0 * np.pi))
+            best = np.argmin(np.where(valid[0], np.abs(moved - near).max(axis=1), np.inf))
+            q.append(moved[best])
+            external.append(e)
+            points.append(T[:3, 3])
+    return np.array(q), np.array(external), np.array(points)
+
+
+def test_the_rail_moves_along_a_cut_longer_than_the_reach(make_cell, make_path):
+    cell, toolpath = make_cell(external_axes=(RAIL,)), long_cut(make_path)
     result = plan(toolpath, cell)
+    assert not result.errors
+    assert [f.code for f in result.findings].count("PLN307") == 1
+    cut = np.flatnonzero(result.role == MoveRole.CUT)
+    assert len(cut) == len(toolpath) - 1
+    tip = result.T_base_tcp[cut, :3, 3] - toolpath.points[result.tag[cut]]
+    assert np.abs(tip).max() < 1e-9
+    axis = result.T_base_tcp[cut, :3, :3] @ cell.tool.axis + toolpath.axes[result.tag[cut]]
+    assert np.abs(axis).max() < 1e-9
+    q, external, _ = along_cuts(result, cell)
+    kinematics = build(cell.robot)
+    assert kinematics.within_limits(q, cell.limits.joint_margin - 1e-6).all()
+    assert np.abs(np.diff(q, axis=0)).max() < 20.0 * DEG
+    assert external.min() >= RAIL.q_min
+    assert external.max() <= RAIL.q_max
+    assert np.ptp(external) > 2.0
+    # smooth: the rail neither stops and goes nor turns back on the way along it
+    e = result.external[cut, 0]
+    way = np.linalg.norm(np.diff(toolpath.points, axis=0), axis=1)
+    slope = np.diff(e) / way[1:]
+    assert np.abs(np.diff(slope)).max() < 0.1
+    time = way / result.speed[cut]
+    assert (np.abs(np.diff(e)) / time[1:]).max() < RAIL.qd_max
+
+
+def test_a_slow_rail_slows_the_feed_and_says_so(make_cell, make_path):
+    slow = replace(RAIL, qd_max=0.02)
+    toolpath = long_cut(make_path, feed=0.05)
+    result = plan(toolpath, make_cell(external_axes=(slow,)))
+    assert not result.errors
+    found = [finding for finding in result.findings if finding.code == "PLN301"]
+    assert len(found) == 1
+    assert "E1 is at its largest speed" in found[0].message
+    cut = np.flatnonzero(result.role == MoveRole.CUT)
+    step = np.linalg.norm(np.diff(result.T_base_tcp[:, :3, 3], axis=0), axis=1)[cut - 1]
+    speed = np.abs(np.diff(result.external[:, 0]))[cut - 1] * result.speed[cut] / step
+    assert speed.max() <= slow.qd_max
+    assert result.speed[cut].min() < 0.04
+
+
+def test_beyond_the_end_of_the_rail(make_cell, make_path):
+    toolpath = long_cut(make_path, half=6.5)
+    result = plan(toolpath, make_cell(external_axes=(RAIL,)))
+    assert {finding.code for finding in result.errors} >= {"PLN101"}
+    lost = [f for f in result.errors if "no place of E1 within its range reaches all" in f.message]
+    assert lost
+    assert all(abs(toolpath.points[f.tag_index, 1]) > 3.5 for f in lost if f.code == "PLN101")
+
+
+def test_a_rail_that_may_not_move_in_cuts_says_what_they_need(make_cell, make_path):
+    """Every point of the cut is in reach from somewhere, all of it from nowhere."""
+    toolpath, still = long_cut(make_path, half=3.4), replace(RAIL, moves_in_cuts=False)
+    result = plan(toolpath, make_cell(external_axes=(still,)))
     assert result.errors
     for finding in result.errors:
-        assert "the cut from tag 0 to 44 needs E1 to move within it" in finding.message
-        assert finding.hint == "cuts keep their place of E1: lift the tool somewhere on the way"
-    away = replace(toolpath, points=points + np.array([9.0, 0.0, 0.0]))
-    assert not any("E1" in finding.message for finding in plan(away, cell).errors)
-    lifted = kind.copy()
-    lifted[22] = MotionKind.RAPID
-    assert not plan(replace(toolpath, kind=lifted), cell).errors
+        assert "the cut from tag 0 to 120 needs E1 to move within it" in finding.message
+        assert finding.hint.startswith("allow moves_in_cuts of E1")
+    away = replace(toolpath, points=toolpath.points + np.array([9.0, 0.0, 0.0]))
+    cell = make_cell(external_axes=(still,))
+    assert not any("needs E1" in finding.message for finding in plan(away, cell).errors)
+    kind = np.array(toolpath.kind)
+    kind[60] = MotionKind.RAPID
+    assert not plan(replace(toolpath, kind=kind), cell).errors
+
+
+def test_solids_stand_while_the_robot_is_carried_along_a_cut(make_cell, make_path):
+    """Posts beside the way: dense poses along all motions touch none of them."""
+    posts = []
+    for number, y in enumerate(np.linspace(-2.2, 2.2, 5)):
+        T = np.eye(4)
+        T[:3, 3] = [1.35, y, 0.3]
+        posts.append(MeshPlacement(f"post {number}", T, radius=0.06, length=0.9))
+    cell = make_cell(external_axes=(RAIL,), obstacles=tuple(posts))
+    toolpath = long_cut(make_path, n=61)
+    result = plan(toolpath, cell)
+    assert not result.errors
+    q, external, points = along_cuts(result, cell)
+    tip = build(cell.robot).fk(q) @ cell.tool.T_flange_tcp
+    carried = np.array([cell_at(cell, e).T_robroot_base for e in external])
+    seen = np.einsum("nij,nj->ni", carried[:, :3, :3], points) + carried[:, :3, 3]
+    assert np.abs(tip[:, :3, 3] - seen).max() < 1e-9
+    scene = Scene.build(cell, build(cell.robot))
+    contact = np.ones(len(q), dtype=bool)
+    assert not scene.check(np.hstack([q, external]), contact).hit.any()
+
+
+def test_a_positioner_turns_the_part_along_a_cut(make_cell, make_path):
+    """A groove all round a drum, which the arm reaches from one side only."""
+    n = 121
+    angle = np.linspace(0.0, 2.0 * np.pi, n) - np.pi
+    axes = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
+    T = np.eye(4)
+    T[:3, 3] = [2.3, 0.0, 1.0]
+    turn = ExternalAxis("E1", "positioner", np.array([0.0, 0, 1.0]), T, -6.5, 6.5, 1.0)
+    kind = np.full(n, MotionKind.LINEAR)
+    kind[0] = MotionKind.RAPID
+    toolpath = make_path(T[:3, 3] + 0.4 * axes, axes, kind, feed=np.full(n, 0.02))
+    drum = MeshPlacement("drum", T, radius=0.38, length=0.5)
+    cell = make_cell()
+    cell = replace(cell, bases=(replace(cell.workpiece, meshes=(drum,)),), external_axes=(turn,))
+    result = plan(toolpath, cell)
+    assert not result.errors
+    assert np.ptp(result.external) > 90.0 * DEG
+    q, external, _ = along_cuts(result, cell, shares=4)
+    scene = Scene.build(cell, build(cell.robot))
+    contact = np.ones(len(q), dtype=bool)
+    assert not scene.check(np.hstack([q, external]), contact).hit.any()
 
 
 @pytest.mark.parametrize("radius", [2e-3, 30e-3])
 def test_the_way_along_the_rail_is_looked_at_without_gaps(make_cell, radius):
     """A thin rod between two places of the rail: no pose that sweeps it may be taken to travel."""
-    from postproc.collision import Scene
     from postproc.planning.checks import Checker
     from postproc.planning.route.travel import _slides_free
 

@@ -78,7 +78,7 @@ def test_classes_are_those_of_every_posture_checked(make_cell, make_path):
     for tag in range(4):
         for column, spin in enumerate(settings.spins):
             T_base_tcp = problem.placement.tcp(np.array([tag]), np.array([spin]))
-            slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
+            slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp, np.zeros(0)))
             best = SpinClass.UNREACHABLE
             for q in problem.kinematics.nearest(slots[valid], middle):
                 if not problem.within(q[None])[0]:

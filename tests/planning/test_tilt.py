@@ -157,7 +157,7 @@ def states_by_hand(problem, tag, forward, weight):
         )
         T = np.eye(4)[None].copy()
         T[0, :3, :3], T[0, :3, 3] = R, problem.placement.p_base_tcp[tag]
-        slots, valid = problem.kinematics.ik(problem.placement.flange(T))
+        slots, valid = problem.kinematics.ik(problem.placement.flange(T, np.zeros(0)))
         for slot in np.flatnonzero(valid[0]):
             for turns in itertools.product((-1, 0, 1), repeat=6):
                 q = slots[0, slot] + 2 * np.pi * np.array(turns)

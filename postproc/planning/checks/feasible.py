@@ -84,6 +84,8 @@ class Lines:
         T_from: (m, 4, 4) TCP in the workpiece frame; T_to: (m, 4, 4).
         q_from: (m, 6); q_to: (m, 6) [rad].
         branch: (m,); contact: (m,) the tool may touch the workpiece.
+        external: (m, k) where the external axes stand at start and at end [m or rad]; in between
+            they move in step with the way.
         centre, normal, radius, sweep: of an arc; sweep 0 means straight.
         tilts: (m, 3) [rad] by which the tool is tilted at start and end of arcs, as ``arc_poses``.
     """
@@ -94,6 +96,7 @@ class Lines:
     q_to: FloatArray
     branch: IndexArray
     contact: BoolArray
+    external: tuple[FloatArray, FloatArray]
     centre: FloatArray | None = None
     normal: FloatArray | None = None
     radius: FloatArray | None = None
@@ -103,6 +106,12 @@ class Lines:
     def __len__(self) -> int:
         """Return the number of motions."""
         return len(self.q_from)
+
+    def external_at(self, row: IndexArray, share: FloatArray) -> FloatArray:
+        """Return where the external axes stand (k, e) at ``share`` (k,) of motions ``row`` (k,)."""
+        start, end = self.external
+        moved: FloatArray = start[row] + share[:, None] * (end - start)[row]
+        return moved
 
     @property
     def length(self) -> FloatArray:
@@ -153,7 +162,8 @@ class Checker:
         """Check poses (m, 6) at tags (m,) for collision, without strokes."""
         verdict = Verdict.clean(len(tags))
         verdict.refuse(~self.problem.placement.given[tags], Reason.UNREACHABLE)
-        self._hits(verdict, np.arange(len(tags)), q, self.problem.is_contact[tags])
+        poses = self._standing(q, self.problem.placement.external[tags])
+        self._hits(verdict, np.arange(len(tags)), poses, self.problem.is_contact[tags])
         return verdict
 
     def _stroke(
@@ -167,6 +177,7 @@ class Checker:
     ) -> None:
         """Check free way from the top to the start of the feed, then the feed down to the depth."""
         heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
+        external = self.problem.placement.external[tags]
         for start, end, touch in ((0, 1, False), (1, 2, True)):
             moving = (heights[start] - heights[end] > 1e-9) & verdict.good[rows]
             kept = np.nonzero(moving)[0]
@@ -177,6 +188,7 @@ class Checker:
                 joints[end][kept],
                 branch[kept],
                 np.full(len(kept), touch),
+                (external[kept], external[kept]),
             )
             part = self.lines(lines)[0]
             bad = ~part.good
@@ -204,7 +216,7 @@ class Checker:
         branch: IndexArray,
     ) -> tuple[list[FloatArray], list[FloatArray], list[FloatArray]]:
         """Return heights (m,), poses and joints at the top, where the feed starts, at the depth."""
-        strokes = self.strokes
+        strokes, external = self.strokes, self.problem.placement.external[tags]
         heights = [strokes.top[tags], strokes.clear[tags], -strokes.depth[tags]]
         poses: list[FloatArray] = []
         joints: list[FloatArray] = []
@@ -213,7 +225,7 @@ class Checker:
             if k and np.array_equal(height, heights[k - 1]):
                 joints.append(joints[-1])
                 continue
-            solved, reached = self.problem.solve(poses[-1], branch, q)
+            solved, reached = self.problem.solve(poses[-1], external, branch, q)
             verdict.refuse(rows[~reached], Reason.UNREACHABLE)
             solved = np.where(reached[:, None], solved, q)
             verdict.refuse(rows[~self.problem.within(solved)], Reason.JOINT_LIMIT)
@@ -232,7 +244,9 @@ class Checker:
         if self.scene is not None and len(lines):
             good = verdict.good[track.row]
             number = np.arange(len(lines)) if together is None else together
-            self._sweep(verdict, track.row[good], track.q[good], lines.contact, number)
+            row = track.row[good]
+            poses = self._standing(track.q[good], lines.external_at(row, track.share[good]))
+            self._sweep(verdict, row, poses, lines.contact, number)
         return verdict, track
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
@@ -245,7 +259,8 @@ class Checker:
         if inner.any():
             which = row[inner]
             T = poses_between(lines, which, share[inner])
-            solved, reached = self.problem.solve(T, lines.branch[which], q[inner])
+            external = lines.external_at(which, share[inner])
+            solved, reached = self.problem.solve(T, external, lines.branch[which], q[inner])
             verdict.refuse(which[~reached], Reason.UNREACHABLE)
             solved = np.where(reached[:, None], solved, q[inner])
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
@@ -259,21 +274,35 @@ class Checker:
         verdict.refuse(row[1:][same & (leap > JUMP)], Reason.SINGULAR)
         return Track(row, share, q)
 
-    def free_poses(self, q: FloatArray) -> BoolArray:
-        """Return (m,) whether poses (m, 6) are free of any collision, contact included."""
+    def free_poses(self, q: FloatArray, external: FloatArray) -> BoolArray:
+        """Return (m,) whether poses (m, 6) are free of any collision, contact included.
+
+        The external axes stand at ``external`` (k,) or (m, k).
+        """
         verdict = Verdict.clean(len(q))
-        self._hits(verdict, np.arange(len(q)), q, np.zeros(len(q), dtype=np.bool_))
+        poses, contact = self._standing(q, external), np.zeros(len(q), dtype=np.bool_)
+        self._hits(verdict, np.arange(len(q)), poses, contact)
         return verdict.good
 
-    def joint_moves(self, q_from: FloatArray, q_to: FloatArray) -> Verdict:
-        """Check straight joint moves (m, 6) to (m, 6) for collision."""
+    def joint_moves(self, q_from: FloatArray, q_to: FloatArray, external: FloatArray) -> Verdict:
+        """Check straight joint moves (m, 6) to (m, 6) for collision.
+
+        The external axes stand at ``external`` (k,) or (m, k) all along.
+        """
         verdict = Verdict.clean(len(q_from))
         if self.scene is not None and len(q_from):
-            hits = self.scene.check_paths(q_from, q_to, resolution=RESOLUTION)
+            ends = self._standing(q_from, external), self._standing(q_to, external)
+            hits = self.scene.check_paths(*ends, resolution=RESOLUTION)
             self.pairs = hits.pairs
             rows = np.nonzero(hits.hit)[0]
             verdict.collide(rows, hits.pair[rows])
         return verdict
+
+    def _standing(self, q: FloatArray, external: FloatArray) -> FloatArray:
+        """Return configurations (m, 6 + k) of the scene, whose external axes may move."""
+        if not external.shape[-1]:
+            return q
+        return np.hstack([q, np.broadcast_to(external, (len(q), external.shape[-1]))])
 
     def _shares(self, lines: Lines) -> tuple[IndexArray, FloatArray]:
         """Return row and share of every sample, both ends of each motion included."""

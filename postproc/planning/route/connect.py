@@ -35,6 +35,7 @@ class Ends(Table):
         tag_from: (m,); tag_to: (m,).
         height_from: (m,) [m] above the tag where the tool leaves; height_to: where it arrives.
         q_from: (m, 6); q_to: (m, 6) [rad].
+        external: (m, k) where the external axes stand all along [m or rad].
         lift: (m,) [m] by which the tool backs off at the start whatever comes then; 0: it need not.
     """
 
@@ -44,6 +45,7 @@ class Ends(Table):
     height_to: FloatArray
     q_from: FloatArray
     q_to: FloatArray
+    external: FloatArray
     lift: FloatArray
 
 
@@ -106,7 +108,8 @@ def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, Float
     while len(rows) and failures < GIVE_UP:
         row, rows = int(rows[0]), rows[1:]
         rounds = ROUNDS if failures < _HOPELESS else _FEW
-        way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], rounds)
+        place = ends.external[row]
+        way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], place, rounds)
         if way is None:
             failures += 1
             continue
@@ -120,7 +123,8 @@ def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, Float
             for a, b in ((start, points[:1]), (points[-1:], end)):
                 near = np.nonzero(good)[0]
                 a, b = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
-                good[near] = checker.joint_moves(a[near], b[near]).good
+                place = ends.external[rows[near]]
+                good[near] = checker.joint_moves(a[near], b[near], place).good
             ways.update((taken, points) for taken in rows[good].tolist())
             rows = rows[~good]
     return ways
@@ -156,7 +160,7 @@ def _by_backing_off(
         rows = np.array([row for row in np.nonzero(possible)[0].tolist() if row not in ways])
         if not len(rows):
             continue
-        free = checker.joint_moves(start[rows], end[rows]).good
+        free = checker.joint_moves(start[rows], end[rows], ends.external[rows]).good
         for row in rows[free].tolist():
             points = [q for q, up in zip((start[row], end[row]), lifted, strict=True) if up]
             lines = [True, False] if all(lifted) else [lifted[0]]
@@ -178,7 +182,8 @@ def _lifted(
     problem = checker.problem
     low = problem.placement.tcp(tag, attitude[tag], base)
     high = problem.placement.tcp(tag, attitude[tag], base + height)
-    solved, reached = problem.solve(high, branch[tag], q)
+    external = problem.placement.external[tag]
+    solved, reached = problem.solve(high, external, branch[tag], q)
     solved = np.where(reached[:, None], solved, q)
     good = reached & problem.within(solved) & problem.regular(solved)
     rows = np.nonzero(good)[0]
@@ -189,13 +194,19 @@ def _lifted(
         solved[rows],
         branch[tag[rows]],
         contact[rows],
+        (external[rows], external[rows]),
     )
     good[rows] = checker.lines(lines)[0].good
     return solved, good
 
 
-def free_way(checker: Checker, start: FloatArray, goal: FloatArray) -> FloatArray | None:
-    """Return the joints (k, 6) between start and goal of a free way, none if it is straight."""
-    if checker.joint_moves(start[None], goal[None]).good[0]:
+def free_way(
+    checker: Checker, start: FloatArray, goal: FloatArray, external: FloatArray
+) -> FloatArray | None:
+    """Return the joints (k, 6) between start and goal of a free way, none if it is straight.
+
+    The external axes stand at ``external`` (k,) meanwhile.
+    """
+    if checker.joint_moves(start[None], goal[None], external).good[0]:
         return np.zeros((0, 6))
-    return rrt_connect(checker, start, goal)
+    return rrt_connect(checker, start, goal, external)

@@ -122,23 +122,27 @@ class _Legs:
         ends = [self._end(at, at - 1, distance, 1.0), self._end(at + 1, at + 1, distance, 0.0)]
         T_base = np.stack([ends[0][1], T_corner, ends[1][1]], axis=1)
         middle = np.stack([ends[0][2], ends[1][2]], axis=1)
+        external = np.stack([ends[0][3], table.external[at], ends[1][3]], axis=1)
         return Corners(
             np.stack([ends[0][0], q_corner, ends[1][0]], axis=1),
-            self._problem.placement.T_robroot_base @ T_base,
+            self._problem.placement.base(external) @ T_base,
             is_path,
             self._tool,
-            np.zeros((len(at), 3, 0)),
+            external,
             middle,
         )
 
     def _end(
         self, move: IndexArray, far: IndexArray, distance: FloatArray, corner: float
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joints, pose and joints half way where approximation begins or ends on moves."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return where approximation begins or ends on moves.
+
+        Joints, pose, joints half way, external axes.
+        """
         table = self._table
         at = move if corner else move - 1
         q, T = table.q[at].copy(), table.T_base_tcp[at].copy()
-        middle = np.full_like(q, np.nan)
+        middle, external = np.full_like(q, np.nan), table.external[at].copy()
         line = self._line[move]
         joint, path = np.flatnonzero(line < 0), np.flatnonzero(line >= 0)
         kinematics = self._problem.kinematics
@@ -147,21 +151,24 @@ class _Legs:
             share = joint_share(kinematics, q_far, q_corner, self._tool, distance[joint])
             q[joint] = q_corner + share[:, None] * (q_far - q_corner)
             T_robroot_tcp = kinematics.fk(q[joint]) @ self._tool
-            T[joint] = inverse(self._problem.placement.T_robroot_base) @ T_robroot_tcp
+            T[joint] = inverse(self._problem.placement.base(external[joint])) @ T_robroot_tcp
         if len(path):
             way = self._way(move[path], distance[path])
-            T[path] = poses_between(self._lines, line[path], np.abs(corner - way))
-            q[path] = self._solved(T[path], at[path])
+            share = np.abs(corner - way)
+            T[path] = poses_between(self._lines, line[path], share)
+            external[path] = self._lines.external_at(line[path], share)
+            q[path] = self._solved(T[path], external[path], at[path])
             bent = np.flatnonzero(table.sweep[move[path]] > 0.0)
             if len(bent):
                 half = np.abs(corner - 0.5 * way[bent])
                 T_half = poses_between(self._lines, line[path[bent]], half)
-                middle[path[bent]] = self._solved(T_half, at[path[bent]])
-        return q, T, middle
+                there = self._lines.external_at(line[path[bent]], half)
+                middle[path[bent]] = self._solved(T_half, there, at[path[bent]])
+        return q, T, middle, external
 
-    def _solved(self, T_base_tcp: FloatArray, at: IndexArray) -> FloatArray:
+    def _solved(self, T_base_tcp: FloatArray, external: FloatArray, at: IndexArray) -> FloatArray:
         """Return joints (k, 6) near those of moves ``at``, NaN out of reach."""
         table = self._table
         branch = np.asarray(self._problem.kinematics.slot(table.q[at]), dtype=np.int64)
-        q, reached = self._problem.solve(T_base_tcp, branch, table.q[at])
+        q, reached = self._problem.solve(T_base_tcp, external, branch, table.q[at])
         return np.where(reached[:, None], q, np.nan)

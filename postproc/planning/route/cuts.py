@@ -36,11 +36,12 @@ def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Move
     cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)) & chosen.good
     entered = np.nonzero(cuts & chosen.entry)[0]
     T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)
-    parts = [moves(entered, ARRIVE, MoveKind.PTP, MoveRole.ENTRY, T[entered], chosen.q[entered])]
+    q, external = chosen.q, problem.placement.external
+    there = (T[entered], q[entered], external[entered])
+    parts = [moves(entered, ARRIVE, MoveKind.PTP, MoveRole.ENTRY, there)]
     lines = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.LINEAR))[0]
-    parts.append(
-        moves(lines, _CUT, MoveKind.LIN, MoveRole.CUT, T[lines], chosen.q[lines], feed[lines])
-    )
+    there = (T[lines], q[lines], external[lines])
+    parts.append(moves(lines, _CUT, MoveKind.LIN, MoveRole.CUT, there, feed[lines]))
     arcs = np.nonzero(cuts & ~chosen.entry & (kind == MotionKind.ARC))[0]
     if len(arcs):
         parts += _arcs(problem, chosen, arcs, T, leaves, feed)
@@ -81,15 +82,16 @@ def _arcs(
     poses[last] = end[row[last]]
     q_from, q_to = leaves[tags - 1][row], chosen.q[tags][row]
     q = q_from + share[:, None] * (q_to - q_from)
-    q, _ = problem.solve(poses, chosen.branch[tags][row], q)
+    external = problem.placement.external
+    external = external[tags - 1][row] + share[:, None] * (external[tags] - external[tags - 1])[row]
+    q, _ = problem.solve(poses, external, chosen.branch[tags][row], q)
     q[last] = q_to[last]
     part = moves(
         tags[row],
         _CUT + piece,
         np.where(circular[row], MoveKind.CIRC, MoveKind.LIN),
         MoveRole.CUT,
-        poses,
-        q,
+        (poses, q, external),
         feed[tags][row],
     )
     round_ = np.nonzero(circular[row])[0]

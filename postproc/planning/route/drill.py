@@ -30,11 +30,11 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     toolpath, rapid = problem.toolpath, problem.cell.motion.rapid_speed
     top = _at(problem, chosen, tags, strokes.top[tags])
     role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.APPROACH)
-    parts = [moves(tags, ARRIVE, MoveKind.PTP, role, *top)]
+    parts = [moves(tags, ARRIVE, MoveKind.PTP, role, top)]
     lower = tags[strokes.clear[tags] < strokes.top[tags] - 1e-9]
     if len(lower):
         clear = _at(problem, chosen, lower, strokes.clear[lower])
-        parts.append(moves(lower, _CLEAR, MoveKind.LIN, MoveRole.APPROACH, *clear, rapid))
+        parts.append(moves(lower, _CLEAR, MoveKind.LIN, MoveRole.APPROACH, clear, rapid))
     feeds = _feeds(problem, tags)
     cycles = np.asarray(toolpath.cycle)[tags]
     for cycle in np.unique(cycles).tolist():
@@ -43,11 +43,11 @@ def hole_moves(problem: Problem, strokes: Strokes, chosen: Chosen) -> list[Moves
     slow = _leaves_with_feed(problem, tags)
     if slow.any():
         clear = _at(problem, chosen, tags[slow], strokes.clear[tags[slow]])
-        parts.append(moves(tags[slow], _OUT, MoveKind.LIN, MoveRole.RETRACT, *clear, feeds[slow]))
+        parts.append(moves(tags[slow], _OUT, MoveKind.LIN, MoveRole.RETRACT, clear, feeds[slow]))
     there = slow & (strokes.clear[tags] >= strokes.top[tags] - 1e-9)
-    T_top, q_top = top
-    last = (T_top[~there], q_top[~there])
-    parts.append(moves(tags[~there], LEAVE, MoveKind.LIN, MoveRole.RETRACT, *last, rapid))
+    T_top, q_top, external = (column[~there] for column in top)
+    last = (T_top, q_top, external)
+    parts.append(moves(tags[~there], LEAVE, MoveKind.LIN, MoveRole.RETRACT, last, rapid))
     return parts
 
 
@@ -91,15 +91,15 @@ def _pecks(
         order, last = _FIRST_PECK + 3 * k, k == len(plan) - 1
         bottom = _at(problem, chosen, tags, np.full(len(tags), -depth))
         parts.append(
-            moves(tags, order, MoveKind.LIN, MoveRole.PLUNGE, *bottom, feed, dwell if last else 0.0)
+            moves(tags, order, MoveKind.LIN, MoveRole.PLUNGE, bottom, feed, dwell if last else 0.0)
         )
         if last:
             break
         up = _at(problem, chosen, tags, np.full(len(tags), lift))
-        parts.append(moves(tags, order + 1, MoveKind.LIN, MoveRole.LIFT, *up, rapid))
+        parts.append(moves(tags, order + 1, MoveKind.LIN, MoveRole.LIFT, up, rapid))
         if lift > PECK_GAP - depth:
             back = _at(problem, chosen, tags, np.full(len(tags), PECK_GAP - depth))
-            parts.append(moves(tags, order + 2, MoveKind.LIN, MoveRole.LIFT, *back, rapid))
+            parts.append(moves(tags, order + 2, MoveKind.LIN, MoveRole.LIFT, back, rapid))
     return parts
 
 
@@ -112,8 +112,9 @@ def _feeds(problem: Problem, tags: IndexArray) -> FloatArray:
 
 def _at(
     problem: Problem, chosen: Chosen, tags: IndexArray, height: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return poses and joints of tags at a height above them."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return poses, joints and external axes of tags at a height above them."""
     T_base_tcp = problem.placement.tcp(tags, chosen.attitude[tags], height)
-    q, _ = problem.solve(T_base_tcp, chosen.branch[tags], chosen.q[tags])
-    return T_base_tcp, q
+    external = problem.placement.external[tags]
+    q, _ = problem.solve(T_base_tcp, external, chosen.branch[tags], chosen.q[tags])
+    return T_base_tcp, q, external

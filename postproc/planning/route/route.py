@@ -83,7 +83,8 @@ def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArra
     tags = np.nonzero(checker.strokes.is_stroke & chosen.good)[0]
     if len(tags):
         top = problem.placement.tcp(tags, chosen.attitude[tags], checker.strokes.top[tags])
-        q[tags], _ = problem.solve(top, chosen.branch[tags], chosen.q[tags])
+        external = problem.placement.external[tags]
+        q[tags], _ = problem.solve(top, external, chosen.branch[tags], chosen.q[tags])
     return q, q
 
 
@@ -93,7 +94,8 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
     tags = np.nonzero(np.isin(kind, (MotionKind.RAPID, MotionKind.JOINT)) & chosen.good)[0]
     role = np.where(chosen.entry[tags], MoveRole.ENTRY, MoveRole.RAPID)
     T = problem.placement.tcp(tags, chosen.attitude[tags])
-    return [moves(tags, ARRIVE, MoveKind.PTP, role, T, chosen.q[tags])]
+    external = problem.placement.external[tags]
+    return [moves(tags, ARRIVE, MoveKind.PTP, role, (T, chosen.q[tags], external))]
 
 
 def _first_and_last(
@@ -111,11 +113,11 @@ def _first_and_last(
         return parts
     home = np.asarray(problem.cell.motion.home)
     leaves = np.vstack([q[last : last + 1], out])[-1]
-    for tag, way, order in (
-        (first, (home, q[first]), _HOME),
-        (last, (leaves, home), LEAVE + 2),
+    for tag, start, goal, order in (
+        (first, home, q[first], _HOME),
+        (last, leaves, home, LEAVE + 2),
     ):
-        between = free_way(checker, *way)
+        between = free_way(checker, start, goal, problem.placement.external[tag])
         if between is None:
             detail = "no free way was found between home and here"
             findings.append(failure(problem, tag, Reason.COLLISION, detail))
@@ -135,7 +137,8 @@ def _out_of_material(
     lift = _lifts(checker.problem)[at]
     if not lift[0]:
         return np.zeros((0, 6))
-    ends = Ends(at, at, none, none, q[at], q[at], lift)
+    external = checker.problem.placement.external[at]
+    ends = Ends(at, at, none, none, q[at], q[at], external, lift)
     up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
     if not is_free[0]:
         findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK))
@@ -152,14 +155,16 @@ def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveK
     """Return rapid moves to joints (k, 6) one after the other."""
     k = len(q)
     speed = problem.cell.motion.rapid_speed if kind is MoveKind.LIN else np.nan
-    numbers, T_base_tcp = order + np.arange(k), _poses(problem, q)
-    return moves(np.full(k, tag), numbers, kind, MoveRole.RAPID, T_base_tcp, q, speed)
+    tags, numbers = np.full(k, tag), order + np.arange(k)
+    external = problem.placement.external[tags]
+    there = (_poses(problem, q, external), q, external)
+    return moves(tags, numbers, kind, MoveRole.RAPID, there, speed)
 
 
-def _poses(problem: Problem, q: FloatArray) -> FloatArray:
-    """Return T_base_tcp (k, 4, 4) of joints (k, 6)."""
+def _poses(problem: Problem, q: FloatArray, external: FloatArray) -> FloatArray:
+    """Return T_base_tcp (k, 4, 4) of joints (k, 6) and external axes (k, e)."""
     T_robroot_tcp = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
-    return np.asarray(inverse(problem.placement.T_robroot_base) @ T_robroot_tcp)
+    return np.asarray(inverse(problem.placement.base(external)) @ T_robroot_tcp)
 
 
 def _connections(
@@ -178,7 +183,8 @@ def _connections(
     before = good[np.searchsorted(good, to) - 1]
     top = checker.strokes.top
     heights, lift = (top[before], top[to]), _lifts(problem)[before]
-    return Ends(before, to, *heights, leaves[before], arrives[to], lift), arriving
+    external = problem.placement.external[to]
+    return Ends(before, to, *heights, leaves[before], arrives[to], external, lift), arriving
 
 
 def _decide(
@@ -188,7 +194,7 @@ def _decide(
     problem = checker.problem
     as_line = _straight_rapids(checker, chosen, ends)
     rest = np.nonzero(~as_line)[0]
-    verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest])
+    verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest], ends.external[rest])
     stuck = np.nonzero(~verdict.good | (ends.lift[rest] > 0.0))[0]
     found = detours(checker, ends.rows(rest[stuck]), chosen.attitude, chosen.branch)
     for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
@@ -228,6 +234,7 @@ def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
         ends.q_to[rows],
         chosen.branch[b],
         np.zeros(len(rows), dtype=np.bool_),
+        (ends.external[rows], ends.external[rows]),
     )
     straight[rows] = checker.lines(lines)[0].good
     return straight
@@ -247,15 +254,14 @@ def _detour_moves(
         table.kind[arriving[row]] = MoveKind.LIN
         table.speed[arriving[row]] = problem.cell.motion.rapid_speed
         table.role[arriving[row]] = MoveRole.APPROACH
-    T_base_tcp = _poses(problem, way.q)
-    k = len(way.q)
+    tags = np.full(len(way.q), tag)
+    external = problem.placement.external[tags]
     return moves(
-        np.full(k, tag),
-        np.arange(k),
+        tags,
+        np.arange(len(tags)),
         np.where(way.is_line, MoveKind.LIN, MoveKind.PTP),
         MoveRole.RAPID,
-        T_base_tcp,
-        way.q,
+        (_poses(problem, way.q, external), way.q, external),
         np.where(way.is_line, problem.cell.motion.rapid_speed, np.nan),
     )
 

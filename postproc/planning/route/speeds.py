@@ -80,6 +80,7 @@ def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
         q_to=table.q[rows],
         branch=branch[rows],
         contact=np.ones(len(rows), dtype=np.bool_),
+        external=(table.external[rows - 1], table.external[rows]),
         centre=table.centre[rows],
         normal=table.normal[rows],
         radius=np.linalg.norm(table.T_base_tcp[rows, :3, 3] - table.centre[rows], axis=1),
@@ -104,8 +105,9 @@ def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
     piece = (np.diff(track.share)[same]) * lines.length[row]
-    dq = np.diff(track.q, axis=0)[same]
-    speed = AXIS_SHARE * np.asarray(checker.problem.cell.robot.qd_max)
+    places = np.hstack([track.q, lines.external_at(track.row, track.share)])
+    dq = np.diff(places, axis=0)[same]
+    speed = AXIS_SHARE * _axis_speeds(checker.problem)
     np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, _SHORT), speed))
     cap[lines.length <= _SHORT] = np.inf
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
@@ -116,6 +118,19 @@ def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
     orientation[slow] = turning[slow]
     cap[on_the_spot] = np.inf
     return cap, orientation
+
+
+def _axis_speeds(problem: Problem) -> FloatArray:
+    """Return the largest speeds (6 + k,) of the arm's axes and of the external ones that move."""
+    moving = problem.cell.external_axes if problem.placement.axes is not None else ()
+    return np.array([*problem.cell.robot.qd_max, *(axis.qd_max for axis in moving)])
+
+
+def _busiest(problem: Problem, table: Moves, row: int) -> str:
+    """Return the axis that needs the largest share of its speed on a move."""
+    places = np.hstack([table.q, table.external])[[row - 1, row]]
+    axis = int(np.argmax(np.abs(places[1] - places[0]) / _axis_speeds(problem)))
+    return f"A{axis + 1}" if axis < 6 else problem.cell.external_axes[axis - 6].name
 
 
 def _capped(
@@ -184,8 +199,7 @@ def _even(speed: FloatArray) -> FloatArray:
 
 
 def _too_slow(problem: Problem, table: Moves, row: int) -> str:
-    change = np.abs(table.q[row] - table.q[row - 1]) / np.asarray(problem.cell.robot.qd_max)
-    return f"A{int(np.argmax(change)) + 1} cannot follow the path at any useful speed"
+    return f"{_busiest(problem, table, row)} cannot follow the path at any useful speed"
 
 
 def _slower(
@@ -194,14 +208,14 @@ def _slower(
     """Return one finding for all moves (k,) whose feed is lowered from the same value."""
     worst = int(rows[np.argmin(cap[rows])])
     tag = int(table.tag[worst])
-    tags = np.unique(table.tag[rows])
+    tags, axis = np.unique(table.tag[rows]), _busiest(problem, table, worst)
     lines = problem.toolpath.line[tags]
     more = f" at the slowest of {len(tags)} tags, lines {lines.min()} to {lines.max()}"
     return Finding(
         Severity.WARNING,
         "PLN301",
         f"feed lowered from {asked / MM_PER_MIN:.0f} to {cap[worst] / MM_PER_MIN:.0f} mm/min"
-        f"{more if len(tags) > 1 else ''}: an axis is at its largest speed",
+        f"{more if len(tags) > 1 else ''}: {axis} is at its largest speed",
         tag,
         problem.toolpath.source(tag),
     )

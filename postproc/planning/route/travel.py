@@ -16,6 +16,7 @@ from postproc.planning.route.connect import free_way
 from postproc.units import DEG
 
 MakeChecker = Callable[[Cell], Checker]
+_STANDING = np.zeros(0)
 
 
 def cell_at(cell: Cell, values: FloatArray) -> Cell:
@@ -61,8 +62,8 @@ def travel_between(
     for pose in (*home, *folded, q_from, q_to):
         if not _slides_free(cell, pose, places, first):
             continue
-        leave = free_way(first, q_from, pose)
-        arrive = None if leave is None else free_way(last, pose, q_to)
+        leave = free_way(first, q_from, pose, _STANDING)
+        arrive = None if leave is None else free_way(last, pose, q_to, _STANDING)
         if leave is not None and arrive is not None:
             return Travel(leave, np.asarray(pose), arrive)
     return None

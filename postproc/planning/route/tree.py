@@ -25,9 +25,16 @@ _AROUND = 1.2
 
 
 def rrt_connect(
-    checker: Checker, start: FloatArray, goal: FloatArray, rounds: int = ROUNDS
+    checker: Checker,
+    start: FloatArray,
+    goal: FloatArray,
+    external: FloatArray,
+    rounds: int = ROUNDS,
 ) -> FloatArray | None:
-    """Return the joints (k, 6) between start and goal of a free way, None if none was found."""
+    """Return the joints (k, 6) between start and goal of a free way, None if none was found.
+
+    The external axes stand at ``external`` (k,) meanwhile.
+    """
     problem = checker.problem
     margin = problem.cell.limits.joint_margin
     low = np.minimum(start, goal) - _AROUND
@@ -35,7 +42,7 @@ def rrt_connect(
     low = np.maximum(low, np.asarray(problem.kinematics.q_min) + margin)
     high = np.minimum(high, np.asarray(problem.kinematics.q_max) - margin)
     rng = np.random.default_rng(_SEED)
-    trees = (_Tree(start), _Tree(goal))
+    trees = (_Tree(start, external), _Tree(goal, external))
     for round_ in range(rounds):
         one, two = trees[round_ % 2], trees[1 - round_ % 2]
         step = _STEPS[round_ >= _SHORTER]
@@ -43,14 +50,16 @@ def rrt_connect(
         met = two.meet(checker, one, new)
         if met is not None:
             way = [*one.way(met[0]), *two.way(met[1])[::-1]]
-            return _shortened(checker, np.array(way[::-1] if round_ % 2 else way))[1:-1]
+            points = np.array(way[::-1] if round_ % 2 else way)
+            return _shortened(checker, points, external)[1:-1]
     return None
 
 
 class _Tree:
     """Configurations reached from one end."""
 
-    def __init__(self, root: FloatArray) -> None:
+    def __init__(self, root: FloatArray, external: FloatArray) -> None:
+        self.external = external
         self.nodes = np.asarray(root, dtype=np.float64)[None]
         self.parent = [-1]
 
@@ -60,8 +69,9 @@ class _Tree:
         way = targets - self.nodes[near]
         size = np.linalg.norm(way, axis=1, keepdims=True)
         ends = self.nodes[near] + way * np.minimum(1.0, step / np.maximum(size, 1e-9))
-        hopeful = np.nonzero(checker.free_poses(ends))[0]
-        good = checker.joint_moves(self.nodes[near[hopeful]], ends[hopeful]).good
+        hopeful = np.nonzero(checker.free_poses(ends, self.external))[0]
+        start = self.nodes[near[hopeful]]
+        good = checker.joint_moves(start, ends[hopeful], self.external).good
         free = hopeful[good]
         first = len(self.nodes)
         self.nodes = np.concatenate([self.nodes, ends[free]])
@@ -77,13 +87,13 @@ class _Tree:
             return None
         near = self.nearest(other.nodes[new])
         middle = 0.5 * (other.nodes[new] + self.nodes[near])
-        hopeful = np.nonzero(checker.free_poses(middle))[0]
+        hopeful = np.nonzero(checker.free_poses(middle, self.external))[0]
         gap = np.linalg.norm(other.nodes[new[hopeful]] - self.nodes[near[hopeful]], axis=1)
         hopeful = hopeful[np.argsort(gap, kind="stable")]
         for low in range(0, len(hopeful), _MEETINGS):
             some = hopeful[low : low + _MEETINGS]
             start, end = other.nodes[new[some]], self.nodes[near[some]]
-            good = some[checker.joint_moves(start, end).good]
+            good = some[checker.joint_moves(start, end, self.external).good]
             if len(good):
                 return int(new[good[0]]), int(near[good[0]])
         return None
@@ -102,11 +112,11 @@ class _Tree:
         return np.asarray(np.argmin(square, axis=1))
 
 
-def _shortened(checker: Checker, way: FloatArray) -> FloatArray:
+def _shortened(checker: Checker, way: FloatArray, external: FloatArray) -> FloatArray:
     """Leave out nodes that straight joint moves can skip: fewest moves first, then shortest."""
     k = len(way)
     a, b = np.triu_indices(k, 1)
-    free = checker.joint_moves(way[a], way[b]).good | (b == a + 1)
+    free = checker.joint_moves(way[a], way[b], external).good | (b == a + 1)
     best, before = [(0, 0.0)] + [(k + 1, 0.0)] * (k - 1), [0] * k
     for i, j in sorted(zip(a[free].tolist(), b[free].tolist(), strict=True)):
         cost = (best[i][0] + 1, best[i][1] + float(np.linalg.norm(way[j] - way[i])))

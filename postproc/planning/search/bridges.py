@@ -21,6 +21,7 @@ NEAR = 0.5 * np.pi
 """States of spins beside each other, and of the same spin at successive tags, follow each other if
 no joint moves more [rad]."""
 Joints = NDArray[np.float32]
+_FULL_TURN = 2.0 * np.pi
 _DOUBLINGS = 10
 """2 to this is more than the spins of one run, all turns of the joints included."""
 
@@ -30,13 +31,16 @@ class Bridges:
     """The runs of states, and which of them cuts may join.
 
     ``stride`` (n,) of the spins of each tag; ``closed``: the first spin follows the last;
-    ``loose`` (n,): tags into which any step of a branch may lead.
+    ``loose`` (n,): tags into which any step of a branch may lead that turns the tool against
+    ``carried`` (n,) [rad] by no more than ``turn`` (n,) [rad].
     """
 
     states: States
     stride: IndexArray
     closed: bool
     loose: BoolArray
+    carried: FloatArray
+    turn: FloatArray
     run: NDArray[np.int32] = field(init=False)
     _stale: BoolArray = field(init=False)
     _joined: dict[int, tuple[IndexArray, IndexArray, BoolArray]] = field(
@@ -66,7 +70,13 @@ class Bridges:
         """
         if self.loose[i]:
             branch = self.states.branch
-            return np.asarray(branch[now][:, None] == branch[before][None])
+            may = np.asarray(branch[now][:, None] == branch[before][None])
+            if self.turn[i] < np.pi:
+                twist = self.states.spin_of(now) + self.carried[i] - self.carried[i - 1]
+                turn = twist[:, None] - self.states.spin_of(before)[None]
+                turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
+                may &= np.abs(turn) <= self.turn[i]
+            return may
         if self._stale[i] or self._stale[i - 1]:
             self._find_runs(cost)
         if i not in self._joined:

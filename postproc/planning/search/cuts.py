@@ -111,7 +111,8 @@ def judge_rows(
     place = problem.placement
     lift = checker.strokes.top[spans.first]
     T_first = place.tcp(spans.first, spans.attitude_first, lift)
-    q_first, reached_first = problem.solve(T_first, spans.branch, spans.q_first)
+    external = place.external[spans.first]
+    q_first, reached_first = problem.solve(T_first, external, spans.branch, spans.q_first)
     q, reached, T = joints_of(problem, between, spans, rows, attitude)
     reason = np.full(len(rows.tag), int(Reason.NONE), dtype=np.int64)
     _refuse(reason, ~reached | ~place.given[rows.tag], Reason.UNREACHABLE)
@@ -155,7 +156,8 @@ def joints_of(
 ) -> tuple[FloatArray, BoolArray, FloatArray]:
     """Return joints (k, 6) of rows, which (k,) are reached, and the poses (k, 4, 4)."""
     T = problem.placement.tcp(rows.tag, attitude)
-    q, reached = problem.kinematics.ik_in(problem.placement.flange(T), spans.branch[rows.span])
+    flange = problem.placement.flange(T, problem.placement.external[rows.tag])
+    q, reached = problem.kinematics.ik_in(flange, spans.branch[rows.span])
     q = np.where(reached[:, None], q, 0.0)
     is_cut = between.is_cut[rows.tag]
     if is_cut.all():
@@ -219,6 +221,7 @@ def _check_motions(
     q_from = np.where(is_first[:, None], q_first[span], judged.q[before])
     a_from = np.where(is_first[:, None], spans.attitude_first[span], judged.attitude[before])
     tags = rows.tag[open_] - 1, rows.tag[open_]
+    external = checker.problem.placement.external
     lines = Lines(
         T_from,
         T[open_],
@@ -226,6 +229,7 @@ def _check_motions(
         judged.q[open_],
         spans.branch[span],
         np.ones(len(open_), dtype=np.bool_),
+        (external[tags[0]], external[tags[1]]),
     )
     _as_arcs(checker.problem, tags[1], lines)
     leaves = _leaves_tilt_range(checker.problem, tags, (a_from, judged.attitude[open_]), lines)

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from postproc.arrays import BoolArray, IndexArray
+from postproc.arrays import IndexArray
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.free_path import Found
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import FINE
-from postproc.planning.states import NONE, Rule
+from postproc.planning.states import NONE
 
 _WINDOWS = ((8, FINE), (40, 1), (300, 1), (3000, 1), (10**9, 1))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn."""
@@ -56,17 +56,8 @@ class Growth:
 
     def _open(self, search: PoseSearch, found: Found) -> IndexArray:
         """Return the tags at which something is not refuted but not found either."""
-        rungs = np.flatnonzero(self._broken(search, found) | (found.path == NONE))
+        rungs = np.flatnonzero(search.broken(found) | (found.path == NONE))
         return np.concatenate([search.tags[rungs], np.array(sorted(search.wanted), dtype=np.int64)])
-
-    @staticmethod
-    def _broken(search: PoseSearch, found: Found) -> BoolArray:
-        """Return (k,) the key tags into which a cut should lead but none does."""
-        has = found.path != NONE
-        broken = search.ladder.broken & (search.ladder.rule == Rule.CHAIN) & has
-        broken[1:] &= has[:-1]
-        broken[:1] = False
-        return np.asarray(broken)
 
     def _around_empties(
         self, search: PoseSearch, found: Found, wish: IndexArray, base: int
@@ -84,7 +75,7 @@ class Growth:
     def _around_breaks(self, search: PoseSearch, found: Found, wish: IndexArray, base: int) -> None:
         """Ask for more tags and spins around the breaks of cuts."""
         chain = np.cumsum(~self.between.is_cut)
-        for row in np.flatnonzero(self._broken(search, found)).tolist():
+        for row in np.flatnonzero(search.broken(found)).tolist():
             tag = int(search.tags[row])
             number = int(chain[tag])
             low, high = np.searchsorted(chain, [number, number + 1]).tolist()

@@ -25,6 +25,7 @@ from postproc.planning.states import (
     NONE,
     Chosen,
     Ladder,
+    Rule,
     States,
     beside_in_grid,
     merged,
@@ -69,6 +70,7 @@ class PoseSearch:
     out: BoolArray
     failures: IndexArray
     stroked: BoolArray
+    hasty: BoolArray
     wanted: set[int] = field(default_factory=set)
     step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
     cells: IndexArray | None = None
@@ -96,7 +98,8 @@ class PoseSearch:
         stride = np.full(len(tags), FINE if len(problem.settings.spins) > 1 else 1)
         states, pinned = states_on(problem, tags, stride, wish)
         ladder, weight, share = ladder_of(problem, between, tags, states, wish)
-        bridges = bridges_of(problem, between, tags, states, stride, pinned, ladder)
+        hasty = np.zeros(len(tags), dtype=np.bool_)
+        bridges = bridges_of(problem, between, tags, states, stride, pinned, hasty, ladder)
         n, size = len(tags), len(states.q)
         return cls(
             checker,
@@ -118,6 +121,7 @@ class PoseSearch:
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
             stroked=np.zeros(n, dtype=np.bool_),
+            hasty=hasty,
         )
 
     def grow(self, tags: IndexArray, stride: IndexArray) -> None:
@@ -142,6 +146,7 @@ class PoseSearch:
         self.tags, self.states, self.cells = join.tags, join.states, None
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
         self.failures, self.stroked = by_tag(self.failures, 0), by_tag(self.stroked, False)
+        self.hasty = by_tag(self.hasty, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
         self.checked = by_state(self.checked, False)
@@ -156,6 +161,7 @@ class PoseSearch:
             self.states,
             self.stride,
             self.pinned,
+            self.hasty,
             self.ladder,
         )
         beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 3)
@@ -177,6 +183,27 @@ class PoseSearch:
         found = free_path(self.ladder, self.check_states, check_steps, self.beside, self.fan)
         self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
         return found
+
+    def may_hurry(self, found: Found) -> bool:
+        """Let cuts without a way turn the tool as fast as it takes; return whether that is new."""
+        chain = np.cumsum(~self.between.is_cut)[self.tags]
+        rungs = (
+            np.isin(chain, chain[self.broken(found)]) & ~self.hasty & (self.bridges.turn < np.pi)
+        )
+        if not rungs.any():
+            return False
+        self.hasty |= rungs
+        self.bridges.turn[rungs] = np.pi
+        self.ladder.renew(np.flatnonzero(rungs))
+        return True
+
+    def broken(self, found: Found) -> BoolArray:
+        """Return (n,) the key tags into which a cut should lead but none does."""
+        has = found.path != NONE
+        result = self.ladder.broken & (self.ladder.rule == Rule.CHAIN) & has
+        result[1:] &= has[:-1]
+        result[:1] = False
+        return np.asarray(result)
 
     def check_states(self, states: IndexArray) -> BoolArray:
         """Return whether states (m,) can be run, strokes and all; keeps the reasons."""
@@ -396,7 +423,8 @@ class PoseSearch:
         attitude[tags] = self.states.attitude_of(rows)
         branch[tags], is_good[tags] = self.states.branch[rows], True
         T = problem.placement.tcp(tags, attitude[tags])
-        q[tags], _ = problem.solve(T, branch[tags], self.states.q[rows].astype(np.float64))
+        near, external = self.states.q[rows].astype(np.float64), problem.placement.external[tags]
+        q[tags], _ = problem.solve(T, external, branch[tags], near)
         entry = np.zeros(n, dtype=np.bool_)
         entry[self.tags] = self.ladder.broken
         joined = np.flatnonzero(good[1:] & good[:-1] & ~self.ladder.broken[1:]) + 1

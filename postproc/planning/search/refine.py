@@ -189,7 +189,8 @@ def _newton(
 def _joints(
     problem: Problem, poses: TagPoses, T_base_tcp: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
-    solved, reached = problem.solve(T_base_tcp, poses.branch, q)
+    external = problem.placement.external[poses.tags]
+    solved, reached = problem.solve(T_base_tcp, external, poses.branch, q)
     solved = np.where(reached[:, None], solved, q)
     return solved, reached & problem.within(solved) & problem.regular(solved)
 

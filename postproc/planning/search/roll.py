@@ -79,13 +79,15 @@ def _turned(
     branch = np.full(len(tags), slot)
     q: FloatArray = np.tile(chosen.q[tags[0]], (len(tags), 1))
     reached: BoolArray = np.ones(len(tags), dtype=np.bool_)
+    external = problem.placement.external[tags]
     for k in range(1 if own else 0, len(tags)):
-        solved, valid = problem.solve(T[k : k + 1], branch[k : k + 1], q[max(k - 1, 0)][None])
+        row, near = slice(k, k + 1), q[max(k - 1, 0)][None]
+        solved, valid = problem.solve(T[row], external[row], branch[row], near)
         q[k], reached[k] = solved[0], valid[0]
     if not (reached & problem.within(q) & problem.regular(q)).all():
         return False
     contact = np.ones(len(tags) - 1, dtype=np.bool_)
-    lines = Lines(T[:-1], T[1:], q[:-1], q[1:], branch[1:], contact)
+    lines = Lines(T[:-1], T[1:], q[:-1], q[1:], branch[1:], contact, (external[:-1], external[1:]))
     if not checker.lines(lines)[0].good.all():
         return False
     chosen.attitude[tags], chosen.q[tags], chosen.branch[tags] = attitude, q, branch

@@ -40,6 +40,9 @@ BRIDGED = 0.05
 """Longest way [m] from key tag to key tag over which runs of spins are followed."""
 BRIDGED_TURN = 15.0 * DEG
 """Largest turn of the tool axis [rad], likewise."""
+STEADY_TURN = 45.0 * DEG
+"""Largest turn of the tool about its axis [rad] from key tag to key tag over that way, more over a
+longer one; a faster turn is looked for only where there is no way without."""
 HOME_SHARE = 0.05
 """Share of the price of travel that counts from home and back: one move, and a long one."""
 _AT_ONCE = 200_000
@@ -156,18 +159,24 @@ def bridges_of(
     states: States,
     stride: IndexArray,
     pinned: BoolArray,
+    hasty: BoolArray,
     ladder: Ladder,
 ) -> Bridges:
     """Return the runs of states, told to the graph; where the tool may tilt it does without.
 
-    Between tags far apart runs say nothing of what lies between, nor where both are pinned.
+    Between tags far apart runs say nothing of what lies between, nor where both are pinned. There
+    the tool turns steadily, but into tags ``hasty`` (n,) it may turn as it will.
     """
     low, high = problem.cell.optimize.range
     loose, axis = ~between.is_cut[tags], problem.placement.axis_base(tags)
     loose[1:] |= pinned[1:] & pinned[:-1]
     loose[1:] |= np.diff(between.way[tags]) > BRIDGED
     loose[1:] |= angle_between(axis[1:], axis[:-1]) > BRIDGED_TURN
-    bridges = Bridges(states, stride, high - low >= 2.0 * np.pi - 1e-9, loose)
+    length = np.diff(between.way[tags], prepend=0.0)
+    turn = STEADY_TURN * np.maximum(length / BRIDGED, 1.0)
+    turn[hasty | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
+    is_closed, carried = high - low >= 2.0 * np.pi - 1e-9, between.carried[tags]
+    bridges = Bridges(states, stride, is_closed, loose, carried, turn)
     if len(states.tilts) == 1:
         ladder.may_join = bridges.may_join
     return bridges

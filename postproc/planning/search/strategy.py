@@ -80,6 +80,9 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
     n = len(search.checker.problem)
     found = search.run()
     while True:
+        if search.may_hurry(found):
+            found = search.run()
+            continue
         tags, stride = growth.next(search, found)
         if not len(tags):
             return found, search.chosen(found)

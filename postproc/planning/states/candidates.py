@@ -153,7 +153,9 @@ def _chunk(
     row, column, attitude = _attitudes(problem, tags, spins, tilts)
     which = tags[row]
     T_base_tcp = problem.placement.tcp(which, attitude)
-    slots, valid = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
+    slots, valid = problem.kinematics.ik(
+        problem.placement.flange(T_base_tcp, problem.placement.external[which])
+    )
     valid &= problem.placement.given[which][:, None]
     if branch is not None:
         kept = np.zeros_like(valid)
@@ -298,7 +300,8 @@ def context_of(
     problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
 ) -> StateContext:
     """Return what objectives and indices look at, for poses (m,) with known joints."""
-    R_robroot_base = np.asarray(problem.placement.T_robroot_base)[:3, :3]
+    place = problem.placement
+    R_robroot_base = place.base(place.external[tag])[..., :3, :3]
     return StateContext(
         kinematics=problem.kinematics,
         cell=problem.cell,

@@ -69,7 +69,8 @@ def take_joints(problem: Problem, chosen: Chosen) -> None:
     q = np.asarray(toolpath.joints)[tags]
     T = problem.kinematics.fk(q) @ np.asarray(problem.cell.tool.T_flange_tcp)
     upright = np.zeros((len(tags), 3))
-    asked = problem.placement.T_robroot_base @ problem.placement.tcp(tags, upright)
+    place = problem.placement
+    asked = place.base(place.external[tags]) @ place.tcp(tags, upright)
     gap = np.linalg.norm(T[:, :3, 3] - asked[:, :3, 3], axis=1)
     turn = rotation_angle(T[:, :3, :3], asked[:, :3, :3])
     exact = (gap < SAME_POSITION) & (turn < SAME_ANGLE) & problem.within(q)

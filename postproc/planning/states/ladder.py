@@ -137,6 +137,10 @@ class Ladder:
         on[rungs] = True
         return np.repeat(on, np.diff(self.offsets))
 
+    def renew(self, rungs: IndexArray) -> None:
+        """Repair the values where other steps into rungs (m,) may be done than before."""
+        self._repair(rungs)
+
     def remove(self, states: IndexArray) -> None:
         """Take states out and repair the values."""
         self.cost[states] = np.inf

@@ -50,6 +50,7 @@ class Moves(Table):
     role: IndexArray
     T_base_tcp: FloatArray
     q: FloatArray
+    external: FloatArray
     speed: FloatArray
     dwell: FloatArray
     aux: FloatArray
@@ -63,12 +64,14 @@ def moves(
     order: int | IndexArray,
     kind: MoveKind | IndexArray,
     role: MoveRole | IndexArray,
-    T_base_tcp: FloatArray,
-    q: FloatArray,
+    there: tuple[FloatArray, FloatArray, FloatArray],
     speed: float | FloatArray = float("nan"),
     dwell: float | FloatArray = 0.0,
 ) -> Moves:
-    """Return moves (m,) with single values repeated; no arcs."""
+    """Return moves (m,) with single values repeated; no arcs.
+
+    ``there``: where they end, T_base_tcp (m, 4, 4), joints (m, 6), external axes (m, k).
+    """
     m = len(tag)
     nowhere = np.full((m, 3), np.nan)
     return Moves(
@@ -76,8 +79,7 @@ def moves(
         np.broadcast_to(np.asarray(order, dtype=np.int64), (m,)).copy(),
         np.broadcast_to(np.asarray(kind, dtype=np.int64), (m,)).copy(),
         np.broadcast_to(np.asarray(role, dtype=np.int64), (m,)).copy(),
-        T_base_tcp,
-        q,
+        *there,
         np.broadcast_to(np.asarray(speed, dtype=np.float64), (m,)).copy(),
         np.broadcast_to(np.asarray(dwell, dtype=np.float64), (m,)).copy(),
         nowhere,

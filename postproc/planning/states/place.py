@@ -23,6 +23,7 @@ from postproc.cell import Cell
 from postproc.errors import PlanError
 from postproc.geometry import inverse, rotation_about, rotation_from_vector, transform
 from postproc.model import ToolPath
+from postproc.paths import Externals
 from postproc.planning.states.tilt import tilt_vectors
 
 SPIN_GRID = 1e-9
@@ -41,12 +42,14 @@ class Placement:
 
     Args:
         R_base_tcp: (n, 3, 3) orientation at spin 0; p_base_tcp: (n, 3) [m].
-        T_robroot_base: (4, 4); T_tcp_flange: (4, 4).
+        T_robroot_base: (4, 4) with all external axes at 0; T_tcp_flange: (4, 4).
         tool_axis: (3,) unit, TCP axes, out of the tool into the part.
         reference: what spin 0 is, in words.
         given: (n,) tags whose pose the input gives; at others stands that of a tag beside them.
         feed: (n, 3) unit feed direction across the tool axis, workpiece frame; NaN at tags that
             may not tilt.
+        external: (n, k) where the external axes stand at each tag [m or rad].
+        axes: the external axes that move along the toolpath; None: nothing moves, k = 0.
     """
 
     R_base_tcp: FloatArray
@@ -57,6 +60,8 @@ class Placement:
     reference: str
     given: BoolArray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
     feed: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
+    external: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
+    axes: Externals | None = None
 
     def __post_init__(self) -> None:
         """Take all tags as given and none as free to tilt where nothing else is said."""
@@ -64,6 +69,8 @@ class Placement:
             object.__setattr__(self, "given", np.ones(len(self.p_base_tcp), dtype=np.bool_))
         if len(self.feed) != len(self.p_base_tcp):
             object.__setattr__(self, "feed", np.full(self.p_base_tcp.shape, np.nan))
+        if self.axes is None:
+            object.__setattr__(self, "external", np.zeros((len(self.p_base_tcp), 0)))
 
     def __len__(self) -> int:
         """Return the number of tags."""
@@ -114,9 +121,24 @@ class Placement:
             p = p - axis * np.asarray(lift, dtype=np.float64)[..., None]
         return transform(R, p)
 
-    def flange(self, T_base_tcp: FloatArray) -> FloatArray:
-        """Return T_robroot_flange (m, 4, 4) of TCP poses in the workpiece frame."""
-        T: FloatArray = self.T_robroot_base @ T_base_tcp @ self.T_tcp_flange
+    def base(self, external: FloatArray) -> FloatArray:
+        """Return T_robroot_base with the external axes at (..., k) [m or rad].
+
+        (..., 4, 4), or (4, 4) where none moves.
+        """
+        if self.axes is None:
+            return self.T_robroot_base
+        shift = self.axes.shift(external.reshape(-1, external.shape[-1]))
+        return (shift @ self.T_robroot_base).reshape(*external.shape[:-1], 4, 4)
+
+    def flange(self, T_base_tcp: FloatArray, external: FloatArray) -> FloatArray:
+        """Return T_robroot_flange (m, 4, 4) of TCP poses in the workpiece frame.
+
+        Args:
+            T_base_tcp: (m, 4, 4).
+            external: (m, k) where the external axes stand [m or rad].
+        """
+        T: FloatArray = self.base(external) @ T_base_tcp @ self.T_tcp_flange
         return T
 
 

@@ -36,7 +36,9 @@ def postures(
         T_base_tcp: (m, 4, 4).
         q_near: (6,) or (m, 1, 6) [rad]; of the turns within limits the nearest to it are taken.
     """
-    slots, reached = problem.kinematics.ik(problem.placement.flange(T_base_tcp))
+    slots, reached = problem.kinematics.ik(
+        problem.placement.flange(T_base_tcp, problem.placement.external[tags])
+    )
     reached = reached & problem.placement.given[tags][:, None]
     q = problem.kinematics.nearest(np.where(reached[:, :, None], slots, 0.0), q_near)
     inside = reached & problem.within(q)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -57,15 +57,30 @@ class Problem:
         return angle_between(axis, self.placement.axis_base(tags))
 
     def solve(
-        self, T_base_tcp: FloatArray, branch: IndexArray, q_near: FloatArray
+        self,
+        T_base_tcp: FloatArray,
+        external: FloatArray,
+        branch: IndexArray,
+        q_near: FloatArray,
     ) -> tuple[FloatArray, BoolArray]:
         """Return the joints (m, 6) that reach TCP poses (m, 4, 4) in the given branches.
 
-        Every joint takes the turn nearest to ``q_near``, whether or not within limits; the
-        second value says where the pose is within reach.
+        The external axes stand at ``external`` (m, k) [m or rad]. Every joint takes the turn
+        nearest to ``q_near``, whether or not within limits; the second value says where the pose
+        is within reach.
         """
-        q, valid = self.kinematics.ik_in(self.placement.flange(T_base_tcp), branch)
+        q, valid = self.kinematics.ik_in(self.placement.flange(T_base_tcp, external), branch)
         return nearest_turn(q, q_near), valid
+
+    def standing(self, external: FloatArray) -> Problem:
+        """Return the problem with the external axes at (k,) [m or rad] all along."""
+        place = self.placement
+        rows = np.tile(external, (len(self), 1))
+        turn = place.base(rows)[..., :3, :3] @ np.swapaxes(
+            place.base(place.external)[..., :3, :3], -1, -2
+        )
+        normal = (turn @ self.normal[:, :, None])[:, :, 0]
+        return replace(self, placement=replace(place, external=rows), normal=normal)
 
     def within(self, q: FloatArray) -> BoolArray:
         """Return (m,) whether all joints keep the margin of the cell from their limits."""
@@ -112,5 +127,5 @@ def path_normals(toolpath: ToolPath, placement: Placement) -> FloatArray:
     size = np.linalg.norm(across, axis=1, keepdims=True)
     stand_in = placement.R_base_tcp @ cross_axes(placement.tool_axis)[1]
     normal = np.where(size > 1e-9, across / np.maximum(size, 1e-9), stand_in)
-    turned: FloatArray = normal @ np.asarray(placement.T_robroot_base)[:3, :3].T
-    return turned
+    R_robroot_base = placement.base(placement.external)[..., :3, :3]
+    return np.asarray(normal[:, None] @ np.swapaxes(R_robroot_base, -1, -2))[:, 0]
