@@ -150,21 +150,26 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
         detail = f"a path speed of {speed:g} m/s: the robot would not move, {len(still)} motions"
         result.finding(RunKind.SPEED, int(still[0]), detail)
     ratio = speed_shares(paths, cell)
+    names = [*(f"A{axis}" for axis in range(1, 7)), *(axis.name for axis in cell.external_axes)]
     worst = ratio.max(axis=1)
     row = int(worst.argmax())
     axis = int(ratio[row].argmax())
-    result.measure(
-        "axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), f"A{axis + 1}"
-    )
+    result.measure("axis_speed", float(worst[row] / PERCENT), "%", int(paths.row[row]), names[axis])
+    if ratio[:, 6:].any():  # external axes move with the tool: how each takes part is shown
+        for axis, name in enumerate(names):
+            row = int(ratio[:, axis].argmax())
+            share = float(ratio[row, axis] / PERCENT)
+            result.measure(f"speed_{name}", share, "%", int(paths.row[row]), name)
     counts = is_cut if is_cut is not None else trace.column("speed") <= MACHINING_SPEED
     counts = counts[paths.row]
-    _too_fast(result, worst, ratio, counts, Severity.ERROR)
-    _too_fast(result, worst, ratio, ~counts, Severity.WARNING)
+    _too_fast(result, ratio, counts, Severity.ERROR, names)
+    _too_fast(result, ratio, ~counts, Severity.WARNING, names)
 
 
 def _too_fast(
-    result: Result, worst: FloatArray, ratio: FloatArray, rows: BoolArray, severity: Severity
+    result: Result, ratio: FloatArray, rows: BoolArray, severity: Severity, names: list[str]
 ) -> None:
+    worst = ratio.max(axis=1)
     bad = rows & (worst > 1.0 + SPEED_SLACK)
     if not bad.any():
         return
@@ -175,7 +180,7 @@ def _too_fast(
     result.finding(
         RunKind.AXIS_SPEED,
         int(result.paths.row[row]),
-        f"A{axis + 1} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
+        f"{names[axis]} would need {worst[row] / PERCENT:.0f} % of its speed for {speed:g} m/s, "
         f"{motions} motions",
         severity,
     )
