@@ -214,6 +214,13 @@ def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> C
             f"CYCLE/{first}", WordClass.PROCESS, line,
             f"a {kind.replace('_', ' ')} cycle with pecks: the tool would leave in rapid",
         )  # fmt: skip
+    if kind in (CycleKind.DEEP, CycleKind.BRKCHP) and not (
+        found.get("peck") or found.get("peck_first")
+    ):
+        state.uses.refuse(
+            "CYCLE/STEP", WordClass.PROCESS, line,
+            f"{first} asks for pecks, and nothing says how deep: the hole is drilled at once",
+        )  # fmt: skip
     if kind is CycleKind.BORE and ("orient" in found or "shift" in found):
         state.uses.refuse(
             "CYCLE/ORIENT", WordClass.PROCESS, line,

@@ -126,6 +126,7 @@ def _minor(
         if above is not None:
             found["clear"] = above
     elif word in _FIELDS and value is not None:
+        _check_value(state, found.get(_FIELDS[word], value), word, value, line)
         found[_FIELDS[word]] = value
         _take_second(state, found, word, tokens, line, statement)
     elif word in _MODIFIERS or (word in {"DWELL", "RETURN", "ORIENT", "RTRCTO"} and value is None):
@@ -140,6 +141,17 @@ def _minor(
         state.uses.refuse(f"CYCLE/{word[:20]}", WordClass.PROCESS, line, f"{word[:20]} {reason}")
         while tokens.number() is not None:
             pass
+
+
+def _check_value(state: AptState, before: float, word: str, value: float, line: int) -> None:
+    """Ask a number back that contradicts the one ``before``, or that nothing can take."""
+    reason = ""
+    if value != before:
+        reason = f"{word} is given twice, {before:g} and {value:g}"
+    elif _FIELDS[word].startswith("dwell") and value < 0.0:
+        reason = f"a dwell of {value:g}; none is made"
+    if reason:
+        state.uses.refuse(f"CYCLE/{word.partition(',')[0]}", WordClass.PROCESS, line, reason)
 
 
 def _no_number(state: AptState, word: str, line: int, statement: Statement) -> Exception:

@@ -165,6 +165,9 @@ def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:
         number = bounded(word)
         if number is not None and before not in _NO_SPEED and found is None:
             found = number
+        elif number is not None and before not in _NO_SPEED:
+            reason = f"{word} is a second speed behind {found:g}; it is not carried out"
+            state.uses.refuse("SPINDL", WordClass.PROCESS, line, reason)
         elif word in _SPINDLE_REFUSED:
             state.uses.refuse(f"SPINDL/{word}", WordClass.PROCESS, line, _SPINDLE_REFUSED[word])
         elif word in _SPINDLE_NOTED:

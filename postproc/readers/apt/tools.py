@@ -26,6 +26,8 @@ class ToolTable:
     _calls: list[CamTool] = field(default_factory=list)
     number: int = NO_NUMBER
     loaded: bool = False
+    lengths: dict[int, tuple[float, int]] = field(default_factory=dict)
+    """LENGTH of a tool number where it was first given, in units of the file, and the line."""
 
     def update(self, tag: int, line: int, **data: float | str | int) -> CamTool:
         """Begin the tool that works from ``tag`` on, or complete it."""

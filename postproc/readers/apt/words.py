@@ -33,6 +33,7 @@ _MODES = {
 _TOOL_NAMES = ("solidworks", "camworks")
 """Seats that write the name of the coming tool as INSERT."""
 _CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
+_STOP = re.compile(r"STOP\b", re.IGNORECASE)
 
 
 def handle(state: AptState, statement: Statement, line: int) -> None:
@@ -156,6 +157,7 @@ def _load(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT070", "a tool change without a tool number", line, statement.text
         )
+    _check_length(state, words, int(number), line)
     if state.tools.number != int(number) or not state.tools.loaded:
         state.add_event(EventKind.TOOL_CHANGE, line, float(number), statement.text)
     state.tools.number, state.tools.loaded = int(number), True
@@ -167,6 +169,21 @@ def _load(state: AptState, statement: Statement, line: int) -> None:
     if "SPINDL" in words:
         rest = tuple(words[words.index("SPINDL") + 1 :])
         apt_feed.spindle_statement(state, Statement("SPINDL", rest, statement.text), line)
+
+
+def _check_length(state: AptState, words: list[str], number: int, line: int) -> None:
+    """Ask a tool back that comes with another LENGTH than before: it is another one."""
+    at = words.index("LENGTH") + 1 if "LENGTH" in words else len(words)
+    length = bounded(words[at]) if at < len(words) else None
+    if length is None:
+        return
+    before, where = state.tools.lengths.setdefault(number, (length, line))
+    if before != length:
+        reason = (
+            f"tool {number} comes with LENGTH {length:g}, in line {where} with {before:g}: a cell "
+            "has one frame for it"
+        )
+        state.uses.refuse("LOADTL/LENGTH", WordClass.TOOL, line, reason)
 
 
 def _cutter(state: AptState, statement: Statement, line: int) -> None:
@@ -210,7 +227,7 @@ def _tool_path(state: AptState, statement: Statement, line: int) -> None:
 def _insert(state: AptState, statement: Statement, line: int) -> None:
     """INSERT/text (SolidWorks CAM): STOP, the stock's size, else the name of the coming tool."""
     text = statement.free_text
-    if text.upper().startswith("STOP"):
+    if _STOP.match(text):
         state.add_event(EventKind.STOP, line, 0.0, text)
     elif text.upper().startswith("STOCK SIZE"):
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
