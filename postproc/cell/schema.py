@@ -531,6 +531,11 @@ class HooksTable(Table):
         default="PP_WAIT_SIGNAL",
         description="waits for a signal; gets its name, port (0: none) and value",
     )
+    spindle_orient: KrlName | None = Field(
+        default=None,
+        description="stops the spindle at an angle at the bottom of a bore and returns when it "
+        "stands there; gets the angle [deg]; default: none, such a bore is refused",
+    )
     tap_reverse: KrlName | None = Field(
         default=None,
         description="reverses the spindle at the bottom of a tapped hole and returns when it turns "

@@ -24,7 +24,7 @@ from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
 from postproc.planning import plan as plan_toolpath
-from postproc.process import machining_findings, unit_findings, word_findings
+from postproc.process import machining_findings, unit_findings, with_orientation, word_findings
 from postproc.progress import Clock, Progress
 from postproc.readers import ReadOptions, read, read_pins
 from postproc.units import DEG, MM, N_PER_MM
@@ -182,7 +182,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
     toolpath = read(request.source, request.format or habits.format, options)
     if np.isnan(toolpath.axes).any():
         cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
-    return with_joint_targets(toolpath, cell)
+    return with_orientation(with_joint_targets(toolpath, cell), cell)
 
 
 def _known_axis(cell: Cell) -> FloatArray:

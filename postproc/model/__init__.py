@@ -3,6 +3,7 @@
 from postproc.model.modelfile import ModelFile, Registration, entry, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import (
+    ORIENT,
     Arcs,
     CamSetup,
     CamTool,
@@ -18,6 +19,7 @@ from postproc.model.toolpath import (
 )
 
 __all__ = [
+    "ORIENT",
     "Arcs",
     "CamSetup",
     "CamTool",

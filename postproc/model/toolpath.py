@@ -56,6 +56,8 @@ class EventKind(StrEnum):
     TOOL_CHANGE = "tool_change"
     TAP_REVERSE = "tap_reverse"
     """The spindle turns back at the bottom of a tapped hole."""
+    SPINDLE_ORIENT = "spindle_orient"
+    """The spindle stops at the bottom of a bore, at the angle ``value``."""
     HOLE = "hole"
     """A step of a hole, ``text`` its name, ``value`` the number of the hole."""
     SIGNAL = "signal"
@@ -70,8 +72,8 @@ class EventKind(StrEnum):
 class Event:
     """Something that happens before the motion to tag ``index`` (``index == n``: after the last).
 
-    ``value``: spindle speed [turns/s] (negative = counterclockwise), dwell [s], tool number,
-    else 0. ``text``: the words of the file (coolant mode, message, unknown statement).
+    ``value``: spindle speed [turns/s] (negative = counterclockwise) or angle [rad], dwell [s], tool
+    number, else 0. ``text``: the words of the file (coolant mode, message, unknown statement).
     ``arguments``: of a step of a hole: depth [m], feed [m/s], speed [turns/s], 0 where not given;
     of a signal: its port, 0 where not given.
     """
@@ -139,6 +141,10 @@ class Cycle:
     def __post_init__(self) -> None:
         """Take the kind also as text."""
         object.__setattr__(self, "kind", CycleKind(self.kind))
+
+
+ORIENT = "CYCLE/ORIENT"
+"""Word of a spindle that is to stand at an angle at the bottom of a hole."""
 
 
 class WordClass(StrEnum):

@@ -387,7 +387,7 @@ def _events(toolpath: ToolPath, table: Moves, cell: Cell) -> tuple[tuple[int, Ev
     """Return the events of the file and of its holes, each with the move that it comes before."""
     first = np.searchsorted(table.tag, [event.index for event in toolpath.events]).tolist()
     found = [(move, 1, event) for move, event in zip(first, toolpath.events, strict=True)]
-    for tag, below, behind in hole_calls(toolpath):
+    for tag, below, behind in hole_calls(toolpath, cell):
         rows = np.flatnonzero((table.tag == tag) & (table.role == MoveRole.RETRACT))
         if len(rows):
             found += [(int(rows[0]), 0, below), (int(rows[0]) + 1, 0, behind)]

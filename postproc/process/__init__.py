@@ -20,6 +20,7 @@ from postproc.process.strokes import (
     peck_count,
     pecks,
     turns_at,
+    with_orientation,
 )
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.unit import NUMBER, hole_steps, holes_served, unit_findings
@@ -71,5 +72,6 @@ __all__ = [
     "turns_at",
     "unit_findings",
     "weight_wrench",
+    "with_orientation",
     "word_findings",
 ]

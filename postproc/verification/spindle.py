@@ -24,7 +24,8 @@ _BACK = np.deg2rad(179.0)
 _LISTED = 20
 _AS_RAPID = 0.01
 """A motion whose speed differs from that of straight rapids by less than this share is one."""
-_ROUTINES = ("spindle_on", "spindle_off", "tap_reverse")
+_STOPS = ("spindle_off", "spindle_orient")
+_ROUTINES = ("spindle_on", "tap_reverse", *_STOPS)
 _UNNAMED = np.inf
 """Speed before the spindle is named at all."""
 
@@ -66,7 +67,7 @@ def check_spindle(
         if event.on_the_way:
             text = f"{event.name} is called on the way: nobody waits for the spindle"
             result.finding_at(RunKind.SPINDLE, _place(result, event), text)
-    if words[calls[-1].name] != "spindle_off":
+    if words[calls[-1].name] not in _STOPS:
         text = "the program ends while the spindle turns"
         result.finding_at(RunKind.SPINDLE, _place(result, calls[-1]), text)
 
@@ -96,7 +97,7 @@ def _turns(calls: list[TraceEvent], words: Mapping[str, str], count: int) -> Flo
     """Return the speed (m,) at each motion: 0 standing, NaN where the text does not tell it."""
     turns = np.full(count, _UNNAMED)
     for event in calls:
-        turns[event.motion :] = 0.0 if words[event.name] == "spindle_off" else event.value * RPM
+        turns[event.motion :] = 0.0 if words[event.name] in _STOPS else event.value * RPM
     return turns
 
 

@@ -11,11 +11,11 @@ sys.path.insert(0, {tests!r})
 from emitters import plans
 from postproc.emitters.kuka.emitter import emit, render_files
 from postproc.model.toolpath import EventKind
-kinds = [kind for kind in EventKind if kind is not EventKind.TAP_REVERSE]  # has no default routine
-events = [plans.event(i, kind, 1.0, "text") for i, kind in enumerate(kinds)]
+events = [plans.event(i, kind, 1.0, "text") for i, kind in enumerate(EventKind)]
+own = {{"tap_reverse": "TAP_BACK", "spindle_orient": "TURN_TO"}}  # have no default routine
 path = plans.toolpath(31, operations=("a", "b", "c"), operation=[i // 11 for i in range(31)])
 for krl in ({{}}, {{"motion": "forms"}}, {{"points": "dat"}}, {{"motion": "spline_block"}}):
-    cell = plans.cell(setup=True, hooks_example=True, max_points_per_file=7, **krl)
+    cell = plans.cell(setup=True, hooks_example=True, max_points_per_file=7, hooks=own, **krl)
     files = render_files(emit(plans.milling(30, events=events, path=path), cell))
     for name, content in files.items():
         print(name, hashlib.sha256(content).hexdigest())

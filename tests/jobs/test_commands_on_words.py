@@ -173,6 +173,33 @@ def test_taps_without_a_routine_that_reverses_stop(shop):
     assert {code for code, _ in words(document)} == {"PRC002"}
 
 
+def test_a_bore_is_left_by_a_spindle_that_stands_at_its_angle(shop, verified):
+    cycle = "CYCLE/BORE, 9, MMPM, 90, 12, RAPTO, 9, ORIENT, 90\nGOTO/40, 0, -9\nCYCLE/OFF\n"
+    code, document, text = shop(FUSION + cycle + END)
+    assert (code, text) == (1, "")
+    assert words(document) == {("WRD001", "CYCLE/ORIENT")}
+    assert "spindle_orient" in document["failures"][0]["hint"]
+    code, _, text = shop(FUSION + cycle + END, '[krl.hooks]\nspindle_orient = "TURN_TO"\n')
+    assert code == 0
+    at = text.index("Z -9.0")
+    for line in (r"TURN_TO\(90\.0+\)", r"Z 3\.0", r"PP_SPINDLE_ON\(900\)"):
+        at = re.compile(line).search(text, at).end()
+    assert verified() == (0, set())
+    for other in ("TURN_TO(45.0)", "PP_SPINDLE_OFF()"):
+        code, kinds = verified(re.sub(r"TURN_TO\(.*?\)", other, text))
+        assert code == 1
+        assert "event" in kinds
+
+
+@pytest.mark.parametrize("kind", ["DRILL", "REAM", "BORE8"])
+@pytest.mark.parametrize("more", ["ORIENT,90", "SHIFT,2"])
+def test_an_angle_or_a_shift_at_the_bottom_is_never_left_out(shop, kind, more):
+    cycle = f"CYCLE/{kind},FEDTO,9,MMPM,90,RAPTO,3,{more}\nGOTO/40,0,0\nCYCLE/OFF\n"
+    code, document, text = shop(APT + cycle + END)
+    assert (code, text) == (1, "")
+    assert words(document) == {("WRD001", f"CYCLE/{more.partition(',')[0]}")}
+
+
 STOPPING = {
     "SPINDL/OFF": ("WRD001", "SPINDL/OFF"), "SPINDL/-3000,RPM": ("PRC001", "the"),
     "MODE/INCR,ON": ("WRD001", "MODE/INCR"), "HEAD/2": ("WRD001", "HEAD"),

@@ -76,6 +76,8 @@ FINI
     "CYCLE/OFF\nFINI\n",
     "tap.apt": "UNITS/MM\nSPINDL/600,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
     "CYCLE/TAP,FEDTO,9,MMPM,600,RAPTO,3\nGOTO/0,0,0\nCYCLE/OFF\nFINI\n",
+    "bore.apt": "UNITS/MM\nSPINDL/600,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
+    "CYCLE/BORE,FEDTO,9,MMPM,600,RAPTO,3,ORIENT,90\nGOTO/0,0,0\nCYCLE/OFF\nFINI\n",
     "inches.apt": "UNITS/INCH\nFEDRAT/35,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/2,0,0\nFINI\n",
     "long.apt": "PARTNO/LONG\nUNITS/MM\nFEDRAT/3000,MMPM\nGOTO/0,-4800,0,0,0,1\n"
     + "".join(f"GOTO/0,{-4800 + 200 * i},0\n" for i in range(1, 49))
@@ -402,6 +404,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "krl.hooks_example": ({}, {"krl.hooks_example": True}, MILL),
     "krl.inertia_kg_m2": (SETUP, {"krl.inertia_kg_m2": [1.0, 2.0, 3.0]}),
     **{f"krl.hooks.{key}": ({}, {"krl.hooks": {key: "MY_ROUTINE"}}, MILL) for key in HOOKS},
+    "krl.hooks.spindle_orient": ({}, {"krl.hooks": {"spindle_orient": "MY_ROUTINE"}}, "bore.apt"),
     "krl.hooks.tap_reverse": ({}, {"krl.hooks": {"tap_reverse": "MY_ROUTINE"}}, "tap.apt"),
     "krl.hooks.tool_change": ({}, {"krl.hooks": {"tool_change": "MY_ROUTINE"}}, MILL),
     "external_axes[].xyz_mm": (

@@ -227,7 +227,7 @@ def test_a_bore_with_shift_keeps_its_numbers(read_text):
         (bore.shift, bore.orient, bore.clearance, bore.retract, bore.dwell),
         (3e-4, np.pi / 2, 5e-3, 20e-3, 2.0),
     )
-    assert [use.word for use in refused(toolpath)] == ["CYCLE/ORIENT"]
+    assert [use.word for use in refused(toolpath)] == ["CYCLE/ORIENT", "CYCLE/SHIFT"]
 
 
 def test_deep_of_an_unknown_seat_retracts_fully_and_says_so(read_text):

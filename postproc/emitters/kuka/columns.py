@@ -35,6 +35,7 @@ STANDING = frozenset(
         EventKind.HALT,
         EventKind.TOOL_CHANGE,
         EventKind.TAP_REVERSE,
+        EventKind.SPINDLE_ORIENT,
         EventKind.HOLE,
         EventKind.SIGNAL,
         EventKind.WAIT_SIGNAL,

@@ -11,7 +11,7 @@ from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
 from postproc.model import Event, EventKind
 from postproc.process import coolant_mode
-from postproc.units import MM, MM_PER_MIN, RPM
+from postproc.units import DEG, MM, MM_PER_MIN, RPM
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,4 +125,6 @@ def _values(event: Event) -> dict[str, object]:
             "feed": round(feed / MM_PER_MIN, 4),
             "speed": round(speed / RPM, 3),
         }
-    return {"seconds": float(event.value)} if event.kind is EventKind.DWELL else {}
+    plain = {EventKind.DWELL: ("seconds", 1.0), EventKind.SPINDLE_ORIENT: ("angle", DEG)}
+    name, unit = plain.get(event.kind, ("", 1.0))
+    return {name: round(event.value / unit, 6)} if name else {}

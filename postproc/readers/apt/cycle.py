@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import isnan, nan, radians
 
-from postproc.model import Cycle, CycleKind, WordClass
+from postproc.model import ORIENT, Cycle, CycleKind, WordClass
 from postproc.readers.apt.byturns import LEFT, ByTurns
 from postproc.readers.apt.cycletext import Found, is_catia_order, is_hsm_order, parameters
 from postproc.readers.apt.dialect import CycleGrammar, CycleRule, DepthRule
@@ -209,6 +209,12 @@ def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> C
             "CYCLE/DEEP", WordClass.PROCESS, line,
             "full retracts after each peck; some systems mean chip breaking",
         )  # fmt: skip
+    _refuse_undone(state, first, kind, found, line)
+    return kind
+
+
+def _refuse_undone(state: AptState, first: str, kind: CycleKind, found: Found, line: int) -> None:
+    """Refuse what a cycle asks for and no stroke of its kind does."""
     if kind not in _PECKING and {"peck", "peck_first"} & set(found):
         state.uses.refuse(
             f"CYCLE/{first}", WordClass.PROCESS, line,
@@ -221,12 +227,17 @@ def _kind(state: AptState, words: tuple[str, ...], found: Found, line: int) -> C
             "CYCLE/STEP", WordClass.PROCESS, line,
             f"{first} asks for pecks, and nothing says how deep: the hole is drilled at once",
         )  # fmt: skip
-    if kind is CycleKind.BORE and ("orient" in found or "shift" in found):
+    if "orient" in found:
         state.uses.refuse(
-            "CYCLE/ORIENT", WordClass.PROCESS, line,
-            "the spindle is to stand at an angle before the tool leaves the bore",
+            ORIENT, WordClass.PROCESS, line,
+            "the spindle is to stand at an angle before the tool leaves the hole",
+            "for a bore: [krl.hooks] spindle_orient",
         )  # fmt: skip
-    return kind
+    if found.get("shift"):
+        state.uses.refuse(
+            "CYCLE/SHIFT", WordClass.PROCESS, line,
+            "the tool is to move off the wall before it leaves the hole",
+        )  # fmt: skip
 
 
 def _begin(

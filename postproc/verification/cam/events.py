@@ -18,7 +18,7 @@ from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.process import coolant_mode, hole_calls
-from postproc.units import RPM
+from postproc.units import DEG, RPM
 from postproc.verification.report import Result
 
 _COUNTED = (
@@ -30,6 +30,7 @@ _COUNTED = (
     EventKind.OPTIONAL_STOP,
     EventKind.TOOL_CHANGE,
     EventKind.TAP_REVERSE,
+    EventKind.SPINDLE_ORIENT,
 )
 _SIGNALS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
 _LISTED = 20
@@ -57,7 +58,7 @@ def check_events(
     """
     spans = _Spans(served, latest, len(result.paths))
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
-    everything = _asked(toolpath, spans)
+    everything = _asked(toolpath, cell, spans)
     for kind in _COUNTED:
         name = names.get(str(kind), "")
         asked = [(event, span) for event, span in everything if event.kind is kind]
@@ -67,10 +68,10 @@ def check_events(
     _compare_dwells(result, toolpath, spans)
 
 
-def _asked(toolpath: ToolPath, spans: _Spans) -> list[tuple[Event, _Span]]:
+def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[tuple[Event, _Span]]:
     """Return the events of the file and of its holes in their order, and where each belongs."""
     found = [(event.index, 0, event, spans.of(event)) for event in toolpath.events]
-    for tag, below, behind in hole_calls(toolpath):
+    for tag, below, behind in hole_calls(toolpath, cell):
         found.append((tag, 1, below, spans.at_bottom(tag)))
         found.append((tag, 2, behind, spans.behind(tag)))
     return [item[2:] for item in sorted(found, key=lambda item: item[:2])]
@@ -150,6 +151,10 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
         rpm = event.value / RPM
         if not math.isclose(call.value, rpm, rel_tol=1e-3, abs_tol=1e-3):
             return f"spindle speed {call.value:g} 1/min, line {event.line} asks for {rpm:g}"
+    if kind is EventKind.SPINDLE_ORIENT and not math.isclose(
+        call.value, event.value / DEG, abs_tol=1e-3
+    ):
+        return f"spindle at {call.value:g} deg, line {event.line} asks for {event.value / DEG:g}"
     if kind is EventKind.TOOL_CHANGE and int(event.value) != call.value:
         return f"tool {call.value:g}, line {event.line} asks for {event.value:g}"
     if not span.first <= call.motion <= span.last:
