@@ -1,7 +1,9 @@
 """How long motions take: an estimate, not the controller's own planner.
 
 Rest-to-rest motions (rapids, retracts, drill strokes) are time-optimal with limited jerk, by
-ruckig. Along a chain of blended CP motions the speed is planned on the path: the programmed feed
+ruckig. Axes of a joint motion speed up, keep their speed and slow down together, as a controller of
+KUKA moves them (synchronous PTP: the way is the same at every speed): one profile for all, slow
+enough for each. Along a chain of blended CP motions the speed is planned on the path: the programmed feed
 and the axes' speed and acceleration limits give a cap at every point, a backward and a forward pass
 make it reachable, and jerk is limited by averaging the profile over ``ramp`` seconds, which is
 what a controller's filter does: the way stays the same, every stretch from stop to stop takes
@@ -38,7 +40,7 @@ def joint_move_time(
     acceleration: ArrayLike,
     ramp: float = RAMP,
 ) -> FloatArray:
-    """Return the time (m,) [s] of synchronised rest-to-rest joint moves.
+    """Return the time (m,) [s] of rest-to-rest joint moves whose axes share one phase profile.
 
     Args:
         q_from: (m, d) [rad] (or metres for a rail).
@@ -50,15 +52,14 @@ def joint_move_time(
     way = np.abs(np.atleast_2d(np.asarray(q_to, dtype=np.float64) - np.asarray(q_from)))
     top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
     push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), way.shape)
-    # The slowest axis alone decides. Limited jerk adds between nothing and ``ramp`` to the time
-    # without it, so ruckig is asked only for axes that are within ``ramp`` of the slowest.
-    reaches = way >= top**2 / push
-    rough = np.where(reaches, way / top + top / push, 2.0 * np.sqrt(way / push))
+    longest = way.max(axis=1, initial=0.0)
+    share = way / np.maximum(longest, _TINY)[:, None]
+    with np.errstate(divide="ignore"):
+        speeds = (top / share).min(axis=1, initial=np.inf)
+        pushes = (push / share).min(axis=1, initial=np.inf)
     times = np.zeros(len(way))
-    rows, axes = np.nonzero((rough >= rough.max(axis=1, keepdims=True) - ramp) & (way > _TINY))
-    for row, axis in zip(rows.tolist(), axes.tolist(), strict=True):
-        time = _RestToRest.time(way[row, axis], top[row, axis], push[row, axis], ramp)
-        times[row] = max(times[row], time)
+    for row in np.flatnonzero(longest > _TINY).tolist():
+        times[row] = _RestToRest.time(longest[row], speeds[row], pushes[row], ramp)
     return times
 
 
