@@ -63,6 +63,9 @@ class RunKind(StrEnum):
     BLEND_END = "blend_end"
     BLEND_LOST = "blend_lost"
     BLEND_CUT = "blend_cut"
+    BLOCK_RATE = "block_rate"
+    LOOK_AHEAD = "look_ahead"
+    MEMORY = "memory"
     CORNER = "corner"
     COLLISION = "collision"
 

@@ -18,6 +18,10 @@ INCH_PER_MIN = 25.4e-3 / 60.0
 """One inch/min in m/s."""
 RPM = 1.0 / 60.0
 """One turn per minute in turns per second."""
+MS = 1e-3
+"""One millisecond in seconds."""
+MEGABYTE = 1e6
+"""One megabyte in bytes."""
 PERCENT = 1e-2
 """One percent."""
 NMM_PER_RAD = 1e-3

@@ -14,7 +14,7 @@ from postproc.cell.schema import (
     MotionTable,
     OptimizeTable,
 )
-from postproc.units import DEG, MM, MM_PER_MIN, PERCENT
+from postproc.units import DEG, MEGABYTE, MM, MM_PER_MIN, MS, PERCENT
 
 
 def limits_of(table: LimitsTable) -> Limits:
@@ -94,6 +94,8 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         advance=table.advance,
         orientation_speed=table.orientation_speed_deg_s * DEG,
         path_speed_max=table.path_speed_max_m_s,
+        block_time=table.block_ms * MS,
+        memory=table.memory_mb * MEGABYTE,
         cam_lines=table.cam_lines,
         setup=table.setup,
         hooks_example=table.hooks_example,

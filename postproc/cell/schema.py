@@ -582,6 +582,14 @@ class KrlTable(Table):
     path_speed_max_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
         default=2.0, description="largest path speed [m/s]: rapids are slowed, a feed is refused"
     )
+    block_ms: Positive = Field(
+        default=12.0,
+        description="time that the controller needs to plan a motion ahead: points that follow "
+        "each other faster are worth a warning [ms]",
+    )
+    memory_mb: Positive = Field(
+        default=4.0, description="memory for programs: larger ones are worth a warning [MB]"
+    )
     cam_lines: bool = Field(default=True, description="name the CAM line behind each motion")
     setup: bool = Field(
         default=False, description="write NAME_SETUP, which enters tool, base and load data"

@@ -3,7 +3,15 @@
 from postproc.paths.externals import Externals
 from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
 from postproc.paths.motion import Paths, Shift, Station, joint_paths
-from postproc.paths.times import SLOWEST, cycle_time, durations, feed_shares, speed_shares
+from postproc.paths.times import (
+    SLOWEST,
+    chains,
+    cycle_time,
+    durations,
+    feed_shares,
+    motion_times,
+    speed_shares,
+)
 from postproc.paths.world import run_in_cell
 
 __all__ = [
@@ -15,11 +23,13 @@ __all__ = [
     "Shift",
     "Station",
     "Timeline",
+    "chains",
     "cycle_time",
     "durations",
     "feed_shares",
     "joint_paths",
     "moments_of",
+    "motion_times",
     "run_in_cell",
     "speed_shares",
 ]

@@ -3,11 +3,11 @@
 Rest-to-rest motions (rapids, retracts, drill strokes) are time-optimal with limited jerk, by
 ruckig. Axes of a joint motion speed up, keep their speed and slow down together, as a controller of
 KUKA moves them (synchronous PTP: the way is the same at every speed): one profile for all, slow
-enough for each. Along a chain of blended CP motions the speed is planned on the path: the programmed feed
-and the axes' speed and acceleration limits give a cap at every point, a backward and a forward pass
-make it reachable, and jerk is limited by averaging the profile over ``ramp`` seconds, which is
-what a controller's filter does: the way stays the same, every stretch from stop to stop takes
-``ramp`` longer.
+enough for each. Along a chain of blended CP motions the speed is planned on the path: the
+programmed feed and the axes' speed and acceleration limits give a cap at every point, a backward
+and a forward pass make it reachable, and jerk is limited by averaging the profile over ``ramp``
+seconds, which is what a controller's filter does: the way stays the same, every stretch from stop
+to stop takes ``ramp`` longer.
 
 ruckig's intermediate waypoints are never used: it would send them to a service on the network.
 No source publishes jerk limits; jerk is taken as acceleration over ``RAMP``.

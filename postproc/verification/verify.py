@@ -8,7 +8,7 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``, ``half_turn``: a motion
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``corner``, ``collision``: on the way;
-  ``blend_end``;
+  ``blend_end``; ``block_rate``, ``look_ahead``, ``memory``: what the controller can take;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
   tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
@@ -53,6 +53,7 @@ from postproc.verification.cam import (
     check_steps,
     compare_served,
 )
+from postproc.verification.capacity import check_capacity
 from postproc.verification.checks import (
     check_blending,
     check_externals,
@@ -115,6 +116,7 @@ def verify(
     check_joints(result, cell, kinematics)
     check_externals(result, cell)
     check_blending(result)
+    check_capacity(result, cell, modules)
     report(2, 4, "comparison")
     comparison = None
     if toolpath is not None:

@@ -399,6 +399,8 @@ CASES: dict[str, tuple[Any, ...]] = {
     "krl.advance": ({}, {"krl.advance": 1}),
     "krl.orientation_speed_deg_s": ({}, {"krl.orientation_speed_deg_s": 100.0}),
     "krl.path_speed_max_m_s": ({}, {"krl.path_speed_max_m_s": 0.1}),
+    "krl.block_ms": ({}, {"krl.block_ms": 1e5}, MILL),
+    "krl.memory_mb": ({}, {"krl.memory_mb": 1e-3}),
     "krl.cam_lines": ({}, {"krl.cam_lines": False}),
     "krl.setup": ({}, {"krl.setup": True}),
     "krl.hooks_example": ({}, {"krl.hooks_example": True}, MILL),
