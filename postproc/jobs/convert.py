@@ -6,7 +6,7 @@ run on the robot model and compared with the CAM path first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -24,9 +24,16 @@ from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
 from postproc.planning import plan as plan_toolpath
-from postproc.process import machining_findings, unit_findings, with_orientation, word_findings
+from postproc.process import (
+    bases_named,
+    machining_findings,
+    unit_findings,
+    with_orientation,
+    word_findings,
+    words_settled,
+)
 from postproc.progress import Clock, Progress
-from postproc.readers import ReadOptions, read, read_pins
+from postproc.readers import ReadOptions, SurfaceNormals, read, read_pins
 from postproc.units import DEG, MM, N_PER_MM
 
 REASONS = {
@@ -137,7 +144,7 @@ def convert(
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
     words = (
-        *word_findings(toolpath),
+        *word_findings(words_settled(toolpath, cell)),
         *machining_findings(toolpath, cell),
         *unit_findings(toolpath, cell),
     )
@@ -180,7 +187,7 @@ def read_toolpath(request: ConvertRequest, cell: Cell) -> ToolPath:
         surface_normals=_surface_normals(cell),
     )
     toolpath = read(request.source, request.format or habits.format, options)
-    if np.isnan(toolpath.axes).any():
+    if np.isnan(toolpath.axes).any() and len(cell.tools) == 1:
         cell.tool.axis  # noqa: B018 - asks for the axis that the file's orientations need
     return with_orientation(with_joint_targets(toolpath, cell), cell)
 
@@ -212,15 +219,22 @@ def with_pins(cell: Cell, toolpath: ToolPath, path: str) -> Cell:
     return replace(cell, optimize=replace(cell.optimize, pins=merged))
 
 
-def _surface_normals(cell: Cell) -> Callable[[Any], Any] | None:
-    """Return a function points (n, 3) [m] in BASE -> normals (n, 3), None without a solid."""
-    if not cell.workpiece.meshes:
+def _surface_normals(cell: Cell) -> SurfaceNormals | None:
+    """Return the normals of the workpieces' meshes in the base of each row, None without any."""
+    if not any(base.meshes for base in cell.bases):
         return None
 
-    def normals(points: Any) -> Any:  # noqa: ANN401 - arrays in, arrays out
+    def normals(points: FloatArray, bases: Sequence[str] = (), /) -> FloatArray:
         from postproc.collision import Scene
 
-        return Scene.shared(cell, build(cell.robot)).surface_normals(points)
+        kinematics = build(cell.robot)
+        entry = bases_named(bases or [""] * len(points), cell)
+        found = np.tile([0.0, 0.0, 1.0], (len(points), 1))  # what no base claims stops later
+        for index in np.unique(entry[entry >= 0]).tolist():
+            rows = np.flatnonzero(entry == index)
+            scene = Scene.shared(cell.with_tool(cell.tool_index, index), kinematics)
+            found[rows] = scene.surface_normals(points[rows])
+        return found
 
     return normals
 

@@ -1,6 +1,14 @@
 """What the process asks of planning and verification alike: feeds, loads, order, words, tilt."""
 
-from postproc.process.claims import Claims, ToolStretch, carried, claimed, tool_words
+from postproc.process.claims import (
+    Claims,
+    ToolStretch,
+    bases_named,
+    carried,
+    claimed,
+    tool_words,
+    words_settled,
+)
 from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
@@ -48,6 +56,7 @@ __all__ = [
     "apart",
     "as_served",
     "back_off",
+    "bases_named",
     "carried",
     "claimed",
     "coolant_mode",
@@ -74,4 +83,5 @@ __all__ = [
     "weight_wrench",
     "with_orientation",
     "word_findings",
+    "words_settled",
 ]

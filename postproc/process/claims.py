@@ -24,7 +24,7 @@ from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolP
 from postproc.units import MM
 
 UNCLAIMED = -1
-SETUP_WORDS = frozenset({"MCSYS", "MCS", "MCS2", "ZERO"})
+SETUP_WORDS = frozenset({"MCSYS", "MCS", "MCS2", "ZERO", "CUTCOM/ADJUST"})
 """Words that name a setup of which only a cell can say where the points lie."""
 _MOST_LINES = 12
 _SAME_DIAMETER = 0.01 * MM
@@ -81,6 +81,27 @@ def claimed(toolpath: ToolPath, cell: Cell) -> Claims:
     served = sorter.served(tool)
     findings = (*sorter.findings, *_lost_arcs(served, tool, base))
     return Claims(served, tool, base, findings)
+
+
+def words_settled(toolpath: ToolPath, cell: Cell) -> ToolPath:
+    """Return a toolpath without the refused words that a base of the cell answers."""
+    sorter = _Sorter(toolpath, cell)
+    sorter.bases()
+    return sorter.settled(toolpath)
+
+
+def bases_named(names: Sequence[str], cell: Cell) -> IntArray:
+    """Return the bases (n,) that names of a list mean: indices into those of a cell, -1 for none.
+
+    A row without a name is in the only base, or in the one that no CAM name claims.
+    """
+    free = [index for index, base in enumerate(cell.bases) if not base.cam]
+    nobody = free[0] if len(free) == 1 else UNCLAIMED
+    if len(cell.bases) == 1 and len({name for name in names if name}) < 2:
+        return np.zeros(len(names), dtype=np.int32)
+    table = {key: index for index, base in enumerate(cell.bases) for key in base.cam}
+    keys = (cam_key(name) if name else "" for name in names)
+    return np.array([table.get(k, UNCLAIMED) if k else nobody for k in keys], dtype=np.int32)
 
 
 @dataclass(slots=True)
@@ -256,10 +277,14 @@ class _Sorter:
             else event
             for event in toolpath.events
         )
+        if events != toolpath.events:
+            toolpath = replace(toolpath, events=events)
+        return self.settled(toolpath)
+
+    def settled(self, toolpath: ToolPath) -> ToolPath:
+        """Return the toolpath without the refusals that a claimed setup answers."""
         uses = tuple(self._settled_uses())
-        if (events, uses) == (toolpath.events, toolpath.word_uses):
-            return toolpath
-        return replace(toolpath, events=events, word_uses=uses)
+        return toolpath if uses == toolpath.word_uses else replace(toolpath, word_uses=uses)
 
     def _moved(self) -> ToolPath:
         """Return the toolpath with its points moved; its setups say so."""
@@ -275,7 +300,6 @@ class _Sorter:
         return replace(carried(toolpath, T[column + 1]), setups=tuple(setups))
 
     def _settled_uses(self) -> Iterator[WordUse]:
-        """Yield the words of the file without the refusals that a claimed setup answers."""
         for use in self.toolpath.word_uses:
             if not use.refused or use.word not in SETUP_WORDS:
                 yield use

@@ -1,6 +1,14 @@
 """CAM files to ToolPath; one format per file, found by the registry."""
 
-from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, Reader, ReadOptions, read
+from postproc.readers.base import (
+    HEAD_BYTES,
+    LENGTH_UNITS,
+    READERS,
+    Reader,
+    ReadOptions,
+    SurfaceNormals,
+    read,
+)
 from postproc.readers.csv import read_pins
 
 __all__ = [
@@ -9,6 +17,7 @@ __all__ = [
     "READERS",
     "ReadOptions",
     "Reader",
+    "SurfaceNormals",
     "read",
     "read_pins",
 ]

@@ -6,7 +6,7 @@ foreign readers come by the entry-point group ``postproc.readers``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -29,6 +29,17 @@ CATIA_WORDS = ("depth", "clearance", "feed", "dwell")
 HEAD_BYTES = 1 << 16
 
 
+class SurfaceNormals(Protocol):
+    """Outward unit normals of the workpiece's mesh."""
+
+    def __call__(self, points: FloatArray, bases: Sequence[str] = (), /) -> FloatArray:
+        """Return normals (n, 3) nearest to points (n, 3) [m], both in the base of their row.
+
+        ``bases`` (n,): what the file calls the base of each row, empty where it says nothing.
+        """
+        ...
+
+
 @dataclass(frozen=True, slots=True)
 class ReadOptions:
     """How a file is to be read; everything has a default that fits files in the wild.
@@ -40,8 +51,8 @@ class ReadOptions:
         columns: names of the columns of a CSV file in order, ``-`` for one to leave out.
         tool_axis: (3,) axis of the TCP frame that points out of the tool into the part; turns a
             full orientation of the input into a tool axis: ``axes = -(R_part_tcp @ tool_axis)``.
-        surface_normals: points (n, 3) [m] of the part to outward unit normals (n, 3), from the
-            workpiece's mesh; stands in where a CSV file gives no orientation.
+        surface_normals: points of the part to outward normals of the workpiece's mesh; stands in
+            where a CSV file gives no orientation.
         points_only: a list without orientations is read all the same, with axes NaN and a warning
             (to look at it; no robot can run it).
         chord_tolerance: how far [m] the chords of a discretised spline may leave the curve.
@@ -60,7 +71,7 @@ class ReadOptions:
     recover: bool = False
     columns: tuple[str, ...] | str | None = None
     tool_axis: tuple[float, ...] = (1.0, 0.0, 0.0)
-    surface_normals: Callable[[FloatArray], FloatArray] | None = None
+    surface_normals: SurfaceNormals | None = None
     points_only: bool = False
     chord_tolerance: float = 1e-5
     cycle_words: tuple[str, ...] | str | None = None

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio
 import pytest
 
+import postproc
 from postproc.cell.file import load_cell
 from postproc.controller.modules import load_program
 from postproc.kinematics import build
@@ -513,3 +514,53 @@ def test_measured_holes_are_found_in_the_setup_they_lie_in(converted, run, tmp_p
     assert document["gap"]["rms_mm"] == pytest.approx(0.2, abs=0.02)
     wrong = run(*call, "--tool", 7)[1]
     assert wrong["gap"]["rms_mm"] > 5.0, "another tool is another tool point"
+
+
+def test_normals_are_those_of_the_base_of_each_row(job):
+    """The panel of the second base is drawn tilted by 10 deg about x in its own coordinates."""
+    names = {1: "MSYS_1", 2: "MCS_2"}
+    rows = [f"{150 + k},150,0,{1 + k % 3},{names[base]}" for base in (1, 2) for k in range(6)]
+    rows += ["152,151,0,1,MCS_2", "152,152,0,1,MSYS_1"]
+    cam, cell = job(
+        source=lambda count: "\n".join(["x,y,z,tool,base", *rows, ""]), name="points.csv"
+    )
+    head, first, second = cell.read_text().split("[[bases]]")
+    second = second.replace(
+        "xyz_mm = [150, 150, -6.0]", "xyz_mm = [150, 150, -6.0], abc_deg = [0, 0, 10]"
+    )
+    cell.write_text("[[bases]]".join([head, first, second]))
+    part = postproc.read(cam, load_cell(cell))
+    tilt = np.radians(10.0)
+    tilted = np.array([row.endswith("MCS_2") for row in rows])
+    want = np.where(tilted[:, None], [0.0, -np.sin(tilt), np.cos(tilt)], [0.0, 0.0, 1.0])
+    np.testing.assert_allclose(part.axes, want, atol=1e-9)
+
+
+@pytest.mark.parametrize("claims", [('["1"]', '["ADJUST_2"]'), ('["ADJUST_1"]', '["2"]')])
+def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
+    """CUTCOM/ADJUST,n is the number of a work offset; unclaimed it stops as it did."""
+    cam, cell = job(tools=wing.TOOLS[:1])
+    lines = wing.apt_text(2).splitlines()
+    lines = [line for line in lines if not line.startswith(("MSYS", "LOADTL"))]
+    holes = lines[2 : lines.index("CYCLE/OFF") + 3]
+    cam.write_text(
+        "\n".join([*lines[:2], "LOADTL/1", "CUTCOM/ADJUST,1", *holes, "CUTCOM/ADJUST,2", *holes,
+                   "SPINDL/OFF", "FINI", ""])
+    )  # fmt: skip
+    text = cell.read_text()
+    call = ("convert", cam, "--cell", cell, "-o", tmp_path / "out", "--json", "--dialect", "nx")
+    code, _, err = run(*call)
+    assert code == 2
+    assert "WRD020: setup 1, line 4, is claimed by no base" in err
+    for old, new in zip(('["MSYS_1"]', '["MCS_2"]'), claims, strict=True):
+        text = text.replace(old, new)
+    cell.write_text(text)
+    code, document, err = run(*call)
+    assert (code, document["failures"]) == (0, []), err
+    program = tmp_path / "out" / "wing.src"
+    _, base, points = tips(program, cell)
+    for number in (3, 4):
+        bottom = points[base == number][:, 2].min()
+        assert bottom == pytest.approx(-wing.DEPTHS[1], abs=0.01), number
+    verify = ("verify", program, "--cell", cell, "--against", cam, "--json", "--dialect", "nx")
+    assert run(*verify)[0] == 0

@@ -60,7 +60,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.jobs.diagnose import diagnose
     from postproc.jobs.measure_next import keep_readings
     from postproc.model import load_model
-    from postproc.process import word_findings
+    from postproc.process import word_findings, words_settled
 
     if options["output"]:
         keep_readings(Path(options["output"]))
@@ -68,7 +68,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     model = load_model(options["model"]) if options["model"] else None
     toolpath = read_cam(options["program"], options, cell) if options["program"] else None
     if toolpath is not None:
-        session.findings(word_findings(toolpath))
+        session.findings(word_findings(words_settled(toolpath, cell)))
     with session.progress() as progress:
         job = diagnose(
             options["measurements"], cell, model, options["registered"], toolpath, progress

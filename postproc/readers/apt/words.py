@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 
-from postproc.model import EventKind, WordClass
+from postproc.model import CamSetup, EventKind, WordClass
 from postproc.process import COOLANTS
 from postproc.readers.apt import cycle as apt_cycle
 from postproc.readers.apt import feed as apt_feed
@@ -287,6 +287,10 @@ def _compensation(state: AptState, statement: Statement, line: int) -> None:
             "the number of a work offset of the control: coordinates that the file does not give"
         )
         refuse(state, statement, line, WordClass.COORDINATES, reason, "ADJUST")
+        numbers = statement.numbers()
+        if words[0] == "ADJUST" and len(numbers) == 2 and numbers[1] is not None:
+            name = f"{numbers[1]:g}"
+            state.setups.call(CamSetup(name, line, aliases=(f"ADJUST_{name}",)))
     elif "LENGTH" in words:
         reason = "a length offset of the control, which nothing says is in the points already"
         refuse(state, statement, line, WordClass.TOOL, reason, "LENGTH")

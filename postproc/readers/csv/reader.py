@@ -300,7 +300,7 @@ def _orientation(
             hint="choose with --columns, - leaves a column out",
         )
     if not forms:
-        return _normals_of_surface(data, points, options, faults), None
+        return _normals_of_surface(data, points, rows, options, faults), None
     form = forms[0]
     values = np.column_stack([data.numbers[role][rows] for role in form])
     empty = np.flatnonzero(np.isnan(values).any(axis=1))
@@ -314,7 +314,11 @@ def _orientation(
 
 
 def _normals_of_surface(
-    data: _Columns, points: FloatArray, options: ReadOptions, faults: Faults
+    data: _Columns,
+    points: FloatArray,
+    rows: IndexArray | slice,
+    options: ReadOptions,
+    faults: Faults,
 ) -> FloatArray:
     partial = [role for role in (*NORMAL, "a", "b", "c") if role in data.numbers]
     if options.points_only and not partial and options.surface_normals is None:
@@ -328,9 +332,11 @@ def _normals_of_surface(
             1,
             hint="add the columns, or give the cell a workpiece mesh to take the normals from",
         )
-    normals = np.asarray(options.surface_normals(points), dtype=np.float64)
+    bases = _texts_of(data.texts.get("base"), rows)
+    found = options.surface_normals(points, bases) if bases else options.surface_normals(points)
+    normals = np.asarray(found, dtype=np.float64)
     faults.warn("CSV111", "no orientation in this file: normals are those of the workpiece mesh", 1)
-    return unit_rows(normals, "normal of the mesh", data.line[: len(points)], faults)
+    return unit_rows(normals, "normal of the mesh", data.line[rows], faults)
 
 
 def _feeds(
