@@ -153,8 +153,12 @@ def test_files_with_several_tools_need_them_in_the_cell(corpus, tmp_path):
             assert {number in cell.tools[tool].cam for tool in mine.tolist()} <= {True}, name
 
 
-@pytest.mark.parametrize("name", ["az__Paralelipipedo-furos.apt", "az__Dem-target2.apt"])
+SEVERAL = [name for name, needs in NEEDS.items() if TOOLS in needs]
+
+
+@pytest.mark.parametrize("name", SEVERAL)
 def test_files_with_several_tools_convert(corpus, tmp_path, capsys, name):
+    """With a tool of its own length for each number: into a program that comes back good."""
     cell = tmp_path / "cell.toml"
     toolpath = read(corpus / "apt" / name)
     cell.write_text(CELL + tools_table(toolpath) + HOME)
@@ -163,11 +167,35 @@ def test_files_with_several_tools_convert(corpus, tmp_path, capsys, name):
     assert run([*call, "--name", "part", "--json"]) == 0, capsys.readouterr().err
     text = "".join(path.read_text() for path in sorted((tmp_path / "out").glob("*.src")))
     used = {toolpath.tools[index].number for index in toolpath.tool}
-    assert {int(n) for n in re.findall(r"BAS\(#TOOL,(\d+)\)", text)} <= set(range(1, 17))
+    numbers = {tool.cam[0]: tool.number for tool in load_cell(cell).tools}
+    assert {int(n) for n in re.findall(r"BAS\(#TOOL,(\d+)\)", text)} == {
+        numbers[str(number)] for number in used
+    }
     assert {int(n) for n in re.findall(r"PP_TOOL_CHANGE\((\d+)\)", text)} == used
     capsys.readouterr()
     check = ["verify", f"{out}/part.src", "--cell", str(cell), "--against", source]
     assert run([*check, "--accept-words", "CUTCOM", "--json"]) == 0, capsys.readouterr()
+
+
+@pytest.mark.parametrize("name", SEVERAL)
+def test_the_table_of_inspect_can_be_pasted(corpus, tmp_path, capsys, name):
+    """As it is printed it claims every tool, and only the axes are asked for; then those fit."""
+    source = str(corpus / "apt" / name)
+    assert run(["inspect", source]) == 0
+    table = capsys.readouterr().out.partition("for the cell, to be filled in:\n\n")[2]
+    cell = tmp_path / "cell.toml"
+    head = CELL.partition("[workpiece]")[0] if "[[bases]]" in table else CELL
+    cell.write_text(head + table + HOME)
+    call = ["convert", source, "--cell", str(cell), "-o", str(tmp_path / "out")]
+    assert run([*call, "--accept-words", "CUTCOM"]) == 2
+    assert "error CEL031: tool" in capsys.readouterr().err
+    cell.write_text(head + table.replace("# axis =", "axis =") + HOME)
+    claims = claimed(read(source), load_cell(cell))
+    assert not [finding for finding in claims.findings if finding.is_error]
+    assert (claims.tool >= 0).all()
+    assert (claims.base >= 0).all()
+    assert run([*call, "--accept-words", "CUTCOM", "--partial"]) in (0, 1)
+    assert not re.search(r"error (WRD|CEL)", capsys.readouterr().err)
 
 
 def tools_table(toolpath):
