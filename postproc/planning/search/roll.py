@@ -1,49 +1,110 @@
-"""One spin within every straight stroke of a task along the tool axis: the tool does not roll."""
+"""One spin within every straight stroke along the tool axis: the tool does not roll in the part.
+
+A stroke keeps the spin of the end from which a cut goes on: that one was searched with the cut.
+Where rapids lead to it and away from it, another spin that serves the whole stroke may be taken. A
+task has given the orientation of its targets, so a stroke of it keeps that of its start.
+"""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
-from postproc.errors import Finding
+from postproc.errors import Finding, Severity
 from postproc.model import MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.states import Chosen, cross_axes, strokes_into
+from postproc.units import DEG
 
 _BRANCHES = 8
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
+_CUTS = (MotionKind.LINEAR, MotionKind.ARC)
+_MOST_LINES = 12
 
 
 def without_roll(checker: Checker, chosen: Chosen) -> list[Finding]:
-    """Give the tags of every stroke the spin of its start, else another one that serves them all.
+    """Give the tags of every stroke one spin that serves them all.
 
     Returns:
-        Findings at strokes that no single spin serves.
+        An error for each stroke of a task that no single spin serves, one note for those of other
+        files.
     """
-    stroke = strokes_into(checker.problem.toolpath) & chosen.good & ~chosen.entry
-    findings = []
-    for low, high in runs(stroke.astype(np.int64)):
-        if not stroke[low] or not low or not chosen.good[low - 1]:
-            continue
-        tags = np.arange(low - 1, high)
+    toolpath = checker.problem.toolpath
+    findings, rolling = [], []
+    for tags in _strokes(checker, chosen):
+        low = int(tags[1])
         offset = _offsets(checker, tags)
         spins = chosen.attitude[tags, 0] - offset
-        if np.abs(spins - spins[0]).max() < _SAME:
+        roll = float(np.abs(spins - spins[0]).max())
+        if roll < _SAME:
             continue
-        branches = [int(chosen.branch[tags[0]])]
-        tried = [float(spins[0])]
-        if _may_turn(checker, chosen, int(tags[0])):
-            others = checker.problem.settings.spins
-            tried += others[np.argsort(np.abs(others - spins[0]), kind="stable")].tolist()
-            branches += [branch for branch in range(_BRANCHES) if branch not in branches]
-        ways = itertools.product(branches, tried)
-        if not any(_turned(checker, chosen, tags, offset + s, branch) for branch, s in ways):
+        ways = _ways(checker, chosen, tags, spins)
+        if any(_turned(checker, chosen, tags, offset + s, *way) for s, *way in ways):
+            continue
+        rolling.append((roll, low))
+        if toolpath.format == "delmia":
             text = "no single turn about the tool axis serves this straight stroke"
             findings.append(failure(checker.problem, low, Reason.COLLISION, text))
-    return findings
+    return findings or _noted(checker, rolling)
+
+
+def _strokes(checker: Checker, chosen: Chosen) -> Iterator[IndexArray]:
+    """Yield the tags of every stroke, its start included.
+
+    Where the tool leaves a cut and comes back to the next one on the same line, it may turn between
+    two rapids, out of the part: there are two strokes then.
+    """
+    toolpath = checker.problem.toolpath
+    is_stroke = strokes_into(toolpath) & chosen.good & ~chosen.entry
+    is_stroke &= np.append(False, chosen.good[:-1])
+    rapid = np.asarray(toolpath.kind) == MotionKind.RAPID
+    for low, high in runs(is_stroke.astype(np.int64)):
+        if not is_stroke[low]:
+            continue
+        tags = np.arange(low - 1, high)
+        between = np.flatnonzero(rapid[tags[:-1]] & rapid[tags[1:]]) + 1
+        bound = not (_may_turn(checker, chosen, low - 1) or _ends(checker, chosen, high - 1))
+        pieces = np.split(tags, between[:1]) if bound else [tags]
+        yield from (piece for piece in pieces if len(piece) > 1)
+
+
+def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
+    if not rolling:
+        return []
+    toolpath, first = checker.problem.toolpath, rolling[0][1]
+    lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:_MOST_LINES])
+    more = f" and {len(rolling) - _MOST_LINES} more" if len(rolling) > _MOST_LINES else ""
+    text = (
+        f"the tool rolls by up to {max(roll for roll, _ in rolling) / DEG:.2g} deg while it goes "
+        f"straight along its axis: lines {lines}{more}"
+    )
+    hint = "cuts go on from both ends of the stroke, or no single turn serves all of it"
+    source = toolpath.source(first)
+    return [Finding(Severity.NOTE, "PLN308", text, first, source, hint=hint)]
+
+
+def _ways(
+    checker: Checker, chosen: Chosen, tags: IndexArray, spins: FloatArray
+) -> Iterator[tuple[float, int, int]]:
+    """Yield the spins [rad] worth a try, the branch, and the place of the tag that stays."""
+    last = len(tags) - 1
+    start_turns = _may_turn(checker, chosen, int(tags[0]))
+    end_turns = _ends(checker, chosen, int(tags[-1]))
+    own = int(chosen.branch[tags[0]]), int(chosen.branch[tags[-1]])
+    if end_turns:
+        yield float(spins[0]), own[0], 0
+    if start_turns:
+        yield float(spins[-1]), own[1], last
+    if not (start_turns and end_turns):
+        return
+    others = checker.problem.settings.spins
+    order = others[np.argsort(np.abs(others - spins[0]), kind="stable")].tolist()
+    branches = [own[0], *(branch for branch in range(_BRANCHES) if branch != own[0])]
+    yield from ((spin, branch, -1) for branch, spin in itertools.product(branches, order))
 
 
 def _may_turn(checker: Checker, chosen: Chosen, tag: int) -> bool:
@@ -51,7 +112,21 @@ def _may_turn(checker: Checker, chosen: Chosen, tag: int) -> bool:
     toolpath = checker.problem.toolpath
     given = toolpath.joints is not None and bool(np.isfinite(toolpath.joints[tag]).all())
     joint = toolpath.kind[tag] in (MotionKind.JOINT, MotionKind.RAPID)
-    return (joint or bool(chosen.entry[tag])) and not given
+    return (joint or bool(chosen.entry[tag])) and not given and not _is_pinned(checker, tag)
+
+
+def _ends(checker: Checker, chosen: Chosen, tag: int) -> bool:
+    """Return whether the end of a stroke may turn: no cut goes on from there."""
+    toolpath, behind = checker.problem.toolpath, tag + 1
+    if toolpath.format == "delmia":
+        return True
+    if behind < len(toolpath) and not chosen.entry[behind] and toolpath.kind[behind] in _CUTS:
+        return False
+    return not _is_pinned(checker, tag)
+
+
+def _is_pinned(checker: Checker, tag: int) -> bool:
+    return checker.problem.toolpath.tag_name(tag) in checker.problem.cell.optimize.pins
 
 
 def _offsets(checker: Checker, tags: IndexArray) -> FloatArray:
@@ -66,27 +141,39 @@ def _offsets(checker: Checker, tags: IndexArray) -> FloatArray:
 
 
 def _turned(
-    checker: Checker, chosen: Chosen, tags: IndexArray, spins: FloatArray, slot: int
+    checker: Checker, chosen: Chosen, tags: IndexArray, spins: FloatArray, slot: int, stays: int
 ) -> bool:
-    """Turn a stroke to spins (m,); return whether that can be run, else nothing is changed."""
-    problem = checker.problem
+    """Turn a stroke to spins (m,); return whether that can be run, else nothing is changed.
+
+    Args:
+        checker: of the problem.
+        chosen: taken over where it can be run.
+        tags: (m,) from the start of the stroke to its end.
+        spins: (m,) [rad].
+        slot: branch of all.
+        stays: place in ``tags`` of the one that keeps its pose, -1 for none.
+    """
+    problem, m = checker.problem, len(tags)
     attitude = chosen.attitude[tags].copy()
-    own = abs(attitude[0, 0] - spins[0]) < _SAME and slot == chosen.branch[tags[0]]
-    if not own:
-        attitude[:, 0] = spins
-    attitude[1:, 0] = spins[1:]
+    kept = attitude[stays].copy()
+    attitude[:, 0] = spins
+    near = max(stays, 0)
+    if stays >= 0:
+        attitude[stays] = kept
     T = problem.placement.tcp(tags, attitude)
-    branch = np.full(len(tags), slot)
-    q: FloatArray = np.tile(chosen.q[tags[0]], (len(tags), 1))
-    reached: BoolArray = np.ones(len(tags), dtype=np.bool_)
+    q: FloatArray = np.tile(chosen.q[tags[near]], (m, 1))
+    reached: BoolArray = np.ones(m, dtype=np.bool_)
     external = problem.placement.external[tags]
-    for k in range(1 if own else 0, len(tags)):
-        row, near = slice(k, k + 1), q[max(k - 1, 0)][None]
-        solved, valid = problem.solve(T[row], external[row], branch[row], near)
+    for k in (*range(near, m), *range(near - 1, -1, -1)):
+        if k == stays:
+            continue
+        beside = q[k] if k == near else q[k - 1] if k > near else q[k + 1]
+        row = slice(k, k + 1)
+        solved, valid = problem.solve(T[row], external[row], np.array([slot]), beside[None])
         q[k], reached[k] = solved[0], valid[0]
     if not (reached & problem.within(q) & problem.regular(q)).all():
         return False
-    contact = np.ones(len(tags) - 1, dtype=np.bool_)
+    contact, branch = np.ones(m - 1, dtype=np.bool_), np.full(m, slot)
     lines = Lines(T[:-1], T[1:], q[:-1], q[1:], branch[1:], contact, (external[:-1], external[1:]))
     if not checker.lines(lines)[0].good.all():
         return False

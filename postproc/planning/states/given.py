@@ -1,8 +1,7 @@
-"""Where an OLP task says itself how the arm stands: joint targets, and strokes without roll.
+"""Where a file says itself how the arm stands: joint targets, and strokes along the tool axis.
 
 A joint target is met to the turn where its angles belong to the cell's arm: that is where they
-reach the target's own pose. A straight stroke along the tool axis keeps the orientation that the
-task has given it, from where it begins to where it ends.
+reach the target's own pose.
 """
 
 from __future__ import annotations
@@ -26,16 +25,22 @@ _SHORT = 1e-6
 
 
 def strokes_into(toolpath: ToolPath) -> BoolArray:
-    """Return the tags (n,) to which a task goes straight along the tool axis, in or out."""
+    """Return the tags (n,) to which the tool goes straight along its axis, in or out.
+
+    By a cut, or by a rapid that leaves a cut or leads to one.
+    """
     n = len(toolpath)
     found = np.zeros(n, dtype=np.bool_)
-    if n < 2 or toolpath.format != "delmia":
+    if n < 2:
         return found
     way = np.diff(toolpath.points, axis=0)
     size = np.linalg.norm(way, axis=1)
     along = np.abs(np.einsum("ij,ij->i", way, toolpath.axes[1:])) > _ALONG * size
-    stroke = along & (size > _SHORT) & (np.asarray(toolpath.kind[1:]) == MotionKind.LINEAR)
-    found[1:] = stroke
+    kind = np.asarray(toolpath.kind)
+    is_cut = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    beside = is_cut[:-1] | np.append(is_cut[2:], False)
+    runs = (kind[1:] == MotionKind.LINEAR) | ((kind[1:] == MotionKind.RAPID) & beside)
+    found[1:] = along & (size > _SHORT) & runs
     return found
 
 

@@ -1,0 +1,117 @@
+"""Straight strokes along the tool axis, from any source: the tool does not roll in the part.
+
+Measured on the emitted text: its joints, carried to the tool by pinocchio.
+"""
+
+import re
+
+import numpy as np
+import pinocchio
+import pytest
+
+from postproc.cell.file import load_cell
+from postproc.cli import app
+from postproc.controller.modules import load_program
+from postproc.kinematics import build
+from postproc.paths import joint_paths, run_in_cell
+from tests.cells import FEED, STIFFNESS, cell_text
+from tests.kinematics.test_forward import pinocchio_arm
+
+PLACES = [(0, 0), (60, 40), (140, -30), (220, 80), (300, 0), (-80, -120)]
+MOST_ROLL_DEG = 0.001
+
+
+def drilled():
+    """Holes as NX writes them without a cycle: rapid above, feed in, rapid out, all straight."""
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW"]
+    for x, y in PLACES:
+        lines += [f"RAPID\nGOTO/{x},{y},50,0,0,1", f"RAPID\nGOTO/{x},{y},3", "FEDRAT/120,MMPM"]
+        lines += [f"GOTO/{x},{y},-12", f"RAPID\nGOTO/{x},{y},50"]
+    return "\n".join([*lines, "SPINDL/OFF", "FINI", ""])
+
+
+def milled():
+    """Slots: feed in, a long way to the side, feed out."""
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW"]
+    for x, y in PLACES:
+        lines += [f"RAPID\nGOTO/{x},{y},50,0,0,1", "FEDRAT/120,MMPM", f"GOTO/{x},{y},-12"]
+        lines += [f"GOTO/{x + 180},{y + 200},-12", f"GOTO/{x + 180},{y + 200},20"]
+    return "\n".join([*lines, "SPINDL/OFF", "FINI", ""])
+
+
+def listed():
+    """The same holes as a list with tilted axes."""
+    axis = np.array([0.3, -0.2, 1.0]) / np.linalg.norm([0.3, -0.2, 1.0])
+    rows = ["x,y,z,i,j,k,motion"]
+    for x, y in PLACES:
+        for height, motion in ((50, "rapid"), (3, "linear"), (-12, "linear"), (50, "linear")):
+            point = np.array([x, y, 0.0]) + height * axis
+            rows.append(",".join([*(f"{v:.6f}" for v in (*point, *axis)), motion]))
+    return "\n".join([*rows, ""])
+
+
+def given():
+    """The same with whole orientations that turn about the axis from point to point."""
+    rows = ["x,y,z,a,b,c,motion"]
+    for k, (x, y) in enumerate(PLACES):
+        for j, (z, motion) in enumerate(((50, "rapid"), (-12, "linear"), (50, "linear"))):
+            rows.append(f"{x},{y},{z},{17 * j + 40 * k},90,0,{motion}")
+    return "\n".join([*rows, ""])
+
+
+def motions(program, cell):
+    """Return poses before and after each path motion (m, 4, 4) [m], and its line."""
+    cell = load_cell(cell)
+    modules, kinematics = load_program(program), build(cell.robot)
+    trace = run_in_cell(modules, modules[0].name, cell, kinematics)
+    model, flange = pinocchio_arm(cell.robot.geometry)
+    data, poses = model.createData(), []
+    for q in joint_paths(trace, cell, kinematics).q:
+        pinocchio.framesForwardKinematics(model, data, q)
+        poses.append(data.oMf[flange].homogeneous @ cell.tool.T_flange_tcp)
+    poses = np.array(poses)
+    rows = np.flatnonzero(trace.is_cp[1:])
+    return poses[rows], poses[rows + 1], trace.line[rows + 1]
+
+
+@pytest.mark.parametrize(
+    ("source", "name"),
+    [(drilled, "part.cls"), (milled, "part.cls"), (listed, "part.csv"), (given, "part.csv")],
+)
+@pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
+def test_no_roll_in_a_straight_stroke(run, tmp_path, source, name, strategy):
+    cam, cell, out = tmp_path / name, tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text(source())
+    cell.write_text(cell_text(STIFFNESS, FEED, f'[optimize]\nstrategy = "{strategy}"\n'))
+    call = ("convert", cam, "--cell", cell, "-o", out, "--json")
+    code, document, err = run(*call)
+    assert (code, document["failures"]) == (0, []), err
+    assert "PLN308" not in {item["code"] for item in document["warnings"]}
+    before, after, line = motions(out / "part.src", cell)
+    axis = before[:, :3, 0]
+    way = after[:, :3, 3] - before[:, :3, 3]
+    along = np.abs(np.einsum("ni,ni->n", way, axis))
+    low = np.minimum(before[:, 2, 3], after[:, 2, 3]) < 0.7 + 0.02  # the part's surface, and above
+    stroke = (along > 0.9999 * np.linalg.norm(way, axis=1)) & (along > 1e-3) & low
+    assert stroke.sum() >= 2 * len(PLACES)
+    turn = np.einsum("nji,njk->nik", before[:, :3, :3], after[:, :3, :3])
+    roll = np.degrees(np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)))
+    text = (out / "part.src").read_text().splitlines()
+    worst = int(np.argmax(np.where(stroke, roll, 0.0)))
+    assert roll[stroke].max() <= MOST_ROLL_DEG, text[line[worst] - 1]
+    assert run("verify", out / "part.src", "--cell", cell, "--against", cam, "--json")[0] == 0
+
+
+def test_pins_at_both_ends_of_a_stroke_are_kept_and_the_roll_is_told(capsys, tmp_path):
+    cam, cell, out = tmp_path / "part.csv", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text(
+        "id,x,y,z,i,j,k,motion\nA,0,0,50,0,0,1,rapid\nB,0,0,-5,0,0,1,linear\nC,90,0,-5,0,0,1,linear\n"
+    )
+    cell.write_text(cell_text(STIFFNESS, FEED))
+    pins = tmp_path / "pins.csv"
+    pins.write_text("tag,spin_deg\nA,0\nB,20\n")
+    call = ("convert", cam, "--cell", cell, "-o", out, "--pins", pins)
+    assert app.run([str(word) for word in call]) == 0
+    (note,) = re.findall(r"note PLN308: (.*)", capsys.readouterr().err)
+    assert "rolls by up to 20 deg" in note
+    assert "lines 3" in note
