@@ -102,16 +102,21 @@ def test_no_roll_in_a_straight_stroke(run, tmp_path, source, name, strategy):
     assert run("verify", out / "part.src", "--cell", cell, "--against", cam, "--json")[0] == 0
 
 
-def test_pins_at_both_ends_of_a_stroke_are_kept_and_the_roll_is_told(capsys, tmp_path):
-    cam, cell, out = tmp_path / "part.csv", tmp_path / "cell.toml", tmp_path / "out"
-    cam.write_text(
-        "id,x,y,z,i,j,k,motion\nA,0,0,50,0,0,1,rapid\nB,0,0,-5,0,0,1,linear\nC,90,0,-5,0,0,1,linear\n"
-    )
+def test_a_roll_between_two_cuts_is_told(capsys, tmp_path):
+    """Down from one long cut to the next: the note says what is measured on the text."""
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW", "RAPID", "GOTO/0,0,50,0,0,1", "FEDRAT/600,MMPM"]
+    for level in range(1, 6):
+        x = 0 if level % 2 else 400
+        lines += [f"GOTO/{x},{x / 2},{-5 * level}", f"GOTO/{400 - x},{200 - x / 2},{-5 * level}"]
+    cam, cell, out = tmp_path / "part.cls", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text("\n".join([*lines, "SPINDL/OFF", "FINI", ""]))
     cell.write_text(cell_text(STIFFNESS, FEED))
-    pins = tmp_path / "pins.csv"
-    pins.write_text("tag,spin_deg\nA,0\nB,20\n")
-    call = ("convert", cam, "--cell", cell, "-o", out, "--pins", pins)
-    assert app.run([str(word) for word in call]) == 0
-    (note,) = re.findall(r"note PLN308: (.*)", capsys.readouterr().err)
-    assert "rolls by up to 20 deg" in note
-    assert "lines 3" in note
+    assert app.run(["convert", str(cam), "--cell", str(cell), "-o", str(out)]) == 0
+    (note,) = re.findall(r"note PLN308: .*? up to ([\d.]+) deg", capsys.readouterr().err)
+    before, after, _ = motions(out / "part.src", cell)
+    way = after[:, :3, 3] - before[:, :3, 3]
+    stroke = np.abs(way[:, 2]) > 0.9999 * np.linalg.norm(way, axis=1)
+    stroke &= (np.abs(way[:, 2]) > 1e-3) & (after[:, 2, 3] < 0.7)
+    turn = np.einsum("nji,njk->nik", before[:, :3, :3], after[:, :3, :3])
+    roll = np.degrees(np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)))
+    assert roll[stroke].max() == pytest.approx(float(note), rel=0.06)
