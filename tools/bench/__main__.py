@@ -9,6 +9,7 @@ NAMES = (
     "batch",
     "collision",
     "contours",
+    "executed",
     "kinematics",
     "krl",
     "motion",

@@ -1,0 +1,160 @@
+"""Random crowded cells and what is to be done in them, as files that a user would write."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.geometry import abc_from_rotation, rotation_from_vector
+from postproc.units import DEG, MM
+
+ROBOTS = {
+    "kuka_kr500_r2830": (1.7, 0.9),
+    "kuka_kr210_r2700_prime": (1.6, 0.9),
+    "kuka_kr120_r2700_2": (1.6, 0.9),
+}
+"""Built-in arms, and where the part stands: distance and height [m]."""
+SPEED = (
+    "speed_deg_s = [100, 90, 90, 120, 110, 180]\naccel_deg_s2 = [200, 200, 200, 300, 300, 400]\n"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A cell file and a CAM file in APT."""
+
+    cell: str
+    blocks: tuple[str, ...]
+
+    def cam(self, keep: BoolArray) -> str:
+        """Return the CAM file with the blocks to keep (b,); four lines stand ahead of them."""
+        head = "PARTNO/CROWDED\nUNITS/MM\nMULTAX/ON\nSPINDL/3000,RPM,CLW\n"
+        return head + "".join(self.cam_blocks(keep)) + "SPINDL/OFF\nFINI\n"
+
+    def cam_blocks(self, keep: BoolArray) -> list[str]:
+        """Return the blocks to keep (b,)."""
+        return [block for block, kept in zip(self.blocks, keep, strict=True) if kept]
+
+
+def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
+    """Return a crowded cell with holes and slots in a block."""
+    robot = str(rng.choice(list(ROBOTS)))
+    far, high = ROBOTS[robot]
+    size = np.array([rng.uniform(300, 900), rng.uniform(300, 900), rng.uniform(40, 200)])
+    if with_rail:
+        size[1] = rng.uniform(4000, 6000)
+    turn = rotation_from_vector(rng.uniform(-0.15, 0.15, 3))
+    place = np.array([far, 0.0, high]) + rng.uniform(-0.15, 0.15, 3)
+    blend = float(np.exp(rng.uniform(np.log(0.5), np.log(300.0))))
+    text = [
+        'schema = "postproc.cell/1"\nname = "crowded"\n',
+        f'[robot]\nmodel = "{robot}"\n{SPEED}',
+        _tool(rng),
+        f"[workpiece]\nframe = {_frame(place / MM, turn)}\n",
+        f"meshes = [{{ box = {{ size_mm = {_list(size)} }}, "
+        f"xyz_mm = {_list([0, 0, -0.5 * size[2]])} }}]\n",
+        f"[motion]\napproximation_mm = {blend:.3f}\n",
+        f"corner_tolerance_mm = {rng.choice([0.2, 1.0, 5.0])}\n",
+        f"approach_mm = {rng.choice([20.0, 50.0])}\nhome_deg = [0, -100, 100, 0, 20, 0]\n",
+        "[optimize]\nstep_deg = 20\n[krl]\nmax_points_per_file = 100000\n",
+    ]
+    if with_rail:
+        rail = 'name = "E1"\nkind = "rail"\naxis = "+y"\n'
+        text.append(f"[[external_axes]]\n{rail}range_mm = [-3500, 3500]\nspeed_mm_s = 1000\n")
+    text += _obstacles(rng, place, turn, size)
+    return Job("".join(text), _blocks(rng, size, tags))
+
+
+def _tool(rng: np.random.Generator) -> str:
+    """Return a big head with a cutter, along the flange or across it."""
+    wide, deep, tall = rng.uniform([0.08, 0.08, 0.1], [0.25, 0.25, 0.35]) / MM
+    length, radius = rng.uniform(50, 150), rng.uniform(2, 10)
+    if rng.uniform() < 0.5:
+        tcp, axis, at = [0, 0, tall + 20 + length], "+z", [0, 0, 0.5 * tall + 20]
+    else:
+        tcp = [0.5 * wide + length, 0, tall - 20]
+        axis, at = "+x", [0, 0, 0.5 * tall + 20]
+    return (
+        f"[tool]\nframe = {{ xyz_mm = {_list(tcp)}, abc_deg = [0, 0, 0] }}\n"
+        f'axis = "{axis}"\nmass_kg = 60\ncog_mm = [0, 0, 200]\n'
+        f"cutter = {{ diameter_mm = {2 * radius:.2f}, length_mm = {length - 1:.2f} }}\n"
+        f'meshes = [{{ name = "head", box = {{ size_mm = {_list([wide, deep, tall])} }}, '
+        f"xyz_mm = {_list(at)} }}]\n"
+    )
+
+
+def _obstacles(
+    rng: np.random.Generator, place: FloatArray, turn: FloatArray, size: FloatArray
+) -> list[str]:
+    """Return rods of 2 to 60 mm and blocks round the part, clear of what is in front of it."""
+    found = []
+    for number in range(int(rng.integers(5, 10))):
+        side = rng.uniform(-0.5, 0.5, 2) * size[:2]
+        edge = int(rng.integers(2))
+        side[edge] = rng.choice([-1.0, 1.0]) * (0.5 * size[edge] + rng.uniform(30.0, 350.0))
+        at = place + turn @ (np.r_[side, rng.uniform(-200.0, 500.0)] * MM)
+        tilt = rotation_from_vector(rng.uniform(-1.5, 1.5, 3))
+        if number % 3 < 2:
+            thick = float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))
+            length = rng.uniform(150.0, 900.0)
+            if number % 6 == 0:  # a post that stands on the part
+                length = 0.4 * length
+                side = rng.uniform(-0.5, 0.5, 2) * size[:2]
+                tilt, at = turn, place + turn @ (np.r_[side, 0.5 * length] * MM)
+            shape = f"cylinder = {{ radius_mm = {0.5 * thick:.3f}, length_mm = {length:.1f} }}"
+        else:
+            shape = f"box = {{ size_mm = {_list(rng.uniform(40.0, 350.0, 3))} }}"
+        found.append(
+            f'[[obstacles]]\nname = "solid {number}"\n{shape}\nxyz_mm = {_list(at / MM)}\n'
+            f"abc_deg = {_list(abc_from_rotation(tilt) / DEG)}\n"
+        )
+    return found
+
+
+def _blocks(rng: np.random.Generator, size: FloatArray, tags: int) -> tuple[str, ...]:
+    """Return blocks of a CAM file: holes of a cycle, deep holes, slots with arcs."""
+    found = []
+    while sum(block.count("GOTO/") for block in found) < tags:
+        x, y = rng.uniform(-0.42, 0.42, 2) * size[:2]
+        found.append(_holes(rng, x, y, size) if rng.uniform() < 0.6 else _slot(rng, x, y, size))
+    return tuple(found)
+
+
+def _holes(rng: np.random.Generator, x: float, y: float, size: FloatArray) -> str:
+    """Return a row of holes, drilled at once or by pecks."""
+    lean = rng.uniform(-0.2, 0.2, 2)
+    axis = np.r_[lean, 1.0] / np.sqrt(1.0 + lean @ lean)
+    words = f"FEDTO,{rng.uniform(2, 12):.3f},RTRCTO,{rng.uniform(5, 40):.3f}"
+    deep = "DEEP,STEP,4.0000," if rng.uniform() < 0.3 else ""
+    lines = [f"CYCLE/DRILL,{deep}CLEAR,3.0000,{words},MMPM,200.0000\n"]
+    step = rng.uniform(-40.0, 40.0, 2)
+    for number in range(int(rng.integers(1, 9))):
+        p = np.clip(np.array([x, y]) + number * step, -0.45 * size[:2], 0.45 * size[:2])
+        numbers = [f"{value:.7f}" for value in (*p, 0.0, *axis)]
+        lines.append("GOTO/" + ",".join(numbers) + "\n")
+    return "".join([*lines, "CYCLE/OFF\n"])
+
+
+def _slot(rng: np.random.Generator, x: float, y: float, size: FloatArray) -> str:
+    """Return an open polygon milled a little into the part, entered and left from above."""
+    points = [np.array([x, y])]
+    for _ in range(int(rng.integers(2, 8))):
+        step = points[-1] + rng.uniform(-90.0, 90.0, 2)
+        points.append(np.clip(step, -0.45 * size[:2], 0.45 * size[:2]))
+    depth, top = rng.uniform(0.5, 5.0), rng.uniform(15.0, 60.0)
+    lines = [f"RAPID\nGOTO/{x:.4f},{y:.4f},{top:.4f},0,0,1\nFEDRAT/300,MMPM\n"]
+    lines += [f"GOTO/{p[0]:.4f},{p[1]:.4f},{-depth:.4f},0,0,1\n" for p in points]
+    if rng.uniform() < 0.6:
+        p = points[-1]
+        lines.append(f"RAPID\nGOTO/{p[0]:.4f},{p[1]:.4f},{top:.4f},0,0,1\n")
+    return "".join(lines)
+
+
+def _frame(xyz_mm: FloatArray, R: FloatArray) -> str:
+    return f"{{ xyz_mm = {_list(xyz_mm)}, abc_deg = {_list(abc_from_rotation(R) / DEG)} }}"
+
+
+def _list(values: FloatArray | list[float]) -> str:
+    return "[" + ", ".join(f"{float(value):.5f}" for value in values) + "]"

@@ -1,0 +1,516 @@
+"""A program's text executed from outside: plain patterns, dense continuation, coal, all pairs.
+
+Shares the kinematics, the solids as meshes and nothing else with the checks it judges: the text is
+read by its own patterns, path motions are followed pose by pose no more than a millimetre apart,
+corners go along random polynomials within KUKA's rules, and every pair of solids is tested by coal.
+A stretch of the way is skipped only where everything is farther apart than any point can move on
+it, by the lengths of the arm alone.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import comb
+
+import coal  # noqa: F401 - registers the types of the geometry requests
+import numpy as np
+import pinocchio as pin
+
+from postproc.arrays import FloatArray
+from postproc.cell import Cell
+from postproc.collision import Scene
+from postproc.collision.bodies import WORLD, Body
+from postproc.geometry import (
+    axis_angle,
+    inverse,
+    rotation_about,
+    rotation_angle,
+    rotation_from_abc,
+    slerp,
+    transform,
+)
+from postproc.kinematics import Kinematics
+from postproc.units import DEG, MM
+from tools.bench.collision import coal_mesh
+
+STEP = 1e-3
+"""Longest way [m] of the tool point between two poses on a path."""
+TURN = 0.3 * DEG
+LEVELS = 1e-3 * 2.0 ** np.arange(11)
+"""Margins [m] by which a stretch may be told free as a whole, 1 mm to 1 m."""
+IN_TUBE = 0.06e-3
+"""A cutter this near [m] to the way out of what it has cut touches nothing else."""
+JOINT_STEP = 0.02 * DEG
+"""Longest way of a joint [rad] between two configurations of a joint motion."""
+LEAP = 5.0 * DEG
+BY_STOPS = {(3, 5), (4, 6)}
+"""Links of a wrist that its mechanical stops keep apart, whatever hulls say."""
+_WORD = re.compile(r"^(PTP|LIN|CIRC) (\{.*?\})(?:, ?(\{.*?\}))?((?: C_\w+)*)")
+_NUMBER = re.compile(r"(\w+) (-?[\d.]+)")
+_HALF = 0.5
+
+
+@dataclass(slots=True)
+class Move:
+    """A motion of a text: ``word``, where it goes, how it is approximated, its line (1-based).
+
+    ``q`` (6,) [rad] of a joint motion, else ``T_base_tcp`` (4, 4) [m]; ``aux`` (3,) [m] of an arc;
+    ``external`` (k,) [m]; ``cdis`` [m], 0 for an exact stop; ``speed`` [m/s].
+    """
+
+    word: str
+    line: int
+    external: FloatArray
+    cdis: float
+    speed: float
+    q: FloatArray | None = None
+    T_base_tcp: FloatArray | None = None
+    aux: FloatArray | None = None
+
+
+def moves_of(text: str, axes: int) -> list[Move]:
+    """Return the motions of a text with so many external axes."""
+    found: list[Move] = []
+    cdis, speed = 0.0, 0.0
+    for number, line in enumerate(text.replace("\r", "").split("\n"), 1):
+        if line.startswith("$APO.CDIS="):
+            cdis = float(line.split("=")[1].split(";")[0]) * MM
+        elif line.startswith("$VEL.CP="):
+            speed = float(line.split("=")[1].split(";")[0])
+        elif match := _WORD.match(line):
+            word, first, second, blend = match.groups()
+            target = {key: float(value) for key, value in _NUMBER.findall(second or first)}
+            external = np.array([target[f"E{i + 1}"] * MM for i in range(axes)])
+            move = Move(word, number, external, cdis if "C_DIS" in blend else 0.0, speed)
+            if "A1" in target:
+                move.q = np.array([target[f"A{i}"] for i in range(1, 7)]) * DEG
+            else:
+                R = rotation_from_abc(np.array([target[key] for key in "ABC"]) * DEG)
+                move.T_base_tcp = transform(R, np.array([target[key] for key in "XYZ"]) * MM)
+            if second:
+                aux = {key: float(value) for key, value in _NUMBER.findall(first)}
+                move.aux = np.array([aux[key] for key in "XYZ"]) * MM
+            found.append(move)
+    return found
+
+
+@dataclass(slots=True)
+class Way:
+    """Configurations q (n, 6 + k) of a motion or corner ``move``, with the tool point in BASE.
+
+    ``touch`` (n,): the cutter may touch the workpiece; ``T`` (n, 4, 4) T_base_tcp [m].
+    """
+
+    move: int
+    what: str
+    q: FloatArray
+    T: FloatArray
+    at_feed: bool
+    touch: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
+
+
+class Machine:
+    """Cell and arm as the program runs in them: one tool, one base, rails only."""
+
+    def __init__(self, cell: Cell, arm: Kinematics) -> None:
+        self.cell, self.arm = cell, arm
+        self.tool = np.asarray(cell.tool.T_flange_tcp)
+        self._rails = np.array([axis.axis for axis in cell.external_axes]).reshape(-1, 3)
+        self._T_world_robroot = np.asarray(cell.robot.T_world_robroot)
+        self._T_world_base = self._T_world_robroot @ np.asarray(cell.T_robroot_base)
+
+    def T_robroot_base(self, external: FloatArray) -> FloatArray:
+        """Return where BASE is seen from the robot (n, 4, 4) with rails at (n, k)."""
+        T = np.repeat(self._T_world_robroot[None], len(external), axis=0)
+        T[:, :3, 3] += external @ self._rails
+        return np.asarray(inverse(T) @ self._T_world_base)
+
+    def tcp(self, q: FloatArray) -> FloatArray:
+        """Return T_base_tcp (n, 4, 4) of configurations (n, 6 + k)."""
+        return np.asarray(
+            inverse(self.T_robroot_base(q[:, 6:])) @ self.arm.fk(q[:, :6]) @ self.tool
+        )
+
+    def followed(self, T: FloatArray, external: FloatArray, q: FloatArray) -> FloatArray | None:
+        """Return q (n, 6 + k) along poses (n, 4, 4) near to each other, None if the arm leaps.
+
+        ``q`` (6,) is where it comes from.
+        """
+        flange = self.T_robroot_base(external) @ T @ inverse(self.tool)
+        found, valid = self.arm.ik_in(flange, np.full(len(T), int(self.arm.slot(q))))
+        if not valid.all():
+            return None
+        found = np.unwrap(np.vstack([q, found]), axis=0)
+        if np.abs(np.diff(found, axis=0)).max(initial=0.0) > LEAP:
+            return None
+        return np.hstack([found[1:], external])
+
+
+class Course:
+    """A motion as a curve over its share 0..1: joints of a joint motion, poses of a path motion."""
+
+    def __init__(self, machine: Machine, move: Move, q: FloatArray) -> None:
+        self._machine, self.move, self.start = machine, move, q
+        self.is_path = move.word != "PTP"
+        self._from = machine.tcp(q[None])[0]
+        if move.q is not None:
+            self._end = np.concatenate([move.q, move.external])
+            self._to = machine.tcp(self._end[None])[0]
+        else:
+            self._to = np.asarray(move.T_base_tcp)
+            self._end = np.concatenate([q[:6], move.external])
+        axis, angle = axis_angle(self._from[None, :3, :3], self._to[None, :3, :3])
+        self._axis, self._angle = axis[0], float(angle[0])
+        self._circle = None if move.aux is None else _circle(self._from, move.aux, self._to)
+        self.length = float(np.linalg.norm(self._to[:3, 3] - self._from[:3, 3]))
+        if self._circle is not None:
+            self.length = self._circle[2] * float(
+                np.linalg.norm(self._from[:3, 3] - self._circle[0])
+            )
+
+    def poses(self, share: FloatArray) -> FloatArray:
+        """Return T_base_tcp (n, 4, 4) of a path motion."""
+        R = self._from[:3, :3] @ rotation_about(self._axis, self._angle * share)
+        a, b = self._from[:3, 3], self._to[:3, 3]
+        if self._circle is None:
+            return transform(R, a + share[:, None] * (b - a))
+        centre, normal, sweep = self._circle
+        turned = rotation_about(normal, sweep * share) @ (a - centre)
+        return transform(R, centre + turned)
+
+    def dense(self) -> FloatArray | None:
+        """Return dense configurations (n, 6 + k) from start to end, None if the arm leaps."""
+        way = self._end - self.start
+        if not self.is_path:
+            count = 2 + int(np.abs(way).max() / JOINT_STEP)
+            return np.asarray(self.start + np.linspace(0.0, 1.0, count)[:, None] * way)
+        size = max(self.length / STEP, float(self._angle) / TURN, 1.0)
+        size = max(size, float(np.abs(way[6:]).max(initial=0.0)) / STEP)
+        share = np.linspace(0.0, 1.0, int(np.ceil(size)) + 1)
+        external = self.start[6:] + share[:, None] * way[6:]
+        return self._machine.followed(self.poses(share), external, self.start[:6])
+
+    def near_end(self, way: FloatArray, distance: float) -> int:
+        """Return the row of a dense way from which on it may be approximated towards its end.
+
+        There the tool is ``distance`` [m] off the end, and not before the middle.
+        """
+        if self.is_path:
+            part = min(distance / max(self.length, 1e-9), _HALF)
+            return int(np.ceil((1.0 - part) * (len(way) - 1)))
+        p = self._machine.tcp(way)[:, :3, 3]
+        off = np.flatnonzero(np.linalg.norm(p - p[-1], axis=1) > distance)
+        return max(int(off[-1]) + 1 if len(off) else 0, int(np.ceil(_HALF * (len(way) - 1))))
+
+    def near_start(self, way: FloatArray, distance: float) -> int:
+        """Return the row up to which a dense way may be approximated from its start."""
+        if self.is_path:
+            return int(min(distance / max(self.length, 1e-9), _HALF) * (len(way) - 1))
+        p = self._machine.tcp(way)[:, :3, 3]
+        off = np.flatnonzero(np.linalg.norm(p - p[0], axis=1) > distance)
+        most = int(_HALF * (len(way) - 1))
+        return min(int(off[0]) - 1, most) if len(off) else most
+
+
+def _circle(
+    start: FloatArray, aux: FloatArray, end: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return centre, normal and sweep of the arc through three points."""
+    a, b, c = start[:3, 3], aux, end[:3, 3]
+    ab, ac = b - a, c - a
+    normal = np.cross(ab, ac)
+    square = float(normal @ normal)
+    centre = a + (np.cross(normal, ab) * (ac @ ac) + np.cross(ac, normal) * (ab @ ab)) / (
+        2.0 * square
+    )
+    normal = normal / np.sqrt(square)
+    u, v = a - centre, c - centre
+    angle = float(np.arctan2(normal @ np.cross(u, v), u @ v))
+    return centre, normal, angle % (2.0 * np.pi)
+
+
+def ways_of(
+    machine: Machine, moves: Sequence[Move], rng: np.random.Generator, feed: float, variants: int
+) -> Iterator[Way]:
+    """Yield the ways of all motions, exact and along random corners, in order.
+
+    ``feed``: path motions up to this speed [m/s] cut. A motion that cannot be followed has no way:
+    its ``what`` says so.
+    """
+    q = np.concatenate([np.asarray(moves[0].q), moves[0].external])
+    before: tuple[Course, FloatArray] | None = None
+    for number, move in enumerate(moves[1:], 1):
+        course = Course(machine, move, q)
+        way = course.dense()
+        cuts = is_cut(move, feed)
+        if way is None:
+            yield Way(number, "lost", np.zeros((0, len(q))), np.zeros((0, 4, 4)), cuts)
+            return
+        if before is not None and moves[number - 1].cdis > 0.0:
+            both = cuts and is_cut(moves[number - 1], feed)
+            for _ in range(variants):
+                corner = _corner(machine, before, (course, way), rng)
+                if corner is None:
+                    corner = np.zeros((0, len(q)))
+                yield Way(number - 1, "corner", corner, machine.tcp(corner), both)
+        yield Way(number, "motion", way, machine.tcp(way), cuts)
+        before, q = (course, way), way[-1]
+
+
+def is_cut(move: Move, feed: float) -> bool:
+    """Return whether a motion is a path motion at feed."""
+    return move.word != "PTP" and move.speed <= feed
+
+
+def _corner(
+    machine: Machine,
+    before: tuple[Course, FloatArray],
+    behind: tuple[Course, FloatArray],
+    rng: np.random.Generator,
+) -> FloatArray | None:
+    """Return configurations (n, 6 + k) along a random polynomial round the corner between."""
+    distance = before[0].move.cdis
+    low = before[0].near_end(before[1], distance)
+    high = behind[0].near_start(behind[1], distance)
+    low += int(rng.uniform() ** 4 * (len(before[1]) - 1 - low))
+    high -= int(rng.uniform() ** 4 * high)
+    a, q, b = before[1][low], before[1][-1], behind[1][high]
+    paths = before[0].is_path + behind[0].is_path
+    if not paths or (paths == 1 and rng.uniform() < _HALF):
+        u, v, w = weights(rng, 3 + int(max(np.abs(a - q).max(), np.abs(b - q).max()) / JOINT_STEP))
+        return np.asarray(u[:, None] * a + v[:, None] * q + w[:, None] * b)
+    T = machine.tcp(np.stack([a, q, b]))
+    size = float(sum(np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1))) / STEP
+    turn = sum(float(rotation_angle(T[i, :3, :3], T[1, :3, :3])) for i in (0, 2)) / TURN
+    u, v, w = weights(rng, int(max(size, turn)) + 3)
+    p = u[:, None] * T[0, :3, 3] + v[:, None] * T[1, :3, 3] + w[:, None] * T[2, :3, 3]
+    u2, v2, w2 = weights(rng, len(u)) if rng.uniform() < _HALF else (u, v, w)
+    turned = mixed_rotations(T, u2, v2, w2)
+    external = u[:, None] * a[6:] + v[:, None] * q[6:] + w[:, None] * b[6:]
+    return machine.followed(transform(turned, p), external, a[:6])
+
+
+def mixed_rotations(T: FloatArray, u: FloatArray, v: FloatArray, w: FloatArray) -> FloatArray:
+    """Return mixtures (n, 3, 3) of the rotations of three poses (3, 4, 4) by weights (n,)."""
+    pull = np.where(v + w > 0.0, w / np.maximum(v + w, 1e-12), 0.0)
+    R = [np.broadcast_to(one[:3, :3], (len(u), 3, 3)) for one in T]
+    return np.asarray(slerp(R[0], slerp(R[1], R[2], pull), 1.0 - u))
+
+
+def weights(rng: np.random.Generator, count: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the weights (n,) of start, corner and end along a random Bezier curve."""
+    before = np.sort(rng.uniform(0.0, 1.0, rng.integers(1, 3)))
+    behind = np.sort(rng.uniform(0.0, 1.0, rng.integers(1, 3)))[::-1]
+    start = np.array([1.0, *(1.0 - before), *(0.0 * behind), 0.0])
+    end = np.array([0.0, *(0.0 * before), *(1.0 - behind), 1.0])
+    s, n = np.linspace(0.0, 1.0, count), len(start) - 1
+    basis = np.array([comb(n, i) * s**i * (1.0 - s) ** (n - i) for i in range(n + 1)])
+    u, w = start @ basis, end @ basis
+    return u, np.clip(1.0 - u - w, 0.0, 1.0), w
+
+
+def allowed(ways: Sequence[Way], axis_tcp: FloatArray) -> None:
+    """Set where the cutter may touch the workpiece: at feed, and on the way out of what it has cut.
+
+    Out of what it has cut: its tip is on the line from where it has been at feed, backwards along
+    the tool axis. What it takes up there it, or its holder, has taken up before.
+    """
+    tips: list[FloatArray] = []
+    axes: list[FloatArray] = []
+    for way in ways:
+        if way.at_feed:
+            way.touch = np.ones(len(way.q), dtype=np.bool_)
+            tips.append(way.T[:, :3, 3])
+            axes.append(way.T[:, :3, :3] @ axis_tcp)
+            continue
+        way.touch = np.zeros(len(way.q), dtype=np.bool_)
+        if not tips:
+            continue
+        p, a = np.concatenate(tips[-60:]), np.concatenate(axes[-60:])
+        for row, T in enumerate(way.T):
+            axis = T[:3, :3] @ axis_tcp
+            off = p - T[:3, 3]
+            along = off @ axis
+            beside = np.linalg.norm(off - along[:, None] * axis, axis=1)
+            way.touch[row] = bool(
+                ((beside < IN_TUBE) & (along > -IN_TUBE) & (a @ axis > np.cos(0.3 * DEG))).any()
+            )
+
+
+class Judge:
+    """All pairs of solids of a cell, by coal."""
+
+    def __init__(self, cell: Cell, arm: Kinematics, clearance: float) -> None:
+        scene = Scene.build(cell, arm)
+        self._bodies = list(scene.bodies)
+        self._rails = len(cell.external_axes)
+        self._model = pin.Model()
+        place, joint = pin.SE3(np.asarray(cell.robot.T_world_robroot)), 0
+        for axis in cell.external_axes:
+            slide = pin.JointModelPrismaticUnaligned(np.asarray(axis.axis))
+            joint = self._model.addJoint(joint, slide, pin.SE3.Identity(), axis.name)
+        foot = joint
+        joints = []
+        for number, (T, axis) in enumerate(
+            zip(arm.chain.placements[:6], arm.chain.axes, strict=True)
+        ):
+            step = pin.SE3(T) if number else place * pin.SE3(T)
+            joint = self._model.addJoint(
+                joint, pin.JointModelRevoluteUnaligned(axis), step, f"a{number}"
+            )
+            joints.append(joint)
+        self._geometry = pin.GeometryModel()
+        for body in self._bodies:
+            carrier = 0 if body.link == WORLD else foot if body.link == 0 else joints[body.link - 1]
+            at = place if body.link == 0 else pin.SE3.Identity()
+            thing = pin.GeometryObject(body.name, carrier, at, coal_mesh(body.mesh))
+            self._geometry.addGeometryObject(thing)
+        self._data = self._model.createData()
+        self._reach = np.r_[np.ones(self._rails), _reaches(self._bodies, arm)]
+        self._pairs(cell, arm, clearance)
+
+    def _pairs(self, cell: Cell, arm: Kinematics, clearance: float) -> None:
+        bodies = self._bodies
+        pairs = [
+            (a, b)
+            for a in range(len(bodies))
+            for b in range(a + 1, len(bodies))
+            if _can_meet(bodies[a], bodies[b])
+        ]
+        drop = self._always_touching(pairs, cell)
+        pairs = [pair for pair in pairs if pair not in drop]
+        self.names = [(bodies[a].name, bodies[b].name) for a, b in pairs]
+        margin = np.array([_margin(bodies[a], bodies[b], clearance) for a, b in pairs])
+        self._cuts = [
+            bodies[a].kind == "cutting" and bodies[b].kind == "workpiece" for a, b in pairs
+        ]
+        self._geometry.removeAllCollisionPairs()
+        for a, b in pairs:
+            self._geometry.addCollisionPair(pin.CollisionPair(a, b))
+        self._sets = {
+            (level, touch): self._set(margin + more, touch)
+            for level, more in enumerate((0.0, *LEVELS))
+            for touch in (False, True)
+        }
+
+    def _set(self, margin: FloatArray, touch: bool) -> pin.GeometryData:
+        data = self._geometry.createData()
+        for number, value in enumerate(margin.tolist()):
+            data.collisionRequests[number].security_margin = value
+            if touch and self._cuts[number]:
+                data.deactivateCollisionPair(number)
+        return data
+
+    def _always_touching(self, pairs: list[tuple[int, int]], cell: Cell) -> set[tuple[int, int]]:
+        """Return the pairs of the arm and its tool that touch in most poses: by construction."""
+        own = [(a, b) for a, b in pairs if bodies_move(self._bodies[a], self._bodies[b])]
+        for a, b in own:
+            self._geometry.addCollisionPair(pin.CollisionPair(a, b))
+        data = self._geometry.createData()
+        rng = np.random.default_rng(0)
+        low, high = np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)
+        counts = np.zeros(len(own))
+        for q in rng.uniform(low, high, (60, 6)):
+            row = np.r_[np.zeros(self._rails), q]
+            pin.computeCollisions(self._model, self._data, self._geometry, data, row, False)
+            counts += [result.isCollision() for result in data.collisionResults]
+        return {pair for pair, count in zip(own, counts, strict=True) if count > 30}
+
+    def met(self, q: FloatArray, touch: np.ndarray) -> str:
+        """Return a pair that comes nearer than allowed on a dense way q (n, 6 + k), or nothing.
+
+        No way at all is one that the arm cannot follow.
+        """
+        if not len(q):
+            return "the arm leaves its posture"
+        rows = np.hstack([q[:, 6:], q[:, :6]])
+        step = np.abs(np.diff(rows, axis=0)) @ self._reach
+        place = np.concatenate([[0.0], np.cumsum(step)])
+        parts = np.flatnonzero(np.diff(touch)) + 1
+        for low, high in pairwise([0, *parts.tolist(), len(rows)]):
+            hit = self._search(rows, place, low, high - 1, bool(touch[low]))
+            if hit:
+                return hit
+        return ""
+
+    def _search(self, rows: FloatArray, place: FloatArray, low: int, high: int, touch: bool) -> str:
+        stack = [(low, high)]
+        while stack:
+            low, high = stack.pop()
+            half = 0.5 * (place[low] + place[high])
+            middle = int(np.clip(np.searchsorted(place, half), low, high))
+            way = max(place[middle] - place[low], place[high] - place[middle])
+            level = int(np.searchsorted(LEVELS, way)) + 1
+            if (
+                high > low
+                and level <= len(LEVELS)
+                and not self._collide(rows[middle], level, touch)
+            ):
+                continue
+            if self._collide(rows[middle], 0, touch):
+                return self._name(touch)
+            stack += [
+                part for part in ((low, middle - 1), (middle + 1, high)) if part[0] <= part[1]
+            ]
+        return ""
+
+    def _collide(self, row: FloatArray, level: int, touch: bool) -> bool:
+        data = self._sets[level, touch]
+        return bool(pin.computeCollisions(self._model, self._data, self._geometry, data, row, True))
+
+    def _name(self, touch: bool) -> str:
+        data = self._sets[0, touch]
+        for name, result in zip(self.names, data.collisionResults, strict=True):
+            if result.isCollision():
+                return " and ".join(name)
+        return "?"
+
+
+def bodies_move(one: Body, two: Body) -> bool:
+    """Return whether both solids are of the arm or its tool."""
+    return one.link != WORLD and two.link != WORLD
+
+
+def _can_meet(one: Body, two: Body) -> bool:
+    """Return whether two solids are no neighbours by construction."""
+    if one.link == two.link:
+        return False
+    if WORLD in (one.link, two.link):
+        return not (0 in (one.link, two.link) and "obstacle" in (one.kind, two.kind))
+    if "link" == one.kind == two.kind:
+        return (two.link - one.link > 1) and (one.link, two.link) not in BY_STOPS
+    return True
+
+
+def _margin(one: Body, two: Body, clearance: float) -> float:
+    """Return the distance that two solids must keep [m]."""
+    if one.kind == "cutting" and two.kind == "workpiece":
+        return 0.0
+    if bodies_move(one, two) and (
+        one.kind == two.kind == "link"
+        or (max(one.link, two.link) == 6 and min(one.link, two.link) == 5)
+    ):
+        return 0.0
+    return clearance
+
+
+def _reaches(bodies: Sequence[Body], arm: Kinematics) -> FloatArray:
+    """Return how far (6,) [m] any point of the arm or its tool can be from each joint's axis."""
+    own = np.zeros(7)
+    for body in bodies:
+        if body.link > 0:
+            size = float(np.linalg.norm(body.vertices, axis=1).max())
+            own[body.link] = max(own[body.link], size)
+    steps = [float(np.linalg.norm(T[:3, 3])) for T in arm.chain.placements]
+    reach = np.zeros(6)
+    for joint in range(6):
+        way, most = 0.0, 0.0
+        for link in range(joint + 1, 7):
+            most = max(most, way + own[link])
+            if link < 6:
+                way += steps[link]
+        reach[joint] = most
+    return reach
