@@ -15,15 +15,16 @@ from postproc.cell import Cell, ExternalAxis
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import THINNER, Body, bodies_of, pulled_back, thinner
-from postproc.collision.check import Hits, Tally, check
+from postproc.collision.check import NO_PAIR, Hits, Tally, check
 from postproc.collision.engine import Engine
 from postproc.collision.external import JOINTS, ExternalAxes
+from postproc.collision.hulls import COARSE, HullCheck
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
 from postproc.collision.surface import Surface, SurfacePoints
-from postproc.collision.triangles import TriangleCheck
 from postproc.errors import CellError, DataError, Finding, Severity
 from postproc.geometry import inverse
+from postproc.kinematics import Bound
 from postproc.units import MM
 
 
@@ -221,28 +222,41 @@ class Scene:
         together = None if track is None else np.asarray(track, dtype=np.int64)
         return motion.MotionCheck(self._engine, resolution).run(start, end, touch, together)
 
-    def check_triangles(
-        self, q: ArrayLike, slack: ArrayLike | None = None, contact: ArrayLike | None = None
+    def check_corners(
+        self,
+        bound: Bound,
+        contact: ArrayLike | None = None,
+        resolution: float = RESOLUTION,
+        coarse: float = COARSE,
     ) -> Hits:
-        """Return for each triangle of configurations whether anything in it collides.
+        """Return for each approximated corner (c,) whether anything collides where it may go.
 
         Args:
-            q: (t, 3, 6) [rad].
-            slack: (t, 6) how far joints may be off their triangle; None: not at all.
-            contact: (t,) or bool, triangles in which cutting solids may touch the workpiece.
+            bound: where the arm may go; what is lost is not looked at.
+            contact: (c,) or bool, corners at which cutting solids may touch the workpiece.
+            resolution: [m]; contact that is grazed on a shorter way than this may pass where point
+                and orientation are in step.
+            coarse: [m]; what is not proven on ways of this length collides where they are not.
         """
-        corners = np.asarray(q, dtype=np.float64)
-        rows = self._rows(corners.reshape(-1, corners.shape[-1]))
-        touch = _contact(contact, len(corners))
+        count = len(bound.lost)
+        touch = _contact(contact, count)
         if touch is None:
-            touch = np.zeros(len(corners), dtype=np.bool_)
-        check = TriangleCheck(self._engine)
-        triangles = rows.reshape(len(corners), 3, rows.shape[1])
-        off = np.zeros_like(triangles[:, 0])
-        if slack is not None:
-            off[:, : np.shape(slack)[1]] = slack
-        pair = check.pairs_met(triangles, off, touch)
-        return Hits(pair >= 0, pair, self._engine.names)
+            touch = np.zeros(count, dtype=np.bool_)
+        pair = np.full(count, NO_PAIR, dtype=np.int64)
+        hulls = HullCheck(self._engine, resolution, coarse)
+        for pieces in bound.pieces:
+            rows = np.flatnonzero(pair[pieces.corner] == NO_PAIR)
+            corner, q = pieces.corner[rows], pieces.q[rows]
+            flat = self._rows(q.reshape(-1, q.shape[-1]))
+            met = hulls.pairs_met(
+                flat.reshape(*q.shape[:3], flat.shape[1]),
+                pieces.slack[rows],
+                touch[corner],
+                corner,
+                count,
+            )
+            pair = np.where(pair == NO_PAIR, met, pair)
+        return Hits(pair != NO_PAIR, pair, self._engine.names)
 
     def nearest_surface(self, points: ArrayLike) -> SurfacePoints:
         """Return the nearest places on the workpiece: point, outward normal, distance.

@@ -31,23 +31,33 @@ from postproc.collision.cull import Frames, Placed
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.shape import Shape
 
+_Turns = tuple[FloatArray, FloatArray | None, FloatArray | None]
+
 
 class Sway(NamedTuple):
     """Where joints may go from a configuration: to q + s way + rest, -1 <= s <= 1.
 
     ``turn`` (n, 6 + k) largest way of each axis from there [rad or m], not negative, way and rest
-    together; ``way`` (n, 6 + k) the part that all axes go at once, None: each as it likes.
+    together; ``way`` (n, 6 + k) the part that all axes go at once, None: each as it likes;
+    ``rest`` (n, 6 + k) how far axes may be beside it, None: what is left of their turn.
+
+    Of several ways from one configuration, each with the same turn and rest, the largest bound
+    holds for everything between them: the velocity is linear in the way, and the rest of the bound
+    is that of the turn.
     """
 
     turn: FloatArray
     way: FloatArray | None = None
+    rest: FloatArray | None = None
 
-    def joints(
-        self, spread: Callable[[FloatArray], FloatArray]
-    ) -> tuple[FloatArray, FloatArray | None]:
-        """Return turn and way of the joints, (6, n) spread over bodies."""
-        way = None if self.way is None else spread(self.way[:, :JOINTS].T)
-        return spread(self.turn[:, :JOINTS].T), way
+    def joints(self, spread: Callable[[FloatArray], FloatArray]) -> _Turns:
+        """Return turn, way and rest of the joints, (6, n) spread over bodies."""
+        turn = spread(self.turn[:, :JOINTS].T)
+        if self.way is None:
+            return turn, None, None
+        way = spread(self.way[:, :JOINTS].T)
+        rest = turn - np.abs(way) if self.rest is None else spread(self.rest[:, :JOINTS].T)
+        return turn, way, rest
 
 
 class SweepBound:
@@ -163,7 +173,7 @@ class SweepBound:
         axis: FloatArray,
         point: FloatArray,
         centre: FloatArray,
-        sway: tuple[FloatArray, FloatArray | None],
+        sway: _Turns,
     ) -> FloatArray:
         """Return (6, b, n) [m]: how far bodies can move as seen from links 0 to 5.
 
@@ -172,10 +182,10 @@ class SweepBound:
             axis: (6, 3, b, n) directions of the joint axes.
             point: (6, 3, b, n) a point of each [m].
             centre: (3, b, n) [m] of the bodies' boxes.
-            sway: turn and way of the joints (6, b, n).
+            sway: turn, way and rest of the joints (6, b, n).
         """
         shape = centre.shape[1:]
-        turns, ways = sway
+        turns, ways, rests = sway
         starts = np.searchsorted(self._links[body], np.arange(JOINTS + 1), side="right").tolist()
         reach, own_radius = self._reach[body, None], self._own_radius[body, None]
         result = np.zeros((JOINTS, *shape))
@@ -185,13 +195,14 @@ class SweepBound:
             tail, own = slice(starts[joint], None), slice(starts[joint], starts[joint + 1])
             u = _cross(axis[joint][:, tail], centre[:, tail] - point[joint][:, tail])
             radius = np.sqrt(np.einsum("ibn,ibn->bn", u, u)) + reach[tail]
-            here = radius[: own.stop - own.start]
-            np.minimum(here, own_radius[own], out=here)
+            first = radius[: own.stop - own.start]
+            np.minimum(first, own_radius[own], out=first)
             turn = turns[joint][tail]
             result[joint] = path
             result[joint][tail] += turn * radius
-            if ways is not None:
-                course.add(tail, axis[joint][:, tail], u, radius, turn, ways[joint][tail], path)
+            if ways is not None and rests is not None:
+                here = (axis[joint][:, tail], u, radius)
+                course.add(tail, here, turn, ways[joint][tail], rests[joint][tail], path)
                 straight = course.bound(tail, reach)
                 np.minimum(result[joint][tail], straight, out=result[joint][tail])
             path[tail] += turn * radius
@@ -218,21 +229,21 @@ class _Course:
     def add(
         self,
         tail: slice,
-        axis: FloatArray,
-        u: FloatArray,
-        radius: FloatArray,
+        joint: tuple[FloatArray, FloatArray, FloatArray],
         turn: FloatArray,
         way: FloatArray,
+        rest: FloatArray,
         path: FloatArray,
     ) -> None:
-        """Let a joint move the bodies ``tail``, those behind it already having moved by ``path``.
+        """Let a joint (axis, lever arm, radius) move the bodies ``tail``.
 
-        What a joint may turn beside its way counts in full.
+        Those behind it have moved by ``path``; what it may turn beside its way counts in full.
         """
+        axis, u, radius = joint
         self._velocity[:, tail] += way * u
         self._spin[:, tail] += way * axis
         grown = turn * (radius + path[tail])
-        self._rest[tail] += turn * (self._lever[tail] + 0.5 * grown) + (turn - np.abs(way)) * radius
+        self._rest[tail] += turn * (self._lever[tail] + 0.5 * grown) + rest * radius
         self._lever[tail] += grown
 
     def bound(self, tail: slice, reach: FloatArray) -> FloatArray:

@@ -3,11 +3,12 @@
 from postproc.kinematics.build import build
 from postproc.kinematics.corners import (
     IN_STEP,
+    Bound,
     Corners,
     Pieces,
+    bound_of,
     corner_miss,
     joint_share,
-    pieces_of,
 )
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import (
@@ -21,15 +22,16 @@ from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 
 __all__ = [
     "IN_STEP",
+    "Bound",
     "Corners",
     "Kinematics",
     "Pieces",
+    "bound_of",
     "build",
     "corner_miss",
     "elbow_distance",
     "is_coaxial_with_axis_6",
     "joint_share",
-    "pieces_of",
     "shoulder_distance",
     "smallest_singular_value",
     "status_turn",

@@ -1,11 +1,16 @@
-"""Where the arm may go while a corner is approximated: an outer bound, as triangles of joints.
+"""Where the arm may go while a corner is approximated: an outer bound, as hulls of joints.
 
 The controller leaves the programmed path no earlier than the approximation distance before the
 corner, comes back no later than that behind it (neither beyond the middle of a motion), and in
 between it stays within the triangle of the two places and the corner: that of the joints between
 joint motions; that of the tool point between path motions, with the orientation in the triangle of
 the three orientations, not necessarily in step. Where a joint and a path motion meet, both
-triangles are taken. KUKA does not publish the polynomial; every one that keeps to the tangents at
+triangles are taken.
+
+The triangles of the tool are cut into pieces on which the joints are nearly linear: point and
+orientation are mixtures of three each, and the joints lie in the hull of the nine (three, where
+they are in step), beside it by no more than the bulge of a parabola through the middles of its
+sides. KUKA does not publish the polynomial; every one that keeps to the tangents at
 both ends with its control points between path and corner lies in the triangle.
 """
 
@@ -20,14 +25,22 @@ from postproc.geometry import axis_angle, inverse, rotation_from_vector, transfo
 from postproc.kinematics.model import Kinematics
 from postproc.units import DEG
 
-PIECE_LENGTH = 0.015
+PIECE_LENGTH = 0.03
 """Longest side [m] of a piece of a triangle of the tool point; joints go straight on a piece."""
-PIECE_ANGLE = 3.0 * DEG
+PIECE_ANGLE = 6.0 * DEG
 """Largest turn of the tool over a side of it [rad]."""
-MOST_PARTS = 40
-"""A corner whose sides would have to be cut into more parts is given up."""
+MOST_PARTS = 160
+"""A corner is not cut into more parts of its sides, point times orientation."""
 IN_STEP = 0.05 * DEG
 """Where the tool turns less than this at a corner, point and orientation count as in step [rad]."""
+STRAIGHT = 1.05e-3
+"""On sides no longer than this [m] the joints go straight."""
+BULGE = 2e-3
+"""Pieces on which the joints leave the straight way by more [rad] are cut again."""
+LARGEST_BULGE = 0.03
+"""A corner that cannot be cut into pieces better than this [rad] is given up."""
+_RESERVE = 1.7
+"""What is seen in the middle of sides, times 4/3, holds all over a parabola; the rest is spare."""
 _WIDER = 1.25
 _TURN = 2.0 * np.pi
 _LEAP = 40.0 * DEG
@@ -78,15 +91,26 @@ class Corners:
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Triangles of configurations (t, 3, 6 + k), straight in the joints, and their corners (t,).
+    """Hulls of configurations q (t, 3, n, 6 + k): mixtures of the three of mixtures of the n.
 
-    ``slack`` (t, 6 + k): how far each axis may be beside the triangle [rad]; ``lost`` (c,): corners
-    of which a part cannot be reached without leaving the posture.
+    The three are corners of a piece of the triangle of the point, the n (1 or 3) of one of the
+    orientations. ``slack`` (t, 6 + k): how far each axis may be beside the hull [rad]; ``corner``
+    (t,): the corner it is a part of.
     """
 
     q: FloatArray
     slack: FloatArray
     corner: IndexArray
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """Where the arm may go at corners (c,).
+
+    ``lost`` (c,): corners of which a part cannot be reached without leaving the posture.
+    """
+
+    pieces: tuple[Pieces, ...]
     lost: BoolArray
 
 
@@ -133,59 +157,103 @@ def joint_share(
     return share
 
 
-def pieces_of(kinematics: Kinematics, corners: Corners) -> Pieces:
-    """Return the triangles that bound where the arm may go at corners."""
+def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
+    """Return the hulls that bound where the arm may go at corners."""
     q = np.concatenate([corners.q, corners.external], axis=2)
     lost = ~np.isfinite(q).all(axis=(1, 2))
-    slack = np.zeros((len(q), q.shape[2]))
-    slack[:, :6], gone = _out_of_step(kinematics, corners, ~lost)
-    lost |= gone
-    parts = _parts(corners)
-    lost |= parts > MOST_PARTS
-    parts[lost] = 1
-    one = np.flatnonzero(~lost & ((parts == 1) | ~corners.is_path.all(axis=1)))
-    triangles, owners = [q[one]], [one]
+    is_path = corners.is_path.any(axis=1)
+    way, turn = _sides(corners)
+    plain = is_path & (way <= STRAIGHT) & (turn <= IN_STEP)
+    one = np.flatnonzero(~lost & (plain | ~corners.is_path.all(axis=1)))
+    found = [_straight(q[one], one)]
     if corners.q_middle is not None:
-        for side, end in ((0, 0), (1, 2)):
-            bent = np.flatnonzero(~lost & np.isfinite(corners.q_middle[:, side, 0]))
-            middle = np.concatenate(
-                [corners.q_middle[bent, side], corners.external[bent][:, [end, 1]].mean(axis=1)],
-                axis=1,
-            )
-            triangles.append(np.stack([q[bent, end], middle, q[bent, 1]], axis=1))
-            owners.append(bent)
-    for count in np.unique(parts[parts > 1]).tolist():
-        rows = np.flatnonzero(~lost & (parts == count))
-        if len(rows):
-            cut, gone = _cut(kinematics, corners, rows, int(count))
-            lost[rows[gone]] = True
-            triangles.append(cut.reshape(-1, *cut.shape[2:]))
-            owners.append(np.repeat(rows, cut.shape[1]))
-    owner = np.concatenate(owners)
-    return Pieces(np.concatenate(triangles), slack[owner], owner, lost)
+        found += _bent(corners, q, lost)
+    rows = np.flatnonzero(~lost & is_path & ~plain)
+    counts = np.stack([way[rows] / PIECE_LENGTH, turn[rows] / PIECE_ANGLE], axis=1)
+    counts = np.maximum(np.ceil(counts - 1e-9), 1.0).astype(np.int64)
+    counts[turn[rows] <= IN_STEP, 1] = 0
+    while len(rows):
+        last = 4 * counts.prod(axis=1, where=counts > 0) > MOST_PARTS
+        again = []
+        for points, turns in np.unique(counts, axis=0).tolist():
+            same = np.flatnonzero((counts == (points, turns)).all(axis=1))
+            pieces, gone, bulge = _cells(kinematics, corners, rows[same], points, turns)
+            lost[rows[same[gone]]] = True
+            lost[rows[same[last[same] & (bulge > LARGEST_BULGE)]]] = True
+            coarse = ~gone & (bulge > BULGE) & ~last[same]
+            again.append(same[coarse])
+            good = np.repeat(~lost[rows[same]] & ~coarse, len(pieces.q) // len(same))
+            found.append(Pieces(pieces.q[good], pieces.slack[good], pieces.corner[good]))
+        kept = np.concatenate([np.zeros(0, dtype=np.int64), *again])
+        rows, counts = rows[kept], 2 * counts[kept]
+    return Bound(tuple(pieces for pieces in found if len(pieces.q)), lost)
 
 
-def _out_of_step(
-    kinematics: Kinematics, corners: Corners, known: BoolArray
-) -> tuple[FloatArray, BoolArray]:
-    """Return how far (c, 6) [rad] joints are off where the orientation is that of another place.
+def _straight(q: FloatArray, corner: IndexArray) -> Pieces:
+    """Return triangles of configurations (t, 3, 6 + k)."""
+    return Pieces(q[:, :, None], np.zeros((len(q), q.shape[2])), corner)
 
-    The second value says which of the corners have such a pose out of reach.
+
+def _bent(corners: Corners, q: FloatArray, lost: BoolArray) -> list[Pieces]:
+    """Return the triangles that bent motions take up beside the chord of their ends."""
+    assert corners.q_middle is not None  # noqa: S101 - the caller has asked
+    found = []
+    for side, end in ((0, 0), (1, 2)):
+        bent = np.flatnonzero(~lost & np.isfinite(corners.q_middle[:, side, 0]))
+        external = corners.external[bent][:, [end, 1]].mean(axis=1)
+        middle = np.concatenate([corners.q_middle[bent, side], external], axis=1)
+        found.append(_straight(np.stack([q[bent, end], middle, q[bent, 1]], axis=1), bent))
+    return found
+
+
+def _cells(
+    kinematics: Kinematics, corners: Corners, rows: IndexArray, points: int, turns: int
+) -> tuple[Pieces, BoolArray, FloatArray]:
+    """Return the pieces of corners (r,), which are lost (r,), and the largest bulge (r,) [rad].
+
+    The triangle of the point has its sides cut into ``points``, that of the orientation into
+    ``turns``; 0: point and orientation are in step.
     """
-    slack, lost = np.zeros((len(corners), 6)), np.zeros(len(corners), dtype=np.bool_)
-    angle = np.linalg.norm(_turns(np.nan_to_num(corners.T_robroot_tcp)), axis=2).max(axis=1)
-    rows = np.flatnonzero(known & corners.is_path.all(axis=1) & (angle > IN_STEP))
-    if not len(rows):
-        return slack, lost
-    T, q = corners.T_robroot_tcp[rows], corners.q[rows]
-    tool = inverse(np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows])
-    for place in range(3):
-        for other in range(3):
-            pose = transform(T[:, other, :3, :3], T[:, place, :3, 3]) @ tool
-            found, valid = _near(kinematics, pose, q[:, place])
-            slack[rows] = np.maximum(slack[rows], np.abs(found - q[:, place]))
-            lost[rows] |= ~valid
-    return slack, lost
+    weight, nodes = _grid(points)
+    T = corners.T_robroot_tcp[rows]
+    turn = _turns(T)
+    at = T[..., :3, 3]
+    p = at[:, [1]] + np.einsum("ne,rei->rni", weight, at[:, [0, 2]] - at[:, [1]])
+    if turns:
+        other, other_nodes = _grid(turns)
+        rotation = np.einsum("me,rei->rmi", other, turn)[:, None]
+    else:
+        other_nodes = np.zeros((1, 1), dtype=np.int64)
+        rotation = np.einsum("ne,rei->rni", weight, turn)[:, :, None]
+    R = T[:, None, None, 1, :3, :3] @ rotation_from_vector(rotation)
+    tool = np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows]
+    shape = (len(rows), len(weight), rotation.shape[2])
+    poses = transform(
+        np.broadcast_to(R, (*shape, 3, 3)), np.broadcast_to(p[:, :, None], (*shape, 3))
+    )
+    flange = poses @ inverse(tool)[:, None, None]
+    q_corner = np.repeat(corners.q[rows, 1], shape[1] * shape[2], axis=0)
+    q, valid = _near(kinematics, flange.reshape(-1, 4, 4), q_corner)
+    ends = corners.external[rows][:, [0, 2]] - corners.external[rows][:, [1]]
+    external = corners.external[rows][:, [1]] + np.einsum("ne,rek->rnk", weight, ends)
+    external = np.repeat(external[:, :, None], shape[2], axis=2)
+    every = np.concatenate([q.reshape(*shape, 6), external], axis=3)
+    every = every[:, nodes][:, :, :, other_nodes]
+    # (r, f, 6, g, 1 or 6, 6 + k) to (r, f, g, 6, 1 or 6, 6 + k)
+    every = np.swapaxes(every, 2, 3)
+    n = 3 if turns else 1
+    hulls = every[:, :, :, :3, :n]
+    mixed = np.einsum("ai,rfgijd,bj->rfgabd", _MIDDLES, hulls, _MIDDLES if turns else np.eye(1))
+    bulge = _RESERVE * np.abs(every - mixed).max(axis=(3, 4))
+    leaps = np.ptp(hulls[..., :6], axis=(3, 4)).max(axis=(1, 2, 3)) > _LEAP
+    gone = ~valid.reshape(len(rows), -1).all(axis=1) | leaps
+    count = bulge.shape[1] * bulge.shape[2]
+    pieces = Pieces(
+        hulls.reshape(len(rows) * count, 3, n, -1),
+        bulge.reshape(len(rows) * count, -1),
+        np.repeat(rows, count),
+    )
+    return pieces, gone, bulge.max(axis=(1, 2, 3))
 
 
 def _near(
@@ -198,15 +266,12 @@ def _near(
     return np.where(valid[:, None], q, q_near), valid
 
 
-def _parts(corners: Corners) -> IndexArray:
-    """Return into how many parts (c,) the sides of each corner are cut."""
-    T = corners.T_robroot_tcp
+def _sides(corners: Corners) -> tuple[FloatArray, FloatArray]:
+    """Return the longest way (c,) [m] and turn (c,) [rad] of the two sides of each corner."""
+    T = np.nan_to_num(corners.T_robroot_tcp)
     p = T[..., :3, 3]
     ways = np.linalg.norm(p[:, [0, 2]] - p[:, [1]], axis=2)
-    turns = np.linalg.norm(_turns(T), axis=2)
-    most = np.maximum(ways / PIECE_LENGTH, turns / PIECE_ANGLE).max(axis=1)
-    most = np.where(corners.is_path.any(axis=1), np.nan_to_num(most, nan=1.0), 1.0)
-    return np.clip(np.ceil(most - 1e-9), 1, MOST_PARTS + 1).astype(np.int64)
+    return ways.max(axis=1), np.linalg.norm(_turns(T), axis=2).max(axis=1)
 
 
 def _turns(T: FloatArray) -> FloatArray:
@@ -215,38 +280,30 @@ def _turns(T: FloatArray) -> FloatArray:
     return np.stack([axis * angle[:, None] for axis, angle in found], axis=1)
 
 
-def _cut(
-    kinematics: Kinematics, corners: Corners, rows: IndexArray, count: int
-) -> tuple[FloatArray, BoolArray]:
-    """Return pieces (r, count^2, 3, 6 + k) of the triangles of tool poses, and which are lost."""
-    weight, faces = _grid(count)
-    T = corners.T_robroot_tcp[rows]
-    turn = np.einsum("ne,rei->rni", weight, _turns(T))
-    at = T[..., :3, 3]
-    p = at[:, [1]] + np.einsum("ne,rei->rni", weight, at[:, [0, 2]] - at[:, [1]])
-    R = T[:, None, 1, :3, :3] @ rotation_from_vector(turn)
-    tool = np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows]
-    flange = transform(R, p) @ inverse(tool)[:, None]
-    q_corner = np.repeat(corners.q[rows, 1], len(weight), axis=0)
-    q, valid = _near(kinematics, flange.reshape(-1, 4, 4), q_corner)
-    q = q.reshape(len(rows), len(weight), 6)
-    ends = corners.external[rows][:, [0, 2]] - corners.external[rows][:, [1]]
-    external = corners.external[rows][:, [1]] + np.einsum("ne,rek->rnk", weight, ends)
-    pieces = np.concatenate([q, external], axis=2)[:, faces]
-    leaps = np.ptp(pieces[..., :6], axis=2).max(axis=(1, 2)) > _LEAP
-    return pieces, ~valid.reshape(len(rows), -1).all(axis=1) | leaps
+_MIDDLES = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5]])
+"""Corners of a triangle and the middles of its sides, as mixtures of its corners."""
 
 
 def _grid(count: int) -> tuple[FloatArray, IndexArray]:
-    """Return weights (n, 2) of both ends at the nodes of a cut triangle, and its faces (f, 3)."""
+    """Return the nodes of a triangle whose sides are cut, with the middles of all sides.
+
+    Returns:
+        weights (n, 2) of both ends; (f, 6) the nodes of each piece, in the order of ``_MIDDLES``.
+    """
+    fine = 2 * count
     number: dict[tuple[int, int], int] = {}
-    for i in range(count + 1):
-        for j in range(count + 1 - i):
+    for i in range(fine + 1):
+        for j in range(fine + 1 - i):
             number[i, j] = len(number)
-    faces = [[number[i, j], number[i + 1, j], number[i, j + 1]] for i, j in number if i + j < count]
-    faces += [
-        [number[i + 1, j], number[i, j + 1], number[i + 1, j + 1]]
-        for i, j in number
-        if i + j < count - 1
-    ]
-    return np.array(list(number), dtype=np.float64) / count, np.array(faces)
+    faces = []
+    for i in range(0, fine, 2):
+        for j in range(0, fine - i, 2):
+            corners = [((i, j), (i + 2, j), (i, j + 2))]
+            if i + j < fine - 2:
+                corners.append(((i + 2, j), (i, j + 2), (i + 2, j + 2)))
+            for a, b, c in corners:
+                middles = [
+                    ((u[0] + v[0]) // 2, (u[1] + v[1]) // 2) for u, v in ((a, b), (b, c), (c, a))
+                ]
+                faces.append([number[node] for node in (a, b, c, *middles)])
+    return np.array(list(number), dtype=np.float64) / fine, np.array(faces)

@@ -15,7 +15,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
-from postproc.kinematics import Corners, Kinematics, joint_share, pieces_of
+from postproc.kinematics import Corners, Kinematics, bound_of, joint_share
 from postproc.paths import Paths
 from postproc.units import MM
 from postproc.verification.report import Result
@@ -149,17 +149,12 @@ def check_corner_collisions(
 
     ``touch`` (m,): motions on which cutting solids may touch the workpiece.
     """
-    pieces = pieces_of(kinematics, corners)
-    for row in np.flatnonzero(pieces.lost)[:_LISTED].tolist():
+    bound = bound_of(kinematics, corners)
+    for row in np.flatnonzero(bound.lost)[:_LISTED].tolist():
         text = "where the arm goes at this approximated corner is not known: it leaves its posture"
         result.finding(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
-    if not len(pieces.q):
-        return
-    contact = (touch[at] & touch[at + 1])[pieces.corner]
-    hits = scene.check_triangles(pieces.q, pieces.slack, contact)
-    met: dict[int, tuple[str, str]] = {}
-    for piece in np.flatnonzero(hits.hit).tolist():
-        met.setdefault(int(pieces.corner[piece]), hits.pairs[int(hits.pair[piece])])
-    for row, pair in sorted(met.items())[:_LISTED]:
-        text = f"{pair[0]} may hit {pair[1]} where this corner is approximated"
+    hits = scene.check_corners(bound, touch[at] & touch[at + 1])
+    for row in np.flatnonzero(hits.hit)[:_LISTED].tolist():
+        one, two = hits.pairs[int(hits.pair[row])]
+        text = f"{one} may hit {two} where this corner is approximated"
         result.finding(RunKind.COLLISION, int(at[row]), text)

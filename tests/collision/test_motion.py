@@ -122,7 +122,7 @@ def densely(scene, start, end, samples, contact=None):
 
 def test_nothing_that_dense_sampling_finds_is_missed(busy_cell, arm_of):
     scene = Scene.build(busy_cell, arm_of(busy_cell))
-    start, end = motions(500, seed=2)
+    start, end = motions(1000, seed=2)
     answer = scene.check_paths(start, end)
     sampled = densely(scene, start, end, 200)
     assert not (sampled.any(axis=0) & ~answer.hit).any()
@@ -131,7 +131,7 @@ def test_nothing_that_dense_sampling_finds_is_missed(busy_cell, arm_of):
     assert np.isnan(answer.share[~answer.hit]).all()
     assert (answer.pair[~answer.hit] == -1).all()
     # among them motions whose ends are free
-    assert (answer.hit & ~sampled[0] & ~sampled[-1]).sum() > 3
+    assert (answer.hit & ~sampled[0] & ~sampled[-1]).sum() > 5
     assert 0.1 < answer.hit.mean() < 0.9
 
 

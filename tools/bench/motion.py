@@ -24,11 +24,12 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, ExternalAxis, MeshPlacement, parse_cell
 from postproc.collision import Scene
-from postproc.geometry import inverse, rotation_from_vector, slerp, transform
-from postproc.kinematics import Corners, Kinematics, build, joint_share, pieces_of
+from postproc.geometry import inverse, rotation_from_vector, transform
+from postproc.kinematics import Corners, Kinematics, bound_of, build, joint_share
 from postproc.units import DEG, MM
 from tests.cells import cell_text
 from tools.bench.collision import CoalModel
+from tools.bench.outside import mixed_rotations, weights
 
 STEP = 1e-3
 """Longest way [m] of any point of the arm between two brute-force configurations."""
@@ -127,6 +128,12 @@ def controls(rng: np.random.Generator, a: FloatArray, c: FloatArray, b: FloatArr
     return np.array([a, *first, *last, b])
 
 
+def is_refused(scene: Scene, arm: Kinematics, corners: Corners) -> bool:
+    """Return whether a corner is refused, as the planner judges it."""
+    bound = bound_of(arm, corners)
+    return bool(bound.lost.any() or scene.kept(0.3e-3).check_corners(bound, None, 0.2e-3).hit.any())
+
+
 def joint_moves(
     rng: np.random.Generator, scene: Scene, brute: Brute, free: FloatArray, count: int, tally: Tally
 ) -> None:
@@ -164,8 +171,7 @@ def joint_corners(
         corners = Corners(
             q3[None, :, :6], T[None], np.zeros((1, 2), bool), tool, q3[None, :, 6:].reshape(1, 3, k)
         )
-        pieces = pieces_of(arm, corners)
-        refused = bool(scene.kept(0.3e-3).check_triangles(pieces.q, pieces.slack).hit.any())
+        refused = is_refused(scene, arm, corners)
         ways = [dense(bezier(controls(rng, *q3), 25)) for _ in range(3)]
         way = np.concatenate([*ways, dense(q3)])
         tally.add(brute, way, f"corner {row}, {distance / MM:.1f} mm", refused=refused)
@@ -196,22 +202,22 @@ def path_corners(
         if not valid:
             continue
         external = np.repeat(corner[None, None, 6:], 3, axis=1)
-        pieces = pieces_of(arm, Corners(q[None], T[None], np.ones((1, 2), bool), tool, external))
-        refused = bool(pieces.lost.any()) or bool(
-            scene.kept(0.3e-3).check_triangles(pieces.q, pieces.slack).hit.any()
-        )
-        ways = []
-        for _ in range(3):
-            p = bezier(controls(rng, *T[:, :3, 3]), 25)
-            s = np.linspace(0.0, 1.0, len(p)) ** rng.uniform(0.7, 1.4)
-            R = [np.broadcast_to(one[:3, :3], (len(p), 3, 3)) for one in T]
-            turned = slerp(slerp(R[0], R[1], s), slerp(R[1], R[2], s), s)
-            way, valid = _near(arm, transform(turned, p) @ inverse(tool), corner)
-            if valid:
-                ways.append(dense(np.hstack([way, np.repeat(corner[None, 6:], len(p), axis=0)])))
-        if ways:
+        corners = Corners(q[None], T[None], np.ones((1, 2), bool), tool, external)
+        refused = is_refused(scene, arm, corners)
+        ways = [
+            _near(arm, _along(rng, T) @ inverse(tool), corner) for _ in range(40 if refused else 4)
+        ]
+        if all(valid for _, valid in ways):
+            way = [np.hstack([q, np.repeat(corner[None, 6:], len(q), axis=0)]) for q, _ in ways]
             where = f"corner {row}, {distance / MM:.1f} mm"
-            tally.add(brute, np.concatenate(ways), where, refused=refused)
+            tally.add(brute, np.concatenate([dense(q) for q in way]), where, refused=refused)
+
+
+def _along(rng: np.random.Generator, T: FloatArray) -> FloatArray:
+    """Return tool poses (n, 4, 4) along random polynomials of point and orientation."""
+    u, v, w = weights(rng, 40)
+    p = u[:, None] * T[0, :3, 3] + v[:, None] * T[1, :3, 3] + w[:, None] * T[2, :3, 3]
+    return transform(mixed_rotations(T, *weights(rng, 40)), p)
 
 
 def _near(arm: Kinematics, T: FloatArray, corner: FloatArray) -> tuple[FloatArray, bool]:

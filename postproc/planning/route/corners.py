@@ -11,15 +11,18 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, stepped
 from postproc.geometry import inverse, rotation_angle
-from postproc.kinematics import IN_STEP, Corners, corner_miss, joint_share, pieces_of
+from postproc.kinematics import IN_STEP, Corners, bound_of, corner_miss, joint_share
 from postproc.model import MoveRole
-from postproc.planning.checks import Checker, Lines, poses_between
+from postproc.planning.checks import RESOLUTION, Checker, Lines, poses_between
 from postproc.planning.states import Moves
 from postproc.units import MM
 
 _LOWER = 0.25
 """What is left of a distance that was too long."""
 _ROUNDS = 4
+COARSE = 2.0 * MM
+"""Where point and orientation of a corner are not in step, what is not proven free on ways of this
+length is not free; the check of the text looks closer."""
 SMALLEST = 0.02 * MM
 """A shorter approximation is none."""
 NEGLIGIBLE = 0.01 * MM
@@ -70,13 +73,10 @@ def _free(checker: Checker, legs: _Legs, kept: FloatArray, at: IndexArray, cut: 
         at = at[kept[at] >= SMALLEST]
         if not len(at):
             return
-        pieces = pieces_of(checker.problem.kinematics, legs.corners(at, kept[at]))
-        contact = (cut[at] & cut[at + 1])[pieces.corner]
-        bad = pieces.lost.copy()
-        if len(pieces.q):
-            bad[
-                pieces.corner[checker.scene.check_triangles(pieces.q, pieces.slack, contact).hit]
-            ] = True
+        bound = bound_of(checker.problem.kinematics, legs.corners(at, kept[at]))
+        contact = cut[at] & cut[at + 1]
+        hits = checker.scene.check_corners(bound, contact, RESOLUTION, COARSE)
+        bad = bound.lost | hits.hit
         at = at[bad]
         kept[at] = stepped(_LOWER * kept[at]) if again < _ROUNDS else 0.0
 

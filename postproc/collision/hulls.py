@@ -1,0 +1,164 @@
+"""Do the bodies collide anywhere within hulls of configurations? Nothing is missed.
+
+A hull holds all mixtures of its configurations: those of a triangle, or of three triangles whose
+corners are mixed in turn. As for motions: in its middle each pair of bodies has a distance; if that
+is more than the pair can approach on the way to anywhere in the hull (``sweep``), it is free all
+over. What is left is cut at its longest side, down to hulls in which nothing moves farther than the
+resolution; there the middle decides. Axes may also be off their hull by a slack: a hull of that
+size which is not proven free counts as colliding, and so does what takes too many cuts.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.collision.check import NO_PAIR, chunks
+from postproc.collision.cull import SLACK
+from postproc.collision.engine import CHUNK, Candidates, Engine
+from postproc.collision.motion import MotionCheck
+from postproc.collision.sweep import Sway
+
+MOST_OPEN = 4000
+"""A corner of which so many pieces are undecided counts as colliding."""
+COARSE = 1e-3
+"""Hulls of mixed triangles in which nothing moves farther than this [m] are not cut further: what
+is then not proven free counts as colliding."""
+
+
+class HullCheck(MotionCheck):
+    """Checks hulls of configurations.
+
+    Args:
+        engine: the scene.
+        resolution: length [m] below which triangles are not cut further.
+        coarse: length [m] below which mixed triangles are not cut further.
+    """
+
+    def __init__(self, engine: Engine, resolution: float, coarse: float) -> None:
+        super().__init__(engine, resolution)
+        self._coarse = coarse
+
+    def pairs_met(
+        self, q: FloatArray, slack: FloatArray, contact: BoolArray, owner: IndexArray, count: int
+    ) -> IndexArray:
+        """Return a pair (c,) that collides in any hull of each owner, -1 where none does.
+
+        Args:
+            q: (t, 3, n, 6 + k) mixtures of the three of mixtures of the n.
+            slack: (t, 6 + k) how far axes may be off.
+            contact: (t,) cutting solids may touch the workpiece.
+            owner: (t,) whose hulls they are, 0 to c - 1.
+            count: c.
+        """
+        met = np.full(count, NO_PAIR, dtype=np.int64)
+        for rows in chunks(len(q)):
+            wanted = self._engine.wanted(contact[rows])
+            shape = (len(self._engine.table), rows.stop - rows.start)
+            alive = np.flatnonzero(met[owner[rows]] == NO_PAIR)
+            wanted = np.broadcast_to(wanted, shape)[:, alive]
+            alive += rows.start
+            self._search(q[alive], slack[alive], owner[alive], wanted, met)
+        return met
+
+    def _search(
+        self,
+        q: FloatArray,
+        slack: FloatArray,
+        owner: IndexArray,
+        wanted: BoolArray,
+        met: IndexArray,
+    ) -> None:
+        """Set the pairs met (c,) by owners of hulls; ``wanted`` (p, t)."""
+        first = True
+        while len(owner):
+            parts = []
+            for rows in chunks(len(owner), CHUNK):
+                pair, row, hit = self._undecided(q[rows], slack[rows], wanted[:, rows], first=first)
+                row = row + rows.start
+                met[owner[row[hit]]] = pair[hit]
+                parts.append((pair[~hit], row[~hit]))
+            pair, row = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+            crowded = np.bincount(owner[row], minlength=len(met))[owner[row]] > MOST_OPEN
+            met[owner[row[crowded]]] = pair[crowded]
+            alive = met[owner[row]] == NO_PAIR
+            left, wanted = _open(wanted.shape[0], pair[alive], row[alive])
+            q, wanted = np.concatenate(_cut(q[left])), np.tile(wanted, 2)
+            owner, slack = np.tile(owner[left], 2), np.tile(slack[left], (2, 1))
+            first = False
+
+    def _undecided(
+        self, q: FloatArray, slack: FloatArray, wanted: BoolArray, *, first: bool
+    ) -> tuple[IndexArray, IndexArray, BoolArray]:
+        """Return pair, row and whether it collides, of all that is not proven free."""
+        ways = q.reshape(len(q), -1, q.shape[-1])
+        middle = ways.mean(axis=1)
+        ways = ways - middle[:, None]
+        turn = np.abs(ways).max(axis=1)
+        near = self._near if first else self._near_among
+        found, moves = near(middle, Sway(turn + slack), wanted)
+        moves = np.minimum(moves, self._straight(middle, ways, turn, slack, found))
+        gap = self._gaps(found, moves)
+        pair, row = found.near.pair, found.near.row
+        small = turn.max(axis=1) <= slack.max(axis=1)
+        close = gap <= moves + SLACK
+        coarse = (q.shape[2] > 1) & (2.0 * moves <= self._coarse)
+        last = np.flatnonzero((gap > 0.0) & (small[row] | coarse) & close)
+        gap[last] = self._engine.distances(found, last) - self._engine.table.margin[pair[last]]
+        close = gap <= moves + SLACK
+        hit = (gap <= 0.0) | ((small[row] | coarse) & close)
+        left = np.flatnonzero(hit | (close & (2.0 * moves > self._resolution)))
+        return pair[left], row[left], hit[left]
+
+    def _straight(
+        self,
+        middle: FloatArray,
+        ways: FloatArray,
+        turn: FloatArray,
+        slack: FloatArray,
+        found: Candidates,
+    ) -> FloatArray:
+        """Return how far the pairs (k,) can approach on the ways (t, v, 6 + k) from the middle."""
+        pair, row = found.near.pair, found.near.row
+        frames = self._engine.frames(middle)
+        most = np.zeros(len(pair))
+        for vertex in range(ways.shape[1]):
+            sway = Sway(turn + slack, ways[:, vertex], slack)
+            np.maximum(most, self._engine.sweep.of_entries(frames, pair, row, sway), out=most)
+        return most
+
+
+def _open(count: int, pair: IndexArray, row: IndexArray) -> tuple[IndexArray, BoolArray]:
+    """Return the rows that are left, each once, and which pairs (p, r) are left open in them."""
+    rows, place = np.unique(row, return_inverse=True)
+    open_ = np.zeros((count, len(rows)), dtype=np.bool_)
+    open_[pair, place.reshape(-1)] = True
+    return rows, open_
+
+
+def _cut(q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return both halves of hulls (t, 3, n, d), cut at the longest side of either triangle."""
+    sides = _sides(q)
+    if q.shape[2] == 1:
+        return _cut_first(q, sides.argmax(axis=1))
+    turned = np.swapaxes(q, 1, 2)
+    other = _sides(turned)
+    outer = sides.max(axis=1) >= other.max(axis=1)
+    low, high = np.empty_like(q), np.empty_like(q)
+    low[outer], high[outer] = _cut_first(q[outer], sides[outer].argmax(axis=1))
+    halves = _cut_first(turned[~outer], other[~outer].argmax(axis=1))
+    low[~outer], high[~outer] = (np.swapaxes(half, 1, 2) for half in halves)
+    return low, high
+
+
+def _sides(q: FloatArray) -> FloatArray:
+    """Return the longest way (t, 3) along each side of the first triangle."""
+    return np.asarray(np.linalg.norm(q - np.roll(q, -1, axis=1), axis=3).max(axis=2))
+
+
+def _cut_first(q: FloatArray, side: IndexArray) -> tuple[FloatArray, FloatArray]:
+    """Return both halves of hulls cut at a side (t,) of the first triangle."""
+    turned = (np.arange(3) + side[:, None]) % 3
+    a, b, c = np.moveaxis(q[np.arange(len(q))[:, None], turned], 1, 0)
+    middle = 0.5 * (a + b)
+    return np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)
