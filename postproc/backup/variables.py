@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,15 +12,14 @@ from postproc.backup.archive import Archive
 from postproc.errors import KrlError, ReadError, SourceRef
 from postproc.krl import (
     Aggregate,
-    Assign,
     Axes,
-    Declaration,
     Enum,
     Pose,
     Text,
     Value,
     components,
     parse_files,
+    text_of,
 )
 
 _TARGET = re.compile(r"([$\w]+)\s*(?:\[\s*([\d,\s]*)\])?$")
@@ -92,7 +91,7 @@ def read_variables(archive: Archive, name: str) -> Variables:
         raise ReadError("BAK005", "no KRL data list, expected DEFDAT", SourceRef(place))
     values: dict[tuple[str, int], Any] = {}
     lines: dict[tuple[str, int], int] = {}
-    for target, value, line in _assigned(module.data.statements):
+    for target, value, line in module.data.values():
         match = _TARGET.match(target.strip())
         if match is not None:
             first = (match[2] or "").split(",")[0].strip()
@@ -107,24 +106,11 @@ def file_name(name: str) -> str:
 
 
 def decoded(raw: bytes) -> str:
-    """Return text of a controller: UTF-8 where it is, else the code page of Western Windows."""
+    """Return text of a controller, also where an editor put a byte order mark in front."""
     for mark, encoding in _MARKS.items():
         if raw.startswith(mark):
             return raw.decode(encoding, errors="replace")
-    try:
-        return raw.decode("utf-8")
-    except UnicodeDecodeError:
-        return raw.decode("cp1252", errors="replace")
-
-
-def _assigned(statements: Any) -> Iterator[tuple[str, Value, int]]:  # noqa: ANN401
-    for statement in statements:
-        if isinstance(statement, Assign):
-            yield statement.target, statement.value, statement.line
-        elif isinstance(statement, Declaration):
-            for variable in statement.variables:
-                if variable.value is not None:
-                    yield variable.name, variable.value, statement.line
+    return text_of(raw)
 
 
 def _plain(value: Value) -> Any:  # noqa: ANN401 - any value of KRL

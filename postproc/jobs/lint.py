@@ -8,7 +8,7 @@ from pathlib import Path
 
 from postproc.controller import load_program
 from postproc.errors import Finding, KrlError
-from postproc.krl import Assign, Declaration, KrlModule, LintOptions, load_modules
+from postproc.krl import Declaration, KrlModule, LintOptions, load_modules
 from postproc.krl import lint as lint_modules
 
 
@@ -103,11 +103,7 @@ def _of_controller(options: LintOptions, modules: Sequence[KrlModule]) -> LintOp
     for module in modules:
         if module.name.lower() not in ("$config", "$machine") or module.data is None:
             continue
-        for statement in module.data.statements:
-            if isinstance(statement, Assign):
-                values[statement.target.upper()] = statement.value
-            elif isinstance(statement, Declaration):
-                values |= {v.name.upper(): v.value for v in statement.variables}
+        values |= {target.upper(): value for target, value, _ in module.data.values()}
 
     def count(name: str, default: int | None) -> int | None:
         value = values.get(name)

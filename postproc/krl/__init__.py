@@ -58,6 +58,7 @@ from postproc.krl.text import (
     require_sound,
     split,
     suffixes,
+    text_of,
     tokenise,
     value_text,
 )
@@ -120,6 +121,7 @@ __all__ = [
     "require_sound",
     "split",
     "suffixes",
+    "text_of",
     "tokenise",
     "value_text",
 ]

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from postproc.cli.app import run
 from postproc.comparison.align import Lines, align
 from postproc.comparison.diff import DiffTolerance, diff, diff_files
 from postproc.errors import PostprocError
@@ -305,3 +306,13 @@ def test_a_shifted_copy_of_a_long_program():
     assert len(i) == n - 3
     missing = sorted(set(range(n)) - set(i.tolist()))
     assert np.abs(np.array(missing) - [700, 1500, 1501]).max() <= 3
+
+
+def test_what_a_data_list_assigns_is_compared(tmp_path, capsys):
+    """Arrays have their values in lines of their own: the tools of $config.dat."""
+    text = "DEFDAT $CONFIG\nDECL FRAME TOOL_DATA[16]\nTOOL_DATA[3]={X 1.0,Y 2.0,Z 3.0}\nENDDAT\n"
+    for name, content in (("old", text), ("new", text.replace("Z 3.0", "Z 3.5"))):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "$config.dat").write_text(content)
+    assert run(["diff", str(tmp_path / "old"), str(tmp_path / "new")]) == 1
+    assert "TOOL_DATA[3]" in capsys.readouterr().out

@@ -64,9 +64,10 @@ def test_values_of_a_data_list():
             Comment(" points"),
             Declaration("E6POS", (Variable("XP1", None, pose),), line=4),
             Declaration("INT", (Variable("N"),), line=5),
+            Assign("TOOL_DATA[3]", pose, line=6),
         ),
     )
-    assert list(data.values()) == [("XP1", pose, 4)]
+    assert list(data.values()) == [("XP1", pose, 4), ("TOOL_DATA[3]", pose, 6)]
 
 
 def test_moves_can_be_compared_and_hashed():

@@ -3,7 +3,7 @@
 import pytest
 
 from postproc.errors import KrlError
-from postproc.krl.text.source import MAX_LINE, check_size, decode
+from postproc.krl.text.source import MAX_LINE, check_size, decode, text_of
 
 PROGRAM = b"&ACCESS RVP\r\nDEF A( )\r\nEND\r\n"
 
@@ -57,3 +57,10 @@ def test_old_macintosh_ends_and_dos_end_of_file():
 def test_long_lines_are_listed():
     _, facts = decode(b"DEF A( )\r\n;" + b"x" * 300 + b"\r\n", "a.src")
     assert facts.long_lines == ((2, 301),)
+
+
+def test_one_rule_for_letters_of_every_controller():
+    """UTF-8 where it is, else Windows-1252; bytes that it lacks are shown as not known."""
+    assert text_of("Fräser".encode()) == text_of("Fräser".encode("cp1252")) == "Fräser"
+    assert text_of(b"\x80 5 \x96 6") == "\u20ac 5 \u2013 6"
+    assert text_of(b"Me\x81er") == "Me\ufffder"

@@ -51,7 +51,7 @@ from postproc.krl.text.program import (
     WaitSec,
 )
 from postproc.krl.text.render import render, render_statement, value_text
-from postproc.krl.text.source import LONG_LINE, TextFacts
+from postproc.krl.text.source import LONG_LINE, TextFacts, text_of
 from postproc.krl.text.split import Part, split, suffixes
 
 __all__ = [
@@ -116,6 +116,7 @@ __all__ = [
     "require_sound",
     "split",
     "suffixes",
+    "text_of",
     "tokenise",
     "value_text",
 ]

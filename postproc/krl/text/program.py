@@ -395,9 +395,14 @@ class DataList:
     end_line: int = field(default=0, compare=False)
 
     def values(self) -> Iterator[tuple[str, Value, int]]:
-        """Yield name, value and line of every declared variable that has a value."""
+        """Yield target, value and line of all that the list gives a value, in its order.
+
+        A target is a name, or as written in an assignment: ``TOOL_DATA[3]``.
+        """
         for statement in self.statements:
-            if isinstance(statement, Declaration):
+            if isinstance(statement, Assign):
+                yield statement.target, statement.value, statement.line
+            elif isinstance(statement, Declaration):
                 for variable in statement.variables:
                     if variable.value is not None:
                         yield variable.name, variable.value, statement.line

@@ -1,9 +1,9 @@
 """The bytes of a KRL file: decoded to lines, with the facts that only the bytes tell.
 
-Controllers write ASCII or ISO-8859 with CR LF; a file that was edited elsewhere may be UTF-8, may
-carry a byte order mark, bare line feeds or, in comments, what an editor made of letters of another
-code page. Those are facts for lint, not reasons to refuse. What cannot be text at all (NUL bytes,
-control characters in code, endless lines) is one clear error.
+Controllers write ASCII or Windows-1252 with CR LF; a file that was edited elsewhere may be UTF-8,
+may carry a byte order mark, bare line feeds or, in comments, what an editor made of letters of
+another code page. Those are facts for lint, not reasons to refuse. What cannot be text at all (NUL
+bytes, control characters in code, endless lines) is one clear error.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def decode(data: bytes, path: str) -> tuple[list[str], TextFacts]:
     crlf = body.count(b"\r\n")
     # A DOS end-of-file mark may close a file; it is no text.
     body = body.rstrip(b"\x1a")
-    text = _text(body).replace("\r\n", "\n").replace("\r", "\n")
+    text = text_of(body).replace("\r\n", "\n").replace("\r", "\n")
     lines = text.split("\n")
     closed = lines[-1] == ""
     if closed:
@@ -128,11 +128,12 @@ def _is_code(found: re.Match[bytes]) -> bool:
     return found.group() == b"\0" or b";" not in found.string[begin : found.start()]
 
 
-def _text(body: bytes) -> str:
+def text_of(data: bytes) -> str:
+    """Return text of a controller: UTF-8 where it is, else the code page of Western Windows."""
     try:
-        return body.decode("utf-8")
+        return data.decode("utf-8")
     except UnicodeDecodeError:
-        return body.decode("iso-8859-1")
+        return data.decode("cp1252", errors="replace")
 
 
 def _non_ascii(lines: list[str]) -> tuple[tuple[int, bool], ...]:
