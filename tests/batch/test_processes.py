@@ -63,6 +63,7 @@ def test_a_killed_batch_goes_on_to_the_same_folder(batch, work, snapshot):
     assert snapshot("cut") == snapshot("whole")
 
 
+@pytest.mark.slow
 def test_an_interrupted_batch_says_so_and_keeps_what_it_has(batch, work):
     for number in range(300):
         (work / "parts" / f"p{number}.csv").write_text(holes(2, 0.1 * number))
@@ -123,6 +124,7 @@ def _written(file):
     return file.exists() and file.read_text().rstrip().endswith("}")
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_bytes_although_a_worker_dies(batch, work, snapshot):
     pytest.importorskip("distributed")
     for number in range(24):

@@ -28,7 +28,11 @@ name = "reflector"
 frame = { xyz_mm = [0, 0, 50], abc_deg = [0, 0, 0] }
 axis = "+z"
 """
-pytestmark = [pytest.mark.corpus, pytest.mark.skipif(not REAL.is_dir(), reason="no corpus")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.corpus,
+    pytest.mark.skipif(not REAL.is_dir(), reason="no corpus"),
+]
 
 
 @pytest.mark.parametrize(

@@ -397,6 +397,7 @@ def around(arm, tool, middle, rng, count=40):
     return arm.nearest(slots[:, slot], middle)[valid[:, slot]]
 
 
+@pytest.mark.slow
 def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
     """The twin's truth is other code; the model knows noisy readings at 40 poses a posture."""
     twin, rng = Twin(0, 0.55), np.random.default_rng(3)

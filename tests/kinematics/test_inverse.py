@@ -50,6 +50,7 @@ def skewed_arm():
     return closed_form(arm_of(geometry), -limit, limit)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kinematics", [KR500, skewed_arm()], ids=["kr500", "skewed"])
 def test_all_branches_equal_py_opw_on_many_poses(kinematics):
     q = np.random.default_rng(1).uniform(-np.pi, np.pi, (MANY, 6))

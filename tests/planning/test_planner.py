@@ -167,7 +167,9 @@ class TestCuts:
         kind[0] = MotionKind.RAPID
         return make_path(points, axes, kind, feed=np.full(41, 0.02), **changes)
 
-    @pytest.mark.parametrize("strategy", ["global", "smooth", "each"])
+    @pytest.mark.parametrize(
+        "strategy", ["global", "smooth", pytest.param("each", marks=pytest.mark.slow)]
+    )
     def test_lines(self, make_cell, make_path, strategy):
         cell, toolpath = make_cell(), self.milling(make_path)
         result = plan(toolpath, cell, PlanOptions(strategy=strategy))

@@ -15,6 +15,9 @@ from tests.places import PANEL, PANEL_CELL
 COPIES = 100
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many")

@@ -2,10 +2,13 @@
 
 import random
 
+import pytest
+
 from tools.fuzz.files import SEATS, Writer
 from tools.fuzz.run import OWN_FAULTS, run
 
 
+@pytest.mark.slow
 def test_random_files_end_in_a_program_or_a_finding_about_the_file(tmp_path):
     outcome = run(60, 20_000, tmp_path)
     assert outcome.faults == []

@@ -13,6 +13,7 @@ STYLES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("style", STYLES, ids=lambda s: "-".join(map(str, s)))
 def test_whatever_does_harm_is_noticed(emitted, style):
     cell, toolpath, files = emitted(*style)
