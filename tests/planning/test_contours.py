@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.planning.planner import checker_of, plan
-from postproc.planning.search.between import Interpolation, cubic, slopes
-from postproc.planning.search.cuts import Spans, judge
-from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.states import PlanOptions, settle
+from postproc.model import MoveRole
+from postproc.planning.planner import plan
+from postproc.planning.search.between import cubic, slopes
 from postproc.units import DEG
-from tools.bench.contours import brute_breaks, compare_random, contour, milling_cell
+from tools.bench.contours import (
+    brute_breaks,
+    compare_eager,
+    compare_exact,
+    compare_random,
+    contour,
+    milling_cell,
+    random_case,
+)
 
 
 def test_no_random_contour_is_refused_falsely():
@@ -53,50 +59,25 @@ def test_what_cannot_be_run_is_refused_where_the_brute_force_breaks_off():
     assert all(error.code != "PLN106" for error in errors)
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_equals_brute_force_over_all_judged_steps(seed):
-    """Every step of every state, judged along its whole inside, by plain dynamic programming."""
-    rng = np.random.default_rng(seed)
-    toolpath = contour(("convex", "wavy", "s")[seed % 3], 90, 3.0, float(rng.uniform(0.0, 35.0)))
-    toolpath = toolpath.rows(np.arange(4) * int(rng.integers(4, 7)))
-    cell = milling_cell(fixture=seed % 2 == 0)
-    wishes = replace(cell.optimize, step=20.0 * DEG, range=(-60.0 * DEG, 60.0 * DEG))
-    cell, settings = settle(replace(cell, optimize=wishes), PlanOptions())
-    checker = checker_of(toolpath, cell, settings)
-    search = PoseSearch.of(checker, np.arange(4))
-    found = search.run()
-    eager = PoseSearch.of(checker, np.arange(4))
-    states, ladder = eager.states, eager.ladder
-    every = np.arange(len(states.q))
-    good = eager.check_states(every)
-    value = np.where(good[: states.offsets[1]], ladder.cost[: states.offsets[1]], np.inf)
-    for i in range(1, 4):
-        before = np.arange(states.offsets[i - 1], states.offsets[i])
-        now = np.arange(states.offsets[i], states.offsets[i + 1])
-        a, b = (pair.ravel() for pair in np.meshgrid(before, now))
-        may = (states.branch[a] == states.branch[b]) & good[a] & good[b]
-        may[may] = _can_be_run(checker, eager, a[may], b[may], i)
-        step = ladder.weight[i] * ((states.q[b].astype(float) - states.q[a]) ** 2).sum(axis=1)
-        total = value[a - before[0]] + np.where(may, step, np.inf)
-        value = total.reshape(len(now), len(before)).min(axis=1) + ladder.cost[now]
-    if np.isfinite(value.min()):
-        assert search.ladder.total(found.path) == pytest.approx(value.min(), rel=1e-6, abs=1e-6)
-    else:
-        assert search.ladder.broken[1:].any() or (found.path < 0).any()
+def test_equals_brute_force_over_all_judged_steps():
+    """A slice of ``tools.bench contours exact``: plain dynamic programming over every step."""
+    assert compare_exact(range(6))["other"] == []
 
 
-def _can_be_run(checker, search, a, b, i):
-    states, m = search.states, len(a)
-    spans = Spans(
-        np.full(m, i - 1),
-        np.full(m, i),
-        states.attitude_of(a),
-        states.attitude_of(b),
-        states.q[a].astype(float),
-        states.q[b].astype(float),
-        states.branch[b].astype(np.int64),
-    )
-    return judge(checker, Interpolation.of(checker.problem), spans).good(m)
+def test_lazily_checked_is_eagerly_checked():
+    """A slice of ``tools.bench contours eager``: all collisions known before the search."""
+    assert compare_eager(range(40, 43))["other"] == []
+
+
+@pytest.mark.parametrize("seed", [23, 54, 740])
+def test_a_cut_ends_where_the_tool_can_back_off(seed):
+    """The stiffest pose at its end leaves no way out along the tool axis; another one does."""
+    toolpath, cell = random_case(seed)
+    result = plan(toolpath, cell)
+    assert not result.errors
+    last = np.flatnonzero(result.role == MoveRole.CUT)[-1]
+    up = result.T_base_tcp[last + 1, :3, 3] - result.T_base_tcp[last, :3, 3]
+    assert up @ toolpath.axes[-1] == pytest.approx(cell.motion.approach, abs=1e-9)
 
 
 def test_the_monotone_cubic_meets_its_knots_and_never_overshoots():

@@ -2,12 +2,16 @@
 
     python -m tools.bench contours sizes  [--points 1000 20000] [--spacing 1]
     python -m tools.bench contours random [--count 50] [--seed 1]
+    python -m tools.bench contours exact  [--count 200] [--seed 1]
+    python -m tools.bench contours eager  [--count 50] [--seed 1]
 
 ``sizes`` converts closed (convex, wavy) and S-shaped contours with and without a fixture, defaults
 on, and prints processor time and memory of the process, stiffness, what key tags lose of their own
 optimum, and the largest joint step. ``random`` places contours anywhere around the arm and compares
 the verdict with a brute force that knows no key tags: every spin of a 5 degree grid in every branch
-at every point, collisions of all of them, joined where the joints follow each other.
+at every point, collisions of all of them, joined where the joints follow each other. ``exact``
+compares the cost of the best way on small cuts with plain dynamic programming over all their steps,
+each judged along its whole inside; ``eager`` with a search that knows all collisions beforehand.
 
 Every case of ``sizes`` runs in a process of its own, so that its peak memory is its own.
 """
@@ -26,7 +30,12 @@ from postproc.cell import Cell, parse_cell
 from postproc.geometry import orthonormalised
 from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.model import MotionKind, ToolPath
+from postproc.planning.checks import Checker
 from postproc.planning.planner import checker_of, plan
+from postproc.planning.search.between import Interpolation
+from postproc.planning.search.cuts import Spans, judge
+from postproc.planning.search.keytags import dense_key_tags
+from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, sample, settle, spin_values
 from postproc.units import DEG, MM
 from tests.cells import STIFFNESS, cell_text
@@ -208,12 +217,96 @@ def compare_random(seeds: range) -> dict[str, list[int]]:
     return verdicts
 
 
+def exact_case(seed: int) -> Checker:
+    """Return the checks of a cut of four tags, few enough to judge every step."""
+    rng = np.random.default_rng(seed)
+    toolpath = contour(SHAPES[seed % 3], 90, 3.0, float(rng.uniform(0.0, 35.0)))
+    toolpath = toolpath.rows(np.arange(4) * int(rng.integers(4, 7)))
+    cell = milling_cell(fixture=seed % 2 == 0)
+    wishes = replace(cell.optimize, step=20.0 * DEG, range=(-60.0 * DEG, 60.0 * DEG))
+    cell, settings = settle(replace(cell, optimize=wishes), PlanOptions())
+    return checker_of(toolpath, cell, settings)
+
+
+def brute_cost(checker: Checker) -> float:
+    """Return the least cost over all states and all steps, infinite without a way."""
+    n = len(checker.problem)
+    search = PoseSearch.of(checker, np.arange(n))
+    states, ladder = search.states, search.ladder
+    good = search.check_states(np.arange(len(states.q)))
+    value = np.where(good, ladder.cost, np.inf)[: states.offsets[1]]
+    for i in range(1, n):
+        before = np.arange(states.offsets[i - 1], states.offsets[i])
+        now = np.arange(states.offsets[i], states.offsets[i + 1])
+        a, b = (pair.ravel() for pair in np.meshgrid(before, now))
+        may = (states.branch[a] == states.branch[b]) & good[a] & good[b]
+        at, to = a[may], b[may]
+        spans = Spans(
+            np.full(len(at), i - 1),
+            np.full(len(at), i),
+            states.attitude_of(at),
+            states.attitude_of(to),
+            states.q[at].astype(float),
+            states.q[to].astype(float),
+            states.branch[to].astype(np.int64),
+        )
+        may[may] = judge(checker, Interpolation.of(checker.problem), spans).good(len(at))
+        step = ladder.weight[i] * ((states.q[b].astype(float) - states.q[a]) ** 2).sum(axis=1)
+        total = value[a - before[0]] + np.where(may, step, np.inf)
+        value = total.reshape(len(now), len(before)).min(axis=1, initial=np.inf) + ladder.cost[now]
+    return float(value.min(initial=np.inf))
+
+
+def searched_cost(search: PoseSearch) -> float:
+    """Return the cost of the way that a search finds, infinite without one."""
+    found = search.run()
+    if search.ladder.broken[1:].any() or (found.path < 0).any():
+        return float("inf")
+    return search.ladder.total(found.path)
+
+
+def compare_exact(seeds: range) -> dict[str, list[int]]:
+    """Return the seeds at which search and brute force agree, and the others."""
+    verdicts: dict[str, list[int]] = {"same": [], "no way": [], "other": []}
+    for seed in seeds:
+        checker = exact_case(seed)
+        ours = searched_cost(PoseSearch.of(checker, np.arange(len(checker.problem))))
+        verdicts[_agreed(ours, brute_cost(checker))].append(seed)
+    return verdicts
+
+
+def compare_eager(seeds: range) -> dict[str, list[int]]:
+    """Return the seeds at which it makes no difference to know all collisions beforehand."""
+    verdicts: dict[str, list[int]] = {"same": [], "no way": [], "other": []}
+    for seed in seeds:
+        toolpath, cell = random_case(seed)
+        cell, settings = settle(cell, PlanOptions())
+        checker = checker_of(toolpath, cell, settings)
+        tags = np.flatnonzero(dense_key_tags(checker.problem))
+        eager = PoseSearch.of(checker, tags)
+        every = np.arange(len(eager.states.q))
+        failing = every[~eager.check_states(every)]
+        eager.ladder.cost[failing] = np.inf
+        ours = searched_cost(PoseSearch.of(checker, tags))
+        verdicts[_agreed(ours, searched_cost(eager))].append(seed)
+    return verdicts
+
+
+COMPARED = {"random": compare_random, "exact": compare_exact, "eager": compare_eager}
+
+
+def _agreed(ours: float, theirs: float) -> str:
+    if not np.isfinite(ours) and not np.isfinite(theirs):
+        return "no way"
+    return "same" if abs(ours - theirs) <= 1e-6 * max(1.0, abs(theirs)) else "other"
+
+
 def main() -> None:
     """Read the arguments and measure."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("what", choices=("sizes", "random", "one"))
+    parser.add_argument("what", choices=("sizes", "one", *COMPARED))
     parser.add_argument("--points", type=int, nargs="+", default=[1000, 20000])
     parser.add_argument("--size", type=int, default=1000)
     parser.add_argument("--spacing", type=float, default=1.0)
@@ -229,5 +322,6 @@ def main() -> None:
         run_one(arguments)
     else:
         seeds = range(arguments.seed, arguments.seed + arguments.count)
-        for verdict, found in compare_random(seeds).items():
-            print(f"{verdict}: {len(found)} {found if verdict in ('false', 'only_here') else ''}")
+        for verdict, found in COMPARED[arguments.what](seeds).items():
+            named = found if verdict in ("false", "only_here", "other") else ""
+            print(f"{verdict}: {len(found)} {named}")

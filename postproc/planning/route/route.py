@@ -23,7 +23,7 @@ from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, timed
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
-from postproc.process import back_off, hole_steps, in_material
+from postproc.process import hole_steps
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -134,7 +134,7 @@ def _out_of_material(
 ) -> FloatArray:
     """Return the joints (k, 6), one at most, to which the tool backs off from a tag."""
     at, none = np.array([tag]), np.zeros(1)
-    lift = _lifts(checker.problem)[at]
+    lift = checker.problem.lifts[at]
     if not lift[0]:
         return np.zeros((0, 6))
     external = checker.problem.placement.external[at]
@@ -143,12 +143,6 @@ def _out_of_material(
     if not is_free[0]:
         findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK))
     return up[is_free]
-
-
-def _lifts(problem: Problem) -> FloatArray:
-    """Return by how much (n,) [m] the tool backs off from a tag before it moves in rapid."""
-    inside = in_material(problem.toolpath, problem.cell)
-    return np.where(inside, back_off(problem.cell), 0.0)
 
 
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
@@ -182,7 +176,7 @@ def _connections(
     to = table.tag[arriving]
     before = good[np.searchsorted(good, to) - 1]
     top = checker.strokes.top
-    heights, lift = (top[before], top[to]), _lifts(problem)[before]
+    heights, lift = (top[before], top[to]), problem.lifts[before]
     external = problem.placement.external[to]
     return Ends(before, to, *heights, leaves[before], arrives[to], external, lift), arriving
 

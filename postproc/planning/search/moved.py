@@ -178,6 +178,9 @@ def failing(
         poses.tags[moved], poses.q[moved], poses.attitude[moved], poses.branch[moved]
     )
     bad[moved[~verdict.good]] = True
+    leaves = moved[checker.problem.ways_out[poses.tags[moved]] > 0.0]
+    at = (poses.tags[leaves], poses.attitude[leaves], poses.branch[leaves], poses.q[leaves])
+    bad[leaves[~checker.problem.can_leave(*at)]] = True
     spans = spans_of(between, poses)
     b = np.searchsorted(poses.tags, spans.last)
     changed = (free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])

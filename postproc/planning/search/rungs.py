@@ -30,6 +30,8 @@ DEAR = 30.0
 CUT_TRAVEL = 3e-3
 """Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
+STUCK = 30.0
+"""Cost of a state from which the tool cannot back off where a cut ends, likewise."""
 _TIE_SPIN = 1e-5
 CUT_UNIT = 0.01
 """Length [m] of cut over which states and travel weigh as at one tag by itself: what a cut costs
@@ -112,6 +114,7 @@ def states_on(
         owner = states.tag_of(np.arange(len(states.q)))
         dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
         states.cost[dear] += DEAR
+    states.cost[_stuck(problem, tags, states)] += STUCK
     if pinned.any():
         owner = states.tag_of(np.arange(len(states.q)))
         column = states.column % spins.shape[-1]
@@ -120,6 +123,17 @@ def states_on(
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     return states, pinned
+
+
+def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:
+    """Return the states at the ends of cuts from which the tool cannot back off along its axis."""
+    lift = problem.ways_out[tags]
+    starts, ends = states.offsets[:-1], states.offsets[1:]
+    found = [np.arange(starts[row], ends[row]) for row in np.flatnonzero(lift).tolist()]
+    rows = np.concatenate([np.zeros(0, dtype=np.int64), *found])
+    at, q = tags[states.tag_of(rows)], states.q[rows].astype(np.float64)
+    branch = states.branch[rows].astype(np.int64)
+    return np.asarray(rows[~problem.can_leave(at, states.attitude_of(rows), branch, q)])
 
 
 def best_of(states: States) -> FloatArray:

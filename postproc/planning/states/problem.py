@@ -15,6 +15,7 @@ from postproc.model import MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.tilt import UPRIGHT
+from postproc.process import back_off, in_material
 from postproc.stiffness import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]
@@ -49,12 +50,40 @@ class Problem:
         kind = np.asarray(self.toolpath.kind)
         return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
 
+    @property
+    def lifts(self) -> FloatArray:
+        """(n,) [m] by how much the tool backs off from a tag before any motion but a cut."""
+        inside = in_material(self.toolpath, self.cell)
+        return np.where(inside, back_off(self.cell), 0.0)
+
+    @property
+    def ways_out(self) -> FloatArray:
+        """(n,) [m] the same where neither a cut nor a straight rapid follows, else 0."""
+        kind = np.asarray(self.toolpath.kind)
+        goes_on = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.RAPID))
+        return np.where(np.append(goes_on[1:], False), 0.0, self.lifts)
+
     def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
         """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""
         if len(self.tilts) == 1:
             return None
         axis = T_base_tcp[:, :3, :3] @ self.placement.tool_axis
         return angle_between(axis, self.placement.axis_base(tags))
+
+    def can_leave(
+        self, tags: IndexArray, attitude: FloatArray, branch: IndexArray, q: FloatArray
+    ) -> BoolArray:
+        """Return whether the tool can back off from tags (m,): reach, limits, singularity.
+
+        Args:
+            tags: (m,).
+            attitude: (m, 3) [rad].
+            branch: (m,).
+            q: (m, 6) joints at the tags [rad].
+        """
+        T = self.placement.tcp(tags, attitude, self.ways_out[tags])
+        top, reached = self.solve(T, self.placement.external[tags], branch, q)
+        return np.asarray(reached & self.within(top) & self.regular(top))
 
     def solve(
         self,
