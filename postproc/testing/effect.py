@@ -14,7 +14,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.errors import DataError
 from postproc.gap import Effect, Kind, NormalEquations, Samples, State, act, block_of, columns
-from postproc.model import ModelFile
+from postproc.geometry import apply, inverse
+from postproc.model import ModelFile, Registration
 from postproc.testing.contract import require
 from postproc.testing.made import made_samples
 
@@ -103,8 +104,11 @@ def check_placebo(effect: Effect, samples: Samples) -> None:
 
 
 def check_file(effect: Effect, samples: Samples) -> None:
-    """What it writes into a model file it reads back, to the same displacement."""
-    if effect.is_alternative:
+    """What it writes into a model file it reads back, to the same displacement.
+
+    Frames of further set-ups stand in the registration of the file, not in a table of their own.
+    """
+    if effect.is_alternative or effect.of_several:
         return
     setting = effect.prepare(samples)
     parameters = effect.parameters(samples.arm, setting)
@@ -118,6 +122,30 @@ def check_file(effect: Effect, samples: Samples) -> None:
     _require(off < 1e-9, effect, f"a model file changes it by {off:.1e} m")
 
 
+def check_registration(effect: Effect, samples: Samples) -> None:
+    """A registration that takes its numbers in moves the measured points as it does."""
+    if effect.kind != Kind.REGISTRATION or samples.set_up is None:
+        return
+    setting = effect.prepare(samples)
+    theta = np.array([p.typical for p in effect.parameters(samples.arm, setting)])
+    T_robroot_flange = samples.arm.kinematics.fk(samples.q)
+    p_flange = apply(inverse(T_robroot_flange), samples.point)
+    station, reflector = samples.set_up.T
+    first = [int(np.argmax(reflector == r)) for r in range(int(reflector.max()) + 1)]
+    start = Registration(
+        np.eye(4),
+        p_flange[first[0]],
+        stations={str(s): np.eye(4) for s in range(int(station.max()) + 1)},
+        reflectors={str(r): p_flange[row] for r, row in enumerate(first)},
+    )
+    end = effect.registered(start, theta)
+    T = np.array(list(end.stations.values()))[station]
+    points = np.array(list(end.reflectors.values()))[reflector]
+    seen = apply(T, apply(T_robroot_flange, points))
+    off = np.abs(seen - act(samples, [(effect, State(theta, setting))])[0]).max()
+    _require(float(off) < 1e-5, effect, f"a registration with it moves a point by {off:.1e} m more")
+
+
 CHECKS: tuple[Check, ...] = (
     check_words,
     check_parameters,
@@ -126,6 +154,7 @@ CHECKS: tuple[Check, ...] = (
     check_needs,
     check_placebo,
     check_file,
+    check_registration,
 )
 """All that is asked of an effect."""
 

@@ -11,12 +11,15 @@ import numpy as np
 from postproc.cell import ArcMotion, Cell, load_cell
 from postproc.gap import RobotModel, Samples, make_samples
 from postproc.kinematics import Kinematics, build
+from postproc.measurement import SetUps
 from postproc.model import Plan
 from postproc.planning import StateContext, plan
 from postproc.readers import read
 from postproc.units import DEG
 
 _LOW = np.array([-60.0, -115.0, 10.0, -170.0, -100.0, -170.0]) * DEG
+_TO_SIDE = np.array([0.0, 0.04, -0.03])
+"""From one reflector to the other, in the flange [m]."""
 _HIGH = np.array([60.0, -15.0, 120.0, 170.0, 100.0, 170.0]) * DEG
 
 
@@ -48,6 +51,8 @@ def made_plan(arcs: bool = True) -> Plan:
 def made_samples(rows: int = 80, spread: float = 1.0) -> Samples:
     """Return measurements with every column filled, at random postures.
 
+    Two stations see two reflectors, which sit at different places of the tool.
+
     Args:
         rows: how many.
         spread: share of the arm's usual range that the postures are drawn from.
@@ -57,8 +62,9 @@ def made_samples(rows: int = 80, spread: float = 1.0) -> Samples:
     force = rng.normal(size=(rows, 3))
     force *= rng.uniform(200.0, 1500.0, (rows, 1)) / np.linalg.norm(force, axis=1, keepdims=True)
     time = np.cumsum(rng.uniform(10.0, 30.0, rows))
-    return make_samples(
-        RobotModel.of(made_arm(), made_cell()).arm,
+    arm = RobotModel.of(made_arm(), made_cell()).arm
+    samples = make_samples(
+        arm,
         rng.uniform(middle - half, middle + half, (rows, 6)),
         wrench=np.column_stack([force, np.zeros((rows, 3))]) * (rng.random((rows, 1)) < 0.7),
         direction=rng.choice([-1.0, 1.0], (rows, 6)),
@@ -66,6 +72,10 @@ def made_samples(rows: int = 80, spread: float = 1.0) -> Samples:
         time=time,
         temperature=30.0 - 9.0 * np.exp(-2.0 * time / time[-1]) + rng.normal(0.0, 1.0, rows),
     )
+    number = np.arange(rows, dtype=np.int32)
+    set_ups = SetUps((2 * number) // rows, number % 2, ("left", "right"), ("top", "side"), True)
+    points = arm.p_flange_point + set_ups.reflector[:, None] * _TO_SIDE
+    return samples.with_set_ups(set_ups, points)
 
 
 def made_states(count: int = 24) -> StateContext:
