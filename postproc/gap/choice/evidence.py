@@ -63,8 +63,8 @@ def _wins(
     """Return the share of parts that come out better, 0 if all together do not."""
     better = []
     for part, others in parts:
-        a = part.misfit(with_it, others.solve(with_it)[0])
-        b = part.misfit(without, others.solve(without)[0])
+        a = part.misfit(with_it, others.numbers(with_it))
+        b = part.misfit(without, others.numbers(without))
         better.append(b - a)
     if not better:
         return 1.0

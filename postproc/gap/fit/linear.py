@@ -12,11 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting
 from postproc.gap.robot_model import columns
+
+
+Subset = tuple[str, ...]
+"""Keys of blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +95,8 @@ class NormalEquations:
     nuisance: tuple[str, ...] = ()
     rows: int = 0
     _reduced: tuple[FloatArray, FloatArray, float] | None = None
+    _numbers: dict[Subset, FloatArray] = field(default_factory=dict)
+    _freedom: dict[Subset, float] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -172,9 +179,16 @@ class NormalEquations:
             return 0.0
         i = self.index(keys)
         G, b, _ = self.reduced()
-        L = np.linalg.cholesky(G[np.ix_(i, i)] + np.eye(len(i)))
-        z = np.linalg.solve(L, b[i])
-        return float(0.5 * z @ z - np.sum(np.log(np.diag(L))))
+        theta, half_log_det = _solved(G[np.ix_(i, i)], b[i])
+        return float(0.5 * b[i] @ theta - half_log_det)
+
+    def numbers(self, keys: Subset) -> FloatArray:
+        """Return the most probable numbers (p,) of a subset in typical sizes."""
+        if keys not in self._numbers:
+            i = self.index(keys)
+            G, b, _ = self.reduced()
+            self._numbers[keys] = _solved(G[np.ix_(i, i)], b[i])[0] if len(i) else np.zeros(0)
+        return self._numbers[keys]
 
     def solve(self, keys: Sequence[str]) -> tuple[FloatArray, FloatArray]:
         """Return the most probable numbers (p,) in typical sizes and their covariance (p, p)."""
@@ -194,18 +208,29 @@ class NormalEquations:
         explained = float(2.0 * theta @ b[i] - theta @ G[np.ix_(i, i)] @ theta)
         return max(total - explained, 0.0)
 
-    def left(self, keys: Sequence[str]) -> float:
+    def left(self, keys: Subset) -> float:
         """Return the sum of squares that a fitted subset leaves, in noise units."""
-        return self.misfit(keys, self.solve(keys)[0])
+        return self.misfit(keys, self.numbers(keys))
 
-    def freedom(self, keys: Sequence[str]) -> float:
+    def freedom(self, keys: Subset) -> float:
         """Return the effective number of fitted parameters."""
-        i = self.index(keys)
-        if len(i) == 0:
-            return 0.0
-        G = self.reduced()[0][np.ix_(i, i)]
-        share = np.linalg.solve(G + np.eye(len(i)), G)
-        return float(np.sum(share.diagonal()))
+        if keys not in self._freedom:
+            i = self.index(keys)
+            G = self.reduced()[0][np.ix_(i, i)]
+            unit = np.eye(len(i))
+            share = len(i) - np.trace(_solved(G, unit)[0]) if len(i) else 0.0
+            self._freedom[keys] = float(share)
+        return self._freedom[keys]
+
+
+def _solved(G: FloatArray, b: FloatArray) -> tuple[FloatArray, float]:
+    """Return (G + 1)^-1 b and half the logarithm of the determinant of G + 1."""
+    A = G.copy(order="F")
+    A.flat[:: len(A) + 1] += 1.0
+    L, theta, failed = dposv(A, b, lower=1, overwrite_a=1)
+    if failed:
+        raise np.linalg.LinAlgError("normal equations are not positive definite")
+    return np.asarray(theta), float(np.sum(np.log(np.diag(L))))
 
 
 def predicted(blocks: Sequence[Block], theta: FloatArray) -> FloatArray:

@@ -9,12 +9,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
-from postproc.gap.fit.linear import Block, NormalEquations
+from postproc.gap.fit.linear import Block, NormalEquations, Subset
 from postproc.gap.fit.memory import REST
-
-Subset = tuple[str, ...]
-"""Keys of blocks."""
-
 
 @dataclass(frozen=True, slots=True)
 class Regression:
