@@ -116,6 +116,11 @@ class Effect(ABC):
     """Only of campaigns with several stations or reflectors."""
     periodic: ClassVar[bool] = False
     """Waves of a joint's angle, whose joints and orders are sought in the rows."""
+    on_demand: ClassVar[bool] = False
+    """It has so many numbers that it is tried only where what is left calls for it."""
+    is_rare: ClassVar[bool] = False
+    """Seldom the cause, and like many others where the joints turn little: it is named only where
+    common causes do not come near."""
     has_tool_weight: ClassVar[bool] = False
     """It is fitted to the arm with its tool on: the tool's weight is in it."""
     refines: ClassVar[tuple[str, ...]] = ()
@@ -174,6 +179,14 @@ class Effect(ABC):
         """Return what the effect fixes once from the data it is fitted to (reference values)."""
         del samples
         return {}
+
+    def variants(self, setting: Setting) -> dict[str, Setting]:
+        """Return what a search may choose from, one of them, by key.
+
+        Args:
+            setting: as ``prepare`` gives it.
+        """
+        return {self.name: setting}
 
     def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
         """Return why fitted numbers (p,) are not physical for this cause, empty if they are.

@@ -259,6 +259,26 @@ def _backlash(rng):
     return lambda d, now: b * d["direction"]
 
 
+def _encoder(rng):
+    """Two main joints that count wrongly, one of them by more."""
+    scale = np.zeros(6)
+    scale[rng.choice(3, 2, replace=False)] = rng.uniform(1e-4, 3e-4, 2) * rng.choice([-1, 1], 2)
+    return lambda d, now: scale * d["q"]
+
+
+def _runout(rng):
+    """A bearing on an eccentric seat: the axis goes round once per turn, in what carries it."""
+    joint = rng.integers(0, 3)
+    cosine, sine = rng.normal(0, 1e-4, (2, 3))
+
+    def law(d, now):
+        angle = now["actual"][:, joint, None]
+        shift = np.cos(angle) * cosine + np.sin(angle) * sine
+        return np.einsum("nij,nj->ni", now["parts"][joint][0], shift)
+
+    return law
+
+
 def _wave(rng):
     joints = rng.choice(3, rng.integers(1, 3), replace=False)
     orders = rng.choice([2, 3, 4, 6, 8, 17, 24, 36], len(joints))
@@ -436,6 +456,8 @@ EFFECTS = {
     "gear_coupling": _joint(_coupling),
     "payload_error": _joint(_payload),
     "counterbalance": _joint(_spring),
+    "encoder_scale": _joint(_encoder),
+    "bearing_runout": _point(_runout),
 }
 OUTSIDE = {
     "windup": _joint(_windup),

@@ -15,7 +15,8 @@ def test_every_public_name_is_there():
     public = """
         base_frame tool_frame joint_offset link_geometry joint_compliance gravity_sag
         variable_stiffness backlash transmission_error thermal_drift servo_lag gear_coupling
-        payload_error counterbalance set_up_frames
+        payload_error counterbalance set_up_frames encoder_scale bearing_runout
+        angle_error
     """
     assert set(public.split()) == {e.name for e in ALL if not e.is_alternative}
 

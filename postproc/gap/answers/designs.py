@@ -167,25 +167,46 @@ def transfers(
     if len(parts) < 2:
         return {}
     whole = reduce(NormalEquations.plus, parts.values())
+    frames = tuple(regression.always)
     found: dict[str, dict[str, float]] = {}
     for key in chosen:
         rest = tuple(k for k in chosen if k != key)
+        alone = whole.numbers((*frames, *rest))[len(whole.index(frames)) :]
         found[key] = {}
         for name, part in parts.items():
-            others = whole.minus(part)
+            own = _beside(whole, whole.minus(part), frames, rest, key)
             without, with_ = (
-                _left(part, others, keys, tuple(regression.always))
-                for keys in (rest, tuple(chosen))
+                _left(part, numbers, keys, frames)
+                for numbers, keys in ((alone, rest), (own, (*rest, key)))
             )
             found[key][name] = 0.5 * (without - with_)
     return found
 
 
+def _beside(
+    whole: NormalEquations,
+    others: NormalEquations,
+    frames: tuple[str, ...],
+    rest: tuple[str, ...],
+    key: str,
+) -> FloatArray:
+    """Return the numbers of a model in which one effect is fitted without some rows.
+
+    Its company keeps the numbers that all rows give it: what two effects share on the other rows
+    is no fault of either.
+    """
+    company = whole.numbers((*frames, *rest, key))[len(whole.index(frames)) :]
+    company = company[: len(whole.index(rest))]
+    i, r = others.index((*frames, key)), others.index(rest)
+    G, b, _ = others.reduced()
+    own = np.linalg.solve(G[np.ix_(i, i)] + np.eye(len(i)), b[i] - G[np.ix_(i, r)] @ company)
+    return np.concatenate([company, own[len(whole.index(frames)) :]])
+
+
 def _left(
-    part: NormalEquations, others: NormalEquations, keys: tuple[str, ...], frames: tuple[str, ...]
+    part: NormalEquations, effects: FloatArray, keys: tuple[str, ...], frames: tuple[str, ...]
 ) -> float:
-    """Return the squared misfit of a part under effects fitted to the others, frames adapted."""
-    effects = others.solve((*frames, *keys))[0][len(part.index(frames)) :]
+    """Return the squared misfit of a part under the numbers of effects, frames adapted."""
     i, a = part.index(keys), part.index(frames)
     G, b, whole = part.reduced()
     total = whole - float(effects @ (2.0 * b[i] - G[np.ix_(i, i)] @ effects))

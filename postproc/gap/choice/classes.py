@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
+from postproc.gap.choice.search import searched
 from postproc.gap.data import Samples
-from postproc.gap.fit import REST, Block, Projection, Regression, Wave
+from postproc.gap.fit import REST, Projection, Regression, Wave
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""
@@ -27,12 +28,12 @@ _TAILS = (300.0, 1800.0)
 """Times [s] in which a load's trace fades."""
 AHEAD = 10.0
 """Nats by which a class beats the formula of an effect."""
-_PER_WAVE = 6.6
-"""Log of the joints and orders among which each wave is sought."""
 _RIVALS = ("joint", "time", "place", "load", "orientation", "condition")
 _FORMULAS = {
+    ("joint", "linear"),
     ("joint", "once per turn"),
     ("joint", "twice per turn"),
+    ("joint", "once per turn, of a bearing"),
     ("load", "proportional"),
     ("load", "hardening"),
     ("load", "changes over the place"),
@@ -116,18 +117,13 @@ def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) 
     for key in named:
         context = bench.context(inside - {key})
         own = _weighted(regression.block(key).X[bench.use], bench.weight)
-        gain = context.gain(own, context.rest) - _searched(regression.block(key))
+        gain = context.gain(own, context.rest) - searched(regression.block(key))
         tried = bench.fitted(context, rivals)
         best = max(rivals, key=lambda k: tried[k].gain)
         if tried[best].gain > gain + AHEAD:
             group = bench.groups[best]
             found[key] = f"{group.kind} ({group.of}: {group.shape}) explains more in its place"
     return found
-
-
-def _searched(block: Block) -> float:
-    """Return the price [nats] of the search for the waves of a block, each among hundreds."""
-    return _PER_WAVE * len(block.setting["waves"]) if block.effect.periodic else 0.0
 
 
 @dataclass(frozen=True, slots=True)

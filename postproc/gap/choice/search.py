@@ -12,6 +12,10 @@ from postproc.gap.fit import Block, NormalEquations, Subset
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
+PRIOR_RARE = 12.0
+"""The same of an effect that is seldom the cause: a flaw of a common one's formula is likelier."""
+_PER_WAVE = 6.6
+"""Log of the joints and orders among which each wave is sought."""
 PRIOR_ALTERNATIVE = 6.0
 """Price of calling for a cause outside of the library."""
 DECISIVE = 6.0
@@ -55,7 +59,8 @@ class Search:
 
     def with_candidate(self, block: Block) -> Search:
         """Return the same search with one more block that it may score."""
-        price = PRIOR_ALTERNATIVE if block.is_alternative else PRIOR_LIBRARY
+        price = PRIOR_RARE if block.effect.is_rare else PRIOR_LIBRARY
+        price = PRIOR_ALTERNATIVE if block.is_alternative else price + searched(block)
         return replace(
             self,
             scores=dict(self.scores),
@@ -79,6 +84,11 @@ class Search:
             for key in subset:
                 found[self.names[key]] += float(share)
         return found
+
+
+def searched(block: Block) -> float:
+    """Return the price [nats] of the search for the waves of a block, each among hundreds."""
+    return _PER_WAVE * len(block.setting["waves"]) if block.effect.periodic else 0.0
 
 
 def search(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +11,13 @@ from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.choice import choose
 from postproc.gap.choice.standing import Choice
 from postproc.gap.data import Samples
-from postproc.gap.effect import Kind, periodic_effect
+from postproc.gap.effect import Effect, Kind, periodic_effect
 from postproc.gap.fit import (
     LEAST,
     Block,
     Memory,
     Noise,
+    NormalEquations,
     Problem,
     Regression,
     Saturated,
@@ -32,6 +34,10 @@ from postproc.gap.robot_model import evaluate
 
 LOW_ORDERS = 6
 """Waves up to this order can be imitated by other effects: they are also sought beside them."""
+_CALLS_FOR = 100.0
+"""Nats that an effect of many numbers must bring beside all others, to be tried."""
+_ROWS_EACH = 4
+"""Rows for each of its numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +63,11 @@ def prepare(problem: Problem) -> Prepared:
     variants = []
     if is_gear_error(waves):
         variants.append(wave_block(samples, waves, "all"))
+        rest = saturated((*blocks, *variants), y, rest.sigma, least=0.5 * least)
+    weight = _weights(rest, max(rest.sigma, least), relative)
+    tables = _tables(samples, y, weight, (*blocks, *variants), problem.on_demand)
+    if tables:
+        variants += tables
         rest = saturated((*blocks, *variants), y, rest.sigma, least=0.5 * least)
     usable = np.ones(len(problem), dtype=bool)
     usable[index[rest.outlier]] = False
@@ -102,6 +113,26 @@ def select(regression: Regression) -> tuple[Regression, Choice]:
         regression = replace(regression, blocks=(*regression.blocks, more))
         choice = choose(regression)
     return regression, choice
+
+
+def _tables(
+    samples: Samples,
+    y: FloatArray,
+    weight: FloatArray,
+    blocks: Sequence[Block],
+    effects: Sequence[Effect],
+) -> list[Block]:
+    """Return those of some effects of many numbers that rows call for beside other candidates."""
+    found = []
+    for effect in effects:
+        setting = effect.prepare(samples)
+        if len(effect.parameters(samples.arm, setting)) <= len(samples) // _ROWS_EACH:
+            block = block_of(effect, samples, setting)
+            equations = NormalEquations.of((*blocks, block), y, weight)
+            keys = tuple(b.key for b in blocks)
+            gain = equations.evidence((*keys, block.key)) - equations.evidence(keys)
+            found += [block] if gain > _CALLS_FOR else []
+    return found
 
 
 def without_waves(regression: Regression, choice: Choice) -> list[Block]:

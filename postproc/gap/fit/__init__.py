@@ -2,13 +2,13 @@
 
 from postproc.gap.fit.fit import Fit, Free, fit
 from postproc.gap.fit.intervals import deviations
-from postproc.gap.fit.linear import Block, NormalEquations, block_of, predicted
+from postproc.gap.fit.linear import Block, NormalEquations, Subset, block_of, predicted
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.memory import REST, Memory, memory_of
 from postproc.gap.fit.noise import LEAST, Noise, Saturated, Source, noise_of, saturated
 from postproc.gap.fit.problem import Problem, pose_problem, seen_in
 from postproc.gap.fit.registration import moved_by
-from postproc.gap.fit.regression import Regression, Subset
+from postproc.gap.fit.regression import Regression
 from postproc.gap.fit.waves import Projection, Wave, find_waves, is_gear_error
 
 __all__ = [

@@ -10,7 +10,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.fit.fit import Fit
-from postproc.gap.fit.regression import Regression, Subset
+from postproc.gap.fit.linear import Subset
+from postproc.gap.fit.regression import Regression
 
 
 def deviations(

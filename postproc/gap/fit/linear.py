@@ -19,7 +19,6 @@ from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting
 from postproc.gap.robot_model import columns
 
-
 Subset = tuple[str, ...]
 """Keys of blocks."""
 

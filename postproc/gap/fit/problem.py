@@ -73,6 +73,11 @@ class Problem:
         return tuple(e.name for e in self.effects if e.kind == Kind.REGISTRATION)
 
     @property
+    def on_demand(self) -> tuple[Effect, ...]:
+        """Candidates that are tried only where the others do not suffice."""
+        return tuple(e for e in self.effects if e.on_demand and e.name not in self.given)
+
+    @property
     def relative(self) -> FloatArray:
         """(n,) sd of each reading against the usual one."""
         if self.instrument is None:
@@ -89,20 +94,30 @@ class Problem:
         return tuple(at_size(whole[block.key].rows(index), block) for block in memory)
 
     def blocks(self, rows: BoolArray) -> tuple[Block, ...]:
-        """Return the columns of all candidates but waves, at the pose that the model gives."""
+        """Return the columns of all candidates but waves and those that are tried on demand.
+
+        They are those at the pose that the model gives.
+        """
         part = self.samples.rows(np.flatnonzero(rows))
         actual = evaluate(part, self.given)[1]
         return tuple(
             block_of(
                 e,
                 actual,
-                self.settings[e.name],
+                setting,
+                key,
                 widen=self.widen(e.name),
                 start=self.given[e.name].theta if e.name in self.given else None,
             )
             for e in self.effects
-            if not e.periodic
+            if not e.periodic and e not in self.on_demand
+            for key, setting in self._variants(e).items()
         )
+
+    def _variants(self, effect: Effect) -> dict[str, Setting]:
+        """Return the settings of an effect by key; one that the model has stays as it is."""
+        setting = self.settings[effect.name]
+        return {effect.name: setting} if effect.name in self.given else effect.variants(setting)
 
 
 def pose_problem(
@@ -217,9 +232,9 @@ def _require_near(gap: FloatArray, place: SourceRef) -> None:
 def rows_for(effect: Effect, samples: Samples, frames: int) -> int:
     """Return how many rows the numbers of an effect need beside those of the frames.
 
-    As many readings as twice the numbers; those of waves and frames are chosen otherwise.
+    As many readings as twice the numbers; those of waves, tables and frames are chosen otherwise.
     """
-    if effect.periodic or effect.kind == Kind.REGISTRATION:
+    if effect.periodic or effect.on_demand or effect.kind == Kind.REGISTRATION:
         return 0
     own = len(effect.parameters(samples.arm, effect.prepare(samples)))
     return -(-_READINGS * (own + frames) // 3)

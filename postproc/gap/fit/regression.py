@@ -12,6 +12,7 @@ from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, NormalEquations, Subset
 from postproc.gap.fit.memory import REST
 
+
 @dataclass(frozen=True, slots=True)
 class Regression:
     """The linearised problem.

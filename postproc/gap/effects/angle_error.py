@@ -1,0 +1,103 @@
+"""A joint errs in its own way at each angle: gear and encoder errors that are no clean waves."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.gap.data import Arm, Samples
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, State, register
+from postproc.model import ModelFile, entry
+from postproc.units import DEG
+
+_STEPS = (4, 8, 12, 20)
+"""Distances of the angles of a table [deg]; those of the wrist are the next coarser ones."""
+_ROWS_EACH = 4
+"""Rows for each angle of a table."""
+
+
+@register
+class AngleError(Effect):
+    """A table of each joint's error over its own angle, straight between angles.
+
+    Angles are counted on the circle: the gear of a joint is the same after a whole turn. Where no
+    row was measured nothing is known, and nothing is corrected.
+    """
+
+    name = "angle_error"
+    title = "a joint errs in its own way at each of its angles"
+    source = "dq = f(q) of each joint, piecewise linear"
+    action = "compensate with model.toml; have gear and encoder of the named joints looked at"
+    conditions = ("joint angle",)
+    is_rare = True
+    on_demand = True
+
+    def prepare(self, samples: Samples) -> Setting:
+        """Return the steps (6,) [deg] and the angles that rows lie next to, a joint and a number.
+
+        The tables are coarser where rows are few.
+        """
+        most = max(len(samples) // _ROWS_EACH, 1)
+        found: Setting = {}
+        for fine, coarse in itertools.pairwise(_STEPS):
+            step = [fine] * 3 + [coarse] * 3
+            knots = [
+                (joint, int(k)) for joint in range(6) for k in _seen(samples.q, joint, step[joint])
+            ]
+            found = {"step_deg": step, "joint": [j + 1 for j, _ in knots]}
+            found = {**found, "knot": [k for _, k in knots]}
+            if len(knots) <= most:
+                break
+        return found
+
+    def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
+        """Return the error [rad] at each angle."""
+        del arm
+        return tuple(
+            Parameter(f"joint_{joint}_at_{knot * setting['step_deg'][joint - 1]:g}", 1.5e-4)
+            for joint, knot in zip(setting["joint"], setting["knot"], strict=True)
+        )
+
+    def basis(self, samples: Samples, setting: Setting) -> Basis:
+        """Turn a joint by the error between the two angles that it is at."""
+        joint, knot, step = (np.asarray(setting[k]) for k in ("joint", "knot", "step_deg"))
+        turn = np.zeros((len(samples), 6, len(joint)))
+        for j in range(6):
+            here = np.flatnonzero(joint == j + 1)
+            apart = samples.q[:, j, None] / DEG - knot[here] * step[j]
+            apart = np.abs((apart + 180.0) % 360.0 - 180.0)
+            turn[:, j, here] = np.maximum(1.0 - apart / step[j], 0.0)
+        return Basis(joint=turn)
+
+    def write(self, state: State, arm: Arm) -> dict[str, Any]:
+        """Return steps, joints, angles and errors of the tables."""
+        del arm
+        joint, knot, step = (np.asarray(state.setting[k]) for k in ("joint", "knot", "step_deg"))
+        return {
+            "step_deg": [float(s) for s in step],
+            "joint": [int(j) for j in joint],
+            "angle_deg": [float(angle) for angle in knot * step[joint - 1]],
+            "error_deg": entry("error_deg", np.nan_to_num(state.theta)),
+        }
+
+    def read(self, model: ModelFile, arm: Arm) -> State:
+        """Return the tables."""
+        del arm
+        model.require_known(self.name, ["step_deg", "joint", "angle_deg", "error_deg"])
+        step = np.asarray(model.values(self.name, "step_deg", (6,))) / DEG
+        joint = np.asarray(model.values(self.name, "joint", (None,))).astype(np.int32)
+        shape = (len(joint),)
+        angle = np.asarray(model.values(self.name, "angle_deg", shape)) / DEG
+        error = np.asarray(model.values(self.name, "error_deg", shape))
+        knot = np.round(angle / step[joint - 1]).astype(np.int32)
+        setting = {"step_deg": step.tolist(), "joint": joint.tolist(), "knot": knot.tolist()}
+        return State(error, setting)
+
+
+def _seen(q: FloatArray, joint: int, step: float) -> IntArray:
+    """Return the numbers of the angles on the circle that rows lie within a step of."""
+    below = np.floor(q[:, joint] / DEG / step).astype(np.int32)
+    return np.unique(np.concatenate([below, below + 1]) % round(360.0 / step))
