@@ -1,9 +1,11 @@
 """The gap between simulation and the real robot: effects, fit, selection, verdict."""
 
 from postproc.gap.answers import (
+    APPROACH,
     Along,
     Diagnosis,
     NextPose,
+    Outlook,
     Part,
     Prediction,
     Reach,
@@ -13,6 +15,7 @@ from postproc.gap.answers import (
     last_set_up,
     model_file,
     next_poses,
+    outlook,
     parts,
     predict,
     questions,
@@ -26,6 +29,7 @@ from postproc.gap.joint_stiffness import stiffness_of, stiffness_tables
 from postproc.gap.robot_model import RobotModel, act, columns, effect_of
 
 __all__ = [
+    "APPROACH",
     "EFFECTS",
     "Along",
     "Arm",
@@ -35,6 +39,7 @@ __all__ = [
     "Kind",
     "NextPose",
     "NormalEquations",
+    "Outlook",
     "Parameter",
     "Part",
     "Prediction",
@@ -54,6 +59,7 @@ __all__ = [
     "make_samples",
     "model_file",
     "next_poses",
+    "outlook",
     "parts",
     "pose_problem",
     "predict",

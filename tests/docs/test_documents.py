@@ -43,6 +43,9 @@ CALLS = {
     "explain one": ["explain", "APT010"],
     "stiffness": ["stiffness", TRIM, "--cell", CELL, "--most", "2"],
     "sample": ["sample", "--cell", ARM, *BOX, "-o", "plan"],
+    "sample for diagnosis": [
+        *("sample", "--cell", ARM, *BOX, "-o", "campaign", "--for-diagnosis", "--count", "20")
+    ],
     "diagnose": ["diagnose", ROWS, "--cell", ARM],
     "identify": ["identify", ROWS, "--cell", ARM, "-o", "model.toml", "--method", "constant"],
     "predict": ["predict", ROWS, "--cell", ARM, "-o", "expected.csv"],

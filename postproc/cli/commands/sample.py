@@ -14,6 +14,7 @@ Examples:
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure
   postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --grid 150 -o measure \\
       --method optimal --count 64 --load-kg 50 --force 0 300 0
+  postproc sample --cell cell.toml --box 1500 -600 500 2100 600 1100 --for-diagnosis -o measure
 """
 
 
@@ -47,6 +48,11 @@ Examples:
 )
 @click.option(
     "--count", type=click.IntRange(3, 5000), default=64, show_default=True, help="Postures."
+)
+@click.option(
+    "--for-diagnosis",
+    is_flag=True,
+    help="Plan --count postures for diagnose instead, and say what they will tell.",
 )
 @click.option(
     "--axis",
@@ -114,6 +120,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     Writes NAME.csv to fill in with the measured points, NAME.src and NAME.dat that drive the robot
     through all postures without and with each load, and NAME.html that shows cells and tags.
     Postures that the arm cannot take or that collide are left out and named.
+
+    With --for-diagnosis: postures spread over box and wrist, each reached from a side of its own,
+    three of them read five times; the smallest size of each effect that will be seen in nine of
+    ten campaigns, and the pairs that will stay one set. Unloaded but for --load-kg and --force.
     """
     from postproc.cell import load_cell
     from postproc.files import write_files
@@ -123,6 +133,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     from postproc.stiffness.sample import csv_text, sample_document
 
     cell = load_cell(options["cell"]).for_tool(options["tool"])
+    if options["for_diagnosis"]:
+        return _for_diagnosis(session, cell, options)
     with session.progress() as progress:
         sampling = sample(cell, _request(options), progress)
     files = dict(program_files(sampling))
@@ -133,6 +145,27 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     content = sample_document(sampling, sorted(files))
     session.document(content)
     _summary(session, content, folder)
+    return answer(good=True)
+
+
+def _for_diagnosis(session: Session, cell: Any, options: dict[str, Any]) -> int:  # noqa: ANN401
+    from postproc.files import write_files
+    from postproc.jobs.sample_diagnosis import diagnosis_plan_document, files, plan_diagnosis
+
+    with session.progress() as progress:
+        plan = plan_diagnosis(cell, _request(options), progress)
+    folder, made = Path(options["output"]), files(plan)
+    write_files({folder / name: content for name, content in made.items()})
+    content = diagnosis_plan_document(plan, sorted(made))
+    session.document(content)
+    session.show(f"plan     {folder / (options['name'] + '.csv')}")
+    session.show(f"postures {content['postures']}, readings {content['readings']}")
+    for told in content["effects"]:
+        size = told["smallest_mm"]
+        seen = "not shown" if size is None else f"seen from {size:.3f} mm"
+        session.show(f"{told['name']:<22} {seen} (usual {told['usual_mm']:.3f})")
+    for pair in content["cannot_separate"]:
+        session.say(f"{' and '.join(pair['effects'])} of usual size will stay one set")
     return answer(good=True)
 
 
@@ -178,7 +211,7 @@ def _loads(options: dict[str, Any]) -> tuple[Any, ...]:
     from postproc.units import MM
 
     mass = options["load_kg"]
-    if mass is None and not options["force"]:
+    if mass is None and not options["force"] and not options["for_diagnosis"]:
         mass = 50.0
     loads = []
     if mass:

@@ -3,16 +3,19 @@
 from postproc.gap.answers.along import Along, along
 from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
-from postproc.gap.answers.next_pose import NextPose, Reach
+from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.answers.next_poses import last_set_up, next_poses, questions, reassessed
+from postproc.gap.answers.outlook import Outlook, outlook
 from postproc.gap.answers.predict import Prediction, predict
 from postproc.gap.answers.summary import summary
 from postproc.gap.answers.where import Part, parts
 
 __all__ = [
+    "APPROACH",
     "Along",
     "Diagnosis",
     "NextPose",
+    "Outlook",
     "Part",
     "Prediction",
     "Reach",
@@ -22,6 +25,7 @@ __all__ = [
     "last_set_up",
     "model_file",
     "next_poses",
+    "outlook",
     "parts",
     "predict",
     "questions",

@@ -55,7 +55,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class _Group:
+class Group:
     """Columns (n, 3, m) of a class, each of unit rms [m]."""
 
     kind: str
@@ -142,7 +142,7 @@ class _Bench:
     regression: Regression
     use: IndexArray
     weight: FloatArray
-    groups: list[_Group]
+    groups: list[Group]
     X: FloatArray
     start: IndexArray
 
@@ -151,7 +151,7 @@ class _Bench:
         """Return all groups on the rows of a regression."""
         use = np.flatnonzero(regression.weight > 0)
         weight = regression.weight[use]
-        groups = [g for g in _groups(regression.samples.rows(use), waves) if g.X.shape[2]]
+        groups = [g for g in groups_of(regression.samples.rows(use), waves) if g.X.shape[2]]
         X = np.concatenate([_weighted(g.X, weight) for g in groups], axis=1)
         start = np.cumsum([0, *(g.X.shape[2] for g in groups)])
         return cls(regression, use, weight, groups, X, start)
@@ -200,7 +200,7 @@ def _weighted(X: FloatArray, weight: FloatArray) -> FloatArray:
     return np.asarray((X * weight[:, None, None]).reshape(3 * len(X), -1))
 
 
-def _groups(samples: Samples, waves: Iterable[Wave]) -> list[_Group]:
+def groups_of(samples: Samples, waves: Iterable[Wave]) -> list[Group]:
     """Return all groups, columns of unit size."""
     parts = (
         _of_joints(samples),
@@ -233,23 +233,21 @@ def _turns(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
     return np.asarray(samples.jacobian[:, :, joint, None] * f[:, None, :])
 
 
-def _of_joints(samples: Samples) -> Iterator[_Group]:
+def _of_joints(samples: Samples) -> Iterator[Group]:
     spread = (samples.q - samples.q.mean(axis=0)) / (np.std(samples.q, axis=0) + 1e-9)
-    yield _Group("joint", "joints", "linear", _unit(samples.jacobian * spread[:, None, :]))
+    yield Group("joint", "joints", "linear", _unit(samples.jacobian * spread[:, None, :]))
     for joint in range(6):
         q = samples.q[:, joint]
         if float(np.ptp(q)) < 1e-3:
             continue
         name, x = f"q{joint + 1}", (q - q.mean()) / np.std(q)
-        yield _Group("joint", name, "linear", _unit(_turns(samples, joint, x[:, None])))
+        yield Group("joint", name, "linear", _unit(_turns(samples, joint, x[:, None])))
         bent = np.column_stack([x**2 - 1.0, x**3 - 3.0 * x])
-        yield _Group("joint", name, "curved", _unit(_turns(samples, joint, bent)))
+        yield Group("joint", name, "curved", _unit(_turns(samples, joint, bent)))
         for n, words in ((1, "once per turn"), (2, "twice per turn")):
             f = np.column_stack([np.cos(n * q), np.sin(n * q)])
-            yield _Group("joint", name, words, _unit(_turns(samples, joint, f)))
-            yield _Group(
-                "joint", name, f"{words}, of a bearing", _unit(_bearing(samples, joint, f))
-            )
+            yield Group("joint", name, words, _unit(_turns(samples, joint, f)))
+            yield Group("joint", name, f"{words}, of a bearing", _unit(_bearing(samples, joint, f)))
 
 
 def _bearing(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
@@ -261,40 +259,40 @@ def _bearing(samples: Samples, joint: int, f: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("nim,nk->nimk", both, f).reshape(len(f), 3, -1))
 
 
-def _of_waves(samples: Samples, waves: Iterable[Wave]) -> Iterator[_Group]:
+def _of_waves(samples: Samples, waves: Iterable[Wave]) -> Iterator[Group]:
     for joint, n in waves:
         phase = n * samples.q[:, joint - 1]
         f = np.column_stack([np.cos(phase), np.sin(phase)])
         X = _unit(_turns(samples, joint - 1, f))
         if n > 2:
-            yield _Group("joint", f"q{joint}", f"{n:g} per turn", X, price=6.0)
+            yield Group("joint", f"q{joint}", f"{n:g} per turn", X, price=6.0)
 
 
-def _of_time(samples: Samples) -> Iterator[_Group]:
+def _of_time(samples: Samples) -> Iterator[Group]:
     time = samples.time
     if time is None or float(np.ptp(time)) <= 0.0:
         return
     part = (time - time.min()) / float(np.ptp(time))
     forms = [("ramp", part), ("warm-up", 1.0 - np.exp(-4.0 * part))]
     for shape, f in forms:
-        yield _Group("time", "station", shape, _unit(_moved(samples, f)))
+        yield Group("time", "station", shape, _unit(_moved(samples, f)))
         every = [_turns(samples, joint, f[:, None]) for joint in range(6)]
-        yield _Group("time", "joints", shape, _unit(np.concatenate(every, axis=2)))
+        yield Group("time", "joints", shape, _unit(np.concatenate(every, axis=2)))
     knots = np.linspace(0.0, 1.0, 13)
     hats = np.maximum(1.0 - np.abs(part[:, None] - knots) * 12.0, 0.0)
-    yield _Group("time", "station", "wander", _unit(_vectors(hats)))
+    yield Group("time", "station", "wander", _unit(_vectors(hats)))
     price = float(np.log(_STEPS))
     for at in np.quantile(time, np.linspace(0.05, 0.95, _STEPS)):
         f = (time > at).astype(float)
         if not 0.0 < f.mean() < 1.0:
             continue
         shape = f"step at {at:.0f} s"
-        yield _Group("time", "station", shape, _unit(_moved(samples, f)), price)
+        yield Group("time", "station", shape, _unit(_moved(samples, f)), price)
         R = samples.frames[:, 6, :3, :3] * f[:, None, None]
-        yield _Group("time", "reflector", shape, _unit(R), price)
+        yield Group("time", "reflector", shape, _unit(R), price)
         for joint in range(6):
             X = _unit(_turns(samples, joint, f[:, None]))
-            yield _Group("time", f"q{joint + 1}", shape, X, price)
+            yield Group("time", f"q{joint + 1}", shape, X, price)
 
 
 def _moved(samples: Samples, f: FloatArray) -> FloatArray:
@@ -304,35 +302,35 @@ def _moved(samples: Samples, f: FloatArray) -> FloatArray:
     return np.asarray(np.concatenate([shift, turn], axis=2) * f[:, None, None])
 
 
-def _of_place(samples: Samples) -> Iterator[_Group]:
+def _of_place(samples: Samples) -> Iterator[Group]:
     x = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
-    yield _Group("place", "x, y, z", "scale", _unit(_vectors(x)))
+    yield Group("place", "x, y, z", "scale", _unit(_vectors(x)))
     bent = np.column_stack([x**2, x[:, :1] * x[:, 1:], x[:, 1] * x[:, 2]])
-    yield _Group("place", "x, y, z", "curved", _unit(_vectors(np.column_stack([x, bent]))))
+    yield Group("place", "x, y, z", "curved", _unit(_vectors(np.column_stack([x, bent]))))
     f = np.concatenate([fn(samples.q[:, 3:]) for fn in (np.cos, np.sin)], axis=1)
     R = samples.frames[:, 6, :3, :3]
     X = np.einsum("nij,nk->nijk", R, f).reshape(len(f), 3, -1)
-    yield _Group("orientation", "wrist", "once per turn", _unit(X))
+    yield Group("orientation", "wrist", "once per turn", _unit(X))
 
 
-def _of_load(samples: Samples) -> Iterator[_Group]:
+def _of_load(samples: Samples) -> Iterator[Group]:
     if samples.wrench is None or not np.any(samples.wrench):
         return
     force, J = samples.wrench[:, :3], samples.jacobian
     torque = samples.load_torque() * samples.arm.reference.c_joint
     size = np.linalg.norm(force, axis=1) / (np.linalg.norm(force, axis=1).max() + 1e-9)
-    yield _Group("load", "joints", "proportional", _unit(J * torque[:, None, :]))
+    yield Group("load", "joints", "proportional", _unit(J * torque[:, None, :]))
     hard = J * (torque * size[:, None])[:, None, :]
-    yield _Group("load", "joints", "hardening", _unit(hard))
-    yield _Group("load", "place", "proportional", _unit(_vectors(force)))
+    yield Group("load", "joints", "hardening", _unit(hard))
+    yield Group("load", "place", "proportional", _unit(_vectors(force)))
     x = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
     over = np.einsum("nk,nm->nkm", force, x).reshape(len(x), 9)
-    yield _Group("load", "place", "changes over the place", _unit(_vectors(over)))
+    yield Group("load", "place", "changes over the place", _unit(_vectors(over)))
     if samples.time is not None:
-        yield _Group("load", "joints", "with a time tail", _unit(_tails(samples, torque)))
+        yield Group("load", "joints", "with a time tail", _unit(_tails(samples, torque)))
         late = (samples.time - samples.time.min()) / (np.ptp(samples.time) + 1e-9)
         aged = J * (torque * late[:, None])[:, None, :]
-        yield _Group("load", "joints", "grows with time", _unit(aged))
+        yield Group("load", "joints", "grows with time", _unit(aged))
 
 
 def _tails(samples: Samples, torque: FloatArray) -> FloatArray:
@@ -353,38 +351,38 @@ def _tails(samples: Samples, torque: FloatArray) -> FloatArray:
     return np.concatenate(found, axis=2)
 
 
-def _of_motion(samples: Samples) -> Iterator[_Group]:
+def _of_motion(samples: Samples) -> Iterator[Group]:
     J = samples.jacobian
     if samples.direction is not None and np.any(samples.direction):
         d = samples.direction
         for joint in range(6):
             X = _unit(_turns(samples, joint, d[:, joint : joint + 1]))
-            yield _Group("approach", f"q{joint + 1}", "constant", X)
-        yield _Group("approach", "joints", "constant", _unit(J * d[:, None, :]))
+            yield Group("approach", f"q{joint + 1}", "constant", X)
+        yield Group("approach", "joints", "constant", _unit(J * d[:, None, :]))
         heavy = d * (
             1.0 + np.cos(samples.q[:, 1:2]) + np.cos(samples.q[:, 1:2] + samples.q[:, 2:3])
         )
         both = np.concatenate([J * d[:, None, :], J * heavy[:, None, :]], axis=2)
-        yield _Group("approach", "joints", "grows with load", _unit(both))
+        yield Group("approach", "joints", "grows with load", _unit(both))
     if samples.qd is not None and np.any(samples.qd):
         v = samples.qd
-        yield _Group("speed", "joints", "proportional", _unit(J * v[:, None, :]))
-        yield _Group("speed", "joints", "quadratic", _unit(J * (v * np.abs(v))[:, None, :]))
+        yield Group("speed", "joints", "proportional", _unit(J * v[:, None, :]))
+        yield Group("speed", "joints", "quadratic", _unit(J * (v * np.abs(v))[:, None, :]))
 
 
-def _of_warmth(samples: Samples) -> Iterator[_Group]:
+def _of_warmth(samples: Samples) -> Iterator[Group]:
     warm = samples.temperature
     if warm is None or float(np.ptp(warm)) <= 0.0:
         return
     f = (warm - warm.mean()) / np.std(warm)
     X = np.concatenate([_moved(samples, f), samples.jacobian * f[:, None, None]], axis=2)
-    yield _Group("temperature", "arm", "proportional", _unit(X))
+    yield Group("temperature", "arm", "proportional", _unit(X))
 
 
-def _of_conditions(samples: Samples) -> Iterator[_Group]:
+def _of_conditions(samples: Samples) -> Iterator[Group]:
     for name, values in samples.extra.items():
         array = np.asarray(values)
         if array.dtype.kind not in "fiu" or not np.all(np.isfinite(array)) or np.ptp(array) == 0:
             continue
         f = (array - array.mean()) / np.std(array)
-        yield _Group("condition", name, "proportional", _unit(_vectors(f[:, None])))
+        yield Group("condition", name, "proportional", _unit(_vectors(f[:, None])))

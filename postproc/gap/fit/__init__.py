@@ -6,7 +6,7 @@ from postproc.gap.fit.linear import Block, NormalEquations, Subset, block_of, pr
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.memory import REST, Memory, memory_of
 from postproc.gap.fit.noise import LEAST, Noise, Saturated, Source, noise_of, saturated
-from postproc.gap.fit.problem import Problem, pose_problem, seen_in
+from postproc.gap.fit.problem import WIDE, Problem, pose_problem, seen_in, testable
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.regression import Regression
 from postproc.gap.fit.waves import Projection, Wave, find_waves, is_gear_error
@@ -14,6 +14,7 @@ from postproc.gap.fit.waves import Projection, Wave, find_waves, is_gear_error
 __all__ = [
     "LEAST",
     "REST",
+    "WIDE",
     "Block",
     "Fit",
     "Free",
@@ -40,4 +41,5 @@ __all__ = [
     "register_loaded",
     "saturated",
     "seen_in",
+    "testable",
 ]

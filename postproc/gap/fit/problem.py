@@ -158,7 +158,7 @@ def pose_problem(
     gap = measured - evaluate(samples, given)[0]
     if not registered:
         _require_near(gap, place)
-    effects, not_testable = _candidates(samples, given, registered, registered and rows.several)
+    effects, not_testable = testable(samples, given, registered, registered and rows.several)
     settings = {
         e.name: given[e.name].setting if e.name in given else e.prepare(samples) for e in effects
     }
@@ -240,7 +240,7 @@ def rows_for(effect: Effect, samples: Samples, frames: int) -> int:
     return -(-_READINGS * (own + frames) // 3)
 
 
-def _candidates(
+def testable(
     samples: Samples, given: States, registered: bool, several: bool
 ) -> tuple[tuple[Effect, ...], dict[str, tuple[str, ...]]]:
     """Return what can be tested, and for the rest the columns that are missing or constant."""

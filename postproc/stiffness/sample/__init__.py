@@ -15,8 +15,10 @@ from postproc.stiffness.sample.optimal import choose, features
 from postproc.stiffness.sample.sampling import (
     SamplingPlan,
     SamplingRules,
+    best_orientation,
     box_grid,
     plan_sampling,
+    reachable,
     travel_order,
 )
 
@@ -27,6 +29,7 @@ __all__ = [
     "Sampling",
     "SamplingPlan",
     "SamplingRules",
+    "best_orientation",
     "box_grid",
     "choose",
     "csv_text",
@@ -35,6 +38,7 @@ __all__ = [
     "largest_force",
     "load_regressors",
     "plan_sampling",
+    "reachable",
     "sample_document",
     "travel_order",
 ]

@@ -1,0 +1,290 @@
+"""The ``sample --for-diagnosis`` job: a campaign that can tell what is wrong with an arm.
+
+Postures spread over a box and the wrist, each reached from a side of its own; three of them are
+read again and again from one side, which tells the noise and a drift.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IntArray
+from postproc.cell import Cell, require_numbers
+from postproc.errors import StiffnessError
+from postproc.gap import APPROACH, Outlook, Reach, RobotModel, Samples, make_samples, outlook
+from postproc.geometry import rotation_about, transform
+from postproc.jobs import drive
+from postproc.jobs.ways import free_ways
+from postproc.kinematics import Kinematics, build
+from postproc.measurement import DIRECTION, JOINTS, POSITION, WRENCH, cells, table_to_fill_in
+from postproc.progress import Progress
+from postproc.stiffness.sample import (
+    TRACKER_SIGMA,
+    Load,
+    SampleRequest,
+    SamplingRules,
+    best_orientation,
+    reachable,
+    travel_order,
+)
+from postproc.units import DEG
+
+FIRST_LINE = 5
+"""Line of the first reading in the CSV, behind the remarks and the header."""
+REVISITED, READINGS = 3, 5
+"""Postures that are read again, and how often each is read in a pass."""
+_EACH = 25
+"""Postures tried for each one that is wanted."""
+_TILT = 60.0 * DEG
+_PAUSE = 30.0
+"""Time between readings [s] that the outlook counts on."""
+_WARMING = 5.0
+"""Warming of the arm [K] that it counts on."""
+_SEED = 29
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosisPlan:
+    """Readings in the order of driving, SI.
+
+    q (n, 6); direction (n, 6) side of the last motion; posture (n,) number of each reading's
+    posture; load (n,) number of its load, -1 without; nodes (m, 6), reads (m,): the way and the
+    reading taken at each of its postures, -1 for none; blocked: postures without a free way.
+    """
+
+    cell: Cell
+    request: SampleRequest
+    q: FloatArray
+    direction: FloatArray
+    posture: IntArray
+    load: IntArray
+    nodes: FloatArray
+    reads: IntArray
+    blocked: int
+    outlook: Outlook
+
+    def name(self, reading: int) -> str:
+        """Return the name of a reading; the same posture, the same first part."""
+        load = int(self.load[reading])
+        of = "none" if load < 0 else self.request.loads[load].name
+        return f"P{int(self.posture[reading]) + 1:03d}_{of}_{reading + 1}"
+
+
+def plan_diagnosis(
+    cell: Cell, request: SampleRequest, progress: Progress | None = None
+) -> DiagnosisPlan:
+    """Plan a campaign for ``diagnose``.
+
+    Args:
+        cell: robot, tool, solids.
+        request: box, loads and ``count`` of postures; its grid and angles are not used.
+        progress: called with (done, total, what).
+
+    Raises:
+        CellError: CEL030 for an arm with unknown limits or speeds.
+        StiffnessError: STF022 where no posture can be taken, STF024 for fewer than 12.
+    """
+    if request.count < 4 * REVISITED:
+        raise StiffnessError("STF024", f"a diagnosis needs at least {4 * REVISITED} postures")
+    report = progress or (lambda done, total, what: None)
+    require_numbers(cell)
+    kinematics = build(cell.robot)
+    report(0, 3, "postures")
+    checks = drive.Checks.of(cell, kinematics)
+    model = RobotModel.of(kinematics, cell)
+    q, side = _postures(model, cell, request, checks)
+    report(1, 3, "ways between postures")
+    q, side, nodes, reads, blocked = _ways(q, side, kinematics, checks)
+    passes = [-1, *range(len(request.loads))]
+    posture = np.tile(reads[reads >= 0], len(passes))
+    load = np.repeat(passes, np.count_nonzero(reads >= 0))
+    numbers = np.where(reads >= 0, np.cumsum(reads >= 0) - 1, -1)
+    count = np.count_nonzero(reads >= 0)
+    way = [np.where(numbers >= 0, numbers + k * count, -1) for k in range(len(passes))]
+    report(2, 3, "what it will tell")
+    samples = _samples(model, cell, request, q[posture], side[posture], load)
+    sigma = cell.measuring_sigma or TRACKER_SIGMA
+    return DiagnosisPlan(
+        cell,
+        request,
+        q[posture],
+        side[posture],
+        posture.astype(np.int32),
+        load.astype(np.int32),
+        np.tile(nodes, (len(passes), 1)),
+        np.concatenate(way).astype(np.int32),
+        blocked,
+        outlook(samples, sigma),
+    )
+
+
+def _postures(
+    model: RobotModel, cell: Cell, request: SampleRequest, checks: drive.Checks
+) -> tuple[FloatArray, FloatArray]:
+    """Return postures (k, 6) [rad] far from each other, and the side (k, 6) each is reached from.
+
+    Raises:
+        StiffnessError: STF022.
+    """
+    kinematics = model.arm.kinematics
+    rng = np.random.default_rng(_SEED)
+    limits, grid = cell.limits, request.grid
+    rules = SamplingRules(
+        np.array([0.0, 0.0, 1.0]),
+        np.zeros(1),
+        request.rules.R_robroot_tcp,
+        limits.joint_margin + APPROACH,
+        limits.singularity,
+    )
+    n = _EACH * request.count
+    low = np.asarray(grid.origin)
+    points = low + rng.random((n, 3)) * np.asarray(grid.size) * np.array(grid.counts)
+    T_flange_tcp = np.asarray(cell.tool.T_flange_tcp)
+    R = rules.R_robroot_tcp
+    if R is None:
+        R = best_orientation(points[:100], kinematics, T_flange_tcp, rules)
+    axis = rng.normal(size=(n, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    turns = np.array(
+        [
+            rotation_about(one, np.array([angle]))[0]
+            for one, angle in zip(axis, rng.uniform(0.0, _TILT, n), strict=True)
+        ]
+    )
+    found, reason = reachable(transform(R @ turns, points), kinematics, T_flange_tcp, rules)
+    q = np.round(found[reason == 0] / DEG, 5) * DEG
+    side = rng.choice([-1.0, 1.0], q.shape)
+    samples = make_samples(model.arm, q)
+    reach = Reach(limits.joint_margin, limits.singularity, checks.is_free, checks.are_free)
+    good = np.flatnonzero(reach.allows(samples, q - APPROACH * side))
+    if len(good) < 4 * REVISITED:
+        raise StiffnessError(
+            "STF022",
+            f"{len(good)} of {n} postures can be taken, too few for a diagnosis",
+            hint="move or widen the box",
+        )
+    q, side = q[good], side[good]
+    chosen = _far_apart(q, request.count)
+    return q[chosen], side[chosen]
+
+
+def _far_apart(q: FloatArray, count: int) -> IntArray:
+    """Return postures each as far as can be from those before."""
+    chosen = [0]
+    away = np.linalg.norm(q - q[0], axis=1)
+    while len(chosen) < min(count, len(q)):
+        chosen.append(int(np.argmax(away)))
+        away = np.minimum(away, np.linalg.norm(q - q[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int32)
+
+
+def _ways(
+    q: FloatArray, side: FloatArray, kinematics: Kinematics, checks: drive.Checks
+) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, int]:
+    """Return the postures that have free ways, their sides, the way, its readings, the lost ones.
+
+    The first postures are read again between the others, at even distances.
+    """
+    first = min(REVISITED, len(q))
+    tour = travel_order(q[first:], np.arange(len(q) - first, dtype=np.int32), kinematics) + first
+    order: list[int] = []
+    for part in np.array_split(tour, READINGS):
+        order += [*range(first), *(int(k) for k in part)]
+    stops = [p for k in order for p in (q[k] - APPROACH * side[k], q[k])]
+    kept, nodes, way, _ = free_ways(np.array(stops), checks.are_free, np.zeros((0, 6)))
+    label = [order[int(k) // 2] if int(k) % 2 else -1 for k in kept]
+    reads = np.array([label[k - 1] if k > 0 else -1 for k in way], dtype=np.int32)
+    return q, side, nodes[np.abs(way) - 1], reads, len(q) - len(set(label) - {-1})
+
+
+def _samples(
+    model: RobotModel,
+    cell: Cell,
+    request: SampleRequest,
+    q: FloatArray,
+    side: FloatArray,
+    load: IntArray,
+) -> Samples:
+    time = _PAUSE * np.arange(len(q))
+    wrench = _wrenches(cell, request.loads, model.arm.kinematics, q, load)
+    return make_samples(
+        model.arm,
+        q,
+        direction=side,
+        time=time,
+        temperature=20.0 + _WARMING * (1.0 - np.exp(-2.0 * time / max(time[-1], 1.0))),
+        wrench=wrench if np.any(wrench) else None,
+    )
+
+
+def _wrenches(
+    cell: Cell, loads: tuple[Load, ...], kinematics: Kinematics, q: FloatArray, load: IntArray
+) -> FloatArray:
+    wrench = np.zeros((len(q), 6))
+    for number, one in enumerate(loads):
+        here = load == number
+        wrench[here] = one.wrench(q[here], cell, kinematics)
+    return wrench
+
+
+def csv_text(plan: DiagnosisPlan) -> bytes:
+    """Return the table to fill in."""
+    notes = (
+        "fill in x_mm, y_mm, z_mm, time_s (since the start) and temp_C (of the arm)",
+        "delete rows that were not taken; then: diagnose this file",
+        "q, dir, loads are what the program drives; the same P number is the same posture",
+    )
+    wrench = _wrenches(plan.cell, plan.request.loads, build(plan.cell.robot), plan.q, plan.load)
+    rows = []
+    for i in range(len(plan.q)):
+        row = {"id": plan.name(i), **cells(JOINTS, plan.q[i] / DEG, 5)}
+        row |= dict.fromkeys((*POSITION, "time_s", "temp_C"), "")
+        row |= cells(DIRECTION, plan.direction[i], 0)
+        rows.append(row | (cells(WRENCH, wrench[i], 4) if plan.request.loads else {}))
+    return table_to_fill_in(notes, rows)
+
+
+def drive_of(plan: DiagnosisPlan) -> drive.Drive:
+    """Return the motions: from the chosen side to each posture, a stop to change the load."""
+    request = plan.request
+    order = [int(k) for k in plan.reads if k >= 0]
+    notes = []
+    for number, load in enumerate(request.loads):
+        first = int(np.argmax(plan.load == number))
+        move = int(np.argmax(plan.reads == first))
+        notes.append(drive.Note(move, first + FIRST_LINE, f"put on load: {load.name}", stop=True))
+    return drive.Drive(
+        name=request.name,
+        cell=plan.cell,
+        q=plan.nodes,
+        reads=plan.reads >= 0,
+        names=tuple(plan.name(k) for k in order),
+        line=np.array([k + FIRST_LINE for k in order], dtype=np.int32),
+        notes=tuple(notes),
+        speed=request.speed,
+        wait=request.wait,
+        halt=request.halt,
+        command="sample",
+    )
+
+
+def files(plan: DiagnosisPlan) -> dict[str, bytes]:
+    """Return the table to fill in and the program."""
+    out = dict(drive.program_files(drive_of(plan)))
+    out[f"{plan.request.name}.csv"] = csv_text(plan)
+    return out
+
+
+def diagnosis_plan_document(plan: DiagnosisPlan, names: list[str]) -> dict[str, Any]:
+    """Return the ``postproc.diagnosis_plan/1`` document."""
+    return {
+        "schema": "postproc.diagnosis_plan/1",
+        "files": names,
+        "postures": len(np.unique(plan.posture)),
+        "readings": len(plan.q),
+        "blocked": plan.blocked,
+        **plan.outlook.entry(),
+    }
