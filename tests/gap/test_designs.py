@@ -98,27 +98,39 @@ def test_transfer_is_what_ridge_regression_does_on_the_design_left_out(arm, alwa
     found = transfers(regression, label, ("joint_offset", "gear_coupling"))
     by_key = {b.key: b for b in regression.blocks}
 
-    def left(keys, k):
-        """Fit to the others, adapt the frames to this one: stacked rows and plain lstsq."""
-        keys = (*always, *keys)
-        X = np.concatenate([by_key[key].X for key in keys], axis=2) / 2e-5
-        y = regression.y / 2e-5
-        out, here = label.label != k, label.label == k
-        p = X.shape[2]
-        A = np.vstack([X[out].reshape(-1, p), np.eye(p)])
-        theta = np.linalg.lstsq(A, np.append(y[out].ravel(), np.zeros(p)), rcond=None)[0]
-        frames = sum(by_key[key].X.shape[2] for key in always)
-        r = y[here].ravel() - X[here].reshape(-1, p)[:, frames:] @ theta[frames:]
-        B = np.vstack([X[here].reshape(-1, p)[:, :frames], np.eye(frames)])
-        r = np.append(r, np.zeros(frames))
-        if frames:
-            r = r - B @ np.linalg.lstsq(B, r, rcond=None)[0]
-        return float(r @ r)
+    y = regression.y / 2e-5
+
+    def columns(keys, rows):
+        parts = [by_key[key].X[rows] for key in keys] or [np.zeros((sum(rows), 3, 0))]
+        return np.concatenate(parts, axis=2).reshape(3 * sum(rows), -1) / 2e-5
+
+    def ridge(A, r):
+        p = A.shape[1]
+        stacked = np.vstack([A, np.eye(p)])
+        return np.linalg.lstsq(stacked, np.append(r, np.zeros(p)), rcond=None)[0]
+
+    every = np.ones(90, dtype=bool)
+    count = sum(by_key[key].X.shape[2] for key in always)
+
+    def left(keys, numbers, k):
+        """What numbers leave on a design, the frames adapted to it."""
+        here = label.label == k
+        r = y[here].ravel() - columns(keys, here) @ numbers
+        B = columns(always, here)
+        t = ridge(B, r)
+        return float(np.sum((r - B @ t) ** 2) + t @ t)
 
     for key in found:
         rest = tuple(k for k in found if k != key)
+        alone = ridge(columns((*always, *rest), every), y.ravel())[count:]
+        company = ridge(columns((*always, *rest, key), every), y.ravel())[count:]
+        company = company[: len(alone)]
         for k, name in enumerate(label.names):
-            expected = 0.5 * (left(rest, k) - left(("joint_offset", "gear_coupling"), k))
+            out = label.label != k
+            r = y[out].ravel() - columns(rest, out) @ company
+            own = ridge(columns((*always, key), out), r)[count:]
+            with_it = left((*rest, key), np.append(company, own), k)
+            expected = 0.5 * (left(rest, alone, k) - with_it)
             assert found[key][name] == pytest.approx(expected, rel=1e-6, abs=1e-4)
     assert min(found["joint_offset"].values()) > 100.0
     assert max(found["gear_coupling"].values()) < 10.0

@@ -12,7 +12,7 @@ from postproc.gap.fit import Block, NormalEquations, Subset
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""
-PRIOR_RARE = 12.0
+PRIOR_RARE = 20.0
 """The same of an effect that is seldom the cause: a flaw of a common one's formula is likelier."""
 _PER_WAVE = 6.6
 """Log of the joints and orders among which each wave is sought."""

@@ -89,7 +89,8 @@ def verdict(assessment: Assessment, noise: Noise, rest: Sequence[Part] = ()) -> 
     """Return ``explained``, ``no_gap``, ``unexplained`` or ``undetermined``.
 
     Where the noise is not known neither of the first two can be said; the third can, where more
-    than any noise that the rows allow is left.
+    than any noise that the rows allow is left. Nor can they where readings of one pose scatter far
+    more than the instrument is said to: something moves them that nobody logged.
 
     Args:
         assessment: what stands.
@@ -104,6 +105,8 @@ def verdict(assessment: Assessment, noise: Noise, rest: Sequence[Part] = ()) -> 
         return "unexplained" if left > most else "undetermined"
     if choice.resembled or left > tolerated(choice, noise.sigma):
         return "unexplained"
+    if noise.is_doubted:
+        return "undetermined"
     return "explained" if choice.adopted else "no_gap"
 
 

@@ -64,6 +64,11 @@ class Noise:
         """Whether it was measured or is given."""
         return self.source is not Source.ASSUMED
 
+    @property
+    def is_doubted(self) -> bool:
+        """Whether repeats scatter far more than the instrument is said to."""
+        return bool(self.conflict) and self.sigma > self.instrument
+
 
 def noise_of(
     samples: Samples,
