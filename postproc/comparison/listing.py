@@ -29,6 +29,7 @@ from postproc.controller import (
 )
 from postproc.errors import KrlError, RunKind
 from postproc.krl import (
+    Aggregate,
     Assign,
     Axes,
     Call,
@@ -232,6 +233,8 @@ def spaced(text: str) -> str:
 
 def _number_text(value: Any) -> str:  # noqa: ANN401 - a KRL value
     """Return a value as text in which the digits of a number do not matter."""
+    if isinstance(value, Aggregate):
+        return ",".join(f"{name} {{{_number_text(part)}}}" for name, part in value.fields)
     if isinstance(value, Pose | Axes):
         return ",".join(f"{name} {number:.9g}" for name, number in components(value))
     if isinstance(value, float | int) and not isinstance(value, bool):

@@ -269,7 +269,7 @@ class _Sorter:
             axes = -np.einsum("nij,nj->ni", toolpath.rotations, axis) + 0.0
             toolpath = replace(toolpath, axes=axes)
         events = tuple(
-            replace(event, value=float(self.cell.tools[tool[event.index]].number))
+            replace(event, value=_called_by(self.cell.tools[tool[event.index]]))
             if event.kind is EventKind.TOOL_CHANGE
             and not event.value
             and event.index < len(tool)
@@ -371,6 +371,11 @@ def tool_words(tool: CamTool) -> str:
     name = f" {tool.name}" if tool.name else ""
     size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
     return f"{number}{name}{size}"
+
+
+def _called_by(tool: Tool) -> float:
+    """Return the number by which CAM files call a tool, else that of the controller."""
+    return float(next((key for key in tool.cam if key.isdecimal()), tool.number))
 
 
 def _taken(table: IntArray, column: IntArray, nobody: int) -> IntArray:
