@@ -131,6 +131,7 @@ class _Sorter:
                 self._unclaimed_tool(index)
             elif entry[index] >= 0:
                 self._compare_diameter(toolpath.tools[index], cell.tools[entry[index]])
+        self._tell_alike({index: entry[index] for index in called if entry[index] >= 0})
         nobody = self._nobody(column, called)
         table = np.array([entry.get(index, UNCLAIMED) for index in range(len(toolpath.tools))])
         return _taken(table, column, nobody)
@@ -174,6 +175,26 @@ class _Sorter:
                     f"{tool_words(tool)} has another diameter than the cutter of tool "
                     f"{entry.number} {entry.name} in the cell, {entry.diameter / MM:g} mm",
                     source=SourceRef(self.toolpath.path, tool.line),
+                )
+            )
+
+    def _tell_alike(self, entry: dict[int, int]) -> None:
+        """Warn of CAM tools that differ by the file itself and are taken for one tool."""
+        tools = self.toolpath.tools
+        first: dict[int, int] = {}
+        for index, place in entry.items():
+            one, two = tools[first.setdefault(place, index)], tools[index]
+            if not _differ(one, two):
+                continue
+            served = self.cell.tools[place]
+            self.findings.append(
+                Finding(
+                    Severity.WARNING,
+                    "WRD024",
+                    f"{tool_words(one)} and {tool_words(two)} are both taken for tool "
+                    f"{served.number} {served.name}".rstrip(),
+                    source=SourceRef(self.toolpath.path, two.line),
+                    hint="if they are two tools, claim each by its name in cam, not by its number",
                 )
             )
 
@@ -371,6 +392,12 @@ def tool_words(tool: CamTool) -> str:
     name = f" {tool.name}" if tool.name else ""
     size = "" if np.isnan(tool.diameter) else f" (D {tool.diameter / MM:g} mm)"
     return f"{number}{name}{size}"
+
+
+def _differ(one: CamTool, two: CamTool) -> bool:
+    """Return whether two CAM tools have other names or diameters where both have one."""
+    named = bool(one.name) and bool(two.name) and cam_key(one.name) != cam_key(two.name)
+    return named or abs(one.diameter - two.diameter) > _SAME_DIAMETER
 
 
 def _called_by(tool: Tool) -> float:
