@@ -74,7 +74,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     )
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
-    share = np.array([s.ptp for s in trace.settings])[trace.setting[joint]]
+    share = np.array([s.ptp for s in trace.settings]).reshape(-1, 6)[trace.setting[joint]]
     share = np.hstack([share, np.tile(share[:, :1], (1, len(cell.external_axes)))])
     places = np.nan_to_num(np.hstack([paths.q, paths.external]))
     speed = _top_speeds(cell)
