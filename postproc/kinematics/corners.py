@@ -84,10 +84,6 @@ class Corners:
             None if middle is None else middle[rows],
         )
 
-    def miss(self) -> FloatArray:
-        """Return how far (c,) [m] the tool point may pass the corner."""
-        return corner_miss(*np.moveaxis(self.T_robroot_tcp[..., :3, 3], 1, 0))
-
 
 @dataclass(frozen=True, slots=True)
 class Pieces:

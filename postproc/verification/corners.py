@@ -15,7 +15,8 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
-from postproc.kinematics import Corners, Kinematics, bound_of, joint_share
+from postproc.geometry import inverse
+from postproc.kinematics import Corners, Kinematics, bound_of, corner_miss, joint_share
 from postproc.paths import Paths
 from postproc.units import MM
 from postproc.verification.report import Result
@@ -113,7 +114,7 @@ def _solved(
 def check_corners(
     result: Result, cell: Cell, corners: Corners, at: AnyIntArray, cut: BoolArray | None
 ) -> None:
-    """Measure how far corners may be passed; at feed no more than the tolerance of the cell.
+    """Measure how far corners of the part may be passed; at feed no more than the cell tolerates.
 
     Args:
         result: the run; collects the findings.
@@ -124,7 +125,10 @@ def check_corners(
     """
     if not len(at):
         return
-    miss = np.nan_to_num(corners.miss())
+    T_flange = corners.T_robroot_tcp @ inverse(corners.T_flange_tcp)[:, None]
+    station = result.paths.station
+    places = [station.in_part(T_flange[:, k], corners.external[:, k], at)[0] for k in range(3)]
+    miss = np.nan_to_num(corner_miss(*places))
     row = int(miss.argmax())
     result.measure("corner_rounding", float(miss[row] / MM), "mm", int(at[row]))
     if cut is None:

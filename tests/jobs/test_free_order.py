@@ -96,3 +96,26 @@ def test_a_wrong_feed_is_still_found(job):
     code, report, _ = verify(text=changed)
     assert code == 1
     assert "feed" in kinds(report)
+
+
+def test_a_hole_that_is_reamed_is_drilled_before(tmp_path, cell, run):
+    places = HOLES[:8]
+    gotos = "\n".join(f"GOTO/{x},{y},0,0,0,1" for x, y in places)
+    again = "CYCLE/BRKCHP,RAPTO,5,FEDTO,12,STEP,4,MMPM,300\n"
+    twice = f"{gotos}\n{again}{gotos}\nCYCLE/REAM,RAPTO,5,FEDTO,8,MMPM,300\n{gotos}"
+    source = tmp_path / "plate.apt"
+    source.write_text(PART.format(holes=twice).replace("FEDTO,12,MMPM", "FEDTO,3,MMPM"))
+    free = tmp_path / "free.toml"
+    free.write_text(cell.read_text() + FREE)
+    code, _, err = run("convert", source, "--cell", free, "-o", tmp_path / "out", "--json")
+    assert code == 0, err
+    program = next((tmp_path / "out").glob("*.src"))
+    points = [tuple(map(float, match)) for match in LINE.findall(program.read_text())]
+    for x, y in places:
+        depths = [z for a, b, z in points if (a, b) == (x, y) and z < 0.0]
+        assert depths[0] == -3.0
+        assert depths[-1] == -8.0
+        assert min(depths) == -12.0
+        assert depths.index(-12.0) < len(depths) - 1
+    code, _, err = run("verify", program, "--cell", free, "--against", source, "--json")
+    assert code == 0, err

@@ -9,7 +9,7 @@ more often than the file asks for is a violation.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
@@ -106,6 +106,8 @@ class _Drilled:
         self._wanted, self._visited, self._case = wanted, visited, case
         self._tolerance = tolerance
         self._motions: list[list[int]] = [[]] * len(case)
+        self._begins: list[tuple[int, int, int]] = []
+        """Of each run its first row, the last motion before it and the first of its own."""
         for load, points in enumerate(visited):
             rows = np.flatnonzero(case == load)
             near = neighbours(wanted.point[rows], points, tolerance)
@@ -130,21 +132,29 @@ class _Drilled:
                 len(lost) - _LISTED, 0
             )
             order[low:high] = low + np.argsort(keys, kind="stable")
+            self._begins.append((low, begin, min(taken, default=begin + 1)))
             begin = max(taken, default=begin)
         return order
 
     def repeated(self, runs: list[tuple[int, int]]) -> list[tuple[int, int, int]]:
         """Return (row, motion, times) of holes that the program drills too often."""
-        asked: dict[tuple[int, ...], int] = defaultdict(int)
-        for row in range(len(self._wanted.point)):
-            asked[tuple(self._motions[row])] += 1
-        rows = [row for low, high in runs for row in range(low, high)]
-        found = ((row, self._motions[row]) for row in rows)
-        return [
-            (row, motions[-1], len(motions))
-            for row, motions in found
-            if len(motions) > asked[tuple(motions)]
-        ]
+        found = []
+        count = len(self._wanted.point)
+        ends = [*self._begins[1:], (count, 0, int(self._visited.shape[1]))]
+        for (low, high), (_, begin, _), (until, _, end) in zip(
+            runs, self._begins, ends, strict=True
+        ):
+            own = [
+                tuple(motion for motion in self._motions[row] if begin < motion < end)
+                for row in range(low, until)
+            ]
+            asked = Counter(own)
+            found += [
+                (low + k, motions[-1], len(motions))
+                for k, motions in enumerate(own[: high - low])
+                if len(motions) > asked[motions]
+            ]
+        return found
 
     def _about(self, row: int) -> float:
         """Return when a hole was drilled that has no motion to its bottom, after that motion."""
