@@ -14,7 +14,7 @@ from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_o
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
 from postproc.process.material import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
-from postproc.process.order import hole_runs, reordered
+from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
 from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
@@ -62,6 +62,7 @@ __all__ = [
     "coolant_mode",
     "feeds_of",
     "hole_calls",
+    "hole_places",
     "hole_runs",
     "hole_steps",
     "holes_served",

@@ -37,9 +37,22 @@ def hole_runs(toolpath: ToolPath) -> list[tuple[int, int]]:
         )
     for event in toolpath.events:
         parted[event.index] = True
-    places = _places(toolpath)
+    places = hole_places(toolpath)
     pairs = itertools.pairwise(np.nonzero(parted)[0].tolist())
     return [run for low, high in pairs if hole[low] for run in _once_each(places, low, high)]
+
+
+def hole_places(toolpath: ToolPath) -> IntArray:
+    """Return numbers (n, 3) of the top, the bottom and the axis of each tag."""
+    top, axis = toolpath.points, toolpath.axes
+    depths = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])
+    bottom = top - depths[np.asarray(toolpath.cycle)][:, None] * axis
+    foot = top - np.einsum("ij,ij->i", top, axis)[:, None] * axis
+    found = []
+    for columns in (top / _PLACE, bottom / _PLACE, np.hstack([foot / _PLACE, axis / _WAY])):
+        cells = np.rint(np.nan_to_num(columns) + _OFF_GRID).astype(np.int64)
+        found.append(np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1))
+    return np.stack(found, axis=1).astype(np.int32) if len(top) else np.zeros((0, 3), np.int32)
 
 
 def _once_each(places: IntArray, low: int, high: int) -> Iterator[tuple[int, int]]:
@@ -53,19 +66,6 @@ def _once_each(places: IntArray, low: int, high: int) -> Iterator[tuple[int, int
             begin, met = row, set()
         met |= own
     yield begin, high
-
-
-def _places(toolpath: ToolPath) -> IntArray:
-    """Return numbers (n, 3) of the top, the bottom and the axis of each tag."""
-    top, axis = toolpath.points, toolpath.axes
-    depths = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])
-    bottom = top - depths[np.asarray(toolpath.cycle)][:, None] * axis
-    foot = top - np.einsum("ij,ij->i", top, axis)[:, None] * axis
-    found = []
-    for columns in (top / _PLACE, bottom / _PLACE, np.hstack([foot / _PLACE, axis / _WAY])):
-        cells = np.rint(np.nan_to_num(columns) + _OFF_GRID).astype(np.int64)
-        found.append(np.unique(cells, axis=0, return_inverse=True)[1].reshape(-1))
-    return np.stack(found, axis=1).astype(np.int32) if len(top) else np.zeros((0, 3), np.int32)
 
 
 def reordered(toolpath: ToolPath, order: AnyIntArray) -> ToolPath:

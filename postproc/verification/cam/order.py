@@ -9,17 +9,17 @@ more often than the file asks for is a violation.
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import DataError, RunKind
 from postproc.model import ToolPath
 from postproc.paths import Displacement
-from postproc.process import hole_runs, reordered
+from postproc.process import hole_places, hole_runs, reordered
 from postproc.verification.cam.compare import Comparison, Tolerances, compare
 from postproc.verification.cam.holes import passed_pecks
 from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
@@ -57,7 +57,8 @@ def compare_served(
     visited = np.where(np.isfinite(real.end_point), real.end_point, _FAR)
     passed = passed_pecks(result.paths, tolerances.position)
     visited = np.where(passed[:, None], _FAR, visited)
-    drilled = _Drilled(wanted_of(toolpath), visited, real.case, tolerances.position)
+    places = hole_places(toolpath)
+    drilled = _Drilled(wanted_of(toolpath), visited, real.case, tolerances.position, places)
     order = drilled.order(runs)
     found = compare(result, cell, reordered(toolpath, order), tolerances, displacement)
     for row, motion, times in drilled.repeated(runs)[:_LISTED]:
@@ -101,13 +102,17 @@ class _Drilled:
     """Which motions of a program end at the bottoms of holes."""
 
     def __init__(
-        self, wanted: Wanted, visited: FloatArray, case: IntArray, tolerance: float
+        self,
+        wanted: Wanted,
+        visited: FloatArray,
+        case: IntArray,
+        tolerance: float,
+        places: IntArray,
     ) -> None:
         self._wanted, self._visited, self._case = wanted, visited, case
         self._tolerance = tolerance
         self._motions: list[list[int]] = [[]] * len(case)
-        self._begins: list[tuple[int, int, int]] = []
-        """Of each run its first row, the last motion before it and the first of its own."""
+        self._passed = _deepened(places, wanted.is_hole)
         for load, points in enumerate(visited):
             rows = np.flatnonzero(case == load)
             near = neighbours(wanted.point[rows], points, tolerance)
@@ -132,29 +137,21 @@ class _Drilled:
                 len(lost) - _LISTED, 0
             )
             order[low:high] = low + np.argsort(keys, kind="stable")
-            self._begins.append((low, begin, min(taken, default=begin + 1)))
             begin = max(taken, default=begin)
         return order
 
     def repeated(self, runs: list[tuple[int, int]]) -> list[tuple[int, int, int]]:
         """Return (row, motion, times) of holes that the program drills too often."""
-        found = []
-        count = len(self._wanted.point)
-        ends = [*self._begins[1:], (count, 0, int(self._visited.shape[1]))]
-        for (low, high), (_, begin, _), (until, _, end) in zip(
-            runs, self._begins, ends, strict=True
-        ):
-            own = [
-                tuple(motion for motion in self._motions[row] if begin < motion < end)
-                for row in range(low, until)
-            ]
-            asked = Counter(own)
-            found += [
-                (low + k, motions[-1], len(motions))
-                for k, motions in enumerate(own[: high - low])
-                if len(motions) > asked[motions]
-            ]
-        return found
+        asked: dict[tuple[int, ...], int] = defaultdict(int)
+        for row in range(len(self._wanted.point)):
+            asked[tuple(self._motions[row])] += 1
+        rows = [row for low, high in runs for row in range(low, high) if not self._passed[row]]
+        found = ((row, self._motions[row]) for row in rows)
+        return [
+            (row, motions[-1], len(motions))
+            for row, motions in found
+            if len(motions) > asked[tuple(motions)]
+        ]
 
     def _about(self, row: int) -> float:
         """Return when a hole was drilled that has no motion to its bottom, after that motion."""
@@ -164,6 +161,20 @@ class _Drilled:
         on_axis = side <= _BESIDE * self._tolerance
         gap = np.abs(along) if on_axis.any() else np.linalg.norm(off, axis=1)
         return float(np.argmin(np.where(on_axis | ~on_axis.any(), gap, np.inf))) + 0.5
+
+
+def _deepened(places: IntArray, is_hole: BoolArray) -> BoolArray:
+    """Return the rows (n,) at whose place the file makes a hole of another depth, too.
+
+    The strokes of that one may pass the bottom, so how often it is reached tells nothing.
+
+    Args:
+        places: (n, 3) numbers of top, bottom and axis.
+        is_hole: (n,).
+    """
+    lines = np.unique(places[is_hole, 1:], axis=0)[:, 1]
+    again = np.bincount(lines, minlength=int(places[:, 2].max(initial=-1)) + 1) > 1
+    return np.asarray(again[places[:, 2]])
 
 
 def _arrivals(motions: list[int]) -> list[int]:
