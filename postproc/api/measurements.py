@@ -74,6 +74,7 @@ def diagnose(
     model: ModelFile | Source | None = None,
     register: bool = False,
     program: ToolPath | Source | None = None,
+    before: Source | Sequence[Source] = (),
     tool: int | None = None,
     progress: Progress | None = None,
 ) -> DiagnosisJob:
@@ -85,6 +86,7 @@ def diagnose(
         model: what the simulation knows already.
         register: the measured frame and the reflector's place on the tool are unknown: fit them.
         program: toolpath or CAM file; tells where along it the gap lies.
+        before: the campaign before the compensation: promised against measured, by row ids.
         tool: TOOL number of the one on the flange, in a cell with several.
         progress: called with (done, total, what).
 
@@ -96,9 +98,13 @@ def diagnose(
         DataError: if a file is wrong or lacks a column.
     """
     known = _cell(cell, tool)
-    files = [measurements] if isinstance(measurements, Source) else list(measurements)
+    files, earlier = _files(measurements), _files(before)
     part = read(program, known) if isinstance(program, Source) else program
-    return diagnose_campaign(files, known, _model(model), register, part, progress)
+    return diagnose_campaign(files, known, _model(model), register, part, progress, earlier)
+
+
+def _files(source: Source | Sequence[Source]) -> list[Source]:
+    return [source] if isinstance(source, Source) else list(source)
 
 
 def predict(

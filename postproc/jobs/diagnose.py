@@ -9,7 +9,17 @@ from typing import Any
 
 from postproc.cell import Cell
 from postproc.files import write_files
-from postproc.gap import Along, Diagnosis, along, document, model_file, pose_problem, summary
+from postproc.gap import (
+    Along,
+    Diagnosis,
+    Kept,
+    along,
+    document,
+    kept,
+    model_file,
+    pose_problem,
+    summary,
+)
 from postproc.gap import diagnose as diagnose_problem
 from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
@@ -23,16 +33,23 @@ from postproc.progress import Progress
 class DiagnosisJob(Paged):
     """The answer to a campaign. Nothing is on disk before ``write``.
 
-    ``given``: what the simulation knew before; ``path``: where the rows lie on a program.
+    ``given``: what the simulation knew before; ``path``: where the rows lie on a program;
+    ``promise``: what came of the diagnosis of an earlier campaign.
     """
 
     def __init__(
-        self, diagnosis: Diagnosis, cell: Cell, given: ModelFile | None, path: Along | None
+        self,
+        diagnosis: Diagnosis,
+        cell: Cell,
+        given: ModelFile | None,
+        path: Along | None,
+        promise: Kept | None = None,
     ) -> None:
         self.diagnosis = diagnosis
         self.cell = cell
         self.given = given
         self.path = path
+        self.promise = promise
         self.following = measure_next(diagnosis, cell)
 
     @property
@@ -48,12 +65,13 @@ class DiagnosisJob(Paged):
     @cached_property
     def document(self) -> dict[str, Any]:
         """The ``postproc.diagnosis/1`` document, as ``diagnose --json`` prints it."""
-        return document(self.diagnosis, self.following.poses, self.path)
+        return document(self.diagnosis, self.following.poses, self.path, self.promise)
 
     @property
     def summary(self) -> Sequence[str]:
         """The answer in words, line by line."""
-        return summary(self.document)
+        told = summary(self.document)
+        return told if self.promise is None else [self.promise.line(), *told]
 
     @property
     def model(self) -> ModelFile:
@@ -101,6 +119,7 @@ def diagnose(
     register: bool = False,
     toolpath: ToolPath | None = None,
     progress: Progress | None = None,
+    before: Sequence[str | Path] = (),
 ) -> DiagnosisJob:
     """Return the diagnosis of one campaign in one or several files.
 
@@ -111,12 +130,20 @@ def diagnose(
         register: fit the measured frame and the reflector's place first.
         toolpath: tells where along a CAM file the gap lies.
         progress: called with (done, total, what).
+        before: files of the campaign whose diagnosis the rows were compensated with; it knew
+            nothing before.
 
     Raises:
-        DataError: if a file is wrong or lacks a column.
+        DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
     """
     rows = read_campaign(measurements, set_aside=True)
-    problem = pose_problem(rows, build(cell.robot), cell, model, register)
+    kinematics = build(cell.robot)
+    promise = None
+    if before:
+        earlier = read_campaign(before, set_aside=True)
+        told = diagnose_problem(pose_problem(earlier, kinematics, cell, None, register), progress)
+        promise = kept(told, rows)
+    problem = pose_problem(rows, kinematics, cell, model, register)
     diagnosis = diagnose_problem(problem, progress)
     path = None if toolpath is None else along(diagnosis, toolpath, cell)
-    return DiagnosisJob(diagnosis, cell, model, path)
+    return DiagnosisJob(diagnosis, cell, model, path, promise)

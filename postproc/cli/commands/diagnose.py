@@ -21,6 +21,7 @@ Examples:
   postproc diagnose measured.csv --cell cell.toml -o out
   postproc diagnose tracker.csv --cell cell.toml --register --json
   postproc diagnose measured.csv --cell cell.toml --program part.cls -o out
+  postproc diagnose after.csv --before measured.csv --cell cell.toml --model out/model.toml
   postproc diagnose measured.csv out/next_measurements.csv --cell cell.toml -o out2
 """
 
@@ -35,6 +36,12 @@ Examples:
     "registered",
     is_flag=True,
     help="The measured frame and the reflector's place on the tool are unknown: fit them first.",
+)
+@click.option(
+    "--before",
+    multiple=True,
+    metavar="BEFORE.csv",
+    help="Campaign before the compensation: promised against measured, by the ids of the rows.",
 )
 @click.option("--program", metavar="INPUT", help="CAM file: tell where along it the gap lies.")
 @reading_options
@@ -71,7 +78,13 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
         session.findings(word_findings(words_settled(toolpath, cell)))
     with session.progress() as progress:
         job = diagnose(
-            options["measurements"], cell, model, options["registered"], toolpath, progress
+            options["measurements"],
+            cell,
+            model,
+            options["registered"],
+            toolpath,
+            progress,
+            options["before"],
         )
     if options["output"]:
         job.write(options["output"])

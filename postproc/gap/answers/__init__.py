@@ -3,6 +3,7 @@
 from postproc.gap.answers.along import Along, along
 from postproc.gap.answers.diagnose import Diagnosis, diagnose
 from postproc.gap.answers.document import document, model_file
+from postproc.gap.answers.kept import Kept, kept
 from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.answers.next_poses import last_set_up, next_poses, questions, reassessed
 from postproc.gap.answers.outlook import Outlook, outlook
@@ -14,6 +15,7 @@ __all__ = [
     "APPROACH",
     "Along",
     "Diagnosis",
+    "Kept",
     "NextPose",
     "Outlook",
     "Part",
@@ -22,6 +24,7 @@ __all__ = [
     "along",
     "diagnose",
     "document",
+    "kept",
     "last_set_up",
     "model_file",
     "next_poses",

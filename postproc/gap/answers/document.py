@@ -11,6 +11,7 @@ import numpy as np
 from postproc.gap.answers.along import Along, program
 from postproc.gap.answers.designs import designs, transfers
 from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import where
@@ -30,7 +31,10 @@ DOUBTED = 0.9
 
 
 def document(
-    diagnosis: Diagnosis, proposed: Sequence[NextPose] = (), path: Along | None = None
+    diagnosis: Diagnosis,
+    proposed: Sequence[NextPose] = (),
+    path: Along | None = None,
+    promise: Kept | None = None,
 ) -> dict[str, Any]:
     """Return the JSON object of the contract.
 
@@ -38,6 +42,7 @@ def document(
         diagnosis: the answer to a campaign.
         proposed: what to measure next.
         path: where the rows lie on a program.
+        promise: what came of an earlier diagnosis in this campaign.
     """
     problem, kept = diagnosis.problem, diagnosis.kept
     gap = np.linalg.norm(problem.measured - diagnosis.baseline, axis=1)[kept]
@@ -57,6 +62,7 @@ def document(
         "effects": effects(diagnosis),
         "adopted": list(diagnosis.adopted),
         "shrinkage": _total_shrinkage(diagnosis),
+        **({"before": promise.entry()} if promise else {}),
         "residual": {
             "rms_mm": _mm(rms(rest)),
             "explained_share": round(1.0 - (rms(rest) / max(rms(gap), 1e-12)) ** 2, 4),
