@@ -10,6 +10,7 @@ NAMES = (
     "collision",
     "contours",
     "executed",
+    "holes",
     "kinematics",
     "krl",
     "motion",

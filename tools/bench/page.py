@@ -1,7 +1,7 @@
 """Write the benchmark page of the documentation: our numbers beside the peer's and the paper's.
 
-    python -m tools.bench page [-o docs/benchmark.md] [--only planning commands paper diagnosis]
-                               [--peer PYTHON] [--cases 100]
+    python -m tools.bench page [-o docs/benchmark.md] [--only planning holes commands ...]
+                               [--peer PYTHON] [--other CHECKOUT] [--cases 100]
 
 ``--only`` measures some sections and keeps the others of the page. ``--peer`` names an interpreter
 that has ``tesseract-robotics``. Times are processor time, so that other work on the machine
@@ -21,6 +21,7 @@ from pathlib import Path
 
 from postproc.version import __version__
 from tools.bench.harness import alone, spent
+from tools.bench.holes import measured
 from tools.bench.planning import OPTIMA, PEER_MOST
 from tools.bench.workload import WORKLOADS
 
@@ -88,6 +89,28 @@ def _peer(python: str | None) -> Iterator[str]:
         yield (
             f"| {size} | {r['cpu_s']:.2f} | {other['cpu_s']:.2f} | {r['mb']:.0f} "
             f"| {other['mb']:.0f} | {r['grid_rad2']:.4f} | {other['rad2']:.4f} |"
+        )
+
+
+def holes(arguments: argparse.Namespace) -> Iterator[str]:
+    """Yield the section on drilling as users run it."""
+    yield "## Holes, the whole command\n"
+    yield (
+        "`postproc convert` of the same holes with the defaults of a cell: objective `axial`, "
+        "preset `balanced`, clearance 2 mm, strokes swept, program written, linted, run and "
+        "compared (`python -m tools.bench holes`). *Before* is the checkout that `--other` names, "
+        "measured right after; times carry what else the machine does, ratios less so.\n"
+    )
+    yield "| cell | holes | time [s] | memory [MB] | before [s] | before [MB] | ratio |"
+    yield "| --- | --: | --: | --: | --: | --: | --: |"
+    for size, hard in ((1000, False), (10000, False), (1000, True), (10000, True)):
+        own, other = measured(size, hard=hard, other=arguments.other)
+        more = (
+            "" if other is None else f"{other.cpu:.1f} | {other.mb:.0f} | {own.cpu / other.cpu:.2f}"
+        )
+        yield (
+            f"| {KINDS['hard' if hard else 'base']} | {size} | {own.cpu:.1f} | {own.mb:.0f} "
+            f"| {more or '| |'} |"
         )
 
 
@@ -168,7 +191,13 @@ def _printed(words: list[str]) -> str:
     return done.stdout
 
 
-SECTIONS = {"planning": planning, "commands": commands, "paper": paper, "diagnosis": diagnosis}
+SECTIONS = {
+    "planning": planning,
+    "holes": holes,
+    "commands": commands,
+    "paper": paper,
+    "diagnosis": diagnosis,
+}
 
 
 def _kept(page: Path) -> dict[str, str]:
@@ -185,6 +214,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "benchmark.md")
     parser.add_argument("--only", nargs="+", choices=list(SECTIONS), default=list(SECTIONS))
     parser.add_argument("--peer", metavar="PYTHON", help="interpreter with tesseract-robotics")
+    parser.add_argument("--other", type=Path, help="checkout to compare whole commands with")
     parser.add_argument("--cases", type=int, default=100, help="campaigns of the diagnosis")
     arguments = parser.parse_args()
     sections = _kept(arguments.output)

@@ -15,8 +15,8 @@ ROUNDS = 60
 """How often a tree grows at most."""
 _SEED = 20220115
 _BATCH = 48
-_MEETINGS = 12
-"""Moves between two trees that are checked together."""
+_NEAREST = 12
+"""Moves between two trees that are checked before all others: the nearest."""
 _STEPS = (0.6, 0.3)
 """Longest move [rad] of a tree: in open space, and once that has not been enough."""
 _SHORTER = 20
@@ -81,7 +81,7 @@ class _Tree:
     def meet(self, checker: Checker, other: _Tree, new: IndexArray) -> tuple[int, int] | None:
         """Return a new node of the other tree and the own node joined to it by a free move.
 
-        The shortest such move: moves are checked in that order, some at a time, up to the first.
+        The shortest such move: the longer ones are checked where none of the nearest is free.
         """
         if not len(new):
             return None
@@ -90,8 +90,7 @@ class _Tree:
         hopeful = np.nonzero(checker.free_poses(middle, self.external))[0]
         gap = np.linalg.norm(other.nodes[new[hopeful]] - self.nodes[near[hopeful]], axis=1)
         hopeful = hopeful[np.argsort(gap, kind="stable")]
-        for low in range(0, len(hopeful), _MEETINGS):
-            some = hopeful[low : low + _MEETINGS]
+        for some in (hopeful[:_NEAREST], hopeful[_NEAREST:]):
             start, end = other.nodes[new[some]], self.nodes[near[some]]
             good = some[checker.joint_moves(start, end, self.external).good]
             if len(good):

@@ -1,0 +1,130 @@
+"""Measure drilling as users run it: the whole of ``postproc convert``, defaults on.
+
+    python -m tools.bench holes [--sizes 1000 10000] [--hard 10000] [--other CHECKOUT]
+
+Each case is one command in a process of its own, from start of Python to the files that land:
+read, plan with the default objective, write, lint, run the text, compare, strokes swept against 23
+solids. ``--hard`` names sizes that also run with the four beams between robot and panel.
+``--other`` names another checkout, of the last release for instance, that runs the same cases in
+turn with this one; then the ratios count, whatever else the machine does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from postproc.cell import MeshPlacement
+from postproc.geometry import kuka_from_transform
+from tests.cells import STIFFNESS
+from tools.bench.workload import WORKLOADS, workload_cell
+
+_NOT_A_USERS = ("PYTHONDONTWRITEBYTECODE", "PYTHONUNBUFFERED")
+ROOT = Path(__file__).resolve().parents[2]
+SIZES = (1000, 10000)
+
+
+class Used(NamedTuple):
+    """Processor time [s] and peak memory [MiB] of a command."""
+
+    cpu: float
+    mb: float
+
+
+def cell_file(target: Path, *, hard: bool = False, folder: Path = WORKLOADS) -> Path:
+    """Write the scene of the workloads as the cell file of a user; keys that it needs, no more."""
+    cell = workload_cell(hard, folder=folder)
+    links = [("robot.link_meshes", solid, f"link = {i}\n") for i, solid in cell.robot.link_meshes]
+    rest = [("workpiece.meshes", solid, "") for solid in cell.workpiece.meshes]
+    rest += [("obstacles", solid, "") for solid in cell.obstacles]
+    tools = [("tool.meshes", solid, "") for solid in cell.tool.meshes]
+    text = (
+        'schema = "postproc.cell/1"\n[robot]\nmodel = "kuka_kr500_r2830"\n'
+        f"{''.join(map(_solid, links))}[tool]\n"
+        f'frame = {_placement(cell.tool.T_flange_tcp)}\naxis = "+z"\n'
+        f"{''.join(map(_solid, [*tools, *rest]))}{STIFFNESS}"
+        '[motion]\nfeed_mm_min = 600\npoints = "touch"\n'
+    )
+    target.write_text(text, encoding="utf-8")
+    return target
+
+
+def _solid(item: tuple[str, MeshPlacement, str]) -> str:
+    table, solid, more = item
+    place = _placement(solid.T_owner_mesh).strip("{} ").replace(", abc", "\nabc")
+    return (
+        f'[[{table}]]\nname = "{solid.name}"\nfile = "{solid.file}"\nscale = 1000\n{place}\n{more}'
+    )
+
+
+def _placement(T: np.ndarray) -> str:
+    xyz, abc = (np.round(values, 9) + 0.0 for values in kuka_from_transform(T))
+    return f"{{ xyz_mm = {xyz.tolist()}, abc_deg = {abc.tolist()} }}"
+
+
+def converted(source: Path, cell: Path, folder: Path, checkout: Path = ROOT) -> Used:
+    """Return what ``convert`` of a checkout uses, as in the second call of a user.
+
+    Args:
+        source: the holes.
+        cell: cell file.
+        folder: of the program, and of compiled modules.
+        checkout: whose code is run.
+    """
+    environment = {key: value for key, value in os.environ.items() if key not in _NOT_A_USERS}
+    environment |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    environment |= {"PYTHONPATH": str(checkout), "PYTHONPYCACHEPREFIX": str(folder / "compiled")}
+    imports = "import postproc.jobs.convert, postproc.emitters.kuka.krl"
+    subprocess.run([sys.executable, "-c", imports], env=environment, cwd=folder, check=True)
+    words = ["convert", str(source), "--cell", str(cell), "-o", str(folder / "out"), "--quiet"]
+    with (folder / "said.txt").open("wb") as said:
+        done = subprocess.Popen(
+            [sys.executable, "-m", "postproc", *words], env=environment, cwd=folder, stderr=said
+        )
+        _, status, used = os.wait4(done.pid, 0)
+    if os.waitstatus_to_exitcode(status):
+        raise SystemExit((folder / "said.txt").read_text(encoding="utf-8"))
+    return Used(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+
+
+def measured(
+    size: int, *, hard: bool, other: Path | None = None, workloads: Path = WORKLOADS
+) -> tuple[Used, Used | None]:
+    """Return what one case uses here and, right after, in another checkout."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        cell = cell_file(folder / "cell.toml", hard=hard, folder=workloads)
+        source = workloads / f"workload_{size}.csv"
+        own = converted(source, cell, folder)
+        return own, None if other is None else converted(source, cell, folder, other)
+
+
+def main() -> None:
+    """Read the arguments, measure, print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--workloads", type=Path, default=WORKLOADS)
+    parser.add_argument("--sizes", type=int, nargs="*", default=list(SIZES))
+    parser.add_argument("--hard", type=int, nargs="*", default=[SIZES[-1]])
+    parser.add_argument("--other", type=Path, metavar="CHECKOUT")
+    arguments = parser.parse_args()
+    print(f"{'scene':>6}{'holes':>7}{'cpu s':>8}{'MB':>6}{'other: cpu s':>14}{'MB':>6}{'ratio':>7}")
+    cases = [(size, False) for size in arguments.sizes] + [(size, True) for size in arguments.hard]
+    for size, hard in cases:
+        own, other = measured(size, hard=hard, other=arguments.other, workloads=arguments.workloads)
+        line = f"{'hard' if hard else 'open':>6}{size:>7}{own.cpu:>8.2f}{own.mb:>6.0f}"
+        if other is not None:
+            line += f"{other.cpu:>14.2f}{other.mb:>6.0f}{own.cpu / other.cpu:>7.2f}"
+        print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main()
