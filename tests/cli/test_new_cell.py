@@ -120,7 +120,10 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path):
     path = tmp_path / "cell.toml"
     leader, follower = pty.openpty()
     command = [sys.executable, "-m", "postproc", "new-cell", "-o", str(path)]
-    answers = ["kr210", "KR 210 R2700-2", "1 2 x", "1 2 3", "", "1000 0 500", "", "+x", "12.5"]
+    answers = [
+        *("kr210", "KR 210 R2700-2", "1 2 x", "1 2 3", "", "+x", "12.5", "7", "no.stl", ""),
+        *("", "1000 0 500", "", "4", "", "1 2", "0 -90 90 0 30 0", "900"),
+    ]
     with subprocess.Popen(
         command, stdin=follower, stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
@@ -131,12 +134,105 @@ def test_a_terminal_is_asked_for_what_is_missing(tmp_path):
     assert process.returncode == 0, err
     assert b"kuka_kr210_r2700_prime" in err  # kr210 may be many
     assert b"expected three numbers" in err
+    assert b"expected six numbers" in err
+    assert b"no such file 'no.stl'" in err
     assert b"postproc check" in out
     cell = load_cell(path)
     assert cell.robot.name == "kuka_kr210_r2700_2"
     np.testing.assert_allclose(cell.tool.T_flange_tcp[:3, 3], [1e-3, 2e-3, 3e-3])
     np.testing.assert_allclose(cell.T_robroot_base[:3, 3], [1.0, 0.0, 0.5])
     assert cell.tool.mass == 12.5
+    assert (cell.tool.number, cell.workpiece.number) == (7, 4)
+    np.testing.assert_allclose(np.degrees(cell.motion.home), [0, -90, 90, 0, 30, 0])
+    assert cell.motion.feed == pytest.approx(0.015)
+
+
+def test_a_terminal_is_shown_a_place_for_a_file(tmp_path):
+    path, cam = tmp_path / "cell.toml", tmp_path / "holes.csv"
+    cam.write_text("x,y,z,i,j,k,depth\n0,0,0,0,0,-1,5\n900,300,0,0,0,-1,5\n")
+    leader, follower = pty.openpty()
+    command = [sys.executable, "-m", "postproc", "new-cell", "-o", str(path)]
+    answers = ["KR 210 R2700-2", "150 0 250", "", "+x", "0", "", "", str(cam), "", "", "", ""]
+    with subprocess.Popen(
+        command, stdin=follower, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        os.close(follower)
+        os.write(leader, ("\n".join(answers) + "\n").encode())
+        _, err = process.communicate(timeout=60)
+    os.close(leader)
+    assert process.returncode == 0, err
+    assert b"all 2 distinct tags are reached" in err
+    assert b"CAM origin" not in err, "it is not asked for any more"
+    # the holes are drilled from below in the file: the part is turned over
+    assert load_cell(path).T_robroot_base[2, 2] < -0.99
+
+
+def drilling(count=4, step=60.0, axis=(0, 0, 1)):
+    """Return a list of holes on a square grid."""
+    rows = [f"{i * step},{j * step},0,{axis[0]},{axis[1]},{axis[2]},12,300"
+            for i in range(count) for j in range(count)]  # fmt: skip
+    return "\n".join(["x,y,z,i,j,k,depth,feed", *rows, ""])
+
+
+@pytest.mark.parametrize(
+    ("robot", "tool", "count", "step", "axis"),
+    [
+        ("kuka_kr500_r2830", (107, 0, 362), 4, 300.0, (0, 0, 1)),
+        ("kuka_kr210_r2700_2", (150, 0, 250), 5, 200.0, (0, 0, -1)),
+        ("kuka_kr210_r2700_2", (150, 0, 250), 4, 100.0, (0.6, 0, 0.8)),
+        ("kuka_kr6_r900_2", (40, 0, 90), 4, 25.0, (0, 1, 0)),
+    ],
+)
+def test_the_proposed_place_is_reached(robot, tool, count, step, axis, tmp_path, capsys):
+    """`convert` reaches every hole there, and where the part is 50 mm off any way."""
+    cam, path = tmp_path / "holes.csv", tmp_path / "cell.toml"
+    cam.write_text(drilling(count, step, axis))
+    code, out, err = run(
+        ["new-cell", "-o", path, "--robot", robot, "--tool-xyz", *tool, "--tool-axis", "+x",
+         "--input", cam, "--tool-number", 7, "--base-number", 3, "--feed", 500,
+         "--home", 0, -90, 90, 0, 45, 0, "--json"],
+        capsys,
+    )  # fmt: skip
+    assert code == 0, err
+    place = json.loads(out)["place"]
+    assert (place["tags"], place["margin_deg"] > 0) == (count * count, True)
+    assert all(value % 10 == 0 for value in place["xyz_mm"])
+    cell = load_cell(path)
+    assert (cell.tool.number, cell.workpiece.number) == (7, 3)
+    text = path.read_text()
+    x, y, z = place["xyz_mm"]
+    assert f"xyz_mm = [{x}, {y}, {z}]" in text
+    for shift in ((0, 0, 0), (50, 0, 0), (0, -50, 0), (0, 0, 50)):
+        moved = [x + shift[0], y + shift[1], z + shift[2]]
+        path.write_text(text.replace(f"xyz_mm = [{x}, {y}, {z}]", f"xyz_mm = {moved}"))
+        call = ["convert", cam, "--cell", path, "-o", tmp_path / "out", "--json"]
+        code, out, err = run(call, capsys)
+        assert (code, json.loads(out)["failures"]) == (0, []), err
+
+
+def test_no_place_writes_no_cell(tmp_path, capsys):
+    cam, path = tmp_path / "holes.csv", tmp_path / "cell.toml"
+    cam.write_text(drilling(4, 1200.0))
+    call = ["new-cell", "-o", path, "--robot", "kuka_kr6_r900_2", "--tool-axis", "+x"]
+    code, _, err = run([*call, "--input", cam], capsys)
+    assert code == 2
+    assert f"{cam}:1: error CEL016: no place was found where kuka_kr6_r900_2" in err
+    assert "3600 x 3600 x 0 mm" in err
+    assert not path.exists()
+
+
+def test_meshes_are_named_relative_to_the_cell(tmp_path, monkeypatch, capsys):
+    mesh = tmp_path / "head.stl"
+    mesh.write_text("solid s\nendsolid s\n")
+    path = tmp_path / "cells" / "cell.toml"
+    call = ["new-cell", "-o", path, "--robot", "kuka_kr500_r2830", "--tool-mesh", mesh]
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run([*call, "--workpiece-mesh", mesh], capsys)
+    assert code == 0, err
+    assert path.read_text().count('file = "../head.stl"') == 2
+    cell = load_cell(path)
+    assert cell.tool.meshes[0].file.samefile(mesh)
+    assert cell.workpiece.meshes[0].file.samefile(mesh)
 
 
 def changed(folder, *changes, add=""):

@@ -11,6 +11,7 @@ import click
 
 from postproc.cli import completion
 from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.questions import AXES, ask
 from postproc.errors import CellError, SourceRef, UsageError
 
 EPILOG = """\b
@@ -18,14 +19,16 @@ Examples:
   postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x
   postproc new-cell --backup ARCHIVE.zip -o cell.toml
   postproc new-cell --urdf kuka_quantec_support --tip tool0 -o cell.toml
+  postproc new-cell -o cell.toml --robot kuka_kr500_r2830 --tool-xyz 107 0 362 --tool-axis +x \\
+      --input part.cls --tool-number 7 --base-number 3 --home 0 -90 90 0 45 0 --feed 600
   postproc new-cell -o cell.toml
   postproc new-cell --keys
 """
-_AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
 _TRIPLE = (float, float, float)
+_SIX = (float,) * 6
 _OF_BACKUP = (
     "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
-    "workpiece_abc",
+    "workpiece_abc", "tool_number", "base_number", "home", "feed", "input", "tool_mesh", "workpiece_mesh",
 )  # fmt: skip
 """Options that say what a backup says."""
 
@@ -44,10 +47,24 @@ _OF_BACKUP = (
 @click.option("--name", help="Name of the cell; default: that of the file.")
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
 @click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Turn of the TCP frame [deg].")
-@click.option("--tool-axis", type=click.Choice(_AXES), help="TCP axis that points into the part.")
+@click.option("--tool-axis", type=click.Choice(AXES), help="TCP axis that points into the part.")
 @click.option("--tool-mass", type=float, metavar="KG", help="Mass of the tool [kg].")
+@click.option("--tool-number", type=int, metavar="N", help="TOOL number; default: 1.")
+@click.option(
+    "--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange."
+)
 @click.option("--workpiece-xyz", type=_TRIPLE, metavar="X Y Z", help="CAM origin in robroot [mm].")
 @click.option("--workpiece-abc", type=_TRIPLE, metavar="A B C", help="Turn of CAM axes [deg].")
+@click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
+@click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
+@click.option("--home", type=_SIX, metavar="A1 .. A6", help="Posture to begin and end in [deg].")
+@click.option("--feed", type=float, metavar="MM/MIN", help="Feed where the CAM file gives none.")
+@click.option(
+    "--input",
+    metavar="INPUT",
+    help="CAM file: propose a place of the workpiece where the arm reaches all of it.",
+)
+@click.option("--units", type=click.Choice(["mm", "inch", "m"]), help="Of the CAM file.")
 @click.option("--force", is_flag=True, help="Overwrite an existing file.")
 @click.option("--keys", is_flag=True, help="Print the reference of all keys instead.")
 @standard_options
@@ -56,7 +73,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
     With --backup it takes over the arm, soft limits, tools, bases, loads and home of a controller.
     On a terminal it asks for robot, tool and workpiece where the call does not say them; in a pipe
-    the robot must be named and the rest takes its defaults, to be edited.
+    the robot must be named and the rest takes its defaults, to be edited. With --input the place of
+    the workpiece is one where the arm reaches every tag of the CAM file, with room to spare.
     """
     from postproc.cell import cell_reference, cell_text
     from postproc.files import write_files
@@ -69,14 +87,29 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     output = _output(options)
     if options["backup"]:
         return _from_backup(session, options, output)
+    place: dict[str, Any] = {}
+
+    def propose() -> bool:
+        try:
+            place.update(_propose(options, output))
+        except CellError as problem:
+            session.say(f"{problem.code}: {problem.message}")
+            return False
+        _tell(session, place)
+        return True
+
     if sys.stdin.isatty() and not (session.json or session.quiet):
-        _ask(options)
+        ask(options, propose)
     files = _urdf_files(options, output)
+    if options["input"] and options["workpiece_xyz"] is None:
+        place.update(_propose(options, output))
+        _tell(session, place)
     if not files:
         _must_load(cell_text(_values(options, Path(output.name))))
     write_files({**files, output: cell_text(_values(options, output)).encode("utf-8")})
     robot = options["robot"] or options["urdf"]
-    session.document({"schema": "postproc.new_cell/1", "file": str(output), "robot": robot})
+    facts = {"file": str(output), "robot": robot} | ({"place": place} if place else {})
+    session.document({"schema": "postproc.new_cell/1", **facts})
     session.show(f"{output}: cell with {robot}; edit it, then: postproc check {output}")
     return answer(good=True)
 
@@ -122,10 +155,10 @@ def _from_backup(session: Session, options: dict[str, Any], output: Path) -> int
     from postproc.files import write_files
     from postproc.jobs.controller_backup import cell_from_backup
 
-    given = [key for key in _OF_BACKUP if options[key] is not None]
+    given = [key for key in _OF_BACKUP if options[key] not in (None, ())]
     if given:
         option = f"--{given[0].replace('_', '-')}"
-        raise UsageError("CLI012", f"{option} does not go with --backup, which says it")
+        raise UsageError("CLI012", f"{option} does not go with --backup; edit the cell instead")
     made = cell_from_backup(options["backup"], options["name"] or output.stem, options["robot"])
     _must_load(made.text)
     write_files({output: made.text.encode("utf-8")})
@@ -152,70 +185,85 @@ def _output(options: dict[str, Any]) -> Path:
     return output
 
 
-def _ask(options: dict[str, Any]) -> None:
-    """Ask for what the call does not say."""
-    if options["robot"] is None and options["urdf"] is None:
-        click.echo("Name of the arm as on its plate; `postproc robots` lists all.", err=True)
-        options["robot"] = click.prompt("Robot", "KR 500 R2830", value_proc=_robot_name, err=True)
-    questions = {
-        "tool_xyz": ("TCP in the flange, X Y Z [mm]", "0 0 0"),
-        "tool_abc": ("Turn of the TCP frame, A B C [deg]", "0 0 0"),
-        "workpiece_xyz": ("CAM origin in the robot root, X Y Z [mm]", "1500 0 600"),
-        "workpiece_abc": ("Turn of the CAM axes, A B C [deg]", "0 0 0"),
+def _propose(options: dict[str, Any], output: Path) -> dict[str, Any]:
+    """Put a place of the workpiece for the CAM file into the options; return what it is for JSON.
+
+    Raises:
+        CellError: CEL016 if there is none.
+        ReadError: if the file cannot be read.
+    """
+    from postproc.cell import cell_text, parse_cell
+    from postproc.jobs.workpiece_place import workpiece_place
+    from postproc.readers import ReadOptions, read
+    from postproc.units import DEG
+
+    text = cell_text(_values(options, output)).encode("utf-8")
+    cell = parse_cell(text, output)
+    axis = tuple(float(v) for v in cell.tool.axis)
+    toolpath = read(options["input"], "auto", ReadOptions(units=options["units"], tool_axis=axis))
+    place = workpiece_place(toolpath, cell, options["workpiece_abc"])
+    options["workpiece_xyz"], options["workpiece_abc"] = place.xyz_mm, place.abc_deg
+    return {
+        "xyz_mm": list(place.xyz_mm),
+        "abc_deg": list(place.abc_deg),
+        "margin_deg": round(place.margin / DEG, 3),
+        "tags": place.tags,
     }
-    for key, (question, default) in questions.items():
-        if options[key] is None:
-            options[key] = click.prompt(question, default, value_proc=_triple, err=True)
-    if options["tool_axis"] is None:
-        choice = click.Choice(_AXES)
-        question = "TCP axis that points out of the tool into the part"
-        options["tool_axis"] = click.prompt(question, "+z", type=choice, err=True)
-    if options["tool_mass"] is None:
-        mass = click.prompt("Mass of the tool [kg], 0 = not known", 0.0, type=float, err=True)
-        options["tool_mass"] = mass or None
 
 
-def _robot_name(text: str) -> str:
-    from postproc.cell import find_robot
-
-    try:
-        return find_robot(text)
-    except CellError as problem:
-        raise click.BadParameter(problem.message) from None
-
-
-def _triple(text: str) -> tuple[float, ...]:
-    try:
-        values = [float(word) for word in text.replace(",", " ").split()]
-    except ValueError:
-        values = []
-    if len(values) != len(_TRIPLE):
-        raise click.BadParameter("expected three numbers")
-    return tuple(values)
+def _tell(session: Session, place: dict[str, Any]) -> None:
+    xyz, abc = (" ".join(f"{v:g}" for v in place[key]) for key in ("xyz_mm", "abc_deg"))
+    session.say(
+        f"workpiece at X Y Z {xyz} mm, A B C {abc} deg: all {place['tags']} distinct tags are "
+        f"reached, {place['margin_deg']:.1f} deg or more beyond the margins, also where the part "
+        "is 50 mm off; collisions are for convert to find"
+    )
 
 
 def _values(options: dict[str, Any], output: Path) -> dict[str, Any]:
     """Return what the call says, nested as in the file."""
-    if (options["robot"] is None) == (options["urdf"] is None):
-        raise UsageError("CLI012", "expected one of --robot NAME and --urdf FILE")
-    robot: dict[str, str] = {}
-    if options["urdf"] is not None:
-        robot["urdf"] = Path(os.path.relpath(options["urdf"], output.parent)).as_posix()
-        if options["tip"] is not None:
-            robot["tip"] = options["tip"]
-    else:
-        robot["model"] = _known_robot(options["robot"])
     tool: dict[str, Any] = {"axis": options["tool_axis"] or "+z"}
     tool["frame"] = _frame(options["tool_xyz"], options["tool_abc"])
-    if options["tool_mass"] is not None:
-        tool["mass_kg"] = options["tool_mass"]
-    workpiece = {"frame": _frame(options["workpiece_xyz"], options["workpiece_abc"])}
+    workpiece: dict[str, Any] = {
+        "frame": _frame(options["workpiece_xyz"], options["workpiece_abc"])
+    }
+    motion: dict[str, Any] = {}
+    given = (
+        (tool, "mass_kg", options["tool_mass"]),
+        (tool, "number", options["tool_number"]),
+        (tool, "meshes", _meshes(options["tool_mesh"], output)),
+        (workpiece, "number", options["base_number"]),
+        (workpiece, "meshes", _meshes(options["workpiece_mesh"], output)),
+        (motion, "home_deg", list(options["home"] or ()) or None),
+        (motion, "feed_mm_min", options["feed"]),
+    )
+    for table, key, value in given:
+        if value is not None:
+            table[key] = value
     return {
         "name": options["name"] or output.stem,
-        "robot": robot,
+        "robot": _robot_values(options, output),
         "tool": tool,
         "workpiece": workpiece,
+        **({"motion": motion} if motion else {}),
     }
+
+
+def _robot_values(options: dict[str, Any], output: Path) -> dict[str, str]:
+    if (options["robot"] is None) == (options["urdf"] is None):
+        raise UsageError("CLI012", "expected one of --robot NAME and --urdf FILE")
+    if options["urdf"] is None:
+        return {"model": _known_robot(options["robot"])}
+    robot = {"urdf": Path(os.path.relpath(options["urdf"], output.parent)).as_posix()}
+    if options["tip"] is not None:
+        robot["tip"] = options["tip"]
+    return robot
+
+
+def _meshes(names: tuple[str, ...] | None, output: Path) -> list[dict[str, str]] | None:
+    """Return the entries of mesh files, relative to the cell; None without any."""
+    paths = (Path(os.path.relpath(name, output.parent)).as_posix() for name in names or ())
+    return [{"file": path} for path in paths] or None
 
 
 def _known_robot(name: str) -> str:
