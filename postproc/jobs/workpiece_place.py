@@ -169,7 +169,7 @@ class _Job:
         low, high = np.asarray(robot.q_min)[:, None], np.asarray(robot.q_max)[:, None]
         joint = np.minimum(turned - low, high - turned).max(axis=-1).min(axis=-1)
         wrist = wrist_distance(self.kinematics, q.reshape(-1, 6)).reshape(joint.shape)
-        return np.minimum(joint - limits.joint_margin, wrist - limits.singularity)
+        return np.asarray(np.minimum(joint - limits.joint_margin, wrist - limits.singularity))
 
 
 def _shifts() -> Iterator[FloatArray]:

@@ -28,9 +28,10 @@ _TRIPLE = (float, float, float)
 _SIX = (float,) * 6
 _OF_BACKUP = (
     "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
-    "workpiece_abc", "tool_number", "base_number", "home", "feed", "input", "tool_mesh", "workpiece_mesh",
+    "workpiece_abc", "tool_number", "base_number", "home", "feed", "input", "tool_mesh",
+    "workpiece_mesh",
 )  # fmt: skip
-"""Options that say what a backup says."""
+"""Options that do not go with a backup: it says them, or the cell is edited."""
 
 
 @click.command(epilog=EPILOG)
