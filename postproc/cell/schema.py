@@ -647,7 +647,7 @@ class ExternalAxisTable(Placement):
     )
     moves_in_cuts: bool = Field(
         default=True,
-        description="whether it may move while the tool cuts, where no single place serves a cut",
+        description="it may move while the tool cuts, where no single place serves a cut",
     )
 
     @model_validator(mode="after")
