@@ -149,7 +149,7 @@ class Robot:
     link_meshes: tuple[tuple[int, MeshPlacement], ...] = ()
     origins: Mapping[str, Origin] = field(default_factory=dict)
     doubts: Mapping[str, str] = field(default_factory=dict)
-    solids: RobotSolids = RobotSolids.SIMPLE
+    solids: RobotSolids = RobotSolids.OUTLINE
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

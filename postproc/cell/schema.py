@@ -184,9 +184,9 @@ class RobotTable(Table):
         default=None, description="rated payload [kg]; default: of the robot"
     )
     solids: Annotated[RobotSolids, _Choice] = Field(
-        default=RobotSolids.SIMPLE,
-        description="solids of a built-in arm: simple hulls, thinner than the real arm in places; "
-        "outline: prisms that enclose the real one",
+        default=RobotSolids.OUTLINE,
+        description="solids of a built-in arm: outline encloses the real one, simple hulls are "
+        "thinner by up to 0.7 m in places",
     )
     link_meshes: list[LinkSolid] = Field(
         default=[], description="your own solids of the links instead of the built-in hulls"
