@@ -12,6 +12,7 @@ from postproc.cell.cell import (
     Limits,
     MeshPlacement,
     Process,
+    RobotSolids,
     Tool,
     Workpiece,
 )
@@ -75,7 +76,8 @@ def cell_of(
     robot="kuka_kr500_r2830",
     T_world_robroot=HERE,
 ) -> Cell:
-    arm = replace(load_robot(robot), T_world_robroot=T_world_robroot)
+    # around the simple hulls these scenes were built; outlines have tests of their own
+    arm = replace(load_robot(robot), T_world_robroot=T_world_robroot, solids=RobotSolids.SIMPLE)
     return Cell(
         name="test",
         path="cell.toml",

@@ -64,6 +64,10 @@ def test_equal_names_are_told_apart(arm_of):
     ]  # fmt: skip
 
 
+def linked(pairs):
+    return {(int(a[-1]), int(b[-1])) for a, b in pairs if a[:4] == b[:4] == "link"}
+
+
 def test_pairs_that_are_tested(busy_cell, arm_of):
     pairs = set(Scene.build(busy_cell, arm_of(busy_cell)).pairs)
     for i in range(1, 7):
@@ -74,9 +78,11 @@ def test_pairs_that_are_tested(busy_cell, arm_of):
     for tool in ("tool head.stl", "tool drill"):
         assert {(f"link {i}", tool) for i in range(6)} <= pairs
         assert ("link 6", tool) not in pairs
-    linked = {(int(a[-1]), int(b[-1])) for a, b in pairs if a[:4] == b[:4] == "link"}
-    assert linked == {(0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (1, 3), (1, 4), (1, 5), (1, 6),
-                      (2, 4), (2, 5), (2, 6), (3, 6)}  # fmt: skip
+    assert linked(pairs) == {(0, 2), (0, 3), (0, 4), (0, 5), (0, 6), (1, 3), (1, 4), (1, 5),
+                             (1, 6), (2, 4), (2, 5), (2, 6), (3, 6)}  # fmt: skip
+    robot = replace(busy_cell.robot, solids=RobotSolids.OUTLINE)
+    outlines = set(Scene.build(replace(busy_cell, robot=robot), arm_of(busy_cell)).pairs)
+    assert linked(pairs) - linked(outlines) == {(0, 2), (2, 4)}  # stops keep these apart
     assert ("tool head.stl", "tool drill") not in pairs
 
 
