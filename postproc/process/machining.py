@@ -26,9 +26,7 @@ def machining_findings(toolpath: ToolPath, cell: Cell) -> tuple[Finding, ...]:
 
 
 def _tap_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return one error for each reason why tapped holes cannot be made; a unit taps by itself."""
-    if cell.process.unit_feeds:
-        return []
+    """Return one error for each reason why tapped holes cannot be made."""
     taps = [i for i, cycle in enumerate(toolpath.cycles) if cycle.kind in TAPS]
     holes = np.asarray(toolpath.kind) == MotionKind.HOLE
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, taps))
@@ -47,7 +45,14 @@ def _tap_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
 
 
 def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, str]:
-    """Return why a hole cannot be tapped, and what would help; empty if it can."""
+    """Return why a hole cannot be tapped, and what would help; empty if it can.
+
+    A unit couples its feed to its spindle and reverses by itself; where the file names no
+    speed, it takes its own.
+    """
+    correct = "correct feed, speed or pitch in the CAM system"
+    if cell.process.unit_feeds:
+        return _disagreement(cycle, turns, feed) if abs(turns) > 0.0 else "", correct
     if cycle.kind in _RIGID:
         return (
             "rigid tapping needs a feed that is coupled to the spindle; that of a robot is not",
@@ -60,7 +65,7 @@ def _why_not(cycle: Cycle, turns: float, feed: float, cell: Cell) -> tuple[str, 
             "name it in the cell: [krl.hooks] tap_reverse, if the tap sits in a holder that gives "
             "along its axis",
         )
-    return _disagreement(cycle, turns, feed), "correct feed, speed or pitch in the CAM system"
+    return _disagreement(cycle, turns, feed), correct
 
 
 def _disagreement(cycle: Cycle, turns: float, feed: float) -> str:

@@ -16,7 +16,7 @@ from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
 from postproc.process.feeds import feeds_of
-from postproc.process.strokes import turns_at
+from postproc.process.strokes import peck_count, turns_at
 
 STAND_SPEED = 0.1
 """Speed [m/s] of the last way to where the robot stands while the unit drills."""
@@ -28,6 +28,9 @@ _COLUMNS = ("hole_depth", "hole_feed", "hole_speed")
 _INTO = 0.98
 """A cut whose way is the tool axis by this share goes into the part."""
 _LEAST = 1e-6
+_ONLY_DRILLED = frozenset(
+    {CycleKind.DRILL, CycleKind.DEEP, CycleKind.BRKCHP, CycleKind.FACE, CycleKind.CSINK}
+)
 
 
 def holes_served(toolpath: ToolPath, cell: Cell) -> ToolPath:
@@ -89,12 +92,36 @@ def hole_steps(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, list[Event
 
 
 def unit_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return an error for feed moves into the part that the unit would make a second time.
+    """Return what a unit is not told, and feed moves into the part that it would make again.
 
     The file tells, as it is read; holes that are served already stand above their places.
     """
-    if not cell.process.unit_feeds or len(toolpath) < 2 or NUMBER in toolpath.extra:
+    if not cell.process.unit_feeds or NUMBER in toolpath.extra:
         return []
+    return [*_untold(toolpath), *_made_twice(toolpath)]
+
+
+def _untold(toolpath: ToolPath) -> list[Finding]:
+    """Return a note for each kind of hole that depth, feed and speed do not describe."""
+    found = []
+    numbers = np.where(_is_hole(toolpath), toolpath.cycle, -1)
+    for number in np.unique(numbers[numbers >= 0]).tolist():
+        cycle = toolpath.cycles[number]
+        more = [] if cycle.kind in _ONLY_DRILLED else [f"a {cycle.kind.replace('_', ' ')} cycle"]
+        more += ["pecks"] * (peck_count(cycle) > 1) + ["a dwell"] * (cycle.dwell > 0.0)
+        if more:
+            tag = int(np.flatnonzero(numbers == number)[0])
+            text = (
+                f"the unit is handed depth, feed and speed: {' and '.join(more)}, from line "
+                f"{int(toolpath.line[tag])} on, is what its own program for the tool has to do"
+            )
+            source = toolpath.source(tag)
+            found.append(Finding(Severity.NOTE, "PRC011", text, tag, source))
+    return found
+
+
+def _made_twice(toolpath: ToolPath) -> list[Finding]:
+    """Return an error for feed moves along the tool axis into the part."""
     way = np.diff(toolpath.points, axis=0)
     along = -np.einsum("ij,ij->i", way, toolpath.axes[1:])
     into = along > _INTO * np.linalg.norm(way, axis=1)

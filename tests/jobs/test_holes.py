@@ -11,6 +11,7 @@ from postproc.controller.modules import load_program
 from postproc.kinematics import build
 from postproc.paths import joint_paths, run_in_cell
 from tests import wing
+from tests.cells import cell_text
 
 UNIT = '[process]\nfeed_by = "unit"\n'
 ROBOT = '[process]\nhole = ["clamp", "drill", "unclamp"]\n'
@@ -203,3 +204,50 @@ def test_keys_of_holes_are_checked(tmp_path, run):
         code, _, err = run("check", cell)
         assert code == 2
         assert words in err, err
+
+
+def drilled_and(kind, feed=900, more=""):
+    return (
+        "UNITS/MM\nLOADTL/1\nSPINDL/900,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\nCYCLE/DRILL,FEDTO,9,MMPM,"
+        f"60,RAPTO,3\nGOTO/20,0,0\nCYCLE/OFF\nCYCLE/{kind},FEDTO,9,MMPM,{feed},RAPTO,3{more}\n"
+        "GOTO/20,0,0\nCYCLE/OFF\nSPINDL/OFF\nFINI\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "words"),
+    [
+        ("TAP", "", "a tap cycle,"),
+        ("RIGID", ",PITCH,1", "a rigid tap cycle,"),
+        ("REAM", ",DWELL,1", "a ream cycle and a dwell,"),
+        ("BRKCHP", ",STEP,3", "pecks,"),
+    ],
+)
+def test_what_a_unit_has_to_know_of_its_tool_is_noted(tmp_path, run, kind, more, words):
+    cam, cell, out = tmp_path / "part.apt", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text(drilled_and(kind, more=more))
+    cell.write_text(cell_text(UNIT))
+    code, _, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert code == 0, err
+    notes = [line for line in err.splitlines() if "PRC011" in line]
+    assert len(notes) == 1
+    assert words in notes[0]
+    assert "line 10 on" in notes[0]
+    assert run("verify", out / "part.src", "--cell", cell, "--against", cam, "--json")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "words"),
+    [
+        ("TAP", ",PITCH,1.5", "the feed gives 1 mm a turn, the pitch is 1.5 mm"),
+        ("REVERS", "", "a left-hand tap, but the spindle turns clockwise"),
+    ],
+)
+def test_a_unit_does_not_tap_what_contradicts_itself(tmp_path, run, kind, more, words):
+    cam, cell, out = tmp_path / "part.apt", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text(drilled_and(kind, more=more))
+    cell.write_text(cell_text(UNIT))
+    code, document, _ = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert (code, document["files"]) == (1, [])
+    assert [item["code"] for item in document["failures"]] == ["PRC002"]
+    assert words in document["failures"][0]["detail"]
