@@ -27,6 +27,7 @@ from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     bases_named,
     machining_findings,
+    restart_notes,
     unit_findings,
     with_orientation,
     word_findings,
@@ -147,6 +148,7 @@ def convert(
         *word_findings(words_settled(toolpath, cell)),
         *machining_findings(toolpath, cell),
         *unit_findings(toolpath, cell),
+        *restart_notes(toolpath, cell),
     )
     clock.begin("plan")
     if any(finding.is_error for finding in words):

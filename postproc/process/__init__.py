@@ -31,7 +31,7 @@ from postproc.process.strokes import (
     with_orientation,
 )
 from postproc.process.tilt import PLUNGING, SHARPEST
-from postproc.process.unit import NUMBER, hole_steps, holes_served, unit_findings
+from postproc.process.unit import NUMBER, hole_steps, holes_served, restart_notes, unit_findings
 from postproc.process.words import refusals, word_findings
 
 __all__ = [
@@ -76,6 +76,7 @@ __all__ = [
     "refusals",
     "reordered",
     "repeats",
+    "restart_notes",
     "stretches",
     "switched_off",
     "tool_words",

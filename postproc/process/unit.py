@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray
 from postproc.cell import Cell
-from postproc.errors import Finding, Severity
+from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import Cycle, CycleKind, Event, EventKind, MotionKind, ToolPath
 from postproc.process.feeds import feeds_of
 from postproc.process.strokes import peck_count, turns_at
@@ -143,3 +143,11 @@ def _made_twice(toolpath: ToolPath) -> list[Finding]:
             hint='post the holes as drill cycles, or set [process] feed_by = "robot"',
         )
     ]
+
+
+def restart_notes(toolpath: ToolPath, cell: Cell) -> list[Finding]:
+    """Return a note where a program of numbered holes cannot begin at any of them."""
+    if not (cell.process.hole and cell.external_axes and _is_hole(toolpath).any()):
+        return []
+    text = "with external axes the program begins at its first hole only: no PP_START_HOLE"
+    return [Finding(Severity.NOTE, "PRC012", text, source=SourceRef(cell.path))]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.file import load_cell
+from postproc.cli import app
 from postproc.controller import EventWord
 from postproc.controller.modules import load_program
 from postproc.kinematics import build
@@ -251,3 +252,30 @@ def test_a_unit_does_not_tap_what_contradicts_itself(tmp_path, run, kind, more, 
     assert (code, document["files"]) == (1, [])
     assert [item["code"] for item in document["failures"]] == ["PRC002"]
     assert words in document["failures"][0]["detail"]
+
+
+RAIL = """\
+[[external_axes]]
+name = "E1"
+kind = "rail"
+axis = "+y"
+range_mm = [-1000, 1000]
+speed_mm_s = 500
+"""
+
+
+def test_with_external_axes_it_is_told_that_there_is_no_restart(tmp_path, capsys):
+    cam, cell, out = tmp_path / "wing.cls", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text(wing.apt_text(1))
+    cell.write_text(wing.cell_text(ROBOT, RAIL))
+    call = ["convert", str(cam), "--cell", str(cell), "-o", str(out)]
+    assert app.run(call) == 0
+    assert "note PRC012" in capsys.readouterr().err
+    assert "PP_START_HOLE" not in (out / "wing.dat").read_text() + (out / "wing.src").read_text()
+    assert (
+        app.run(["verify", str(out / "wing.src"), "--cell", str(cell), "--against", str(cam)]) == 0
+    )
+    cell.write_text(wing.cell_text(ROBOT))
+    assert app.run(call) == 0
+    assert "PRC012" not in capsys.readouterr().err
+    assert "INT PP_START_HOLE=1" in (out / "wing.dat").read_text()
