@@ -85,6 +85,7 @@ REFUSED = {
     "TLSTCK/1": "TLSTCK", "RETRCT": "RETRCT", "RETRCT/ON": "RETRCT", "CLEARP/WHAT": "CLEARP",
     "GODLTA/5": "GODLTA", "GOHOME/CHECK": "GOHOME/CHECK", "GOHOME": "GOHOME",
     "SPINDL/0,RPM,CLW": "SPINDL/OFF", "FINI": "FINI", "SPINDL/900,RPM,200": "SPINDL",
+    "PPRINT/MORE $": "PPRINT",
     "CYCLE/DRILL,FEDTO,9,FEDTO,5,MMPM,60,RAPTO,3": "CYCLE/FEDTO",
     "CYCLE/DRILL,FEDTO,9,MMPM,60,RAPTO,3,DWELL,-2": "CYCLE/DWELL",
     "CYCLE/DRILL,DEEP,FEDTO,9,MMPM,60,RAPTO,3": "CYCLE/STEP",
@@ -176,6 +177,19 @@ def test_what_no_word_can_accept_stops_the_program(tmp_path, line, code):
     )
     assert not job.files
     assert code in {finding.code for finding in job.findings if finding.is_error}
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "way"),
+    [
+        ("-900,RPM", "500,RPM", 500), ("-900,RPM", "ON", -900), ("900,CCLW", "500", -500),
+        ("-900,RPM", "500,CCLW", -500), ("-900,RPM", "-500", -500),
+    ],
+)  # fmt: skip
+def test_the_sign_of_a_speed_holds_for_that_speed_a_word_holds_on(tmp_path, first, then, way):
+    text = f"UNITS/MM\nSPINDL/{first}\nSTOP\nSPINDL/{then}\nRAPID\nGOTO/0,0,50,0,0,1\nFINI\n"
+    calls = re.findall(r"PP_SPINDLE_ON\((\S+)\)", program(converted(tmp_path, text)))
+    assert calls[1] == str(way)
 
 
 def test_taps_are_refused_where_the_cell_names_no_routine(tmp_path):

@@ -148,14 +148,20 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
             "SPINDL/CCLW", WordClass.PROCESS, line,
             "a negative speed and counterclockwise: nothing says whether that is clockwise",
         )  # fmt: skip
-    if {"CCLW", "CCW"} & set(words) or (value is not None and value < 0.0):
-        state.spindle_sign = -1.0
-    elif {"CLW", "CW"} & set(words):
-        state.spindle_sign = 1.0
+    _turn(state, words, value)
     if state.revolution_feed is not None:
         state.set_feed(state.revolution_feed * state.spindle)
     known = 0.0 if isnan(state.spindle) else state.spindle
     state.add_event(EventKind.SPINDLE_ON, line, state.spindle_sign * known, ",".join(words))
+
+
+def _turn(state: AptState, words: tuple[str, ...], value: float | None) -> None:
+    """Keep which way the spindle turns: a word holds on, the sign of a speed for that speed."""
+    named = -1.0 if {"CCLW", "CCW"} & set(words) else 1.0 if {"CLW", "CW"} & set(words) else None
+    if value is not None and value < 0.0:
+        state.spindle_sign, state.spindle_signed = -1.0, True
+    elif named is not None or (state.spindle_signed and value is not None):
+        state.spindle_sign, state.spindle_signed = named or 1.0, False
 
 
 def _speed(state: AptState, words: tuple[str, ...], line: int) -> float | None:

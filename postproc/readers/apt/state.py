@@ -142,8 +142,8 @@ class AptState:
         """Where FROM put the tool before the first motion [m], part frame."""
         self.spindle = NAN
         """Turns per second, unsigned."""
-        self.spindle_sign = 1.0
-        """-1 counterclockwise."""
+        self.spindle_sign, self.spindle_signed = 1.0, False
+        """-1 counterclockwise; whether the sign of a speed says so."""
         self.revolution_feed: float | None = None
         """Feed per turn [m] in force, None if the feed is per time."""
         self.drill = KnownCycles()

@@ -17,7 +17,7 @@ from postproc.readers.apt import frames as apt_frames
 from postproc.readers.apt import nurbs as apt_nurbs
 from postproc.readers.apt.refused import refuse, unhandled
 from postproc.readers.apt.state import AptState
-from postproc.readers.apt.statement import Statement, bounded
+from postproc.readers.apt.statement import FREE_TEXT, Statement, bounded
 
 Handler = Callable[[AptState, Statement, int], None]
 _NX_CENTRE = "CENTERLINE DATA"
@@ -33,6 +33,7 @@ _MODES = {
 _TOOL_NAMES = ("solidworks", "camworks")
 """Seats that write the name of the coming tool as INSERT."""
 _CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
+_ASKS_FOR_MORE = re.compile(r"(?<!\$)\$\s*$")
 _STOP = re.compile(r"STOP\b", re.IGNORECASE)
 
 
@@ -45,6 +46,9 @@ def handle(state: AptState, statement: Statement, line: int) -> None:
         state.table.check(state.faults)
     if state.matrix.is_open:
         state.matrix.check_closed(state.faults)
+    if word in FREE_TEXT and _ASKS_FOR_MORE.search(statement.text):
+        reason = "ends in $, and nothing says whether the next line is more of the text; it is not"
+        state.uses.refuse(word, WordClass.COMMENT, line, reason)
     _HANDLERS.get(word, unhandled)(state, statement, line)
 
 
