@@ -98,13 +98,13 @@ class HullCheck(MotionCheck):
         near = self._near if first else self._near_among
         found, moves = near(middle, Sway(turn + slack), wanted)
         moves = np.minimum(moves, self._straight(middle, ways, turn, slack, found))
-        gap = self._gaps(found, moves)
         pair, row = found.near.pair, found.near.row
+        margin = self._engine.table.margin[pair]
+        gap = found.near.bound - margin
+        unclear = np.flatnonzero((gap <= moves + SLACK) | found.nested)
+        gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
         small = turn.max(axis=1) <= slack.max(axis=1)
-        close = gap <= moves + SLACK
         coarse = (q.shape[2] > 1) & (2.0 * moves <= self._coarse)
-        last = np.flatnonzero((gap > 0.0) & (small[row] | coarse) & close)
-        gap[last] = self._engine.distances(found, last) - self._engine.table.margin[pair[last]]
         close = gap <= moves + SLACK
         hit = (gap <= 0.0) | ((small[row] | coarse) & close)
         left = np.flatnonzero(hit | (close & (2.0 * moves > self._resolution)))

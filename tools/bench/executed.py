@@ -207,7 +207,7 @@ def judge_programs(
         path.write_bytes(text.encode("ascii"))
         report = verify(path, cell)
         moves = moves_of(text, len(cell.external_axes))
-        ways = list(ways_of(machine, moves, rng, 1.0, 4 * VARIANTS))
+        ways = list(ways_of(machine, moves, rng, 1.0, 2 * VARIANTS))
         for way in ways:
             way.touch = np.full(len(way.q), way.at_feed)
         _compare(report.violations, moves, ways, judges, folder.name, score)
@@ -287,7 +287,8 @@ def judged(cells: range, tags: int, seed: int, programs: int) -> Score:
     score = Score()
     for number in cells:
         rng = np.random.default_rng([seed, number])
-        job = random_job(rng, tags, with_rail=number % 3 == 2)
+        with_rail = number % 3 == 2
+        job = random_job(rng, tags // 2 if with_rail else tags, with_rail=with_rail)
         with tempfile.TemporaryDirectory(prefix=f"cell{number}_") as name:
             folder = Path(name)
             (folder / "cell.toml").write_text(job.cell)
