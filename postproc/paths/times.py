@@ -15,6 +15,8 @@ SLOWEST = 1e-7
 
 
 _TINY = 1e-12
+_SLOWEST_AXIS = 1e-5
+"""An axis speed [rad/s or m/s] below this is none."""
 
 
 def motion_times(paths: Paths) -> FloatArray:
@@ -79,7 +81,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     places = np.nan_to_num(np.hstack([paths.q, paths.external]))
     speed = _top_speeds(cell)
     ramps = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
-    top = np.maximum(speed * share, _TINY)
+    top = np.maximum(speed * share, _SLOWEST_AXIS)
     times[joint] = joint_move_time(places[joint - 1], places[joint], top, ramps)
     return times
 

@@ -54,6 +54,9 @@ from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
 
+ON_TOP = 1e-5
+"""So near [m] to the height where the feed starts a tool is at it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Tolerances:
@@ -161,6 +164,7 @@ def compare(
     near, is_cut = tolerances.position, comparison.is_cut
     milled = is_cut.copy()
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
+    _tilted(result, wanted, on_axis, tolerances.axis)
     check_leaving(result, cell, toolpath, served, visits.last, milled)
     _relative(result, comparison.is_cut | (on_axis >= 0))
     comparison.strokes[:] = _strokes(wanted, on_axis)
@@ -219,6 +223,19 @@ def _points(
             result.measure("tilt", value, "deg", int(served[most]))
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
     _missed(result, comparison, claims, cell, tolerances.position, tilts)
+
+
+def _tilted(result: Result, wanted: Wanted, on_axis: AnyIntArray, limit: float) -> None:
+    """Report where the tool is tilted in a hole, or where the feed into it starts."""
+    paths = result.paths
+    motion = np.flatnonzero(on_axis >= 0)
+    row = on_axis[motion]
+    height = np.einsum("ij,ij->i", wanted.top[row] - paths.end_point[motion], wanted.axis[row])
+    off = angle_between(paths.end_axis[motion], wanted.axis[row])
+    bad = np.flatnonzero((off > limit) & (height < wanted.clear[row] + ON_TOP))
+    for place in bad[np.argsort(-off[bad], kind="stable")][:AT_MOST].tolist():
+        text = f"the tool is tilted by {off[place] / DEG:.4f} deg in the hole" + _more(len(bad))
+        result.finding(RunKind.AXIS, int(motion[place]), text)
 
 
 def _measure_points(result: Result, comparison: Comparison, found: AnyIntArray) -> None:
