@@ -83,7 +83,7 @@ class Bridges:
             self._joined[i] = self._join(i)
         of_now, of_before, joined = self._joined[i]
         low, first = int(self.states.offsets[i]), int(self.states.offsets[i - 1])
-        return np.asarray(joined[of_now[now - low][:, None], of_before[before - first][None]])
+        return np.asarray(joined[of_now[now - low]][:, of_before[before - first]])
 
     def _find_runs(self, cost: FloatArray) -> None:
         """Find the runs of all tags where they are not known."""

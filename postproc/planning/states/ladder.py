@@ -287,12 +287,14 @@ class Ladder:
         """Take out the steps that a chain may not do."""
         a, b = self.position[before], self.position[now]
         if self.may_join is None:
-            steps[self.group[now][:, None] != self.group[before][None, :]] = np.inf
+            barred = self.group[now][:, None] != self.group[before][None, :]
         else:
-            steps[~self.may_join(i, before, now, self.cost)] = np.inf
+            barred = ~self.may_join(i, before, now, self.cost)
+        np.putmask(steps, barred, np.inf)
         reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
         for j in np.nonzero(reach > _HALF_TURN)[0]:
-            steps[np.abs(b[:, j, None] - a[None, :, j]) > _HALF_TURN] = np.inf
+            gap = np.subtract.outer(b[:, j], a[:, j])
+            np.putmask(steps, np.abs(gap, out=gap) > _HALF_TURN, np.inf)
 
 
 def _equal(old: FloatArray, new: FloatArray) -> bool:
