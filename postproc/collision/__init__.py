@@ -2,10 +2,12 @@
 
 from postproc.collision.bodies import Body
 from postproc.collision.check import Hits
+from postproc.collision.outlines import is_measured
 from postproc.collision.scene import Scene
 
 __all__ = [
     "Body",
     "Hits",
     "Scene",
+    "is_measured",
 ]

@@ -83,6 +83,14 @@ def upright_solids(
     ]
 
 
+def is_measured(robot: Robot) -> bool:
+    """Return whether the outline of an arm is of its own body or of one of the same castings."""
+    geometry, known = robot.geometry, _outlines()
+    if not isinstance(geometry, OpwGeometry):
+        return False
+    return bool(known[_class_of(robot, geometry, known)].arms)
+
+
 def places(g: OpwGeometry) -> list[tuple[float, float, float]]:
     """Return for links 0..6 of an upright arm: height of the lower end, length, x of the axis."""
     elbow = g.c1 + g.c2

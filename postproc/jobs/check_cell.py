@@ -15,12 +15,13 @@ from postproc.cell import (
     Cell,
     OpwGeometry,
     Provenance,
+    RobotSolids,
     Tool,
     UrdfGeometry,
     Workpiece,
     missing_numbers,
 )
-from postproc.collision import Scene
+from postproc.collision import Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
@@ -271,6 +272,17 @@ def _options(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.NOTE, "CEL116", text, "motion")
 
 
+def _outline(context: _Context) -> Iterator[Finding]:
+    robot = context.cell.robot
+    is_outline = robot.solids is RobotSolids.OUTLINE and isinstance(robot.geometry, OpwGeometry)
+    if is_outline and not (robot.link_meshes or is_measured(robot)):
+        text = (
+            f"the outline of {robot.name} is that of its size: of other arms that were held out, "
+            "the real body stood out of it by up to 0.2 m; link_meshes are the arm's own"
+        )
+        yield context.finding(Severity.NOTE, "CEL144", text, "robot")
+
+
 def _robot(context: _Context) -> Iterator[Finding]:
     robot = context.cell.robot
     missing = missing_numbers(context.cell)
@@ -323,6 +335,7 @@ def _emitter(context: _Context) -> Iterator[Finding]:
 
 _CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
+    _outline,
     _tool,
     _axes,
     _solids,

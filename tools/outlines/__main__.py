@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,21 +52,26 @@ def held_out(
 ) -> Iterator[tuple[str, list[float], list[float]]]:
     """Yield name, distances and volumes of arms against outlines made without them.
 
-    An arm that was measured is judged by outlines of all others but those with its lengths; an arm
-    of another maker's package that was not measured by the outlines of the product.
+    An arm of the sizes is judged by the sizes of all others but those with its lengths; an arm of
+    another package by all sizes, which were measured without it.
     """
     lengths = {name: load_robot(name).geometry for name in arms}
     cloud = {name: measure.upright_points(name, links) for name, links in arms.items()}
+    sizes = read_outlines(measure.outlines_text(cloud, with_arms=False))
+    for name in sorted(set(others) - set(arms)):
+        yield f"{name} *", *stands_out(name, others[name], sizes)
     for name, links in arms.items():
         rest = {other: cloud[other] for other in arms if not _alike(lengths[name], lengths[other])}
         known = read_outlines(measure.outlines_text(rest, with_arms=False))
         yield name, *stands_out(name, links, known)
-    for name in sorted(set(others) - set(arms)):
-        yield f"{name} *", *stands_out(name, others[name])
 
 
 def _alike(a: object, b: object) -> bool:
     return all(abs(getattr(a, key) - getattr(b, key)) < 1e-4 for key in LENGTHS)
+
+
+def _others(folders: Sequence[str]) -> dict[str, Triangles]:
+    return {name: links for folder in folders for name, links in real_arms(Path(folder))}
 
 
 def main(command: str, packages: str, *more: str) -> None:
@@ -75,13 +80,13 @@ def main(command: str, packages: str, *more: str) -> None:
     if command == "picture":
         picture.draw(arms, more[1:], Path(more[0]))
         return
+    others = _others(more)
     if command == "measure":
-        measure.write(Path(packages), arms)
+        measure.write(Path(packages), {**others, **arms})
         return
     print(f"{'mm outside of links 0..6':<42} | our volume by that of the hull of the real link")
-    rows = ((name, *stands_out(name, links)) for name, links in arms.items())
+    rows = ((name, *stands_out(name, links)) for name, links in {**others, **arms}.items())
     if command == "held-out":
-        others = {k: v for folder in more for k, v in real_arms(Path(folder))}
         rows = held_out(arms, others)
     for name, out, volume in rows:
         far = " ".join(f"{value:3.0f}" for value in out)

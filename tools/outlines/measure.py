@@ -41,14 +41,15 @@ SIZES: Mapping[str, Sequence[str]] = {
     "fortec_2": ["kr500_r2800_2", "kr560_r3100_2", "kr300_r2800_2_mt", "kr800_r2800_2"],
     "fortec": ["kr240_r3330", "kr360_r2830", "kr600_r2830"],
 }  # fmt: skip
-"""Measured arms by size."""
+"""Measured arms by size. Arms of other packages stand for themselves and judge the sizes."""
 _HEAD = """\
 schema = "postproc.outlines/1"
 
 # Outlines of arms standing straight up: each link is a stack of prisms, [from, to, reach]. From and
 # to are [share of the link's length, mm beyond it], reach is that of the octagon [mm] to 0, 45,
 # .. 315 deg of x forwards, y left, from the link's axis. Measured by tools/outlines on collision
-# meshes of KUKA's ROS 2 packages (Apache-2.0, kuka_robot_descriptions, July 2026), 6 mm to spare.
+# meshes of KUKA's ROS 2 packages (Apache-2.0, kuka_robot_descriptions, July 2026) and, after those
+# of the sizes, of ROS-Industrial's kuka_experimental (Apache-2.0), 6 mm to spare.
 # arms: the one that looks like this; a class without arms is over all of its size and stands for
 # arms that were not measured. a1_mm, a2_mm: largest and mean of the arms measured.
 """
@@ -66,6 +67,9 @@ def outlines_text(points: Mapping[str, list[FloatArray]], with_arms: bool = True
             lines += _table(arm.removeprefix("kuka_"), [arm], [arm], points)
         if members:
             lines += _table(size, [], members, points)
+    sized = {f"kuka_{name}" for names in SIZES.values() for name in names}
+    for arm in sorted(set(points) - sized) if with_arms else ():
+        lines += _table(arm.removeprefix("kuka_"), [arm], [arm], points)
     return "\n".join(lines)
 
 
