@@ -27,7 +27,7 @@ SUREST = 0.98
 """No cause is called with more: of the library alone it may be the best by far, but what is not in
 it cannot be excluded better than blind campaigns with unlisted causes show."""
 DOUBTED = 0.9
-"""The same of a cause beside which something is left unexplained, or that others resemble."""
+"""The same of a cause beside which something may be left unexplained, or that others resemble."""
 
 
 def document(
@@ -259,7 +259,7 @@ def _probability(diagnosis: Diagnosis, name: str) -> float:
     if name not in diagnosis.adopted:
         return round(min(max(value, 0.0), 0.49), 4)
     key = next(k for k in diagnosis.choice.adopted if diagnosis.regression.name(k) == name)
-    in_doubt = diagnosis.verdict == "unexplained" or diagnosis.choice.evidence[key].confounded
+    in_doubt = diagnosis.verdict != "explained" or diagnosis.choice.evidence[key].confounded
     return round(min(max(value, 0.0), DOUBTED if in_doubt else SUREST), 4)
 
 

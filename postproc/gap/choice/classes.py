@@ -28,6 +28,9 @@ _TAILS = (300.0, 1800.0)
 """Times [s] in which a load's trace fades."""
 AHEAD = 10.0
 """Nats by which a class beats the formula of an effect."""
+_ENOUGH = 0.9
+"""Share of what a class explains from which a formula with fewer numbers is its cause: no formula
+is exact, and a class takes the flaws of the others' formulas, too."""
 _RIVALS = ("joint", "time", "place", "load", "orientation", "condition")
 _FORMULAS = {
     ("joint", "linear"),
@@ -120,7 +123,8 @@ def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) 
         gain = context.gain(own, context.rest) - searched(regression.block(key))
         tried = bench.fitted(context, rivals)
         best = max(rivals, key=lambda k: tried[k].gain)
-        if tried[best].gain > gain + AHEAD:
+        ahead = tried[best].gain - gain
+        if ahead > AHEAD and gain < _ENOUGH * tried[best].gain:
             group = bench.groups[best]
             found[key] = f"{group.kind} ({group.of}: {group.shape}) explains more in its place"
     return found

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from postproc.gap.choice.evidence import SMALLEST_ALTERNATIVE
-from postproc.gap.choice.search import DECISIVE, Search
+from postproc.gap.choice.search import DECISIVE, PRIOR_LIBRARY, PRIOR_RARE, Search
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.fit import Regression, Subset
 from postproc.gap.robot_model import effect_of
@@ -83,7 +83,9 @@ def confounded_with(
         if len(more) == 2 and (same & names or len(names) < 2):
             continue
         known = not any(regression.block(k).is_alternative for k in more)
-        least = here - (CONFOUNDED if known else DECISIVE)
+        # a rare cause is not called for a flaw of a common one, and may be it all the same
+        seldom = sum(regression.block(k).effect.is_rare for k in more)
+        least = here - (CONFOUNDED if known else DECISIVE) - seldom * (PRIOR_RARE - PRIOR_LIBRARY)
         if found.score((*(k for k in rest if k not in gone), *more)) > least:
             same |= names
     return tuple(sorted(same))

@@ -23,6 +23,9 @@ LEAST = 2e-6
 """No reading of a point is surer than this [m]."""
 _CONFLICT = 3.0
 """Ratio of what repeats say and what the instrument promises that is a finding of its own."""
+_ALIKE, _DEVICE = 1.5, 40
+"""Ratio up to which both say the same, and the freedom with which the instrument's figure counts
+then."""
 _NEAREST = 0.1
 """Share of the rows whose nearest neighbours bound the noise from above."""
 _USED = 400
@@ -92,12 +95,13 @@ def noise_of(
     again = revisits(samples, y, usable, unit)
     device = np.nan if instrument is None else float(np.sqrt(np.mean(instrument**2)))
     if again.sufficient:
+        scale = _pooled(again.white, again.freedom, device) / max(again.white, LEAST)
         return Noise(
-            max(again.noise, LEAST),
+            max(scale * again.noise, LEAST),
             Source.REPEATS,
             int(again.freedom),
             len(again.rows) - len(np.unique(again.group)),
-            max(again.white, LEAST),
+            max(scale * again.white, LEAST),
             again.wander,
             again.correlation,
             again.drift,
@@ -109,6 +113,14 @@ def noise_of(
     upper = neighbour_bound(samples, y, usable, unit)
     sigma = max(min(rest, upper), LEAST)
     return Noise(sigma, Source.ASSUMED, white=sigma, upper=upper)
+
+
+def _pooled(repeats: float, freedom: float, device: float) -> float:
+    """Return the white noise [m] by repeats and instrument together, where they are alike."""
+    if not device / _ALIKE < repeats < device * _ALIKE:
+        return max(repeats, LEAST)
+    square = freedom * repeats**2 + _DEVICE * device**2
+    return float(np.sqrt(square / (freedom + _DEVICE)))
 
 
 def _conflict(repeats: float, device: float) -> str:

@@ -18,6 +18,8 @@ from postproc.gap.data import Samples
 from postproc.measurement import robust_sigma
 from postproc.units import DEG
 
+_SAME_GIVE = 1e-5
+"""Loads that move the point by as much or less [m] are one."""
 SAME_POSE = 0.01 * DEG
 FEWEST = 6
 """Degrees of freedom from which the scatter of repeats is an estimate."""
@@ -85,7 +87,8 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
     """Return the scatter of revisited poses.
 
     Readings from the same side, under the same load and at the same speed count alone where there
-    are enough of them: nothing but the temperature has to be regressed out.
+    are enough of them: nothing but the temperature has to be regressed out. Readings under
+    different loads are no repeats at all: how a pose gives under a load is what is sought.
 
     Args:
         samples: rows.
@@ -93,11 +96,19 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
         usable: (n,) rows that are no faults.
         unit: (n,) set-up of the measuring device: rows of others are no repeats.
     """
-    place = np.column_stack([unit[:, None], np.round(samples.q / SAME_POSE)])
+    place = np.column_stack([unit[:, None], np.round(samples.q / SAME_POSE), _give(samples)])
     found = _scatter(samples, y, usable, unit, np.column_stack([place, *_alike(samples)]))
     if found.freedom >= ENOUGH:
         return found
     return _scatter(samples, y, usable, unit, place)
+
+
+def _give(samples: Samples) -> FloatArray:
+    """Return (n, 3) how far the joints let the load move the point, roughly, in whole steps."""
+    if samples.wrench is None:
+        return np.zeros((len(samples), 0))
+    turn = samples.load_torque() * samples.arm.reference.c_joint
+    return np.asarray(np.round(np.einsum("nij,nj->ni", samples.jacobian, turn) / _SAME_GIVE))
 
 
 def _alike(samples: Samples) -> list[FloatArray]:

@@ -1,0 +1,66 @@
+"""Noise of a campaign: what counts as a reading taken again, and what the instrument adds."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from postproc.gap.fit.noise import Source, noise_of
+from postproc.gap.fit.revisits import revisits
+
+SIGMA = 3e-5
+
+
+@pytest.fixture
+def poses(samples):
+    """Twelve poses, each read five times from one side, standing still, without a load."""
+    row = np.repeat(np.arange(12), 5)
+    same = samples.rows(row)
+    still = np.zeros_like(same.qd)
+    return replace(same, qd=still, wrench=0.0 * same.wrench, temperature=None)
+
+
+def noise(samples, y, told=None, rest=1e-3):
+    n = len(samples)
+    instrument = None if told is None else np.full(n, told)
+    return noise_of(samples, y, np.ones(n, bool), np.zeros(n, np.int32), instrument, rest)
+
+
+def test_readings_taken_again_tell_the_noise(poses):
+    y = np.random.default_rng(1).normal(0, SIGMA, (60, 3))
+    found = noise(poses, y)
+    assert found.source is Source.REPEATS
+    assert found.sigma == pytest.approx(SIGMA, rel=0.2)
+
+
+def test_readings_under_other_loads_are_no_repeats(poses):
+    """How a pose gives is what is sought: here it gives along the load, which no gear does."""
+    rng = np.random.default_rng(2)
+    force = rng.normal(0, 800.0, (60, 3))
+    loaded = replace(poses, wrench=np.column_stack([force, np.zeros((60, 3))]))
+    y = rng.normal(0, SIGMA, (60, 3)) + 3e-7 * force
+    every = np.ones(60, bool), np.zeros(60, np.int32)
+    assert not revisits(loaded, y, *every).sufficient
+    assert noise(loaded, y).source is Source.ASSUMED
+    assert noise(loaded, y, told=SIGMA).sigma == pytest.approx(SIGMA)
+
+
+def test_loads_that_move_nothing_do_not_count(poses):
+    rng = np.random.default_rng(3)
+    light = np.column_stack([rng.normal(0, 1.0, (60, 3)), np.zeros((60, 3))])
+    y = rng.normal(0, SIGMA, (60, 3))
+    assert noise(replace(poses, wrench=light), y).source is Source.REPEATS
+
+
+@pytest.mark.parametrize(("told", "between"), [(1.2, True), (0.8, True), (4.0, False)])
+def test_repeats_and_an_instrument_that_agree_are_taken_together(poses, told, between):
+    y = np.random.default_rng(4).normal(0, SIGMA, (60, 3))
+    alone, both = noise(poses, y).sigma, noise(poses, y, told * SIGMA).sigma
+    if between:
+        freedom = noise(poses, y).freedom
+        square = (freedom * alone**2 + 40 * (told * SIGMA) ** 2) / (freedom + 40)
+        assert both == pytest.approx(np.sqrt(square), rel=0.02)
+    else:
+        assert both == alone
