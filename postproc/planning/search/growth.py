@@ -21,6 +21,8 @@ from postproc.planning.states import NONE
 
 _WINDOWS = ((8, FINE), (40, 1), (300, 1), (3000, 1), (10**9, 1))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn."""
+_LOCAL = 2
+"""After so many of them it is looked whether anything could lead past the break at all."""
 MOST_STATES = 12_000_000
 """A search that holds more gives up: a good gigabyte."""
 _MOST_REFINED = 2000
@@ -34,6 +36,7 @@ class Growth:
     between: Interpolation
     tries: dict[int, int] = field(default_factory=dict)
     gave_up: set[int] = field(default_factory=set)
+    refuted: set[int] = field(default_factory=set)
 
     def next(self, search: PoseSearch, found: Found) -> tuple[IndexArray, IndexArray]:
         """Return tags to take as key tags, and the stride of each; none if all is said."""
@@ -59,6 +62,24 @@ class Growth:
         rungs = np.flatnonzero(search.broken(found) | (found.path == NONE))
         return np.concatenate([search.tags[rungs], np.array(sorted(search.wanted), dtype=np.int64)])
 
+    def _is_refuted(self, search: PoseSearch, tag: int, low: int, high: int) -> bool:
+        """Return whether no way leads past a break of a cut [low, high), whatever leads to it.
+
+        All tags around it on the finest grid of spins, begun in any state.
+        """
+        if tag not in self.refuted:
+            reach = _WINDOWS[_LOCAL - 1][0]
+            window = np.arange(max(low, tag - reach), min(high, tag + reach + 1))
+            alone = PoseSearch.of(search.checker, window, search.wish, search.between)
+            alone.grow(window, np.ones_like(window))
+            alone.hasty[:] = True
+            alone.bridges.turn[:] = np.pi
+            found = alone.run()
+            if not alone.broken(found).any() and (found.path != NONE).all():
+                return False
+            self.refuted.add(tag)
+        return True
+
     def _around_empties(
         self, search: PoseSearch, found: Found, wish: IndexArray, base: int
     ) -> None:
@@ -80,6 +101,8 @@ class Growth:
             number = int(chain[tag])
             low, high = np.searchsorted(chain, [number, number + 1]).tolist()
             attempt = self.tries.get(number, 0)
+            if attempt >= _LOCAL and self._is_refuted(search, tag, low, high):
+                continue
             while attempt < len(_WINDOWS):
                 reach, stride = _WINDOWS[attempt]
                 attempt += 1

@@ -38,6 +38,8 @@ _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
+_OFTEN, _MANY = 4, 5000
+"""Every so often so many of all steps between two tags are checked."""
 _TURN = 45.0 * DEG
 """Where steps between two tags fail again, all steps that turn the tool by less are checked."""
 
@@ -187,10 +189,9 @@ class PoseSearch:
     def may_hurry(self, found: Found) -> bool:
         """Let cuts without a way turn the tool as fast as it takes; return whether that is new."""
         chain = np.cumsum(~self.between.is_cut)[self.tags]
-        rungs = (
-            np.isin(chain, chain[self.broken(found)]) & ~self.hasty & (self.bridges.turn < np.pi)
-        )
-        if not rungs.any():
+        rungs = np.isin(chain, chain[self.broken(found)]) & ~self.hasty
+        rungs &= self.bridges.loose & (self.bridges.turn < np.pi)
+        if self.wanted or not rungs.any():
             return False
         self.hasty |= rungs
         self.bridges.turn[rungs] = np.pi
@@ -373,7 +374,9 @@ class PoseSearch:
                 more.update((a, state) for state in now[self._open(now, b, a)].tolist())
                 more.update((state, b) for state in before[self._open(before, a, b)].tolist())
             elif self.fanned[tag] == 2:
-                more.update(self._all_steps(before, now))
+                more.update(self._all_steps(before, now, _TURN))
+            elif self.fanned[tag] % _OFTEN == 0:
+                more.update(self._all_steps(before, now, np.pi))
         return sorted(more - set(steps))
 
     def _open(self, states: IndexArray, like: int, end: int) -> BoolArray:
@@ -384,18 +387,24 @@ class PoseSearch:
         near &= self.states.column[states] // width == self.states.column[like] // width
         return np.asarray(near & (self.states.branch[states] == self.states.branch[like]))
 
-    def _all_steps(self, before: IndexArray, now: IndexArray) -> list[tuple[int, int]]:
-        """Return all steps of a chain that turn the tool little."""
+    def _all_steps(self, before: IndexArray, now: IndexArray, most: float) -> list[tuple[int, int]]:
+        """Return the steps of a chain that turn the tool by no more than ``most`` [rad].
+
+        The ``_MANY`` that turn it least.
+        """
         before = before[np.isfinite(self.ladder.cost[before])]
         now = now[np.isfinite(self.ladder.cost[now])]
         a, b = self.states.attitude_of(before), self.states.attitude_of(now)
         turn = np.abs(b[:, None, 0] - a[None, :, 0])
-        near = np.minimum(turn, 2.0 * np.pi - turn) <= _TURN
+        turn = np.minimum(turn, 2.0 * np.pi - turn)
+        near = turn <= most + 1e-9
         near &= self.states.branch[now][:, None] == self.states.branch[before][None]
         for j in range(6):
             gap = np.subtract.outer(self.states.q[now, j], self.states.q[before, j])
             near &= np.abs(gap) <= np.pi
         to, start = np.nonzero(near)
+        few = np.argsort(turn[to, start], kind="stable")[:_MANY]
+        to, start = to[few], start[few]
         return list(zip(before[start].tolist(), now[to].tolist(), strict=True))
 
     def _all_cells(self) -> IndexArray:

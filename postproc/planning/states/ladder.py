@@ -27,6 +27,8 @@ NONE = -1
 """No state: the rung is empty."""
 WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""
+_SPLIT = 30_000
+"""From so many steps on those of a chain are worked out group by group."""
 _SAME = 1e-11
 _HALF_TURN = np.pi + 1e-9
 
@@ -214,19 +216,30 @@ class Ladder:
         if i == 0 or high == low or after == before:
             self.broken[i] = True
             return cost.copy()
-        if (after - before) * (high - low) <= WIDE:
+        alive = before + np.flatnonzero(self.value[before:after] < np.inf)
+        wanted = low + np.flatnonzero(cost < np.inf)
+        some = len(alive) * len(wanted)
+        if not some:
+            self.broken[i] = True
+            return cost.copy()
+        is_chain = self.rule[i] == _CHAIN
+        if (
+            some <= WIDE
+            and 2 * some > (after - before) * (high - low)
+            and not (is_chain and some > _SPLIT)
+        ):
             steps = self._steps(i, slice(before, after), slice(low, high))
             back = steps.argmin(axis=1)
             self.back[low:high] = back
             value = steps[np.arange(high - low), back] + cost
         else:
             value = np.full(high - low, np.inf)
-            for a, b in self._blocks(i, np.arange(before, after), np.arange(low, high)):
+            for a, b in self._blocks(i, alive, wanted):
                 steps = self._steps(i, a, b)
                 back = steps.argmin(axis=1)
                 self.back[b] = a[back] - before
                 value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
-        self.broken[i] = not value.min() < np.inf
+        self.broken[i] = not value.min(initial=np.inf) < np.inf
         return cost.copy() if self.broken[i] else value
 
     def _blocks(
@@ -239,7 +252,7 @@ class Ladder:
             shared = np.intersect1d(of_before, of_now).tolist()
             groups = [(before[of_before == group], now[of_now == group]) for group in shared]
         for a, b in groups:
-            size = max(1, WIDE // len(a))
+            size = max(1, WIDE // max(1, len(a)))
             for low in range(0, len(b), size):
                 yield a, b[low : low + size]
 
