@@ -32,10 +32,11 @@ SIZES = (1000, 10000)
 
 
 class Used(NamedTuple):
-    """Processor time [s] and peak memory [MiB] of a command."""
+    """Processor time [s] and peak memory [MiB] of a command; whether there is a program."""
 
     cpu: float
     mb: float
+    is_good: bool
 
 
 def cell_file(target: Path, *, hard: bool = False, folder: Path = WORKLOADS) -> Path:
@@ -89,9 +90,10 @@ def converted(source: Path, cell: Path, folder: Path, checkout: Path = ROOT) -> 
             [sys.executable, "-m", "postproc", *words], env=environment, cwd=folder, stderr=said
         )
         _, status, used = os.wait4(done.pid, 0)
-    if os.waitstatus_to_exitcode(status):
+    code = os.waitstatus_to_exitcode(status)
+    if code not in (0, 1):
         raise SystemExit((folder / "said.txt").read_text(encoding="utf-8"))
-    return Used(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+    return Used(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0, code == 0)
 
 
 def measured(
@@ -123,7 +125,7 @@ def main() -> None:
         line = f"{'hard' if hard else 'open':>6}{size:>7}{own.cpu:>8.2f}{own.mb:>6.0f}"
         if other is not None:
             line += f"{other.cpu:>14.2f}{other.mb:>6.0f}{own.cpu / other.cpu:>7.2f}"
-        print(line, flush=True)
+        print(line if own.is_good else f"{line}  no program", flush=True)
 
 
 if __name__ == "__main__":

@@ -109,8 +109,8 @@ def holes(arguments: argparse.Namespace) -> Iterator[str]:
             "" if other is None else f"{other.cpu:.1f} | {other.mb:.0f} | {own.cpu / other.cpu:.2f}"
         )
         yield (
-            f"| {KINDS['hard' if hard else 'base']} | {size} | {own.cpu:.1f} | {own.mb:.0f} "
-            f"| {more or '| |'} |"
+            f"| {KINDS['hard' if hard else 'base']}{'' if own.is_good else ' (tags fail)'} "
+            f"| {size} | {own.cpu:.1f} | {own.mb:.0f} | {more or '| |'} |"
         )
 
 
