@@ -241,7 +241,7 @@ CASES: dict[str, tuple[Any, ...]] = {
         )
         for key in KR500_MM
     },
-    "robot.solids": ({}, {"robot.solids": "outline"}, CHECK),
+    "robot.solids": ({}, {"robot.solids": "simple"}, CHECK),
     "robot.name": ({"robot": OWN_ARM}, {"robot.name": "other"}, CHECK),
     "robot.base.xyz_mm": (
         {"obstacles": [BLOCK], **HEAD},
