@@ -54,6 +54,8 @@ from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
 
+BENT = 0.25
+"""Share of the turn of the tool axis by which it may be beside the shortest one."""
 ON_TOP = 1e-5
 """So near [m] to the height where the feed starts a tool is at it."""
 
@@ -161,6 +163,8 @@ def compare(
     motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
+    else:
+        _turned_between(result, wanted, motions, tolerances.axis)
     near, is_cut = tolerances.position, comparison.is_cut
     milled = is_cut.copy()
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
@@ -223,6 +227,28 @@ def _points(
             result.measure("tilt", value, "deg", int(served[most]))
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
     _missed(result, comparison, claims, cell, tolerances.position, tilts)
+
+
+def _turned_between(
+    result: Result, wanted: Wanted, motions: dict[int, tuple[int, ...]], limit: float
+) -> None:
+    """Report where the tool axis, in the middle of a cut, is not between those of its two tags.
+
+    Beside the shortest turn from one to the other by no more than a share of it: the turn about the
+    tool's own axis bends the way.
+    """
+    inner = [(motion, row) for row, covered in motions.items() for motion in covered[:-1]]
+    if not inner:
+        return
+    motion, row = np.array(inner).T
+    axis = result.paths.end_axis[motion]
+    turn = angle_between(wanted.axis[row - 1], wanted.axis[row])
+    both = angle_between(axis, wanted.axis[row - 1]) + angle_between(axis, wanted.axis[row])
+    off = 0.5 * (both - turn)
+    bad = np.flatnonzero(off > limit + BENT * turn)
+    for place in bad[np.argsort(-off[bad], kind="stable")][:AT_MOST].tolist():
+        text = f"the tool axis is {off[place] / DEG:.4f} deg beside those of the cut's ends"
+        result.finding(RunKind.AXIS, int(motion[place]), text + _more(len(bad)))
 
 
 def _tilted(result: Result, wanted: Wanted, on_axis: AnyIntArray, limit: float) -> None:
