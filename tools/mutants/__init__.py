@@ -3,11 +3,12 @@
     python -m tools.mutants PROGRAM.src --cell CELL.toml --against INPUT [--every N]
 
 A mutant changes one thing: a number, a word, a line that is lost, swapped or put in. ``verify``
-(with the CAM file) and ``lint`` judge each as they judge any program. What neither notices is on
-the list of harmless ones, with the reason why, or a hole in the checks.
+(with the CAM file) and ``lint`` judge each as they judge any program. What neither notices is
+executed beside the program (``effect``): it does the very same, or the same cuts on another way
+through the air that is free, or it is a hole in the checks.
 """
 
 from tools.mutants.judge import Judgement, judge
-from tools.mutants.rules import HARMLESS, MUST_CATCH, Mutant, harmless, mutants
+from tools.mutants.rules import MUST_CATCH, Mutant, mutants
 
-__all__ = ["HARMLESS", "MUST_CATCH", "Judgement", "Mutant", "harmless", "judge", "mutants"]
+__all__ = ["MUST_CATCH", "Judgement", "Mutant", "judge", "mutants"]

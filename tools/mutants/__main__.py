@@ -17,7 +17,6 @@ def main() -> None:
     parser.add_argument("--cell", required=True)
     parser.add_argument("--against")
     parser.add_argument("--every", type=int, default=1)
-    parser.add_argument("--collisions", action="store_true")
     options = parser.parse_args()
     folder = options.program.parent
     stem = options.program.stem.lower()
@@ -27,9 +26,9 @@ def main() -> None:
     cell = load_cell(options.cell)
     request = ConvertRequest(str(options.against), options.cell)
     toolpath = read_toolpath(request, cell) if options.against else None
-    result = judge(files, cell, toolpath, options.every, collisions=options.collisions)
+    result = judge(files, cell, toolpath, options.every)
     print(f"{result.total} mutants, {result.caught.total()} caught")
-    for name, counts in (("caught by", result.caught), ("harmless", result.excused)):
+    for name, counts in (("caught by", result.caught), ("harmless:", result.harmless)):
         for what, count in counts.most_common():
             print(f"  {name} {what}: {count}")
     for mutant in result.missed:

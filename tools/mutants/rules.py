@@ -1,4 +1,4 @@
-"""The rules that make mutants of KRL text, and the reasons why some of them do no harm."""
+"""The rules that make mutants of KRL text."""
 
 from __future__ import annotations
 
@@ -167,37 +167,6 @@ def _kind(code: str) -> str:
     )
 
 
-HARMLESS: tuple[tuple[str, str], ...] = (
-    (r"lost: \$(IPO_MODE|ORI_TYPE|APO.CORI|VEL.ORI|CIRC_TYPE)", "the initialisation sets the same"),
-    (r"lost: \$ADVANCE", "the delivered controller plans as far ahead"),
-    (r"lost: \$APO.CPTP", "no motion is approximated by C_PTP"),
-    (r"lost: \$APO.CDIS", "corners are blended as before it, within the tolerance"),
-    (r"lost: \$BWDSTART", "the forward run does not heed it"),
-    (r"lost: SET_CD_PARAMS", "collision detection of the pad, not of the path"),
-    (r"lost: (EXT|DECL)", "declarations that nothing depends on"),
-    (
-        r"lost: (BAS\(#(TOOL|BASE)\)|[FPL]DAT_ACT|BAS\(#(PTP|CP)_PARAMS\))",
-        "selected again, or before",
-    ),
-    (r"lost: BAS\(#VEL_PTP\)", "joint motions as fast as before it, at most as the cell allows"),
-    (r"lost: \$VEL.CP|set: \\\$VEL\\.CP= \{0\}\*0.5", "a rapid is slower"),
-    (r"put in: \$ORI_TYPE=#CONSTANT|word: #VAR", "the tool does not turn where it is in force"),
-    (r"put in: \$ORI_TYPE=#JOINT|word: .*#VAR -> .*JOINT", "set again before a path motion"),
-    (
-        r"put in: (\$(CIRC_TYPE|IPO_MODE|TOOL|BASE|LOAD|APO.CDIS)|BAS\(#(TOOL|BASE|INITMOV),)"
-        r"|word: .*(CIRC_TYPE|IPO_MODE)|set: .*(CDIS|CORI)",
-        "set again before a motion heeds it",
-    ),
-    (r"put in: PP_SPINDLE_OFF", "nothing cuts behind it: the spindle is judged at every cut"),
-    (r"put in: (PTP_REL|LIN_REL)", "through the air, or in what is drilled, and back as checked"),
-    (r"put in: \$VEL.CP", "set again before a path motion"),
-    (r"moved: [ABC] of|moved: A\d of PTP|moved: E", "a turn about the tool axis, or in the air"),
-    (r"moved: [XYZ] of", "a point in the air, or within the tolerance"),
-    (r"lost: S?(PTP|LIN|CIRC)|swapped", "what is left makes the same cuts: a point in the air"),
-    (r"word: .* -> (PTP|LIN)|word: .*C_DIS", "another way through the air, checked as such"),
-    (r"lost: (FOLD|;)", "folds are for the pad"),
-)
-"""Rule, and why a mutant that verify lets pass does no harm: its motions were all judged."""
 MUST_CATCH = tuple(
     f"put in: {line}"
     for line in (
@@ -221,9 +190,3 @@ MUST_CATCH = tuple(
     )
 )
 """Rules of which every single mutant must be noticed, wherever it stands."""
-
-
-def harmless(mutant: Mutant) -> str:
-    """Return why a mutant that nobody notices does no harm, empty if nothing excuses it."""
-    found = (reason for rule, reason in HARMLESS if re.match(rule, mutant.rule))
-    return next(found, "")
