@@ -276,3 +276,15 @@ def test_a_hole_above_the_end_of_a_cut(convert):
         "CYCLE/DRILL,FEDTO,-5,MMPM,60,RAPTO,3,RTRCTO,20", "GOTO/20,0,0", "CYCLE/OFF", "SPINDL/OFF",
     )  # fmt: skip
     assert errors(job) == []
+
+
+@pytest.mark.parametrize("tolerance", [0.0003, 0.00043, 0.002])
+def test_a_tolerance_as_fine_as_the_digits_of_the_text(convert, tolerance):
+    """Corners of lines 2 mm long that 0.9 mm of blending would just be allowed to pass."""
+    aside = 0.995 * tolerance / 0.45
+    bends = [f"GOTO/{2 * k},{aside * (k % 2):.7f},0" for k in range(20)]
+    job = convert(
+        "RAPID", "GOTO/0,0,30,0,0,1", "FEDRAT/MMPM,600", *bends,
+        krl=f"[motion]\ncorner_tolerance_mm = {tolerance}\n",
+    )  # fmt: skip
+    assert errors(job) == []

@@ -20,6 +20,8 @@ from postproc.units import MM
 _LOWER = 0.25
 """What is left of a distance that was too long."""
 _ROUNDS = 4
+_DIGITS = 0.0002 * MM
+"""By so much the digits of a text may move how far a corner is passed."""
 COARSE = 2.0 * MM
 """Where point and orientation of a corner are not in step, what is not proven free on ways of this
 length is not free; the check of the text looks closer."""
@@ -57,6 +59,7 @@ def lowered_blends(
 
 def _tolerable(legs: _Legs, kept: FloatArray, at: IndexArray, tolerance: float) -> None:
     """Lower the distances at moves ``at`` (k,) until no corner is passed too far, in place."""
+    tolerance = max(tolerance - _DIGITS, 0.0)
     for _ in range(_ROUNDS):
         miss = legs.miss(at, kept[at])
         at, miss = at[miss > tolerance], miss[miss > tolerance]
