@@ -403,7 +403,7 @@ def test_hooks_may_have_other_names(tmp_path):
     rest = (*REST, "PP_SPINDLE_OFF()")
     assert kinds(check(cell, toolpath, FIRST, "Mill_Start(3000)", *rest)) == set()
     other = check(cell, toolpath, FIRST, "PP_SPINDLE_ON(3000)", *rest)
-    assert kinds(other) == {"event", "spindle"}
+    assert kinds(other) == {"event", "spindle", "unjudged"}
     left_on = check(cell, toolpath, FIRST, "Mill_Start(3000)", *REST)
     assert kinds(left_on) == {"event", "spindle"}
 
