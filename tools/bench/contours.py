@@ -89,6 +89,10 @@ def contour(shape: str, count: int, spacing: float, lean: float = 20.0) -> ToolP
         points = np.stack([r * np.cos(2 * np.pi * t), r * np.sin(2 * np.pi * t), 0 * t], axis=1)
         angle = np.full(count, np.radians(lean))
     tangent = np.gradient(points, axis=0)
+    if shape == "s":  # there and back on the same way, leaning to the same side of it
+        back = np.mod(t, 2.0) >= 1.0
+        tangent[back] *= -1.0
+        tangent[1:][back[1:] != back[:-1]] = tangent[:-1][back[1:] != back[:-1]]
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True) + 1e-12
     out = np.cross(tangent, [0.0, 0.0, 1.0])
     axes = np.cos(angle)[:, None] * [0.0, 0.0, 1.0] + np.sin(angle)[:, None] * out
