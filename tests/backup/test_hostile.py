@@ -82,6 +82,7 @@ def test_what_is_no_backup(tmp_path):
     assert code_of(tmp_path / "empty") == "BAK006"
 
 
+@pytest.mark.slow
 def test_two_hundred_mutated_archives(tmp_path):
     """A slice of ``python -m tools.controllers mutate``: each kind of damage many times."""
     whole = contents(names={("TOOL", 3): "Fräser"}, loads={3: (40.0, (1.0, 2.0, 3.0))})

@@ -48,6 +48,7 @@ def test_processes_give_the_bytes_of_one_process(batch, processes, work, snapsho
     assert batch("--quiet").err == ""
 
 
+@pytest.mark.slow
 def test_a_killed_batch_goes_on_to_the_same_folder(batch, work, snapshot):
     for number in range(6):
         (work / "parts" / f"p{number}.csv").write_text(HEADER + row(20 * number))

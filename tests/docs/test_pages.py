@@ -13,6 +13,8 @@ DOCS = ROOT / "docs"
 RUNNING = [page for page in PAGES if any(block.runs for block in blocks(page))]
 SLOW = {
     "docs/howto/rail.md",
+    "docs/howto/several-tools.md",
+    "docs/howto/spin.md",
     "docs/tutorials/ci.md",
     "docs/tutorials/integrator.md",
     "docs/tutorials/plugin.md",

@@ -90,6 +90,7 @@ def test_three_causes_at_once(campaign, kinematics, cell):
     assert set(diagnosis.adopted) - FRAMES == set(causes)
 
 
+@pytest.mark.slow
 def test_a_missing_column_is_said_and_nothing_else_blamed(campaign, kinematics, cell):
     rows, _ = campaign(45, {"backlash": 3e-4}, ("direction",), n=200)
     diagnosis = diagnose(pose_problem(rows, kinematics, cell))

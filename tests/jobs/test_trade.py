@@ -26,6 +26,7 @@ def converted(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_each_row_is_what_that_preset_alone_would_give(converted, capsys):
     rows = {row["preset"]: row for row in converted("--trade", capsys=capsys)["trade"]}
     assert tuple(rows) == PRESETS

@@ -52,6 +52,7 @@ def test_whatever_does_harm_is_noticed(emitted, style):
     assert result.caught.total() > 0.6 * result.total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", TABLE, ids=lambda row: row[0])
 def test_whatever_does_harm_is_noticed_in_every_kind_of_program(row):
     case, program, source, every, share = row
