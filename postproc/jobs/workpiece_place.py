@@ -1,4 +1,4 @@
-"""Where a workpiece can stand so that an arm reaches all of a CAM file, with room to spare."""
+"""Where a workpiece can stand so that an arm reaches all of a CAM file, with margin to spare."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def workpiece_place(
         toolpath: what was read.
         cell: robot, tool and limits.
         abc_deg: orientation of the CAM axes to keep; None: the tool stands upright, or points away
-            from the robot where that leaves more room.
+            from the robot where that leaves more margin.
 
     Raises:
         CellError: CEL016 if no place is found, or the arm has no closed-form inverse kinematics.
@@ -157,12 +157,12 @@ class _Job:
             np.broadcast_to(p, (_SPINS, n, h, 3)).reshape(-1, 3),
         )
         q, valid = self.kinematics.ik(T_robroot_base @ T @ inverse(tool.T_flange_tcp))
-        room = np.where(valid, self._room(np.nan_to_num(q)), -np.inf)
+        spare = np.where(valid, self._joint_margin(np.nan_to_num(q)), -np.inf)
         # one spin and one posture for the whole stroke of a tag
-        stroke = room.reshape(_SPINS, n, h, -1).min(axis=2)
+        stroke = spare.reshape(_SPINS, n, h, -1).min(axis=2)
         return float(stroke.max(axis=(0, 2)).min())
 
-    def _room(self, q: FloatArray) -> FloatArray:
+    def _joint_margin(self, q: FloatArray) -> FloatArray:
         """Return how far (m, 8) [rad] joints are from limits and the straight wrist."""
         robot, limits = self.cell.robot, self.cell.limits
         turned = q[..., None] + 2.0 * np.pi * np.arange(-1, 2)

@@ -57,9 +57,9 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
     grade[runs] = Grade.GOOD
-    room = np.where(np.isnan(result.clearance), np.inf, result.clearance) - cell.limits.clearance
-    grade[runs & ((least < NEAR) | (room < NEAR_BY))] = Grade.ACCEPTABLE
-    grade[runs & ((least < CLOSE) | (room < CLOSE_BY))] = Grade.CRITICAL
+    spare = np.where(np.isnan(result.clearance), np.inf, result.clearance) - cell.limits.clearance
+    grade[runs & ((least < NEAR) | (spare < NEAR_BY))] = Grade.ACCEPTABLE
+    grade[runs & ((least < CLOSE) | (spare < CLOSE_BY))] = Grade.CRITICAL
     return grade
 
 

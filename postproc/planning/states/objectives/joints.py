@@ -9,8 +9,8 @@ from postproc.kinematics import smallest_singular_value, wrist_distance
 from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
 from postproc.units import DEG
 
-ROOM = 10.0 * DEG
-"""Room [rad] to limits and straight wrist of which more is not better."""
+AMPLE = 10.0 * DEG
+"""Margin [rad] to limits and straight wrist of which more is not better."""
 WELL_CONDITIONED = 0.3
 """Smallest singular value of the Jacobian (metres per radian) that counts as far from singular."""
 
@@ -25,15 +25,15 @@ def limits(context: StateContext) -> FloatArray:
 
 @objective("margin")
 def margin(context: StateContext) -> FloatArray:
-    """Return the sum of (1 - room / ``ROOM``)^2 over limits and straight wrist within ``ROOM``.
+    """Return the sum of (1 - margin / ``AMPLE``)^2 over limits and straight wrist within ``AMPLE``.
 
-    Room counts beyond what the cell keeps anyway: 1 for standing at a limit that it allows.
+    The margin counts beyond what the cell keeps anyway: 1 for standing at a limit that it allows.
     """
     low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
     kept = context.cell.limits
-    room = np.minimum(context.q - low, high - context.q) - kept.joint_margin
+    free = np.minimum(context.q - low, high - context.q) - kept.joint_margin
     wrist = wrist_distance(context.kinematics, context.q) - kept.singularity
-    lack = np.maximum(1.0 - np.column_stack([room, wrist]) / ROOM, 0.0)
+    lack = np.maximum(1.0 - np.column_stack([free, wrist]) / AMPLE, 0.0)
     return np.asarray((lack**2).sum(axis=1))
 
 
