@@ -18,7 +18,7 @@ from postproc.cell import OpwGeometry, Robot, RobotSolids
 from postproc.collision.arm import Arm
 from postproc.collision.mesh import Mesh, joined, loft, ring
 from postproc.collision.outlines import upright_solids
-from postproc.geometry import inverse, transform
+from postproc.geometry import across, inverse, transform
 
 _SIDES = 24
 
@@ -171,10 +171,9 @@ def _prism(start: FloatArray, step: FloatArray, radius: float, is_last: bool) ->
     length = float(np.linalg.norm(step))
     over = 0.0 if is_last and length > 0.0 else radius
     z = step / length if length > 0.0 else np.array([0.0, 0.0, 1.0])
-    x = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    x /= np.linalg.norm(x)
+    x, y = across(z)
     wide, narrow = ring(radius, _SIDES), ring(0.5 * radius, _SIDES)
     body = loft(
         [narrow, wide, wide, narrow], [-radius, 0.0, max(length, 1e-6), length + over + 1e-6]
     )
-    return body.moved(transform(np.stack([x, np.cross(z, x), z], axis=1), start))
+    return body.moved(transform(np.stack([x, y, z], axis=1), start))

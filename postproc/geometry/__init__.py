@@ -11,6 +11,7 @@ from postproc.geometry.curves import (
 )
 from postproc.geometry.frames import (
     abc_from_rotation,
+    across,
     angle_between,
     apply,
     axis_angle,
@@ -35,6 +36,7 @@ __all__ = [
     "STEP_SWEEP",
     "Circles",
     "abc_from_rotation",
+    "across",
     "angle_about",
     "angle_between",
     "apply",

@@ -185,6 +185,18 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
     return np.asarray(np.arctan2(cross, np.einsum("...i,...i->...", u, v)))
 
 
+def across(axes: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return two unit vectors (..., 3) square to unit axes (..., 3) and to each other.
+
+    The first is square to the frame's own axis that the axis is farthest from, too; axis, first and
+    second are right-handed.
+    """
+    axis = np.asarray(axes, dtype=np.float64)
+    first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis), axis=-1)])
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return first, np.cross(axis, first)
+
+
 def orthonormalised(R_a_b: ArrayLike) -> FloatArray:
     """Return the nearest rotation (..., 3, 3): pose text of 6 decimals is not orthonormal."""
     u, _, vt = np.linalg.svd(np.asarray(R_a_b, dtype=np.float64))

@@ -24,7 +24,7 @@ from postproc.cell import (
 from postproc.collision import Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
-from postproc.geometry import inverse, kuka_from_transform, rotation_about, transform
+from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
 from postproc.toml import Location, TomlText, load_toml
@@ -213,9 +213,7 @@ def _turning(a: FloatArray, b: FloatArray) -> FloatArray:
     length = float(np.linalg.norm(cross))
     if length > 1e-9:
         return rotation_about(cross / length, np.arctan2(length, cosine))
-    across = np.eye(3)[int(np.argmin(np.abs(a)))]
-    axis = np.cross(a, across)
-    return rotation_about(axis / np.linalg.norm(axis), 0.0 if cosine > 0 else np.pi)
+    return rotation_about(across(a)[0], 0.0 if cosine > 0 else np.pi)
 
 
 def _home(context: _Context) -> Iterator[Finding]:

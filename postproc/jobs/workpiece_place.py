@@ -10,7 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell, require_numbers
 from postproc.errors import CellError, SourceRef
-from postproc.geometry import inverse, kuka_from_transform, transform, transform_from_kuka
+from postproc.geometry import across, inverse, kuka_from_transform, transform, transform_from_kuka
 from postproc.kinematics import Kinematics, build, wrist_distance
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import frames_across
@@ -144,10 +144,7 @@ class _Job:
         tool, spins = self.cell.tool, np.arange(_SPINS) * (2.0 * np.pi / _SPINS)
         points, axes, heights = self.points[part], self.axes[part], self.heights[part]
         n, h = heights.shape
-        side = np.eye(3)[np.argmin(np.abs(axes), axis=1)]
-        first = np.cross(axes, side)
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        second = np.cross(axes, first)
+        first, second = across(axes)
         turn = np.cos(spins)[:, None, None] * first + np.sin(spins)[:, None, None] * second
         direction = np.broadcast_to(-axes, turn.shape)
         R = frames_across(direction.reshape(-1, 3), turn.reshape(-1, 3), np.asarray(tool.axis))

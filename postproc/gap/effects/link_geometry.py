@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, register
+from postproc.geometry import across
 
 
 @register
@@ -40,17 +40,9 @@ class LinkGeometry(Effect):
         origins, axes, _ = samples.arm.link_constants()
         link = np.zeros((7, 6, 20))
         for k in range(1, 6):
-            for way, across in enumerate(_across(axes[k])):
+            for way, side in enumerate(across(axes[k])):
                 column = 2 * (k - 1) + way
-                link[k, 3:, column] = across
-                link[k, :3, 10 + column] = across
-                link[k, 3:, 10 + column] = np.cross(origins[k], across)
+                link[k, 3:, column] = side
+                link[k, :3, 10 + column] = side
+                link[k, 3:, 10 + column] = np.cross(origins[k], side)
         return Basis(link=np.broadcast_to(link, (len(samples), 7, 6, 20)))
-
-
-def _across(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return two unit vectors across an axis, along the frame's own axes where it can be."""
-    start = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    first = np.cross(axis, start)
-    first /= np.linalg.norm(first)
-    return first, np.cross(axis, first)
