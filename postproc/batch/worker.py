@@ -66,7 +66,6 @@ def died(job: Job) -> JobResult:
 
 
 def _convert(job: Job) -> JobResult:
-    import numpy as np
 
     from postproc.jobs.convert import convert
 
@@ -80,7 +79,7 @@ def _convert(job: Job) -> JobResult:
         files=dict(conversion.files),
         errors=errors,
         tags=len(conversion.toolpath),
-        cycle_time=float(np.round(np.nansum(conversion.plan.duration), 3)),
+        cycle_time=round(conversion.plan.cycle_time, 3),
     )
 
 

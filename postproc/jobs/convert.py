@@ -335,7 +335,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "stiffness": _stiffness(conversion),
         "trade": [outcome.to_dict() for outcome in conversion.trade],
         "compensation": _compensation(conversion),
-        "cycle_time_s": float(np.round(np.nansum(plan.duration), 3)),
+        "cycle_time_s": round(plan.cycle_time, 3),
         "warnings": [
             {
                 "line": finding.source.line if finding.source else None,

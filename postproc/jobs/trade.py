@@ -107,7 +107,7 @@ def _outcome(plan: Plan, cell: Cell, *, is_chosen: bool) -> Outcome:
         lost_mean,
         lost_max,
         float(stiffness.min()) if len(stiffness) else None,
-        float(np.nansum(plan.duration)),
+        plan.cycle_time,
         grade_counts(plan, cell),
         float(clearance.min()) if len(clearance) else None,
     )

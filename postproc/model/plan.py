@@ -227,6 +227,11 @@ class Plan:
         )
 
     @property
+    def cycle_time(self) -> float:
+        """Estimated time of all moves [s]."""
+        return float(np.nansum(self.duration))
+
+    @property
     def errors(self) -> tuple[Finding, ...]:
         """Findings that forbid a program."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)

@@ -99,7 +99,7 @@ def motion_sections(page: Page, columns: list[TagColumn], rows: str, spins: bool
 
 
 def _lead(plan: Plan, findings: Sequence[Finding], failing: dict[int, str]) -> list[str]:
-    tags, total = len(plan.toolpath), float(np.nansum(plan.duration))
+    tags, total = len(plan.toolpath), plan.cycle_time
     if failing:
         first = failing[min(failing)]
         return [f"No complete program: {len(failing)} of {tags} tags fail.", f"First: {first}"]
