@@ -97,7 +97,7 @@ def plan_diagnosis(
     model = RobotModel.of(kinematics, cell)
     q, side = _postures(model, cell, request, checks)
     report(1, 3, "ways between postures")
-    q, side, nodes, reads, blocked = _ways(q, side, kinematics, checks)
+    nodes, reads, blocked = _ways(q, side, kinematics, checks)
     passes = [-1, *range(len(request.loads))]
     posture = np.tile(reads[reads >= 0], len(passes))
     load = np.repeat(passes, np.count_nonzero(reads >= 0))
@@ -183,8 +183,8 @@ def _far_apart(q: FloatArray, count: int) -> IntArray:
 
 def _ways(
     q: FloatArray, side: FloatArray, kinematics: Kinematics, checks: drive.Checks
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, int]:
-    """Return the postures that have free ways, their sides, the way, its readings, the lost ones.
+) -> tuple[FloatArray, IntArray, int]:
+    """Return the way (m, 6), its readings (m,), and how many postures have no free way.
 
     The first postures are read again between the others, at even distances.
     """
@@ -197,7 +197,7 @@ def _ways(
     kept, nodes, way, _ = free_ways(np.array(stops), checks.are_free, np.zeros((0, 6)))
     label = [order[int(k) // 2] if int(k) % 2 else -1 for k in kept]
     reads = np.array([label[k - 1] if k > 0 else -1 for k in way], dtype=np.int32)
-    return q, side, nodes[np.abs(way) - 1], reads, len(q) - len(set(label) - {-1})
+    return nodes[np.abs(way) - 1], reads, len(q) - len(set(label) - {-1})
 
 
 def _samples(
