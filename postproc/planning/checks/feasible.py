@@ -140,7 +140,6 @@ class Checker:
     scene: Scene | None
     checked: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
-    _ways_out: FloatArray | None = field(default=None, init=False)
 
     def states(
         self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
@@ -157,9 +156,7 @@ class Checker:
         rows = np.nonzero(self.strokes.is_stroke[tags] & verdict.good)[0]
         if len(rows):
             self._stroke(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
-        if self._ways_out is None:
-            self._ways_out = self.problem.ways_out
-        rows = np.nonzero((self._ways_out[tags] > 0.0) & verdict.good)[0]
+        rows = np.nonzero((self.problem.ways_out[tags] > 0.0) & verdict.good)[0]
         if len(rows):
             self._way_out(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
         return verdict
@@ -174,13 +171,12 @@ class Checker:
         branch: IndexArray,
     ) -> None:
         """Check the way by which the tool backs off from the end of a cut, where it is in reach."""
-        assert self._ways_out is not None  # noqa: S101 - the caller has asked
-        problem, external = self.problem, self.problem.placement.external[tags]
-        T = [problem.placement.tcp(tags, attitude, up) for up in (0.0, self._ways_out[tags])]
-        top, reached = problem.solve(T[1], external, branch, q)
-        kept = np.flatnonzero(reached & problem.within(top) & problem.regular(top))
-        ends, touch = (external[kept], external[kept]), np.ones(len(kept), dtype=np.bool_)
-        lines = Lines(T[0][kept], T[1][kept], q[kept], top[kept], branch[kept], touch, ends)
+        placement = self.problem.placement
+        T_top, top, can_leave = self.problem.way_out(tags, attitude, branch, q)
+        kept = np.flatnonzero(can_leave)
+        T, external = placement.tcp(tags[kept], attitude[kept]), placement.external[tags[kept]]
+        touch = np.ones(len(kept), dtype=np.bool_)
+        lines = Lines(T, T_top[kept], q[kept], top[kept], branch[kept], touch, (external, external))
         part = self.lines(lines)[0]
         bad = part.reason == Reason.COLLISION
         verdict.collide(rows[kept[bad]], part.pair[bad])

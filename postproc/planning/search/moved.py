@@ -180,7 +180,7 @@ def failing(
     bad[moved[~verdict.good]] = True
     leaves = moved[checker.problem.ways_out[poses.tags[moved]] > 0.0]
     at = (poses.tags[leaves], poses.attitude[leaves], poses.branch[leaves], poses.q[leaves])
-    bad[leaves[~checker.problem.can_leave(*at)]] = True
+    bad[leaves[~checker.problem.way_out(*at)[2]]] = True
     spans = spans_of(between, poses)
     b = np.searchsorted(poses.tags, spans.last)
     changed = (free[b] | free[b - 1]) & ~(passed[b] & passed[b - 1])

@@ -133,7 +133,7 @@ def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *found])
     at, q = tags[states.tag_of(rows)], states.q[rows].astype(np.float64)
     branch = states.branch[rows].astype(np.int64)
-    return np.asarray(rows[~problem.can_leave(at, states.attitude_of(rows), branch, q)])
+    return np.asarray(rows[~problem.way_out(at, states.attitude_of(rows), branch, q)[2]])
 
 
 def best_of(states: States) -> FloatArray:

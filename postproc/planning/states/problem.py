@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,7 @@ Compliance = Callable[[FloatArray], FloatArray]
 _FULL_TURN = 2.0 * np.pi
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Problem:
     """Everything that candidates, checks and routes need; no state of its own.
 
@@ -44,19 +45,19 @@ class Problem:
         """Return the number of tags."""
         return len(self.toolpath)
 
-    @property
+    @cached_property
     def is_contact(self) -> BoolArray:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)
         return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
 
-    @property
+    @cached_property
     def lifts(self) -> FloatArray:
         """(n,) [m] by how much the tool backs off from a tag before any motion but a cut."""
         inside = in_material(self.toolpath, self.cell)
         return np.where(inside, back_off(self.cell), 0.0)
 
-    @property
+    @cached_property
     def ways_out(self) -> FloatArray:
         """(n,) [m] the same where neither a cut nor a straight rapid follows, else 0."""
         kind = np.asarray(self.toolpath.kind)
@@ -70,10 +71,12 @@ class Problem:
         axis = T_base_tcp[:, :3, :3] @ self.placement.tool_axis
         return angle_between(axis, self.placement.axis_base(tags))
 
-    def can_leave(
+    def way_out(
         self, tags: IndexArray, attitude: FloatArray, branch: IndexArray, q: FloatArray
-    ) -> BoolArray:
-        """Return whether the tool can back off from tags (m,): reach, limits, singularity.
+    ) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return where the tool stands when it has backed off by ``ways_out`` from tags (m,).
+
+        T_base_tcp (m, 4, 4), joints (m, 6) [rad], and whether it can: reach, limits, singularity.
 
         Args:
             tags: (m,).
@@ -83,7 +86,7 @@ class Problem:
         """
         T = self.placement.tcp(tags, attitude, self.ways_out[tags])
         top, reached = self.solve(T, self.placement.external[tags], branch, q)
-        return np.asarray(reached & self.within(top) & self.regular(top))
+        return T, top, np.asarray(reached & self.within(top) & self.regular(top))
 
     def solve(
         self,
