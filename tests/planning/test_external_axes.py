@@ -15,7 +15,7 @@ from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
-from postproc.planning.search.external_axes import position_grid
+from postproc.planning.search.positions import position_grid
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
