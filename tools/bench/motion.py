@@ -101,6 +101,18 @@ class Brute:
         return bool(self._check(q).any())
 
 
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A cell to judge motions in; ``free`` (f, 6 + e): configurations without a collision."""
+
+    rng: np.random.Generator
+    arm: Kinematics
+    tool: FloatArray
+    scene: Scene
+    brute: Brute
+    free: FloatArray
+
+
 def dense(q: FloatArray) -> FloatArray:
     """Return a polyline of configurations with no point moving more than ``STEP`` in between."""
     parts = [q[:1]]
@@ -134,29 +146,20 @@ def is_refused(scene: Scene, arm: Kinematics, corners: Corners) -> bool:
     return bool(bound.lost.any() or scene.kept(0.3e-3).check_corners(bound, None, 0.2e-3).hit.any())
 
 
-def joint_moves(
-    rng: np.random.Generator, scene: Scene, brute: Brute, free: FloatArray, count: int, tally: Tally
-) -> None:
-    """Judge joint motions between free configurations (f, 6 + e)."""
+def joint_moves(case: Case, count: int, tally: Tally) -> None:
+    """Judge joint motions between free configurations."""
+    rng, free = case.rng, case.free
     a, b = free[rng.integers(len(free), size=(2, count))]
     b = a + rng.uniform(0.05, 0.6, (count, 1)) * (b - a)
-    verdict = scene.kept(0.3e-3).check_paths(a, b, resolution=0.2e-3)
+    verdict = case.scene.kept(0.3e-3).check_paths(a, b, resolution=0.2e-3)
     for row in range(count):
         way = dense(np.stack([a[row], b[row]]))
-        tally.add(brute, way, f"motion {row}", refused=bool(verdict.hit[row]))
+        tally.add(case.brute, way, f"motion {row}", refused=bool(verdict.hit[row]))
 
 
-def joint_corners(
-    rng: np.random.Generator,
-    arm: Kinematics,
-    tool: FloatArray,
-    scene: Scene,
-    brute: Brute,
-    free: FloatArray,
-    count: int,
-    tally: Tally,
-) -> None:
+def joint_corners(case: Case, count: int, tally: Tally) -> None:
     """Judge corners between joint motions."""
+    rng, arm, tool, free = case.rng, case.arm, case.tool, case.free
     k = free.shape[1] - 6
     for row in range(count):
         far_a, corner, far_b = free[rng.integers(len(free), size=3)]
@@ -171,23 +174,15 @@ def joint_corners(
         corners = Corners(
             q3[None, :, :6], T[None], np.zeros((1, 2), bool), tool, q3[None, :, 6:].reshape(1, 3, k)
         )
-        refused = is_refused(scene, arm, corners)
+        refused = is_refused(case.scene, arm, corners)
         ways = [dense(bezier(controls(rng, *q3), 25)) for _ in range(3)]
         way = np.concatenate([*ways, dense(q3)])
-        tally.add(brute, way, f"corner {row}, {distance / MM:.1f} mm", refused=refused)
+        tally.add(case.brute, way, f"corner {row}, {distance / MM:.1f} mm", refused=refused)
 
 
-def path_corners(
-    rng: np.random.Generator,
-    arm: Kinematics,
-    tool: FloatArray,
-    scene: Scene,
-    brute: Brute,
-    free: FloatArray,
-    count: int,
-    tally: Tally,
-) -> None:
+def path_corners(case: Case, count: int, tally: Tally) -> None:
     """Judge corners between path motions, and the motions up to them."""
+    rng, arm, tool, free = case.rng, case.arm, case.tool, case.free
     for row in range(count):
         corner = free[rng.integers(len(free))]
         T_corner = arm.fk(corner[:6]) @ tool
@@ -203,14 +198,14 @@ def path_corners(
             continue
         external = np.repeat(corner[None, None, 6:], 3, axis=1)
         corners = Corners(q[None], T[None], np.ones((1, 2), bool), tool, external)
-        refused = is_refused(scene, arm, corners)
+        refused = is_refused(case.scene, arm, corners)
         ways = [
             _near(arm, _along(rng, T) @ inverse(tool), corner) for _ in range(40 if refused else 4)
         ]
         if all(valid for _, valid in ways):
             way = [np.hstack([q, np.repeat(corner[None, 6:], len(q), axis=0)]) for q, _ in ways]
             where = f"corner {row}, {distance / MM:.1f} mm"
-            tally.add(brute, np.concatenate([dense(q) for q in way]), where, refused=refused)
+            tally.add(case.brute, np.concatenate([dense(q) for q in way]), where, refused=refused)
 
 
 def _along(rng: np.random.Generator, T: FloatArray) -> FloatArray:
@@ -235,7 +230,6 @@ def judged(cells: int, moves: int, seed: int) -> dict[str, Tally]:
         cell = random_cell(rng, number % 3 == 2)
         arm = build(cell.robot)
         scene = Scene.build(cell, arm)
-        brute, tool = Brute(scene, arm, 1e-3), np.asarray(cell.tool.T_flange_tcp)
         low = np.array([-2.0, -2.2, -1.0, -2.5, -1.8, -3.0])
         high = np.array([2.0, -0.4, 2.2, 2.5, 1.8, 3.0])
         q = rng.uniform(low, high, (4000, 6))
@@ -244,10 +238,11 @@ def judged(cells: int, moves: int, seed: int) -> dict[str, Tally]:
         free = q[~scene.kept(2e-3).check(q).hit]
         if len(free) < 10:
             continue
-        joint_moves(rng, scene, brute, free, moves // 2, tallies["joint"])
-        args = (rng, arm, tool, scene, brute, free, moves // 4)
-        joint_corners(*args, tallies["joint corner"])
-        path_corners(*args, tallies["path corner"])
+        tool = np.asarray(cell.tool.T_flange_tcp)
+        case = Case(rng, arm, tool, scene, Brute(scene, arm, 1e-3), free)
+        joint_moves(case, moves // 2, tallies["joint"])
+        joint_corners(case, moves // 4, tallies["joint corner"])
+        path_corners(case, moves // 4, tallies["path corner"])
     return tallies
 
 
