@@ -228,7 +228,7 @@ class Plan:
 
     @property
     def cycle_time(self) -> float:
-        """Estimated time of all moves [s]."""
+        """Estimated time of all moves [s], waits left out."""
         return float(np.nansum(self.duration))
 
     @property
