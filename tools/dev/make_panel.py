@@ -16,6 +16,7 @@ CASE = Path(__file__).resolve().parents[2] / "fixtures" / "drilling_panel"
 RADIUS = 1800.0  # mm, curvature of the skin about the CAM x axis
 WIDTH, HEIGHT, THICKNESS = 1400.0, 900.0, 4.0
 ROWS, COLUMNS = 12, 20
+SPINDLE_Z, DRILL_TIP, DRILL_LENGTH = 362.0, 307.0, 77.0  # mm, in the flange
 
 
 def surface(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -83,30 +84,35 @@ def fixture() -> trimesh.Trimesh:
     )
 
 
+def across(start: float, end: float, radius: float, sections: int) -> trimesh.Trimesh:
+    """A cylinder along the axis of the spindle, flange x, from start to end [mm]."""
+    place = trimesh.transformations.translation_matrix(((start + end) / 2, 0, SPINDLE_Z))
+    place = place @ trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
+    return trimesh.creation.cylinder(radius, end - start, sections=sections, transform=place)
+
+
 def spindle() -> trimesh.Trimesh:
-    """The angle head: a mount on the flange and the spindle body across it, axis along flange x."""
+    """The angle head: a mount on the flange, the spindle across it, a collet in front.
+
+    The spindle reaches as far past the flange as the wrist of a large arm is wide: with less, the
+    wrist and not the drill would meet the skin first.
+    """
     mount = trimesh.creation.box(
         (160.0, 160.0, 280.0), trimesh.transformations.translation_matrix((0, 0, 145.0))
     )
-    across = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
-    body = trimesh.creation.cylinder(
-        75.0,
-        300.0,
-        sections=32,
-        transform=trimesh.transformations.translation_matrix((-120.0, 0, 362.0)) @ across,
+    collet = DRILL_TIP - DRILL_LENGTH
+    return trimesh.util.concatenate(
+        [
+            mount,
+            across(-180.0, collet - 60.0, 75.0, 32),
+            across(collet - 60.0, collet, 35.0, 32),
+        ]
     )
-    return trimesh.util.concatenate([mount, body])
 
 
 def drill() -> trimesh.Trimesh:
-    """Collet nut and drill: the part that may touch the work."""
-    across = trimesh.transformations.rotation_matrix(np.pi / 2, (0, 1, 0))
-    return trimesh.creation.cylinder(
-        2.4,
-        77.0,
-        sections=16,
-        transform=trimesh.transformations.translation_matrix((68.5, 0, 362.0)) @ across,
-    )
+    """The drill in front of the collet: the part that may touch the work."""
+    return across(DRILL_TIP - DRILL_LENGTH, DRILL_TIP, 2.4, 16)
 
 
 def main() -> None:
