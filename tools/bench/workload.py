@@ -27,6 +27,7 @@ axis = "+z"
 [limits]
 joint_margin_deg = 0
 singularity_deg = 0
+clearance_mm = 0
 [optimize]
 objective = {{ travel = 1.0 }}
 turns = {turns}
