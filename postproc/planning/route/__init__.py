@@ -1,7 +1,7 @@
 """The ways between the tags: connections, detours, cuts, strokes and their speeds."""
 
 from postproc.planning.route.drill import step_rows
-from postproc.planning.route.route import Route, route
+from postproc.planning.route.route import Route, has_ways, route
 from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
 
 __all__ = [
@@ -9,6 +9,7 @@ __all__ = [
     "Route",
     "Travel",
     "cell_at",
+    "has_ways",
     "route",
     "step_rows",
     "travel_between",

@@ -62,11 +62,15 @@ class Detour:
 
 
 def detours(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
+    checker: Checker,
+    ends: Ends,
+    attitude: FloatArray,
+    branch: IndexArray,
+    give_up: int = GIVE_UP,
 ) -> dict[int, Detour]:
     """Return free ways round for connections (m,) by row; rows without one are missing.
 
-    Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
+    Of those the first ``give_up`` were searched for by trees, the others were not.
     """
     ways: dict[int, Detour] = {}
     for height in (0.0, *BACK_OFF):
@@ -81,7 +85,8 @@ def detours(
         return ways
     q, is_out = backed_off(checker, ends, attitude, branch)
     out = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
-    for row, points in _by_trees(checker, out, rows[is_out[rows] | ~(ends.lift[rows] > 0)]).items():
+    rows = rows[is_out[rows] | ~(ends.lift[rows] > 0)]
+    for row, points in _by_trees(checker, out, rows, give_up).items():
         first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)
@@ -97,7 +102,9 @@ def backed_off(
     return q, is_free & (ends.lift > 0.0)
 
 
-def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:
+def _by_trees(
+    checker: Checker, ends: Ends, rows: IndexArray, give_up: int = GIVE_UP
+) -> dict[int, FloatArray]:
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
 
     What is in the way of one connection is mostly in the way of many: the points of every way found
@@ -105,7 +112,7 @@ def _by_trees(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, Float
     """
     ways: dict[int, FloatArray] = {}
     failures = 0
-    while len(rows) and failures < GIVE_UP:
+    while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
         rounds = ROUNDS if failures < _HOPELESS else _FEW
         place = ends.external[row]

@@ -61,7 +61,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
     parts += _free_tags(problem, chosen)
     parts += _first_and_last(checker, chosen, arrives, findings, goes_on=goes_on)
     table = in_order(parts)
-    ends, arriving = _connections(problem, checker, chosen, table, arrives, leaves)
+    ends, arriving = _connections(checker, chosen, table, arrives, leaves)
     as_line, blocked = _decide(checker, chosen, ends, findings)
     rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
@@ -162,7 +162,6 @@ def _poses(problem: Problem, q: FloatArray, external: FloatArray) -> FloatArray:
 
 
 def _connections(
-    problem: Problem,
     checker: Checker,
     chosen: Chosen,
     table: Moves,
@@ -170,15 +169,30 @@ def _connections(
     leaves: FloatArray,
 ) -> tuple[Ends, IndexArray]:
     """Return the ends of all joint moves but the first, and their rows in the table."""
-    good = np.nonzero(chosen.good)[0]
     arriving = np.nonzero((table.kind == MoveKind.PTP) & (table.order == ARRIVE))[0]
-    arriving = arriving[table.tag[arriving] > good.min(initial=len(chosen.good))]
-    to = table.tag[arriving]
+    first = np.flatnonzero(chosen.good).min(initial=len(chosen.good))
+    arriving = arriving[table.tag[arriving] > first]
+    return _ends_into(checker, chosen, table.tag[arriving], arrives, leaves), arriving
+
+
+def _ends_into(
+    checker: Checker, chosen: Chosen, to: IndexArray, arrives: FloatArray, leaves: FloatArray
+) -> Ends:
+    """Return the ends of the connections into tags (m,) from the ones run before them."""
+    good = np.flatnonzero(chosen.good)
     before = good[np.searchsorted(good, to) - 1]
     top = checker.strokes.top
-    heights, lift = (top[before], top[to]), problem.lifts[before]
-    external = problem.placement.external[to]
-    return Ends(before, to, *heights, leaves[before], arrives[to], external, lift), arriving
+    heights, lift = (top[before], top[to]), checker.problem.lifts[before]
+    external = checker.problem.placement.external[to]
+    return Ends(before, to, *heights, leaves[before], arrives[to], external, lift)
+
+
+def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
+    """Return whether free ways are found into all of some tags (m,); looks no further than that."""
+    ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen))
+    free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
+    rows = np.flatnonzero(~free)
+    return len(detours(checker, ends.rows(rows), chosen.attitude, chosen.branch, 1)) == len(rows)
 
 
 def _decide(

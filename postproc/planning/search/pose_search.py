@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -168,6 +168,17 @@ class PoseSearch:
         )
         beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 3)
         self.ladder.take_over(known, moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))
+
+    def keep_arm(self) -> None:
+        """Let the arm change shoulder or elbow between tags only where nothing else can be run."""
+        self.wish = replace(self.wish, steady=True)
+        known = self.ladder
+        parts = ladder_of(self.checker.problem, self.between, self.tags, self.states, self.wish)
+        self.ladder, self.weight, self.share = parts
+        self.ladder.cost[self.out] = np.inf
+        self.ladder.may_join = known.may_join
+        same = np.append(np.arange(len(self.states.q)), NONE)
+        self.ladder.take_over(known, same, np.arange(len(self.tags)))
 
     @property
     def base_stride(self) -> int:

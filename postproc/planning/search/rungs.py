@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.model import MotionKind
 from postproc.planning.search.between import Interpolation
@@ -14,6 +14,7 @@ from postproc.planning.search.bridges import Bridges
 from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
+    Chosen,
     Ladder,
     Problem,
     Rule,
@@ -47,6 +48,11 @@ STEADY_TURN = 45.0 * DEG
 longer one; a faster turn is looked for only where there is no way without."""
 HOME_SHARE = 0.05
 """Share of the price of travel that counts from home and back: one move, and a long one."""
+CHANGE = 1e5
+"""Cost of another shoulder or elbow at the next tag where a search keeps the arm steady: more than
+all that such changes could gain."""
+_ARMS = 4
+"""The lower bits of a branch, shoulder and elbow; the third is the wrist's."""
 _AT_ONCE = 200_000
 """States that are priced together, so that memory stays bounded."""
 FINE = 2
@@ -60,13 +66,15 @@ class Wish:
     ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
     travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
     stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
-    configuration, cuts or not; None: cuts do.
+    configuration, cuts or not; None: cuts do. ``steady``: another shoulder or elbow from tag to tag
+    costs ``CHANGE``.
     """
 
     each: bool = False
     cut_travel: float = CUT_TRAVEL
     least: FloatArray | None = None
     stretch: IndexArray | None = None
+    steady: bool = False
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -157,13 +165,32 @@ def ladder_of(
         travel = np.where(rule == Rule.CHAIN, wish.cut_travel, TIE_TRAVEL)
     weight, share = _scales(between, tags, travel)
     cost = states.cost * np.repeat(share, np.diff(states.offsets))
+    position = states.q
+    if wish.steady:  # two more coordinates, equal for the same arm
+        apart = np.sqrt(CHANGE / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
+        position = np.hstack([position, apart * _arm(states.branch)], dtype=np.float32)
     home = problem.cell.motion.home
-    if home is not None and len(tags) and not wish.each:
+    if home is not None and len(tags):
         price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
+        arm = _arm(problem.kinematics.branches.slot(home))
         for rung in (0, len(tags) - 1):
             at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
-            cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
-    return Ladder(states.offsets, states.q, cost, states.branch, rule, weight), weight, share
+            if not wish.each:
+                cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
+            if wish.steady:
+                cost[at] += CHANGE * (_arm(states.branch[at]) != arm).sum(axis=1)
+    return Ladder(states.offsets, position, cost, states.branch, rule, weight), weight, share
+
+
+def _arm(branch: AnyIntArray) -> BoolArray:
+    """Return whether shoulder and elbow (..., 2) of branches (...,) are those of the bits."""
+    return np.asarray(np.stack([branch & 1, branch & 2], axis=-1) != 0)
+
+
+def changes_of_arm(chosen: Chosen) -> IndexArray:
+    """Return the tags (m,) at which shoulder or elbow are not those of the tag run before."""
+    good = np.flatnonzero(chosen.good)
+    return np.asarray(good[1:][np.diff(chosen.branch[good] % _ARMS) != 0])
 
 
 def bridges_of(

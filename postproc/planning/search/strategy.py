@@ -20,6 +20,7 @@ from postproc.arrays import BoolArray
 from postproc.cell import Strategy
 from postproc.errors import Finding
 from postproc.planning.checks import Checker, explained, gave_up
+from postproc.planning.route import has_ways
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.free_path import Found
 from postproc.planning.search.growth import Growth
@@ -27,7 +28,7 @@ from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
 from postproc.planning.search.loss import DEFAULT_BOUND, LossBound, best_index, loss_of, loss_report
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.search.rungs import TIE_TRAVEL, Wish, best_of
+from postproc.planning.search.rungs import TIE_TRAVEL, Wish, best_of, changes_of_arm
 from postproc.planning.states import Chosen
 
 Step = Callable[[int, int, str], None]
@@ -76,7 +77,11 @@ def _wish(checker: Checker, bound: LossBound | None) -> Wish:
 
 
 def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]:
-    """Search, and look closer until all that fails is refuted."""
+    """Search, and look closer until all that fails is refuted.
+
+    Where no free way is found by which the arm changes shoulder or elbow as the best sequence asks
+    for, another is looked for that changes them only where it must.
+    """
     n = len(search.checker.problem)
     found = search.run()
     while True:
@@ -84,10 +89,15 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
             found = search.run()
             continue
         tags, stride = growth.next(search, found)
-        if not len(tags):
-            return found, search.chosen(found)
-        step(min(len(search.tags), n - 1), n, "search")
-        search.grow(tags, stride)
+        if len(tags):
+            step(min(len(search.tags), n - 1), n, "search")
+            search.grow(tags, stride)
+        else:
+            chosen = search.chosen(found)
+            changes = changes_of_arm(chosen)
+            if search.wish.steady or has_ways(search.checker, chosen, changes):
+                return found, chosen
+            search.keep_arm()
         found = search.run()
 
 
