@@ -69,7 +69,7 @@ def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
 
     Poses out of reach repeat the pose before.
     """
-    row, share, q, _ = paths.in_order()
+    row, share, q, *_ = paths.in_order()
     q = forward_filled(q)
     timeline = Timeline.of(paths, cell)
     tool = paths.station.tool[row]
@@ -102,7 +102,7 @@ class Timeline:
         stop = np.r_[number[1:] != number[:-1], True][:m]
         pause = np.where(stop, 4.0 * WINDOW, 0.0)
         start = np.cumsum(needed + pause) - needed - pause
-        row, share, q, _ = paths.in_order()
+        row, share, q, *_ = paths.in_order()
         q = forward_filled(q)
         ends = np.flatnonzero(share == 1.0)
         time = np.concatenate([start[row] + share * needed[row], start + needed + pause])

@@ -39,13 +39,15 @@ _LEAP = 20.0 * DEG
 class Poses(NamedTuple):
     """Sampled poses of a run in order of time, k of them.
 
-    row (k,) motion; share (k,) of it, 1 at its end; q (k, 6) [rad]; point (k, 3) TCP in the part.
+    row (k,) motion; share (k,) of it, 1 at its end; q (k, 6) [rad]; point (k, 3) TCP [m] and
+    axis (k, 3) tool axis, both in the part.
     """
 
     row: AnyIntArray
     share: FloatArray
     q: FloatArray
     point: FloatArray
+    axis: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,7 @@ class Paths:
             np.concatenate([self.share, np.ones(len(ptp))])[order],
             np.concatenate([self.q_sample, self.q[ptp]])[order],
             np.concatenate([self.point, self.end_point[ptp]])[order],
+            np.concatenate([self.axis, self.end_axis[ptp]])[order],
         )
 
     def points_at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:

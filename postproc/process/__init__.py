@@ -13,7 +13,15 @@ from postproc.process.coolant import COOLANTS, coolant_mode
 from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
-from postproc.process.material import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
+from postproc.process.material import (
+    ALONG_AXIS,
+    MACHINING_SPEED,
+    back_off,
+    in_material,
+    machining_speeds,
+    on_the_way_out,
+    rapid_speeds,
+)
 from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
@@ -69,10 +77,13 @@ __all__ = [
     "in_material",
     "load_cases",
     "machining_findings",
+    "machining_speeds",
     "may_stand",
+    "on_the_way_out",
     "operation_loads",
     "peck_count",
     "pecks",
+    "rapid_speeds",
     "refusals",
     "reordered",
     "repeats",

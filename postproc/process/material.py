@@ -1,24 +1,35 @@
-"""Where a tool stands in material, and how it gets out before it moves in rapid.
+"""Where a tool stands in material, what it may touch there, and how it gets out.
 
 A cut ends in material. From there the tool goes on cutting, or straight where the CAM file says
 RAPID; before any other motion it backs off along its axis.
+
+The cutting solid may touch the workpiece on motions that cut, and on the straight way along the
+tool axis out of the end of the last cut, and back in by it: what the cutter takes up there it, or
+what carries it, has taken up before. Nowhere else, and nothing but the cutting solid.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.model import MotionKind, ToolPath
 from postproc.process.repeats import repeats
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
 ALONG_AXIS = float(np.cos(2.0 * DEG))
 """Cosine to the tool axis from which on a motion is one along it."""
 
 MACHINING_SPEED = 0.25
 """Up to this path speed [m/s] a motion counts as machining where no CAM file tells."""
+
+_AS_RAPID = 0.01
+"""A motion whose speed differs from that of straight rapids by less than this share is one."""
+_BESIDE = 0.05 * MM
+"""A tool tip this near [m] to the way out of a cut is on it."""
+_LEANING = 0.05 * DEG
+"""A tool axis that leans by no more than this [rad] against that of the cut is along it."""
 
 
 def back_off(cell: Cell) -> float:
@@ -41,3 +52,37 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     ends &= ~(out & (length >= back_off(cell)) & (kind == MotionKind.LINEAR))
     first = np.maximum.accumulate(np.where(repeats(toolpath), 0, np.arange(len(kind))))
     return np.asarray(ends[first])
+
+
+def rapid_speeds(speed: FloatArray, cell: Cell) -> BoolArray:
+    """Return which path speeds (n,) [m/s] are that of straight rapids."""
+    rapid = cell.motion.rapid_speed
+    return np.asarray(np.abs(speed - rapid) <= _AS_RAPID * rapid)
+
+
+def machining_speeds(speed: FloatArray, cell: Cell) -> BoolArray:
+    """Return which path speeds (n,) [m/s] mean a cut where no CAM file tells what cuts."""
+    return np.asarray((speed <= MACHINING_SPEED) & ~rapid_speeds(speed, cell))
+
+
+def on_the_way_out(
+    cut: FloatArray, cut_axis: FloatArray, point: FloatArray, axis: FloatArray, slack: float = 0.0
+) -> BoolArray:
+    """Return which tools (n,) stand on the way out of a cut: the cutting solid may touch there.
+
+    On a straight motion between two such poses it may touch all along.
+
+    Args:
+        cut: (n, 3) [m] where the cut has ended, NaN without one.
+        cut_axis: (n, 3) tool axis there, unit, into the part.
+        point: (n, 3) [m] of the tool tip, in the same axes.
+        axis: (n, 3) of the tool.
+        slack: how far [m] the points may be off what they stand for.
+    """
+    off = point - cut
+    height = -np.einsum("ni,ni->n", off, cut_axis)
+    beside = np.linalg.norm(off + height[:, None] * cut_axis, axis=1)
+    along = np.linalg.norm(np.cross(axis, cut_axis), axis=1) <= np.sin(_LEANING)
+    along &= np.einsum("ni,ni->n", axis, cut_axis) > 0.0
+    near = _BESIDE + slack
+    return np.asarray(along & (beside <= near) & (height >= -near))

@@ -10,7 +10,6 @@ from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
 from postproc.paths import SLOWEST, Paths, speed_shares
-from postproc.process import MACHINING_SPEED
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
@@ -133,13 +132,13 @@ def _overhead(result: Result, distance: FloatArray, motion: AnyIntArray) -> None
 # -------------------------------------------------------------------------------------- speeds
 
 
-def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
+def check_speeds(result: Result, cell: Cell, is_cut: BoolArray) -> None:
     """Check the axis speeds that the programmed path speed needs.
 
     Args:
         result: collects.
         cell: speed limits of the axes.
-        is_cut: (m,) motions that cut; None: those of machining speed.
+        is_cut: (m,) motions that cut.
     """
     paths, trace = result.paths, result.paths.trace
     if not len(paths.row):
@@ -160,8 +159,7 @@ def check_speeds(result: Result, cell: Cell, is_cut: BoolArray | None) -> None:
             row = int(ratio[:, axis].argmax())
             share = float(ratio[row, axis] / PERCENT)
             result.measure(f"speed_{name}", share, "%", int(paths.row[row]), name)
-    counts = is_cut if is_cut is not None else trace.column("speed") <= MACHINING_SPEED
-    counts = counts[paths.row]
+    counts = is_cut[paths.row]
     _too_fast(result, ratio, counts, Severity.ERROR, names)
     _too_fast(result, ratio, ~counts, Severity.WARNING, names)
 

@@ -5,27 +5,25 @@ Nothing is missed between two poses, whether joints move, external axes or both.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.errors import RunKind
 from postproc.kinematics import Corners, Kinematics
+from postproc.process import ALONG_AXIS, on_the_way_out
 from postproc.verification.corners import check_corner_collisions
 from postproc.verification.report import Result
 
 _LISTED = 20
-_ON_TOP = 1e-6
-"""So near [m] to the height where the feed starts a motion is not in the hole."""
 
 
 def check_collisions(
     result: Result,
     cell: Cell,
     kinematics: Kinematics,
-    contact: Contact | None,
+    is_cut: BoolArray,
+    slack: float,
     corners: Corners,
     at: AnyIntArray,
 ) -> bool:
@@ -35,8 +33,8 @@ def check_collisions(
         result: joint paths; collects the findings.
         cell: its solids.
         kinematics: of its robot.
-        contact: where cutting solids may touch the workpiece; None: on all path motions, as no
-            CAM file tells.
+        is_cut: (m,) motions that cut.
+        slack: how far [m] commanded points may be off the real ones.
         corners: approximated corners, at the ends of motions ``at`` (c,).
         at: (c,) motions.
     """
@@ -45,17 +43,14 @@ def check_collisions(
     from postproc.collision import Scene
 
     paths = result.paths
-    motion, share, q, point = paths.in_order()
+    motion, share, q, point, axis = paths.in_order()
     external = paths.curves.external_at(motion, share, paths.external)
     known = np.isfinite(q).all(axis=1)
-    motion, point, q = motion[known], point[known], np.hstack([q, external])[known]
+    pose = np.hstack([point, axis])[known]
+    motion, q = motion[known], np.hstack([q, external])[known]
     if len(q) < 2:
         return True
-    is_cp = paths.trace.is_cp
-    touch = is_cp if contact is None else contact.motions(is_cp)
-    steps = touch[motion[1:]]
-    if contact is not None:
-        steps = contact.steps(steps, motion[1:], point[:-1], point[1:])
+    steps = _touching(result, is_cut, motion, pose, slack)
     reported = _Reported(result)
     frames = np.stack([paths.station.tool, paths.station.base], axis=1)
     for pair in np.unique(frames[motion[1:]], axis=0):
@@ -68,44 +63,37 @@ def check_collisions(
         corner = np.flatnonzero(own[at] & own[at + 1])
         if len(corner):
             here = corners.rows(corner)
-            check_corner_collisions(result, scene, kinematics, here, at[corner], touch)
+            check_corner_collisions(result, scene, kinematics, here, at[corner], is_cut)
     return True
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """Where cutting solids may touch the workpiece: in cuts, and in holes up to the feed's start.
+def _touching(
+    result: Result, is_cut: BoolArray, motion: AnyIntArray, pose: FloatArray, slack: float
+) -> BoolArray:
+    """Return the steps (s,) on which cutting solids may touch the workpiece.
 
-    ``is_cut`` (m,): motions that cut; ``strokes`` (m, 7): as ``cam.Comparison``.
+    Args:
+        result: the run.
+        is_cut: (m,) motions that cut.
+        motion: (s + 1,) of each sampled pose; a step goes to a pose from the one before.
+        pose: (s + 1, 6) tool tip [m] and tool axis in the part.
+        slack: how far [m] commanded points may be off the real ones.
     """
-
-    is_cut: BoolArray
-    strokes: FloatArray
-
-    def motions(self, is_cp: BoolArray) -> BoolArray:
-        """Return the motions (m,) on which there may be contact somewhere.
-
-        On the way out of a cut the tool still stands in the part.
-        """
-        behind = np.r_[False, self.is_cut[:-1]] & is_cp
-        return np.asarray(self.is_cut | behind | np.isfinite(self.strokes[:, 0]))
-
-    def steps(
-        self, touch: BoolArray, motion: AnyIntArray, start: FloatArray, end: FloatArray
-    ) -> BoolArray:
-        """Return the steps (s,) with contact: along a hole only those that begin or end in it.
-
-        Args:
-            touch: (s,) steps of motions with contact.
-            motion: (s,) the motion of each.
-            start: (s, 3) [m] TCP in the part.
-            end: (s, 3) [m].
-        """
-        stroke = self.strokes[motion]
-        axis, top, clear = stroke[:, :3], stroke[:, 3:6], stroke[:, 6]
-        low = np.maximum(*(np.einsum("si,si->s", p - top, axis) for p in (start, end)))
-        above = np.isfinite(clear) & ~(low > -clear + _ON_TOP)
-        return np.asarray(touch & ~above)
+    paths = result.paths
+    end = np.hstack([paths.end_point, paths.end_axis])
+    way = np.diff(end[:, :3], axis=0, prepend=np.nan)
+    is_out = np.einsum("mi,mi->m", way, end[:, 3:]) <= -ALONG_AXIS * np.linalg.norm(way, axis=1)
+    # what leaves along its axis with the feed has cut where it began
+    cut_end = np.where(is_out[:, None], np.roll(end, 1, axis=0), end)
+    last = np.maximum.accumulate(np.where(is_cut, np.arange(len(is_cut)), -1))
+    station = paths.station
+    same = (last >= 0) & (station.tool == station.tool[last]) & (station.base == station.base[last])
+    to = motion[1:]
+    cut = cut_end[last[to]]
+    out = same[to] & paths.trace.is_cp[to]
+    for at in (pose[:-1], pose[1:]):
+        out &= on_the_way_out(cut[:, :3], cut[:, 3:], at[:, :3], at[:, 3:], slack)
+    return np.asarray(is_cut[to] | out)
 
 
 class _Reported:

@@ -147,17 +147,17 @@ def check_corner_collisions(
     kinematics: Kinematics,
     corners: Corners,
     at: AnyIntArray,
-    touch: BoolArray,
+    is_cut: BoolArray,
 ) -> None:
     """Search everywhere for collisions where the arm may go at corners.
 
-    ``touch`` (m,): motions on which cutting solids may touch the workpiece.
+    ``is_cut`` (m,): motions that cut; the cutting solid may touch the workpiece between two such.
     """
     bound = bound_of(kinematics, corners)
     for row in np.flatnonzero(bound.lost)[:_LISTED].tolist():
         text = "where the arm goes at this approximated corner is not known: it leaves its posture"
         result.finding(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
-    hits = scene.check_corners(bound, touch[at] & touch[at + 1])
+    hits = scene.check_corners(bound, is_cut[at] & is_cut[at + 1])
     for row in np.flatnonzero(hits.hit)[:_LISTED].tolist():
         one, two = hits.pairs[int(hits.pair[row])]
         text = f"{one} may hit {two} where this corner is approximated"

@@ -15,15 +15,13 @@ from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.geometry import angle_between
-from postproc.process import MACHINING_SPEED
+from postproc.process import machining_speeds, rapid_speeds
 from postproc.units import RPM
 from postproc.verification.report import Result
 
 _BACK = np.deg2rad(179.0)
 """A motion that turns by more goes back the way that the one before has come."""
 _LISTED = 20
-_AS_RAPID = 0.01
-"""A motion whose speed differs from that of straight rapids by less than this share is one."""
 _STOPS = ("spindle_off", "spindle_orient")
 _ROUTINES = ("spindle_on", "tap_reverse", *_STOPS)
 _UNNAMED = np.inf
@@ -74,10 +72,10 @@ def check_spindle(
 
 def _guessed(result: Result, cell: Cell, calls: list[TraceEvent]) -> tuple[BoolArray, BoolArray]:
     """Return path motions (m,) that cut for all their speed says, and those that may cut."""
-    trace, rapid = result.paths.trace, cell.motion.rapid_speed
+    trace = result.paths.trace
     speed = trace.column("speed")
-    may = trace.is_cp & ~_ways_back(result, calls) & (np.abs(speed - rapid) > _AS_RAPID * rapid)
-    cuts = may & (speed <= MACHINING_SPEED)
+    may = trace.is_cp & ~_ways_back(result, calls) & ~rapid_speeds(speed, cell)
+    cuts = may & machining_speeds(speed, cell)
     return cuts, may & ~cuts
 
 

@@ -25,6 +25,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from postproc.arrays import BoolArray
 from postproc.cell import Cell, require_numbers
 from postproc.controller import MotionType, Trace
 from postproc.errors import RunKind, Severity
@@ -38,6 +39,7 @@ from postproc.process import (
     claimed,
     holes_served,
     machining_findings,
+    machining_speeds,
     may_stand,
     refusals,
     switched_off,
@@ -60,7 +62,7 @@ from postproc.verification.checks import (
     check_joints,
     check_speeds,
 )
-from postproc.verification.collisions import Contact, check_collisions
+from postproc.verification.collisions import check_collisions
 from postproc.verification.corners import blended, check_corners, corners_of
 from postproc.verification.report import Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_rapids, check_settings
@@ -133,7 +135,8 @@ def verify(
         check_events(result, cell, toolpath, comparison.served, comparison.latest)
         check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
-    check_speeds(result, cell, is_cut)
+    cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
+    check_speeds(result, cell, cuts)
     if is_cut is not None:
         check_rapids(result, cell, is_cut)
     check_spindle(result, cell, is_cut, may_stand(toolpath, cell))
@@ -141,8 +144,8 @@ def verify(
     at = blended(paths)
     corners = corners_of(paths, kinematics, at)
     check_corners(result, cell, corners, at, is_cut)
-    contact = None if comparison is None else Contact(comparison.is_cut, comparison.strokes)
-    checked = collisions and check_collisions(result, cell, kinematics, contact, corners, at)
+    slack = 0.0 if comparison is None else comparison.largest_shift()
+    checked = collisions and check_collisions(result, cell, kinematics, cuts, slack, corners, at)
     return _report(name, result, cell, comparison, checked)
 
 
@@ -178,6 +181,11 @@ def _report(
             None if comparison is None else comparison.position_error,
         ),
     )
+
+
+def _cuts_of(trace: Trace, cell: Cell) -> BoolArray:
+    """Return the motions (m,) that cut for all that the text says."""
+    return np.asarray(trace.is_cp & machining_speeds(trace.column("speed"), cell))
 
 
 def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:

@@ -232,7 +232,7 @@ class Effect:
         if not self._cell.solids:
             return True
         paths, trace = self._paths, self._paths.trace
-        motion, share, q, _ = paths.in_order()
+        motion, share, q, *_ = paths.in_order()
         external = paths.curves.external_at(motion, share, paths.external)
         q = np.hstack([q, external])
         cut = trace.is_cp & (trace.column("speed") <= self._feed)

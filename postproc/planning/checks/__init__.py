@@ -7,6 +7,7 @@ from postproc.planning.checks.feasible import (
     Checker,
     Lines,
     Reason,
+    Track,
     Verdict,
     poses_between,
 )
@@ -24,6 +25,7 @@ __all__ = [
     "Grade",
     "Lines",
     "Reason",
+    "Track",
     "Verdict",
     "explained",
     "failure",

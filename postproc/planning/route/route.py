@@ -21,9 +21,9 @@ from postproc.planning.route.connect import (
 )
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
-from postproc.planning.route.speeds import Timed, timed
+from postproc.planning.route.speeds import Timed, can_be_told, timed
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
-from postproc.process import hole_steps
+from postproc.process import hole_steps, on_the_way_out
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -235,17 +235,38 @@ def _straight_rapids(checker: Checker, chosen: Chosen, ends: Ends) -> BoolArray:
         return straight
     place = checker.problem.placement
     a, b = ends.tag_from[rows], ends.tag_to[rows]
+    T = place.tcp(a, chosen.attitude[a], ends.height_from[rows])
+    T_to = place.tcp(b, chosen.attitude[b], ends.height_to[rows])
     lines = Lines(
-        place.tcp(a, chosen.attitude[a], ends.height_from[rows]),
-        place.tcp(b, chosen.attitude[b], ends.height_to[rows]),
+        T,
+        T_to,
         ends.q_from[rows],
         ends.q_to[rows],
         chosen.branch[b],
-        np.zeros(len(rows), dtype=np.bool_),
+        _on_the_way_out(checker, chosen, a, T, T_to),
         (ends.external[rows], ends.external[rows]),
     )
-    straight[rows] = checker.lines(lines)[0].good
+    verdict, track = checker.lines(lines)
+    straight[rows] = verdict.good & can_be_told(checker.problem, lines, track)
     return straight
+
+
+def _on_the_way_out(
+    checker: Checker, chosen: Chosen, tags: IndexArray, *ends: FloatArray
+) -> BoolArray:
+    """Return which lines (m,) from behind tags run out along the axis of what was cut last.
+
+    ``ends``: T_base_tcp (m, 4, 4) at the start and at the end.
+    """
+    place, depth = checker.problem.placement, checker.strokes.depth
+    cuts = checker.problem.is_contact & chosen.good
+    last = np.maximum.accumulate(np.where(cuts, np.arange(len(cuts)), -1))[tags]
+    poses = [place.tcp(last, chosen.attitude[last], -depth[last]), *ends]
+    (cut, cut_axis), *others = [(T[:, :3, 3], T[:, :3, :3] @ place.tool_axis) for T in poses]
+    out = last >= 0
+    for point, axis in others:
+        out &= on_the_way_out(cut, cut_axis, point, axis)
+    return out
 
 
 def _detour_moves(

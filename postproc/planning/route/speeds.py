@@ -10,10 +10,10 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
-from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
+from postproc.planning.checks import Checker, Lines, Reason, Track, Verdict, failure
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
-from postproc.process import AXIS_SHARE, TAPS
+from postproc.process import AXIS_SHARE, TAPS, machining_speeds
 from postproc.timing import (
     ORIENTATION_SPEED,
     axis_speed_cap,
@@ -63,7 +63,8 @@ def timed(
     length = np.zeros(len(table))
     length[rows] = lines.length
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
-    cap[rows], orientation[rows] = _caps(checker, lines)
+    track = checker.track(lines, Verdict.clean(len(lines)))
+    cap[rows], orientation[rows] = _caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, replace(table, speed=speed), length, stops_before)
     blend = lowered_blends(checker, table, lines, rows, blend)
@@ -92,7 +93,7 @@ def _branches(problem: Problem, table: Moves) -> IndexArray:
     return np.asarray(problem.kinematics.slot(table.q), dtype=np.int64)
 
 
-def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
+def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
     """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
 
     A move that turns the tool on the spot, or nearly so, has no useful path speed: there it is the
@@ -101,23 +102,35 @@ def _caps(checker: Checker, lines: Lines) -> tuple[FloatArray, FloatArray]:
     cap, orientation = np.full(len(lines), np.inf), np.full(len(lines), np.nan)
     if not len(lines):
         return cap, orientation
-    track = checker.track(lines, Verdict.clean(len(lines)))
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
     piece = (np.diff(track.share)[same]) * lines.length[row]
     places = np.hstack([track.q, lines.external_at(track.row, track.share)])
     dq = np.diff(places, axis=0)[same]
-    speed = AXIS_SHARE * _axis_speeds(checker.problem)
+    speed = AXIS_SHARE * _axis_speeds(problem)
     np.minimum.at(cap, row, axis_speed_cap(dq, np.maximum(piece, _SHORT), speed))
     cap[lines.length <= _SHORT] = np.inf
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
     turning = np.full(len(lines), np.inf)
     np.minimum.at(turning, row, axis_speed_cap(dq, np.diff(track.share)[same] * angle[row], speed))
     on_the_spot = (angle > _SHORT) & ((lines.length <= _ON_THE_SPOT) | (cap < SLOWEST))
-    slow = on_the_spot & (turning < checker.problem.cell.krl.orientation_speed)
+    slow = on_the_spot & (turning < problem.cell.krl.orientation_speed)
     orientation[slow] = turning[slow]
     cap[on_the_spot] = np.inf
     return cap, orientation
+
+
+def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
+    """Return which straight rapids (m,) are no cuts for all that a text says of their speed.
+
+    ``track``: the joint paths of the lines.
+    """
+    cell = problem.cell
+    cap = _caps(problem, lines, track)[0]
+    speed = np.full(len(lines), cell.motion.rapid_speed)
+    fast = speed > cap * (1.0 + 1e-9)
+    speed[fast] = _even(cap[fast])
+    return ~machining_speeds(speed, cell)
 
 
 def _axis_speeds(problem: Problem) -> FloatArray:

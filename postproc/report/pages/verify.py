@@ -136,7 +136,7 @@ def _moves(run: Run, cell: Cell) -> dict[str, Any]:
     paths, station = run.paths, run.paths.station
     m = len(paths)
     is_cp = paths.trace.is_cp
-    owner, _, _, point = paths.in_order()
+    owner, _, _, point, _ = paths.in_order()
     point = in_drawn_base(cell, station.base[owner], point)
     end_point = in_drawn_base(cell, station.base, paths.end_point)
     known = np.isfinite(point).all(axis=1)

@@ -78,9 +78,7 @@ class Comparison:
     """What the comparison found.
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
-    may be meant; ``is_cut`` (m,): motions that cut; ``strokes`` (m, 7): of motions along the axis
-    of a hole the axis into the part, the tag and the height above it where the feed starts [m], NaN
-    for others;
+    may be meant; ``is_cut`` (m,): motions that cut;
     ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed tilt; ``tilt`` (n,)
     [rad] that was used of it; ``real``: the paths that were compared; ``nominal_error`` (n,) [m] of
     the commanded point, None without a model of the arm.
@@ -94,8 +92,13 @@ class Comparison:
     axis_error: FloatArray
     tilt: FloatArray
     real: RealPaths
-    strokes: FloatArray
     nominal_error: FloatArray | None = None
+
+    def largest_shift(self) -> float:
+        """Return how far [m] commands are at most off where the real tool works, 0 without one."""
+        if self.nominal_error is None:
+            return 0.0
+        return float(self.nominal_error[self.served >= 0].max(initial=0.0))
 
     def expectation(self) -> Expectation | None:
         """Return the deviations of the real and of the commanded tool, None without a model."""
@@ -153,7 +156,6 @@ def compare(
         np.zeros(n),
         np.zeros(n),
         real,
-        np.full((len(paths), 7), np.nan),
         None if displacement is None else np.zeros(n),
     )
     tilts = Tilts.of(toolpath, cell)
@@ -171,7 +173,6 @@ def compare(
     _tilted(result, wanted, on_axis, tolerances.axis)
     check_leaving(result, cell, toolpath, served, visits.last, milled)
     _relative(result, comparison.is_cut | (on_axis >= 0))
-    comparison.strokes[:] = _strokes(wanted, on_axis)
     feeds.report()
     return comparison
 
@@ -180,12 +181,6 @@ def _visited(real: RealPaths) -> FloatArray:
     """Return the end points (cases, m, 3), far away where a motion has none."""
     points = real.end_point
     return np.where(np.isfinite(points), points, FAR)
-
-
-def _strokes(wanted: Wanted, on_axis: AnyIntArray) -> FloatArray:
-    """Return (m, 7) of motions along the axis of a hole: axis, top and clearance height."""
-    table = np.column_stack([wanted.axis, wanted.top, wanted.clear])
-    return np.where((on_axis >= 0)[:, None], table[on_axis], np.nan)
 
 
 def _relative(result: Result, serves: BoolArray) -> None:
