@@ -26,6 +26,7 @@ from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, ta
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     bases_named,
+    feed_findings,
     machining_findings,
     restart_notes,
     unit_findings,
@@ -148,6 +149,7 @@ def convert(
         *word_findings(words_settled(toolpath, cell)),
         *machining_findings(toolpath, cell),
         *unit_findings(toolpath, cell),
+        *feed_findings(toolpath, cell),
         *restart_notes(toolpath, cell),
     )
     clock.begin("plan")

@@ -117,7 +117,7 @@ def motion_plan(drive: Drive) -> Plan:
         ptp_fraction=np.full(m, drive.speed),
         blend=np.zeros(m),
         dwell=dwell,
-        duration=duration + dwell,
+        duration=duration,
         external=np.zeros((m, len(cell.external_axes))),
         stiffness=np.full(tags, np.nan),
         stiffness_initial=np.full(tags, np.nan),

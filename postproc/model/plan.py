@@ -20,7 +20,7 @@ from postproc.arrays import (
     runs,
 )
 from postproc.errors import Finding, Severity
-from postproc.model.toolpath import Event, ToolPath
+from postproc.model.toolpath import Event, EventKind, ToolPath
 
 
 class MoveKind(IntEnum):
@@ -228,8 +228,17 @@ class Plan:
 
     @property
     def cycle_time(self) -> float:
-        """Estimated time of all moves [s], waits left out."""
-        return float(np.nansum(self.duration))
+        """Estimated time of all moves and waits [s]; routines of the cell take none."""
+        return float(np.nansum(self.duration) + self.waits.sum())
+
+    @property
+    def waits(self) -> FloatArray:
+        """(m,) how long [s] the robot waits behind each move: dwells of holes and of the file."""
+        waits = np.nan_to_num(self.dwell)
+        for move, event in self.events:
+            if event.kind is EventKind.DWELL and len(waits):
+                waits[max(move - 1, 0)] += event.value
+        return waits
 
     @property
     def errors(self) -> tuple[Finding, ...]:

@@ -10,7 +10,7 @@ from postproc.process.claims import (
     words_settled,
 )
 from postproc.process.coolant import COOLANTS, coolant_mode
-from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feeds_of
+from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feed_findings, feeds_of
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
@@ -68,6 +68,7 @@ __all__ = [
     "carried",
     "claimed",
     "coolant_mode",
+    "feed_findings",
     "feeds_of",
     "hole_calls",
     "hole_places",

@@ -6,8 +6,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
+from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import MotionKind, ToolPath
 
+CUTS = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
 AXIS_SHARE = 0.95 * 0.98
 """Share of an axis's speed that a feed may need; a higher feed is lowered to it. The rest is for
 what an axis needs between two samples of the way."""
@@ -26,3 +28,17 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
     cycle = own[np.asarray(toolpath.cycle)]
     is_hole = np.asarray(toolpath.kind) == MotionKind.HOLE
     return np.where(is_hole & np.isfinite(cycle), cycle, feed)
+
+
+def feed_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
+    """Return one error (EMT312) for each feed that no program may ask for, at its first tag."""
+    most = cell.krl.path_speed_max
+    feed = np.where(np.isin(toolpath.kind, CUTS), feeds_of(toolpath, cell), np.nan)
+    found = []
+    for asked in np.unique(feed[feed > most * (1.0 + 1e-9)]).tolist():
+        rows = np.flatnonzero(feed == asked)
+        text = f"a feed of {asked:g} m/s at {len(rows)} tags, expected at most {most:g} m/s"
+        source = SourceRef(toolpath.path, int(toolpath.line[rows[0]]))
+        hint = "lower the feed in the CAM system; krl.path_speed_max_m_s sets this limit"
+        found.append(Finding(Severity.ERROR, "EMT312", text, int(rows[0]), source, hint=hint))
+    return found

@@ -29,6 +29,14 @@ GOTO/0,0,50
 FINI
 """
 
+DELAYED = """\
+DELAY/40
+CYCLE/DRILL,FEDTO,8.,MMPM,150.,RAPTO,3.,DWELL,2.5
+GOTO/100,40,0
+CYCLE/OFF
+FEDRAT/600,MMPM
+GOTO/100,80,0"""
+
 
 def write(folder, name, text):
     path = folder / name
@@ -64,6 +72,29 @@ def test_a_path_becomes_a_program_that_passes_its_points(tmp_path, cell, run):
     assert report["max_position_error_mm"] <= 0.01
     assert report["max_axis_error_deg"] <= 0.005
     assert report["cycle_time_s"] == pytest.approx(document["cycle_time_s"], rel=1e-4)
+
+
+def test_waits_count_in_the_time_of_both_commands(tmp_path, cell, run):
+    times = []
+    for name, text in (("a", SQUARE), ("b", SQUARE.replace("GOTO/100,80,0", DELAYED))):
+        source, out = write(tmp_path, f"{name}.apt", text), tmp_path / name
+        document = run("convert", source, "--cell", cell, "-o", out, "--json")[1]
+        program = out / f"{document['program']}.src"
+        report = run("verify", program, "--cell", cell, "--against", source, "--json")[1]
+        times.append((document["cycle_time_s"], report["cycle_time_s"]))
+        assert times[-1][0] == pytest.approx(times[-1][1], rel=1e-4)
+    assert times[1][0] - times[0][0] > 42.5
+
+
+def test_a_feed_that_no_program_may_ask_for_is_named_before_planning(tmp_path, cell, run):
+    text = SQUARE.replace("FEDRAT/600,", "FEDRAT/300000,")
+    source = write(tmp_path, "square.apt", text)
+    code, document, err = run("convert", source, "--cell", cell, "-o", tmp_path / "o", "--json")
+    assert code == 1
+    assert err.count("EMT312") == 1
+    assert "square.apt:8: error EMT312: a feed of 5 m/s at 6 tags" in err
+    assert not (tmp_path / "o").exists() or not list((tmp_path / "o").iterdir())
+    assert document["timing_s"]["plan"] < 1.0
 
 
 def test_the_same_input_gives_the_same_bytes(tmp_path, cell, run):

@@ -221,13 +221,13 @@ def _texts(plan: Plan, text: ProgramText | None) -> dict[str, Any]:
 
 
 def _operations(plan: Plan) -> str:
-    """Return a table with a bar for each operation: working, other motions, waits."""
+    """Return a table with a bar for each operation: working, and other motions and waits."""
     path = plan.toolpath
     if len(plan) == 0:
         return "<p>nothing to run</p>"
     index: IntArray = np.where(plan.tag >= 0, path.operation[plan.tag], -1)
     working = np.isin(plan.role, (MoveRole.CUT, MoveRole.PLUNGE))
-    seconds = np.nan_to_num(plan.duration)
+    seconds = np.nan_to_num(plan.duration) + plan.waits
     names = {-1: "(no name)", **{i: op.name for i, op in enumerate(path.operations)}}
     rows = []
     for k in dict.fromkeys(index.tolist()):
@@ -244,7 +244,7 @@ def _operations(plan: Plan) -> str:
     total = sum(row[2] for row in rows)
     return (
         '<table class="data" id="operations"><thead><tr><th>operation</th><th>working [s]</th>'
-        "<th>moving [s]</th><th>total [s]</th><th></th></tr></thead>"
+        "<th>moving, waiting [s]</th><th>total [s]</th><th></th></tr></thead>"
         f"<tbody>{body}</tbody></table><p>{total:.1f} s in all, estimated</p>"
     )
 
