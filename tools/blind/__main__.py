@@ -1,4 +1,4 @@
-"""Command line: ``python -m tools.blind generate`` and ``python -m tools.blind score``."""
+"""Command line: ``python -m tools.blind generate``, ``score`` and ``loop``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tools.blind import answerers, table
+from tools.blind import answerers, loop, table
 from tools.blind.judging import judge
 from tools.blind.running import run_all
 from tools.blind.writing import generate
@@ -20,6 +20,9 @@ def main(arguments: list[str] | None = None) -> int:
     if options.command == "generate":
         answers = generate(Path(options.output), options.cases, options.seed)
         print(f"{len(answers)} cases in {options.output}, seed {options.seed}", file=sys.stderr)
+        return 0
+    if options.command == "loop":
+        print(close_all(Path(options.output), options.cases, options.seed))
         return 0
     text, _ = score(
         Path(options.directory), options.answerer, options.processes, options.again, options.first
@@ -62,6 +65,28 @@ def score(
     return text, whole
 
 
+def close_all(folder: Path, count: int, seed: int) -> str:
+    """Run closed loops.
+
+    Args:
+        folder: gets a folder for each case, ``loop.json`` and ``loop.md``.
+        count: how many cases.
+        seed: of everything that is drawn.
+
+    Returns:
+        The table as markdown.
+    """
+    cases = []
+    for number in range(1, count + 1):
+        cases.append(loop.close(loop.draw(number, seed), folder / f"{number:04d}"))
+        print(f"case {number} of {count}", file=sys.stderr, flush=True)
+    text = loop.table(cases, f"Closed loop: {count} cases, seed {seed}")
+    (folder / "loop.md").write_text(text, encoding="utf-8")
+    whole = {"schema": "blind.loop/1", "seed": seed, "cases": cases}
+    (folder / "loop.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    return text
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tools.blind", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -69,6 +94,10 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument("-o", "--output", required=True, metavar="DIR")
     make.add_argument("--cases", type=int, default=200)
     make.add_argument("--seed", type=int, default=1)
+    closed = commands.add_parser("loop", help="CAM to program to readings to a better program")
+    closed.add_argument("-o", "--output", required=True, metavar="DIR")
+    closed.add_argument("--cases", type=int, default=12)
+    closed.add_argument("--seed", type=int, default=1)
     judged = commands.add_parser("score", help="run the product on the cases and print the table")
     judged.add_argument("-d", "--directory", required=True, metavar="DIR")
     judged.add_argument("--answerer", choices=("product", *answerers.NAMES), default="product")

@@ -177,9 +177,12 @@ def columns(poses: Poses, at: Array) -> Array:
 
 
 def solve_pose(arm: Dimensions, position: Array, R: Array, start: Array) -> tuple[Array, Array]:
-    """Return joint angles (n, 6) of flange poses by Newton steps, and which were reached (n,)."""
+    """Return joint angles (n, 6) of flange poses by Newton steps, and which were reached (n,).
+
+    ``start``: (6,) for all, or (n, 6).
+    """
     n = len(position)
-    q = np.tile(start, (n, 1)).astype(float)
+    q = np.array(np.broadcast_to(start, (n, 6)), dtype=float)
     geometry = Geometry.of(arm, n)
     for _ in range(40):
         poses = sweep(geometry, embed(q))
@@ -187,6 +190,8 @@ def solve_pose(arm: Dimensions, position: Array, R: Array, start: Array) -> tupl
         J = np.concatenate(
             [columns(poses, poses.flange_p), np.swapaxes(poses.axis[:, JOINTS], 1, 2)], axis=1
         )
+        if np.max(np.abs(error), initial=0.0) < 1e-11:
+            break
         normal = np.swapaxes(J, 1, 2) @ J + 1e-9 * np.eye(6)
         step = np.linalg.solve(normal, np.swapaxes(J, 1, 2) @ error[:, :, None])[:, :, 0]
         q += np.clip(step, -0.2, 0.2)
