@@ -76,7 +76,7 @@ class DiagnosisJob(Paged):
     @property
     def model(self) -> ModelFile:
         """The given model plus what was adopted."""
-        return model_file(self.diagnosis, self.given)
+        return model_file(self.diagnosis, self.given, self.cell.tool)
 
     def page(self) -> bytes:
         """Return the page: one HTML file that opens offline."""

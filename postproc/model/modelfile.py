@@ -56,6 +56,7 @@ UNITS = MappingProxyType(
 Table = Mapping[str, Any]
 _FRAME = ("robroot_xyz_mm", "robroot_abc_deg")
 _POINT = "point_in_flange_mm"
+_TOOL_WEIGHT = "has_tool_weight"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,12 +88,15 @@ class ModelFile:
     """A robot model: effects by name, each a table in the file's own keys and units.
 
     ``text`` is where it came from (None when made by a program); ``source`` points into it.
+    ``has_tool_weight``: the effects are those of the arm with its tool on and no weight of the tool
+    among the loads; whatever that weight does, they have it.
     """
 
     effects: Mapping[str, Table] = field(default_factory=dict)
     registration: Registration | None = None
     notes: tuple[str, ...] = ()
     text: TomlText | None = field(default=None, compare=False, repr=False)
+    has_tool_weight: bool = False
 
     @property
     def path(self) -> str:
@@ -194,14 +198,18 @@ def load_model(path: str | Path) -> ModelFile:
         ReadError: IO001, IO002.
     """
     text = load_toml(path, DataError, "MOD001")
-    _check_keys(text, (), ("schema", "effects", "registration", "notes"))
+    _check_keys(text, (), ("schema", "effects", "registration", "notes", _TOOL_WEIGHT))
     if text.data.get("schema") != SCHEMA:
         raise DataError(
             "MOD002",
             f"schema is {text.data.get('schema')!r}, expected {SCHEMA!r}",
             text.source(("schema",)),
         )
-    return ModelFile(_effects(text), _registration(text), _notes(text), text)
+    has_tool_weight = text.data.get(_TOOL_WEIGHT, False)
+    if not isinstance(has_tool_weight, bool):
+        place = text.source((_TOOL_WEIGHT,))
+        raise DataError("MOD006", f"{_TOOL_WEIGHT}: expected true or false", place)
+    return ModelFile(_effects(text), _registration(text), _notes(text), text, has_tool_weight)
 
 
 def save_model(model: ModelFile) -> bytes:
@@ -213,6 +221,8 @@ def save_model(model: ModelFile) -> bytes:
     lines = [f'schema = "{SCHEMA}"']
     if model.notes:
         lines.append(f"notes = {toml_value(list(model.notes))}")
+    if model.has_tool_weight:
+        lines.append(f"{_TOOL_WEIGHT} = true")
     for name, table in model.effects.items():
         lines += ["", f"[effects.{toml_key(name)}]", *toml_table(table)]
     if model.registration is not None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from postproc.cell import Tool
 from postproc.gap.answers.along import Along, program
 from postproc.gap.answers.designs import designs, transfers
 from postproc.gap.answers.diagnose import Diagnosis, rms
@@ -15,6 +16,7 @@ from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import where
+from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
 from postproc.gap.robot_model import effect_of
@@ -157,8 +159,16 @@ def effects(diagnosis: Diagnosis) -> list[dict[str, Any]]:
     return adopted + others
 
 
-def model_file(diagnosis: Diagnosis, given: ModelFile | None) -> ModelFile:
-    """Return the given model with what was adopted, and the registration where one was fitted."""
+def model_file(
+    diagnosis: Diagnosis, given: ModelFile | None, tool: Tool | None = None
+) -> ModelFile:
+    """Return the given model with what was adopted, and the registration where one was fitted.
+
+    Args:
+        diagnosis: the answer to a campaign.
+        given: what the simulation knew before.
+        tool: that the arm had on; None: nothing is known of its weight.
+    """
     arm = diagnosis.problem.samples.arm
     tables = dict(given.effects) if given else {}
     for name in diagnosis.adopted:
@@ -169,7 +179,22 @@ def model_file(diagnosis: Diagnosis, given: ModelFile | None) -> ModelFile:
         registration = replace(
             moved_by(diagnosis.problem.registration, diagnosis.fit.states), rms=rest
         )
-    return ModelFile(tables, registration, given.notes if given else ())
+    return ModelFile(
+        tables,
+        registration,
+        given.notes if given else (),
+        has_tool_weight=(given is not None and given.has_tool_weight)
+        or (tool is not None and not _logs_weight(diagnosis.problem.samples, tool)),
+    )
+
+
+def _logs_weight(samples: Samples, tool: Tool) -> bool:
+    """Return whether the loads of every row hold the weight of the tool, which is always on."""
+    if samples.wrench is None or not np.isfinite(tool.mass):
+        return False
+    weight = tool.mass * samples.arm.reference.gravity
+    share = samples.wrench[:, :3] @ weight
+    return bool(np.all(share >= 0.5 * float(weight @ weight)))
 
 
 def _seen_state(diagnosis: Diagnosis, name: str) -> State:

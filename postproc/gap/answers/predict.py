@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -71,9 +71,7 @@ def predict(
         robot = RobotModel.of(kinematics, cell, model)
         samples = samples_of(robot.arm, measurements)
         fixed = register_loaded(samples, measured, robot.usable(samples), rows, None, place)
-        effects = model.effects if model is not None else {}
-        text = model.text if model is not None else None
-        model = ModelFile(effects, fixed, text=text)
+        model = replace(model or ModelFile(), registration=fixed)
     robot = RobotModel.of(kinematics, cell, model, measured_point=fixed is not None)
     samples = samples_of(robot.arm, measurements)
     if fixed is not None:
