@@ -1,10 +1,9 @@
 """Commands moved so that the loaded real tool lands on the CAM points."""
 
-from postproc.compensation.compensate import LEFT_OF_MOTION, compensate, with_shift_margin
+from postproc.compensation.compensate import compensate, with_shift_margin
 from postproc.compensation.real_arm import RealArm, cell_with_model, left_out
 
 __all__ = [
-    "LEFT_OF_MOTION",
     "RealArm",
     "cell_with_model",
     "compensate",

@@ -7,7 +7,8 @@ real arm stands where the plan has proven it free, so collisions need no new che
 
 Effects that follow the motion (backlash: the side a joint comes from; servo lag: its speed) need
 the program itself: it is written, run on the robot model as verification does, and what it does at
-its points goes into the next shift, until nothing changes.
+its points goes into the next shift, until nothing changes. What belongs to the side a joint comes
+from fades where the joint turns back in a cut, so that the path has no steps (``reversals``).
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
+from postproc.compensation.reversals import sides_of
 from postproc.compensation.solve import ACCURACY, LARGEST, Compensated, solve
 from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
@@ -30,7 +32,7 @@ from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
-from postproc.paths import Moments, Timeline, moments_of
+from postproc.paths import Moments, Timeline
 from postproc.process import operation_loads
 from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
@@ -41,10 +43,10 @@ SETTLED = 1.0 * UM
 """Shifts that change by less from one run of the program to the next are settled."""
 RUNS = 8
 """So often the program is run to find what each joint does at its points."""
+STEEPEST = 0.2
+"""Compensation for the sides of joints may change by this much [m] per metre of a cut."""
 STRAIGHT = 5.0 * UM
 """Largest bend of a straight cut between its compensated points."""
-LEFT_OF_MOTION = 0.5 * MM
-"""More than this of backlash and lag that is left over at a point is a fault of the program."""
 SHIFT_MARGIN = 0.25 * DEG
 """What compensation may take of a joint's margins [rad]: plans to be compensated keep more."""
 FAR = 0.5
@@ -84,19 +86,19 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     plan = _in_pieces(plan, cell, arm)
     rows = _rows(plan, cell, arm.kinematics)
     follows = arm.follows_motion
-    commanded, solved = plan, None
+    # what does not follow the motion comes first: it may decide which way a joint goes
+    solved = _solved(arm, rows, {}, file)
+    commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
     unsettled = np.zeros(len(plan))
-    for _ in range(RUNS if follows else 1):
-        conditions = _conditions(commanded, cell, arm.kinematics, rows) if follows else {}
+    conditions: dict[str, Any] = {}
+    for _ in range(RUNS if follows else 0):
+        conditions = _conditions(commanded, cell, arm, rows, conditions)
         before = solved
         solved = _solved(arm, rows, conditions, file)
         commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
-        if before is not None:
-            unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
-            if float(unsettled.max(initial=0.0)) < SETTLED:
-                break
-    if solved is None:
-        raise ValueError("no run")
+        unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
+        if float(unsettled.max(initial=0.0)) < SETTLED:
+            break
     findings = [
         *_findings(plan, cell, arm.kinematics, solved),
         *_unsettled(plan, unsettled),
@@ -190,13 +192,16 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
     )
 
 
-def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> dict[str, Any]:
-    """Return where each joint comes from and how fast it is, as the program is run.
+def _conditions(
+    plan: Plan, cell: Cell, arm: RealArm, rows: _Rows, known: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the side each joint comes from and how fast it is, as the program is run.
 
-    Speeds count where the tool works: on other ways nobody minds how late the arm is.
+    Speeds count where the tool works: on other ways nobody minds how late the arm is. The sides
+    are those of the first run: each later shift moves a joint on to the side it is known to be on.
     """
     with EMITTERS.blame(cell.krl.emitter):
-        paths = emitter_of(cell).paths(plan, cell, kinematics)
+        paths = emitter_of(cell).paths(plan, cell, arm.kinematics)
     if paths is None:
         raise EmitError(
             "CMP007",
@@ -209,11 +214,31 @@ def _conditions(plan: Plan, cell: Cell, kinematics: Kinematics, rows: _Rows) -> 
         raise EmitError(
             "CMP004", "the program is not that of the plan", SourceRef(plan.toolpath.path)
         )
-    ends: Moments = moments_of(paths, cell)[0].rows(motion)
-    arcs = motion[rows.arc]
-    middle = Timeline.of(paths, cell).speed(arcs, np.full(len(arcs), 0.5))
-    qd = np.concatenate([ends.qd, middle]) * rows.working[:, None]
-    return {"direction": np.concatenate([ends.direction, ends.direction[rows.arc]]), "qd": qd}
+    row = np.concatenate([motion, motion[rows.arc]])
+    share = np.repeat([1.0, 0.5], [len(motion), len(rows.arc)])
+    qd = Timeline.of(paths, cell).speed(row, share) * rows.working[:, None]
+    if "direction" in known:
+        return {**known, "qd": qd}
+    sides = sides_of(paths, motion[np.asarray(plan.role) == MoveRole.CUT], row, share)
+    return {"direction": sides.faded(_reach(arm, rows)), "qd": qd}
+
+
+def _reach(arm: RealArm, rows: _Rows) -> FloatArray:
+    """Return the way (r, 1) [m] to a reversal on which compensation fades.
+
+    It is one for all joints: were all of them to turn back at once, the path would be as steep as
+    it may be.
+    """
+    n = len(rows.q)
+    still = np.zeros((n, 6))
+    moments = Moments(rows.q, still, still, still, rows.tool)
+    middle = arm.displacement(moments)
+    moved = [
+        arm.displacement(replace(moments, direction=np.tile(side, (n, 1)))) - middle
+        for side in np.eye(6)
+    ]
+    most: FloatArray = np.sum([np.linalg.norm(way, axis=1) for way in moved], axis=0)
+    return most[:, None] / STEEPEST
 
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:
@@ -286,7 +311,7 @@ def _unsettled(plan: Plan, change: FloatArray) -> list[Finding]:
             Severity.WARNING,
             "CMP002",
             f"{len(moves)} compensated moves do not settle, the worst by "
-            f"{change[worst] / MM:.4f} mm: a joint turns back by less than it is shifted",
+            f"{change[worst] / MM:.4f} mm: the speeds of the joints change with it",
             tag,
             plan.toolpath.source(tag) if 0 <= tag < len(plan.toolpath) else None,
             hint="see what verify --model expects there",

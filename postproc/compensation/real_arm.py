@@ -19,9 +19,12 @@ from postproc.gap import EFFECTS, RobotModel, effect_of, stiffness_of
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
-from postproc.paths import Moments
+from postproc.paths import Displacement, Moments
 from postproc.process import weight_wrench
+from postproc.units import MM
 
+LEFT_OF_MOTION = 0.5 * MM
+"""More than this of backlash and lag that is left over at a point is a fault of the program."""
 _CHUNK = 4000
 _STANDING = 1e-9
 
@@ -59,9 +62,11 @@ def compensation_model(kinematics: Kinematics, cell: Cell, file: ModelFile) -> R
 def carries_dead_load(file: ModelFile) -> bool:
     """Return whether the tool's weight is to be added as a load.
 
-    An effect that was fitted to the arm with its tool on has the weight already.
+    Effects that were fitted to the arm with its tool on have the weight already.
     """
-    return not any(effect.has_tool_weight for name, effect in EFFECTS if name in file.effects)
+    return not file.has_tool_weight and not any(
+        effect.has_tool_weight for name, effect in EFFECTS if name in file.effects
+    )
 
 
 def left_out(model: RobotModel) -> dict[str, tuple[str, ...]]:
@@ -163,6 +168,14 @@ class RealArm:
     def follows_motion(self) -> bool:
         """Whether an effect depends on how the joints move: from which side, how fast."""
         return any(effect_of(name).follows_motion for name in self.model.states)
+
+    @property
+    def on_runs(self) -> Displacement:
+        """What the model says of programs that are run."""
+        states = self.model.states.items()
+        ways = [effect_of(name).lost_motion(np.nan_to_num(state.theta)) for name, state in states]
+        left = LEFT_OF_MOTION if self.follows_motion else 0.0
+        return Displacement(self.displacement, np.max([np.zeros(6), *ways], axis=0), left)
 
     def wrench(self, q: FloatArray, process: FloatArray, tool: int = 0) -> FloatArray:
         """Return the wrench (n, 6) of a tool and process at joint angles (n, 6), robroot."""

@@ -49,12 +49,10 @@ class Against:
         toolpath: CAM points that must be served; None where only some are.
         displacement: of the real tool against the commanded one, where the plan is compensated:
             the real tool is what must serve the points.
-        leeway: how far [m] effects that follow the motion may still leave the real tool off.
     """
 
     toolpath: ToolPath | None = None
     displacement: Displacement | None = None
-    leeway: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -156,6 +156,15 @@ class Effect(ABC):
         """Columns it needs that no program knows; with any it cannot be compensated."""
         return tuple(sorted(set(self.needs) - set(PROGRAM_COLUMNS)))
 
+    def lost_motion(self, theta: FloatArray) -> FloatArray:
+        """Return how far (6,) [rad] each joint turns back before it rests on the other side.
+
+        Args:
+            theta: numbers (p,) of the effect.
+        """
+        del theta
+        return np.zeros(6)
+
     def is_mistaken_for(self, other: Effect) -> bool:
         """Return whether this alternative is mistaken for another effect."""
         return other.name in self.mistaken_for or (

@@ -293,14 +293,9 @@ def _against(plan: Plan, cell: Cell, model: ModelFile | None) -> Against:
     toolpath = None if plan.errors else plan.toolpath
     if model is None:
         return Against(toolpath)
-    from postproc.compensation import LEFT_OF_MOTION, RealArm
+    from postproc.compensation import RealArm
 
-    arm = RealArm.of(cell, model)
-    return Against(
-        toolpath,
-        None if plan.compensation is None else arm.displacement,
-        LEFT_OF_MOTION if arm.follows_motion else 0.0,
-    )
+    return Against(toolpath, None if plan.compensation is None else RealArm.of(cell, model).on_runs)
 
 
 def failures(conversion: Conversion) -> list[dict[str, Any]]:

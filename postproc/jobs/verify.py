@@ -37,7 +37,7 @@ def verify(
         KrlError: if a file is no KRL that could run.
         ReadError: if a file is missing.
     """
-    displacement = None if model is None else RealArm.of(cell, model).displacement
+    displacement = None if model is None else RealArm.of(cell, model).on_runs
     modules = load_program(program)
     return verify_text(
         modules,

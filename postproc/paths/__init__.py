@@ -1,7 +1,7 @@
 """From executed motions to joint paths, moments and times."""
 
 from postproc.paths.externals import Externals
-from postproc.paths.moments import Displacement, Moments, Timeline, moments_of
+from postproc.paths.moments import Displacement, Moments, Timeline, directions, moments_of
 from postproc.paths.motion import Paths, Shift, Station, joint_paths
 from postproc.paths.times import (
     SLOWEST,
@@ -25,6 +25,7 @@ __all__ = [
     "Timeline",
     "chains",
     "cycle_time",
+    "directions",
     "durations",
     "feed_shares",
     "joint_paths",

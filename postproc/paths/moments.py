@@ -21,17 +21,19 @@ from postproc.units import DEG
 WINDOW = 0.01
 """Half the time [s] over which joint speeds are averaged."""
 TURNED = 1e-3 * DEG
-"""A joint has turned back when it has moved back by this much [rad]; digits move it by less."""
+"""A joint that moves back by this much [rad] has turned back; digits move it by less."""
+FINEST = 1e-4 * DEG
+"""No gear loses less [rad]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moments:
     """Moments of a run in columns of length n.
 
-    q (n, 6) commanded joint angles [rad]; qd (n, 6) their speed [rad/s]; direction (n, 6) sign of
-    each joint's last motion, 0 before the first; process (n, 6) wrench of the process ON the tool
-    at and in axes of the TCP [N, N*m], 0 where the tool does not work. ``tool`` (n,): index of the
-    tool in the cell, None: the first for all.
+    q (n, 6) commanded joint angles [rad]; qd (n, 6) their speed [rad/s]; direction (n, 6) the side
+    -1..1 that each joint was moved to, as ``directions`` has it; process (n, 6) wrench of the
+    process ON the tool at and in axes of the TCP [N, N*m], 0 where the tool does not work.
+    ``tool`` (n,): index of the tool in the cell, None: the first for all.
     """
 
     q: FloatArray
@@ -60,20 +62,36 @@ class Moments:
         return replace(self, qd=nothing, process=nothing)
 
 
-Displacement = Callable[[Moments], FloatArray]
-"""Moments to the real tool point minus the nominal one (n, 3) [m], axes of robroot."""
+@dataclass(frozen=True, slots=True)
+class Displacement:
+    """What a model of the arm says of a run.
+
+    Args:
+        of: moments to the real tool point minus the nominal one (n, 3) [m], axes of robroot.
+        lost: (6,) how far [rad] each joint turns back before it has left one side for the other.
+        left: how far [m] what follows the motion may leave the tool beside a point that it is at.
+    """
+
+    of: Callable[[Moments], FloatArray]
+    lost: FloatArray
+    left: float = 0.0
 
 
-def moments_of(paths: Paths, cell: Cell) -> tuple[Moments, Moments]:
+def moments_of(paths: Paths, cell: Cell, lost: FloatArray | None = None) -> tuple[Moments, Moments]:
     """Return the moments at the ends of all motions (m,) and at all samples (s,), without load.
 
     Poses out of reach repeat the pose before.
+
+    Args:
+        paths: of the run.
+        cell: whose drives it is run on.
+        lost: (6,) as in ``directions``.
     """
     row, share, q, *_ = paths.in_order()
     q = forward_filled(q)
     timeline = Timeline.of(paths, cell)
     tool = paths.station.tool[row]
-    every = Moments(q, timeline.speed(row, share), directions(q), np.zeros_like(q), tool)
+    every = Moments(q, timeline.speed(row, share), directions(q, lost), np.zeros_like(q), tool)
     sampled = paths.trace.is_cp[row]
     return every.rows(np.flatnonzero(share == 1.0)), every.rows(np.flatnonzero(sampled))
 
@@ -119,19 +137,21 @@ class Timeline:
         return np.stack(ways, axis=1) / (2.0 * WINDOW)
 
 
-def directions(q: FloatArray) -> FloatArray:
-    """Return the sign (k, 6) of each joint's last motion along joints (k, 6) in order of time.
+def directions(q: FloatArray, lost: FloatArray | None = None) -> FloatArray:
+    """Return the side (k, 6) that each joint was moved to along joints (k, 6) in order of time.
 
-    A joint that stands, or has moved back by less than ``TURNED``, keeps the sign before.
+    A gear that loses motion takes its joint along only after it has crossed its gap: from 1 at the
+    end of a motion upwards the side falls to -1 in proportion to the way back. 0 before the first
+    motion; a joint that stands keeps its side.
+
+    Args:
+        q: joint angles [rad].
+        lost: (6,) way back [rad] from one side to the other; None: ``TURNED``.
     """
-    sign = np.zeros_like(q)
-    if not len(q):
-        return sign
-    farthest, now = q[0].copy(), np.zeros(6)
-    for i in range(1, len(q)):
-        step = q[i] - farthest
-        turned = (np.abs(step) > TURNED) & (now * step <= 0.0)
-        now = np.where(turned, np.sign(step), now)
-        farthest = np.where(turned | (now * step > 0.0), q[i], farthest)
-        sign[i] = now
-    return sign
+    way = np.full(6, TURNED) if lost is None else np.maximum(lost, FINEST)
+    side = np.zeros_like(q)
+    now = np.zeros(6)
+    for i, step in enumerate(2.0 * np.diff(q, axis=0) / way, start=1):
+        now = np.clip(now + step, -1.0, 1.0)
+        side[i] = now
+    return side

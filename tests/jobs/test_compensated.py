@@ -173,8 +173,17 @@ def test_effects_of_the_motion_settle_at_the_points_across_sub_programs(tmp_path
         "verify", program, "--cell", bench, "--against", source, "--json",
         "--model", tmp_path / "model.toml",
     )  # fmt: skip
-    assert real["expected_max_position_error_mm"] < 0.005
-    assert document["compensation"]["expected_max_position_error_mm"] < 0.005
+    # only near the places where joints turn back something is left, and less than without
+    assert 0.005 < real["expected_max_position_error_mm"] < 0.12
+    for key in ("expected_max_position_error_mm", "expected_rms_position_error_mm"):
+        assert document["compensation"][key] == real[key]
+    bare = tmp_path / "bare"
+    assert run("convert", source, "--cell", bench, "-o", bare, "--json")[0] == 0
+    _, worse, _ = run(
+        "verify", bare / program.name, "--cell", bench, "--against", source, "--json",
+        "--model", tmp_path / "model.toml",
+    )  # fmt: skip
+    assert real["expected_rms_position_error_mm"] < 0.15 * worse["expected_rms_position_error_mm"]
     # the shift against lag is there: without it the points are missed
     plain = tmp_path / "plain.toml"
     plain.write_text(MOVING[: MOVING.index("[effects.servo_lag]")])

@@ -78,10 +78,22 @@ def test_a_joint_keeps_its_side_until_it_really_turns_back():
     q = np.zeros((7, 6))
     q[:, 0] = np.radians([0.0, 1.0, 2.0, 1.9999, 1.9995, 1.0, 1.5])
     q[:, 1] = np.radians([5.0, 5.0, 5.0, 5.0, 5.0, 4.0, 4.0])
-    sign = directions(q)
-    assert sign[:, 0].tolist() == [0, 1, 1, 1, 1, -1, 1]
-    assert sign[:, 1].tolist() == [0, 0, 0, 0, 0, -1, -1]
+    side = directions(q)
+    np.testing.assert_allclose(side[:, 0], [0, 1, 1, 0.8, 0, -1, 1], atol=1e-9)
+    assert side[:, 1].tolist() == [0, 0, 0, 0, 0, -1, -1]
     assert directions(np.zeros((0, 6))).shape == (0, 6)
+
+
+def test_a_gear_carries_its_joint_along_once_it_has_crossed_its_gap():
+    """The output of a gear by its own rule: it rests while the drive is inside the gap."""
+    rng = np.random.default_rng(4)
+    q = np.cumsum(rng.normal(0.0, 4e-4, (500, 6)), axis=0)
+    half = rng.uniform(1e-4, 6e-4, 6)
+    out = np.empty_like(q)
+    out[0] = q[0]
+    for i in range(1, len(q)):
+        out[i] = np.clip(out[i - 1], q[i] - half, q[i] + half)
+    np.testing.assert_allclose(q - half * directions(q, 2.0 * half), out, atol=1e-12)
 
 
 def lagging(tmp_path, cell, lags):

@@ -16,11 +16,11 @@ from postproc.geometry import inverse
 from postproc.kinematics import Kinematics, build
 from postproc.krl import Call, KrlModule, NameAllocator, Routine, lint, parse_files
 from postproc.model import MoveKind, Plan
-from postproc.paths import Paths, joint_paths, run_in_cell
+from postproc.paths import Displacement, Paths, joint_paths, run_in_cell
 from postproc.verification import OF_CONTROLLER, VerifyReport, verify
 
 _KINDS = {MotionType.PTP: MoveKind.PTP, MotionType.CIRC: MoveKind.CIRC}
-_REAL = (RunKind.POSITION, RunKind.PATH)
+_REAL = (RunKind.POSITION, RunKind.PATH, RunKind.DEPTH)
 """Violations that may be those of the arm and not of the text."""
 
 
@@ -45,7 +45,7 @@ class KukaKrl(Emitter):
         )
         noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]
         asked = [warning for warning in report.warnings if warning.code in OF_CONTROLLER]
-        findings = (*noticed, *asked, *_violations(report, against.leeway))
+        findings = (*noticed, *asked, *_violations(report, against.displacement))
         return _read_back(report, findings)
 
     def paths(self, plan: Plan, cell: Cell, kinematics: Kinematics) -> Paths:
@@ -64,14 +64,14 @@ class KukaKrl(Emitter):
 EMITTERS.register("kuka_krl")(KukaKrl())
 
 
-def _violations(report: VerifyReport, leeway: float) -> Iterator[Finding]:
+def _violations(report: VerifyReport, displacement: Displacement | None) -> Iterator[Finding]:
     """Yield what the check finds against the text.
 
     Effects that follow the motion change within a line, where no commanded point can answer. Where
-    what is left of them is within the leeway [m], one warning stands for all of it.
+    what is left of them is as little as they may leave, one warning stands for all of it.
     """
     expected = report.expectation
-    is_excused = expected is not None and expected.expected_max < leeway
+    is_excused = bool(expected and displacement and expected.expected_max < displacement.left)
     left = [violation for violation in report.violations if is_excused and violation.code in _REAL]
     for violation in report.violations:
         if violation not in left:

@@ -39,6 +39,11 @@ class Backlash(Effect):
         del setting
         return Basis(joint=diagonal(-samples.column("direction")))
 
+    def lost_motion(self, theta: FloatArray) -> FloatArray:
+        """Return the whole gaps."""
+        gap: FloatArray = 2.0 * np.abs(theta)
+        return gap
+
     def ends(self, theta: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both ends of the intervals of the sizes; a gap is not below zero."""
         side = np.where(theta < 0.0, -1.0, 1.0)

@@ -145,7 +145,8 @@ def compare(
     visited, case = by_frames(moving, real.case, claims, paths.station)
     pecks = passed_pecks(paths, tolerances.position)
     visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
-    visits = match(wanted.point, visited, tolerances.position, own, case)
+    left = 0.0 if displacement is None else displacement.left
+    visits = match(wanted.point, visited, tolerances.position, own, case, left)
     served = visits.first
     comparison = Comparison(
         wanted,
@@ -221,6 +222,7 @@ def _points(
             value = float(comparison.tilt[most] / DEG)
             result.measure("tilt", value, "deg", int(served[most]))
         _wrong_axes(result, comparison, toolpath, found, tolerances.axis)
+        _beside(result, comparison, toolpath, found, tolerances.position)
     _missed(result, comparison, claims, cell, tolerances.position, tilts)
 
 
@@ -279,6 +281,19 @@ def _wrong_axes(
             f"the tool axis is {comparison.axis_error[row] / DEG:.4f} deg off at tag "
             f"{_tag(toolpath, row)}" + _more(len(bad)),
         )
+
+
+def _beside(
+    result: Result, comparison: Comparison, toolpath: ToolPath, found: AnyIntArray, limit: float
+) -> None:
+    """Report tags that are served, but from beside them."""
+    error = comparison.position_error
+    bad = found[error[found] > limit]
+    for row in bad[np.argsort(-error[bad], kind="stable")][:AT_MOST].tolist():
+        motion = int(comparison.served[row])
+        visited = _visited(comparison.real)[comparison.real.case[row]]
+        kind, text = _how(comparison.wanted, row, visited, motion, limit)
+        result.finding(kind, motion, f"tag {_tag(toolpath, row)}: {text}" + _more(len(bad)))
 
 
 def _missed(
@@ -346,12 +361,17 @@ def _how(
     off = visited[nearest] - wanted.point[row]
     distance = float(np.linalg.norm(off))
     anywhere = float(np.linalg.norm(visited - wanted.point[row], axis=1).min())
-    if anywhere <= tolerance:
+    beside = wanted.point[[max(row - 1, 0), min(row + 1, len(wanted.point) - 1)]]
+    apart = np.linalg.norm(beside - wanted.point[row], axis=1)
+    # a motion nearer than half the way to the next tag is this one's; strokes near a hole are not
+    own = 0.5 * float(np.min(apart[apart > 0.0], initial=np.inf))
+    is_own = distance <= own and not wanted.depth[row] > 0.0
+    if anywhere <= tolerance and not is_own:
         return RunKind.ORDER, "the program goes there, but not in the order of the CAM file"
     if wanted.depth[row] > 0.0:
         along = float(off @ wanted.axis[row])
         side = float(np.linalg.norm(off - along * wanted.axis[row]))
-        if side <= 10.0 * tolerance:
+        if side <= 10.0 * tolerance < 10.0 * abs(along):
             where = "deeper" if along > 0.0 else "higher"
             return RunKind.DEPTH, f"the hole ends {abs(along) / MM:.3f} mm {where} than asked"
     return RunKind.POSITION, f"the program goes no nearer than {distance / MM:.4f} mm"

@@ -108,6 +108,7 @@ def match(
     tolerance: float,
     is_own: BoolArray | None = None,
     case: IntArray | None = None,
+    most: float = 0.0,
 ) -> Visits:
     """Return for each wanted point which visited point serves it.
 
@@ -118,6 +119,7 @@ def match(
         is_own: (r,) points that need a visit of their own (the end of a full circle, another tool
             axis); any other point that repeats the one before shares its visit. None: none is.
         case: (r,) the load that counts for each point; None: the first.
+        most: up to this [m] the tolerance is doubled until all points are served.
     """
     visited = visited[None] if visited.ndim == 2 else visited
     if not len(wanted) or not visited.shape[1]:
@@ -129,7 +131,11 @@ def match(
     distinct = wanted[new]
     group = np.cumsum(new) - 1
     load = np.zeros(len(distinct), dtype=np.int32) if case is None else case[new]
-    found = _earliest(distinct, visited, tolerance, load)
+    found, strict = _earliest(distinct, visited, tolerance, load), tolerance
+    while found is None and tolerance < most:
+        tolerance *= 2.0
+        found = _earliest(distinct, visited, tolerance, load)
+    tolerance = strict if found is None else tolerance
     if found is None:
         found = _longest_chain(distinct, visited, tolerance, load)
         return Visits(found[group], found[group])

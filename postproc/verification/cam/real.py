@@ -57,8 +57,8 @@ def real_paths(
         displacement: real minus nominal tool point.
     """
     wrenches, case = load_cases(toolpath, cell)
-    ends, samples = moments_of(paths, cell)
-    idle = _in_part(paths, displacement(ends.idle()), displacement(samples.idle()))
+    ends, samples = moments_of(paths, cell, displacement.lost)
+    idle = _in_part(paths, displacement.of(ends.idle()), displacement.of(samples.idle()))
     nothing = np.zeros(len(paths), dtype=np.bool_)
     sets = [_moved(paths, idle, idle, nothing)]
     feed = feeds_of(toolpath, cell)
@@ -68,7 +68,7 @@ def real_paths(
         works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
         works |= stands(paths) & np.r_[False, works[:-1]]
         loaded = _in_part(
-            paths, displacement(ends.under(wrench)), displacement(samples.under(wrench))
+            paths, displacement.of(ends.under(wrench)), displacement.of(samples.under(wrench))
         )
         sets.append(_moved(paths, idle, loaded, works))
     return RealPaths(tuple(sets), case)
