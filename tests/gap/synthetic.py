@@ -36,7 +36,7 @@ COMS = np.array(
     ]
 )
 R_FLANGE = np.array([[0, 0, 1.0], [0, 1, 0], [-1.0, 0, 0]])
-P_TCP = np.array([0.107, 0.0, 0.362])
+P_TCP = np.array([0.307, 0.0, 0.362])
 
 
 def turn(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
