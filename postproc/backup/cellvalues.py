@@ -11,7 +11,7 @@ from postproc.backup.arm import ArmMatch, limits_of, match_arm, short_name
 from postproc.backup.controller import Controller
 from postproc.backup.external import ExternalAxisEntry, ExternalKinematic
 from postproc.backup.frames import BaseEntry, ToolEntry
-from postproc.cell import LENGTHS, Kss, Robot
+from postproc.cell import LENGTHS, HomeStyle, Kss, Robot
 from postproc.geometry import inverse, kuka_from_transform, transform_from_kuka
 from postproc.units import DEG
 
@@ -57,6 +57,8 @@ def cell_values(controller: Controller, robot: Robot | None = None) -> tuple[Val
         line for e in controller.externals for line in _external(e, e in taken)
     ]
     values["krl"] = _krl(controller)
+    if "home_deg" in values["motion"] and "XHOME" in controller.homes and not taken:
+        values["krl"]["home"] = HomeStyle.XHOME.value
     return values, remarks
 
 

@@ -18,6 +18,7 @@ from postproc.cell.cell import (
 )
 from postproc.cell.choices import (
     ArcMotion,
+    HomeStyle,
     Index,
     Kss,
     MotionStyle,
@@ -64,6 +65,7 @@ __all__ = [
     "ArcMotion",
     "Cell",
     "ExternalAxis",
+    "HomeStyle",
     "Index",
     "KrlOptions",
     "Kss",

@@ -12,6 +12,7 @@ import numpy as np
 from postproc.arrays import AnyIntArray, FloatArray, frozen_floats
 from postproc.cell.choices import (
     ArcMotion,
+    HomeStyle,
     Index,
     Kss,
     MotionStyle,
@@ -365,6 +366,7 @@ class KrlOptions:
     motion: MotionStyle
     points: PointPlace
     kss: Kss
+    home: HomeStyle
     advance: int
     orientation_speed: float
     path_speed_max: float

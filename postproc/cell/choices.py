@@ -79,6 +79,14 @@ class Kss(StrEnum):
         return self in (Kss.V8_6, Kss.V8_7)
 
 
+class HomeStyle(StrEnum):
+    """How a program goes home: by axis values, to XHOME of the controller, or by its form."""
+
+    AXES = auto()
+    XHOME = auto()
+    FORM = auto()
+
+
 class RobotSolids(StrEnum):
     """What stands for the links of a built-in arm: simple hulls, or what encloses the real ones."""
 

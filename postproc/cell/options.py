@@ -91,6 +91,7 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         motion=table.motion,
         points=table.points,
         kss=table.kss,
+        home=table.home,
         advance=table.advance,
         orientation_speed=table.orientation_speed_deg_s * DEG,
         path_speed_max=table.path_speed_max_m_s,

@@ -13,6 +13,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_valida
 
 from postproc.cell.choices import (
     ArcMotion,
+    HomeStyle,
     Index,
     Kss,
     MotionStyle,
@@ -564,6 +565,11 @@ class KrlTable(Table):
         description="dense: PTP, LIN, CIRC; spline: SPTP, SLIN, SCIRC; spline_block: the same in "
         "SPLINE blocks; forms: as dense, entries and approaches as inline forms",
     )
+    home: Annotated[HomeStyle, _Choice] = Field(
+        default=HomeStyle.AXES,
+        description="how home_deg is written: axes: its values; xhome: PTP XHOME; form: the pad's "
+        "inline form, which selects tool 1. For both XHOME of the controller is home_deg",
+    )
     points: Annotated[PointPlace, _Choice] = Field(
         default=PointPlace.INLINE,
         description="dat: the points stand in the .dat file, to be touched up",
@@ -614,6 +620,8 @@ class KrlTable(Table):
         is_spline = self.motion in (MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK)
         if is_spline and not self.kss.has_splines:
             raise ValueError(f"motion: {self.motion.value} needs KSS 8, found kss = {self.kss}")
+        if is_spline and self.home is HomeStyle.FORM and not self.kss.has_parameter_folds:
+            raise ValueError(f"home: form of an SPTP needs KSS 8.6, found kss = {self.kss}")
         return self
 
 
@@ -710,4 +718,17 @@ class CellFile(Table):
         names = [axis.name for axis in self.external_axes]
         if len(set(names)) != len(names):
             raise ValueError("external_axes: two axes have the same name")
+        return self
+
+    @model_validator(mode="after")
+    def _home_of_controller(self) -> CellFile:
+        home = self.krl.home
+        if home is HomeStyle.AXES:
+            return self
+        if self.motion.home_deg is None:
+            raise ValueError(f"krl.home: {home.value} needs home_deg in [motion], found none")
+        if self.external_axes:
+            raise ValueError(f"krl.home: {home.value} says nothing of external axes: take axes")
+        if home is HomeStyle.FORM and [t.number for t in self.tools or [self.tool]] != [1]:
+            raise ValueError("krl.home: form selects tool 1 and its load, expected no other tool")
         return self

@@ -42,6 +42,7 @@ from postproc.controller.trust import Trust
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
+    Aggregate,
     Assign,
     Axes,
     Call,
@@ -82,7 +83,8 @@ class World:
     Args:
         tools: TOOL_DATA by number; bases: BASE_DATA by number [mm, deg], in $WORLD.
         T_world_robroot: (4, 4) $ROBROOT [m].
-        points: named points that are not in the files, such as the home position.
+        points: named points that are not in the files, such as the home position, and the data of
+            its form.
         joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
             a Cartesian target.
         hooks: routines of the integrator, in upper case: calls are recorded and never followed,
@@ -92,7 +94,7 @@ class World:
 
     tools: Mapping[int, Pose] = field(default_factory=dict)
     bases: Mapping[int, Pose] = field(default_factory=dict)
-    points: Mapping[str, Pose | Axes] = field(default_factory=dict)
+    points: Mapping[str, Pose | Axes | Aggregate] = field(default_factory=dict)
     T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
     joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
     hooks: frozenset[str] = frozenset()

@@ -41,6 +41,7 @@ HARMLESS = frozenset(
         "$H_POS",
         "$LOOP_MSG",
         "$LOOP_CONT",
+        "$COLLMON_TOL_PRO",
     }
 )
 """System variables that neither move the robot nor change how it moves."""

@@ -7,12 +7,27 @@ from collections.abc import Sequence
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, HomeStyle
 from postproc.controller import Trace, World, pose_of, run
 from postproc.kinematics import Kinematics
-from postproc.krl import Assign, Axes, KrlModule, Pose, Reference, parse_expression
+from postproc.krl import (
+    Aggregate,
+    Assign,
+    Axes,
+    Enum,
+    KrlModule,
+    Pose,
+    Reference,
+    parse_expression,
+)
 from postproc.paths.motion import joint_paths
 from postproc.units import DEG
+
+_DELIVERED = {
+    "FHOME": Aggregate((("TOOL_NO", 1), ("BASE_NO", 0), ("IPO_FRAME", Enum("BASE")))),
+    "PDEFAULT": Aggregate((("VEL", 100.0), ("ACC", 100.0), ("APO_DIST", 100.0))),
+}
+"""Data of the form of HOME, as in the $config.dat of a delivered controller."""
 
 
 def run_in_cell(
@@ -39,10 +54,12 @@ def _world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) 
             for statement in routine.statements:
                 if isinstance(statement, Assign) and isinstance(statement.value, Pose):
                     _set_up(statement, tools, bases)
-    points: dict[str, Pose | Axes] = {}
+    points: dict[str, Pose | Axes | Aggregate] = {}
     if cell.motion.home is not None:
         a1, a2, a3, a4, a5, a6 = (float(v) / DEG for v in cell.motion.home)
         points = dict.fromkeys(("XHOME", "HOME"), Axes(a1, a2, a3, a4, a5, a6))
+    if cell.krl.home is HomeStyle.FORM:
+        points |= _DELIVERED
     return World(
         tools,
         bases,

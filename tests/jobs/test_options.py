@@ -394,6 +394,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "krl.max_points_per_file": ({}, {"krl.max_points_per_file": 5}),
     "krl.split": ({}, {"krl.split": "operations"}, "two.csv"),
     "krl.motion": ({}, {"krl.motion": "spline"}),
+    "krl.home": ({"motion.home_deg": [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]}, {"krl.home": "xhome"}),
     "krl.points": ({}, {"krl.points": "dat"}),
     "krl.kss": ({"krl.motion": "forms"}, {"krl.kss": "8.5"}),
     "krl.advance": ({}, {"krl.advance": 1}),

@@ -14,7 +14,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
 
-from postproc.cell import Cell, KrlOptions, MotionStyle, Split
+import numpy as np
+
+from postproc.cell import Cell, KrlOptions, Split
 from postproc.emitters.kuka import restart
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
@@ -164,6 +166,16 @@ class _Program:
         return EventWriter(self.templates, self.style, self.plan.toolpath.path)
 
     @cached_property
+    def homes(self) -> frozenset[int]:
+        """Moves that go to where ``[motion] home_deg`` is, to the digits that are written."""
+        home = self.cell.motion.home
+        if home is None:
+            return frozenset()
+        is_ptp = self.plan.kind == MoveKind.PTP
+        is_there = (np.abs(self.plan.q - np.asarray(home)) < 1e-7 * DEG).all(axis=1)
+        return frozenset(np.flatnonzero(is_ptp & is_there).tolist())
+
+    @cached_property
     def by_index(self) -> Mapping[int, Sequence[Event]]:
         found: dict[int, list[Event]] = defaultdict(list)
         for index, event in self.plan.events:
@@ -176,7 +188,6 @@ class _Program:
         points = PointStore(
             self._status_turn, self._point_name if is_named else None, self._numbers
         )
-        forms = FormWriter(points, style.kss) if style.motion is MotionStyle.FORMS else None
         return PartWriter(
             plan=self.plan,
             table=self.table,
@@ -186,7 +197,8 @@ class _Program:
             by_index=self.by_index,
             values=self._values,
             points=points,
-            forms=forms,
+            forms=FormWriter(points, style.kss),
+            homes=self.homes,
             guards=self.guards,
         )
 

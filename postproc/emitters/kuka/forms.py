@@ -76,6 +76,55 @@ class FormWriter:
         motion = Move(MoveWord.LIN, Expr(f"X{name}"), blend=blend)
         return self._form(head, old, new, code, motion)
 
+    def home(self, percent: float, *, is_spline: bool) -> list[Statement]:
+        """Return the form of HOME: XHOME, FHOME and PDEFAULT are the controller's own."""
+        speed = numbers.percent(percent)
+        head = f"{'SPTP' if is_spline else 'PTP'} HOME Vel={speed} % DEFAULT"
+        if is_spline:
+            return self._spline_home(head, speed)
+        code = [
+            Assign("PDAT_ACT", Expr("PDEFAULT")),
+            Assign("FDAT_ACT", Expr("FHOME")),
+            Call("BAS", (Enum("PTP_PARAMS"), float(percent))),
+        ]
+        if not self.kss.has_parameter_folds:
+            code.append(Assign("$H_POS", Expr("XHOME")))
+        old = f"{_RELEASE},%VPTP,%P 1:PTP, 2:HOME, 3:, 5:{speed}, 7:DEFAULT"
+        new = self._params(
+            "HOME", "False", "MoveDataPtpName=DEFAULT", f"VelocityPtp={speed}", "PTP"
+        )
+        return self._form(head, old, new, code, Move(MoveWord.PTP, Expr("XHOME")))
+
+    @staticmethod
+    def _spline_home(head: str, speed: str) -> list[Statement]:
+        """Return the form of KSS 8.6: what it sets holds for its own motion only."""
+        settings = {
+            "$VEL_AXIS[1]": f"SVEL_JOINT({float(speed):.1f})",
+            "$TOOL": "STOOL2(FHOME)",
+            "$BASE": "SBASE(FHOME.BASE_NO)",
+            "$IPO_MODE": "SIPO_MODE(FHOME.IPO_FRAME)",
+            "$LOAD": "SLOAD(FHOME.TOOL_NO)",
+            "$ACC_AXIS[1]": "SACC_JOINT(PDEFAULT)",
+            "$APO": "SAPO_PTP(PDEFAULT)",
+            "$GEAR_JERK[1]": "SGEAR_JERK(PDEFAULT)",
+            "$COLLMON_TOL_PRO[1]": "USE_CM_PRO_VALUES(0)",
+        }
+        parameters = (
+            f"Params {_PROVIDER.replace('.old', '.spline')}; Kuka.IsGlobalPoint=False; "
+            "Kuka.PointName=HOME; Kuka.BlendingEnabled=False; Kuka.MoveDataPtpName=DEFAULT; "
+            f"Kuka.VelocityPtp={speed}; Kuka.VelocityFieldEnabled=True; "
+            "Kuka.CurrentCDSetIndex=0; Kuka.MovementParameterFieldEnabled=True; IlfCommand=SPTP"
+        )
+        assigned = tuple(Assign(name, Expr(value)) for name, value in settings.items())
+        return [
+            FoldBegin(f"{head} ;%{{PE}}"),
+            FoldBegin("Parameters ;%{h}"),
+            Comment(parameters),
+            FoldEnd(),
+            Move(MoveWord.SPTP, Expr("XHOME"), settings=assigned),
+            FoldEnd(),
+        ]
+
     def _frames(self, index: int) -> str:
         tool, base = self.points.numbers(index)
         return f"Tool[{tool}] Base[{base}]"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from postproc.cell import KrlOptions, MotionStyle, PointPlace
+from postproc.cell import HomeStyle, KrlOptions, MotionStyle, PointPlace
 from postproc.emitters.kuka.columns import Columns, is_flying
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
@@ -17,6 +17,7 @@ from postproc.krl import (
     Call,
     Comment,
     Enum,
+    Expr,
     FoldBegin,
     FoldEnd,
     Move,
@@ -71,7 +72,8 @@ class PartWriter:
         plan: the whole plan; table: its columns; part: the moves of this file.
         style: the cell's choices; events: what events become.
         by_index: events by the move they come before; values: what the frame templates get at a
-            move. points: the data list of this file; forms: writer of inline forms, None for none.
+            move. points: the data list of this file; forms: writer of inline forms; homes: moves
+            that end where ``[motion] home_deg`` is.
     """
 
     plan: Plan
@@ -82,7 +84,8 @@ class PartWriter:
     by_index: Mapping[int, Sequence[Event]]
     values: Callable[[int], Mapping[str, object]]
     points: PointStore
-    forms: FormWriter | None = None
+    forms: FormWriter
+    homes: frozenset[int]
     guards: HoleGuards | None = None
     out: list[Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
@@ -129,8 +132,12 @@ class PartWriter:
             else:
                 end = index + 1
                 self._before(index)
-                if self.forms is not None and self.table.role[index] in FORM_ROLES:
-                    self._form(index, self.forms)
+                if index in self.homes and self.style.home is not HomeStyle.AXES:
+                    self._home(index)
+                elif (
+                    self.style.motion is MotionStyle.FORMS and self.table.role[index] in FORM_ROLES
+                ):
+                    self._form(index)
                 else:
                     self._motion(index)
             self._after(end - 1)
@@ -279,7 +286,27 @@ class PartWriter:
             )
         )
 
-    def _form(self, index: int, forms: FormWriter) -> None:
+    def _home(self, index: int) -> None:
+        """Write a motion to the controller's home, which ends exactly."""
+        self.out += self._pending
+        self._pending.clear()
+        percent, comment = self.table.percent[index], self._cam_line(index)
+        if self.style.home is HomeStyle.FORM:
+            if comment:  # outside, as with every form
+                self.out.append(Comment(comment))
+            self.out += self.forms.home(percent, is_spline=self.style.is_spline)
+            if not self.style.is_spline:
+                self.modal.disturb()
+                if index + 1 < self.part.stop:
+                    self._frames(index + 1)
+                    self._restore()
+            return
+        if self.modal.is_disturbed:
+            self._restore()
+        self._percent(percent)
+        self.out.append(Move(self._words[MoveKind.PTP], Expr("XHOME"), comment=comment))
+
+    def _form(self, index: int) -> None:
         """Write a motion as an inline form; a CIRC stays as it is."""
         table, pose = self.table, self._pose(index)
         if table.kind[index] == MoveKind.CIRC:
@@ -288,9 +315,9 @@ class PartWriter:
         if comment := self._cam_line(index):  # outside: the pad rewrites what is inside
             self.out.append(Comment(comment))
         if table.kind[index] == MoveKind.PTP:
-            self.out += forms.ptp(index, pose, table.percent[index])
+            self.out += self.forms.ptp(index, pose, table.percent[index])
         else:
-            self.out += forms.lin(index, pose, table.speed_m_s[index], table.blend_mm[index])
+            self.out += self.forms.lin(index, pose, table.speed_m_s[index], table.blend_mm[index])
         self.modal.disturb()
 
     def _cam_line(self, index: int) -> str:
