@@ -216,6 +216,8 @@ def test_four_numbers_without_a_header_and_without_gaps_are_not_guessed(read_tex
     [
         "Name,X,Y,Z,U95X,U95Y,U95Z,{}",
         "Target,X,Y,Z,Ux,Uy,Uz,{}",
+        "Name,X,Y,Z,Ux (95%),Uy (95%),Uz (95%),{}",
+        "Name,X,Y,Z,U(95) X,U(95) Y,U(95) Z,{}",
         "Fastener,X,Y,Z,U(X),U(Y),U(Z),{}",
         "Hole,X,Y,Z,X (U95),Y (U95),Z (U95),{}",
         "name,x,y,z,sigma_x,sigma_y,sigma_z,{}",

@@ -82,7 +82,10 @@ MEANINGS = {
     "motion": "rapid or linear",
 }  # fmt: skip
 _ROLE = {name: role for role, names in NAMES.items() for name in names}
-_UNCERTAIN = re.compile(r"\b(u ?\(? ?95|u95|unc(ertainty)?|sigma|std|rms|\u00b1)", re.IGNORECASE)
+_UNCERTAIN = re.compile(
+    r"\b(u[xyz]? ?\(? ?95|u ?mag|unc(ertainty)?|sigma|std|rms|\u00b1)|\b9\d(\.\d+)? ?%",
+    re.IGNORECASE,
+)
 """How trackers name columns that say how sure a coordinate is."""
 _MAYBE_UNCERTAIN = ("ux", "uy", "uz")
 """Names of a unit vector for some, of uncertainties for trackers: the numbers tell."""

@@ -29,7 +29,8 @@ def unit_rows(vectors: FloatArray, what: str, line: IntArray, faults: Faults) ->
             "CSV023",
             f"the {what} has length {length[wrong[0]]:.4g}, expected 1",
             int(line[wrong[0]]),
-            hint="if they are angles, name the columns with --columns, such as x,y,z,a,b,c",
+            hint="name the columns with --columns: x,y,z,a,b,c for angles, x,y,z,-,-,- for "
+            "uncertainties",
         )
     for row in wrong[:20].tolist():
         faults.fix(
