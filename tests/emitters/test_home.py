@@ -100,7 +100,8 @@ def test_the_form_is_that_of_a_real_controller(tmp_path, repository, kss, motion
 def test_a_home_of_the_controller_is_refused_where_it_says_too_little():
     text = 'schema = "postproc.cell/1"\n[robot]\nmodel = "kuka_kr500_r2830"\n'
     home = "[motion]\nhome_deg = [0, -90, 90, 0, 45, 0]\n"
-    axis = '[[external_axes]]\nname = "E1"\nkind = "rail"\naxis = "+y"\nrange_mm = [-1, 1]\nspeed_mm_s = 1\n'
+    axis = '[[external_axes]]\nname = "E1"\nkind = "rail"\naxis = "+y"\n'
+    axis += "range_mm = [-1, 1]\nspeed_mm_s = 1\n"
     tool = '[tool]\nnumber = 7\naxis = "+x"\n'
     cases = {
         text + '[krl]\nhome = "xhome"\n': "needs home_deg",

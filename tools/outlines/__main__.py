@@ -61,8 +61,14 @@ def held_out(
     for name in sorted(set(others) - set(arms)):
         yield f"{name} *", *stands_out(name, others[name], sizes)
     for name, links in arms.items():
-        rest = {other: cloud[other] for other in arms if not _alike(lengths[name], lengths[other])}
-        known = read_outlines(measure.outlines_text(rest, with_arms=False))
+        alike = {other for other in arms if _alike(lengths[name], lengths[other])}
+        known = dict(sizes)
+        for size, names in measure.SIZES.items():
+            members = {f"kuka_{member}" for member in names} & set(arms)
+            if members & alike:  # the other sizes stay as they are
+                del known[size]
+                rest = {other: cloud[other] for other in members - alike}
+                known |= read_outlines(measure.outlines_text(rest, with_arms=False))
         yield name, *stands_out(name, links, known)
 
 
