@@ -57,7 +57,7 @@ def urdf_links(geometry: UrdfGeometry) -> tuple[list[list[Mesh]], list[Finding]]
 
 def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
     """Return a collision element as a mesh in its link, or what is missing for it."""
-    T_link_solid = origin_of(collision, path)
+    T_link_solid = origin_of(collision)
     shape = next(iter(collision.find("geometry") or ()), None)
     if shape is None:
         return None, "collision element without geometry"
@@ -68,7 +68,7 @@ def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
                 None,
                 f"collision mesh {shape.get('filename')!r} is missing or of no known format",
             )
-        scale = values_of(shape, "scale", 3, 1.0, path)
+        scale = values_of(shape, "scale", 3, 1.0)
         mesh = load_mesh(file, 1.0)
         mesh = Mesh(mesh.vertices * scale, mesh.faces)
     elif shape.tag == "box":
@@ -84,7 +84,7 @@ def _solid(collision: ET.Element, path: Path) -> tuple[Mesh | None, str]:
 
 
 def _sizes(shape: ET.Element, key: str, count: int, path: Path) -> FloatArray:
-    values = values_of(shape, key, count, np.nan, path)
+    values = values_of(shape, key, count, np.nan)
     if not (values > 0.0).all():
         raise CellError(
             "COL006",

@@ -21,6 +21,8 @@ from postproc.files import read_bytes
 from postproc.measurement.columns import DIRECTION, KNOWN, LABELS, QUANTITIES, Empty, Quantity
 from postproc.measurement.rows import MeasurementSet, Remark
 
+LARGEST = 1e15
+"""No reading in any unit of the columns comes near this."""
 FEW = 0.25
 """Share of the rows up to which empty cells lie between the others."""
 
@@ -187,9 +189,21 @@ def _check_header(table: _Table) -> None:
 
 def _numbers(table: _Table, name: str) -> FloatArray:
     """Return a column as numbers; an empty cell is NaN."""
+    values = _parsed(table, name)
+    bad = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST))
+    if len(bad):
+        row = int(bad[0])
+        text = table.columns[name][row].strip()[:40]
+        raise table.error("MEA006", f"{name} is {text}, expected at most {LARGEST:g}", row)
+    return values
+
+
+def _parsed(table: _Table, name: str) -> FloatArray:
     cells = table.columns[name]
+    is_plain = not any("_" in cell for cell in cells)  # digits of a program, not of a file
     try:
-        return np.array(cells, dtype=np.float64)
+        if is_plain:
+            return np.array(cells, dtype=np.float64)
     except ValueError:
         pass
     values = np.full(len(cells), np.nan)
@@ -198,7 +212,7 @@ def _numbers(table: _Table, name: str) -> FloatArray:
         if not text:
             continue
         try:
-            values[row] = float(text)
+            values[row] = float("none" if "_" in text else text)
         except ValueError:
             raise table.error(
                 "MEA006", f"{name} is {text[:40]!r}, expected a number", row
@@ -266,5 +280,6 @@ def _extra(table: _Table, name: str) -> Any:  # noqa: ANN401 - numbers or labels
         values = _numbers(table, name)
     except DataError:
         return _labels(table, name)
+    values[~np.isfinite(values)] = np.nan
     values.flags.writeable = False
     return values

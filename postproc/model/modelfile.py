@@ -30,6 +30,8 @@ from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
 from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD
 
 SCHEMA = "postproc.model/1"
+LARGEST = 1e15
+"""No parameter in any unit comes near this."""
 UNITS = MappingProxyType(
     {
         "Nmm_per_rad": NMM_PER_RAD,
@@ -152,7 +154,8 @@ class ModelFile:
             Numbers of this shape in SI.
 
         Raises:
-            DataError: MOD005 missing, MOD006 not numbers of this shape.
+            DataError: MOD005 missing, MOD006 not numbers of this shape, or infinite: only a
+                stiffness may be. NaN stands for what was not seen.
         """
         table = self.effects[effect]
         if key not in table:
@@ -165,6 +168,10 @@ class ModelFile:
             raise DataError(
                 "MOD006", f"effects.{effect}.{key}: expected {wanted}", self.source(effect, key)
             )
+        is_rigid = np.isposinf(value) & ("stiffness" in key)
+        if not (is_rigid | np.isnan(value) | (np.abs(value) <= LARGEST)).all():
+            text = f"effects.{effect}.{key}: expected numbers of at most {LARGEST:g}"
+            raise DataError("MOD006", text, self.source(effect, key))
         return si(key, value)
 
 

@@ -185,7 +185,7 @@ CHANGES = [
     ('"foot" type="fixed"', '"foot" type="prismatic"', "joint 'foot' is prismatic"),
     ('<link name="link_4"/>', "", "names link 'link_4', which is not there"),
     ('<parent link="link_2"/>', "", "has no parent or no child"),
-    ('upper="3.1"', 'upper="pi"', "upper is 'pi', expected a number"),
+    ('upper="3.1"', 'upper="pi"', "upper is 'pi', expected a finite number"),
     ('lower="-3.1"', 'lower="4.1"', "no limits with lower below upper"),
     ("</robot>", LOOP, "a link hangs on two joints"),
 ]

@@ -22,8 +22,8 @@ def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None
     moving = [joint.child for joint in chain.moving]
     for link, T_link_part, element in fixed_parts(chain, moving):
         for inertial in element.findall("inertial"):
-            own_mass = values_of(inertial.find("mass"), "value", 1, 0.0, chain.path)[0]
-            centre = T_link_part @ origin_of(inertial, chain.path)
+            own_mass = values_of(inertial.find("mass"), "value", 1, 0.0)[0]
+            centre = T_link_part @ origin_of(inertial)
             mass[link] += own_mass
             moment[link] += own_mass * centre[:3, 3]
     if not (mass > 0.0).all():
@@ -40,7 +40,7 @@ def fixed_parts(chain: UrdfChain, links: list[str]) -> Iterator[tuple[int, Float
     below: dict[str, list[tuple[str, FloatArray]]] = {}
     for joint in chain.all_joints:
         if joint.kind == "fixed":
-            T_parent_child = origin_of(joint.element, chain.path)
+            T_parent_child = origin_of(joint.element)
             below.setdefault(joint.parent, []).append((joint.child, T_parent_child))
             below.setdefault(joint.child, []).append((joint.parent, inverse(T_parent_child)))
     for number, link in enumerate(links):

@@ -16,11 +16,13 @@ from xml.parsers import expat
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.cell.urdf.numbers import origin_of
+from postproc.cell.urdf.numbers import check_numbers, origin_of
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
 
 _MOVING = ("revolute", "continuous")
+MOST_TURNS = 1000
+"""More sets of whole turns than these at one pose are a slip of units."""
 _AXES = 6
 _SAME_POSE = 1e-9
 """Largest difference [m and 1] of two links that are the same flange."""
@@ -90,7 +92,18 @@ def read_chain(path: Path, tip: str | None = None, source: SourceRef | None = No
     count = sum(joint.kind in _MOVING for joint in chain)
     if count != 6:
         raise _error(path, f"{count} moving joints lead to link {tip!r}, expected 6", source)
+    _require_few_turns(chain, path)
     return UrdfChain(path, chain[0].parent, tip, tuple(chain), tuple(joints), tree)
+
+
+def _require_few_turns(chain: list[UrdfJoint], path: Path) -> None:
+    """Refuse limits within which one pose has far too many sets of whole turns."""
+    spans = {joint.name: joint.upper - joint.lower for joint in chain if joint.kind == "revolute"}
+    turns = {name: span / math.tau for name, span in spans.items()}
+    if math.prod(max(math.ceil(count), 1) for count in turns.values()) > MOST_TURNS:
+        name = max(turns, key=lambda name: turns[name])
+        text = f"joint {name!r} turns {turns[name]:g} times between its limits"
+        raise _error(path, f"{text}, expected limits in rad")
 
 
 def _parse(path: Path) -> ET.Element:
@@ -109,6 +122,7 @@ def _parse(path: Path) -> ET.Element:
         raise _error(path, text)
     if tree.tag != "robot":
         raise _error(path, f"not a URDF file: the root is <{tree.tag}>, expected <robot>")
+    check_numbers(raw, path)
     return tree
 
 
@@ -131,7 +145,7 @@ def _joint(element: ET.Element, path: Path) -> UrdfJoint:
         raise _error(path, f"joint {name!r} has no parent or no child")
     _require_axis(element, kind, name, path)
     limit = element.find("limit")
-    bounds = {key: _number(limit, key, name, path) for key in ("lower", "upper", "velocity")}
+    bounds = {key: _number(limit, key) for key in ("lower", "upper", "velocity")}
     if kind == "continuous":
         bounds["lower"] = bounds["upper"] = math.nan
     elif kind == "revolute" and not bounds["lower"] < bounds["upper"]:
@@ -147,25 +161,15 @@ def _require_axis(element: ET.Element, kind: str, name: str, path: Path) -> None
     text = axis.get("xyz") if axis is not None else None
     if kind == "fixed" or text is None:
         return
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        values = []
-    if len(values) != 3 or not 1e-6 < math.hypot(*values) < math.inf:
+    if not math.hypot(*map(float, text.split())) > 1e-6:
         raise _error(path, f"joint {name!r}: axis is {text!r}, expected a direction")
 
 
-def _number(element: ET.Element | None, key: str, joint: str, path: Path) -> float:
+def _number(element: ET.Element | None, key: str) -> float:
     text = element.get(key) if element is not None else None
     if text is None:
         return 0.0 if key != "velocity" and element is not None else math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise _error(path, f"joint {joint!r}: {key} is {text!r}, expected a number")
-    return value
+    return float(text)
 
 
 def _chain_to(tip: str, by_child: dict[str, UrdfJoint]) -> list[UrdfJoint]:
@@ -216,6 +220,6 @@ def _fixed_to(link: str, joints: list[UrdfJoint], path: Path) -> Iterator[tuple[
         parent, T_link_parent = waiting.pop(0)
         for joint in joints:
             if joint.kind == "fixed" and joint.parent == parent:
-                T = T_link_parent @ origin_of(joint.element, path)
+                T = T_link_parent @ origin_of(joint.element)
                 yield joint.child, T
                 waiting.append((joint.child, T))

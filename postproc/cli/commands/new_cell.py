@@ -284,9 +284,10 @@ def _must_load(text: str) -> None:
     """Refuse what would not load from the current folder, before anything is written."""
     from postproc.cell import parse_cell
 
+    own = "cell.toml"
     try:
-        parse_cell(text.encode("utf-8"), "cell.toml")
+        parse_cell(text.encode("utf-8"), own)
     except CellError as problem:
-        if problem.code == "CEL032":
+        if problem.code == "CEL032" or (problem.source is not None and problem.source.path != own):
             raise
         raise UsageError("CLI013", problem.message, hint=problem.hint) from None
