@@ -189,6 +189,8 @@ class Tool:
     """(3,) [kg m^2], principal, None where it is not known."""
     diameter: float = float("nan")
     """Of the cutter [m]."""
+    T_world_stand: FloatArray | None = None
+    """Its flange while it is not mounted, None where it is not known."""
     source: SourceRef | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
@@ -196,6 +198,8 @@ class Tool:
         frozen_floats(self, "T_flange_tcp", (4, 4))
         for name in ("known_axis", "com", "inertia"):
             frozen_floats(self, name, (3,))
+        if self.T_world_stand is not None:
+            frozen_floats(self, "T_world_stand", (4, 4))
 
     @property
     def axis(self) -> FloatArray:
@@ -393,7 +397,7 @@ class Cell:
     Whoever works with one tool in one setup takes ``tool`` and ``workpiece``: those at
     ``tool_index`` and ``base_index``, the first ones unless ``with_tool`` has chosen others. The
     solids of all setups stand in the cell but those that overlap the setup in work; those of the
-    other tools do not.
+    other tools where they have a stand.
 
     ``origins`` maps keys of the cell file such as ``motion.feed_mm_min`` to where the value comes
     from: the file, the robot, or a default.

@@ -169,7 +169,12 @@ class _Builder:
         if not file.tools:
             return (self._tool(file.tool, ("tool",), file.krl.inertia_kg_m2),)
         shared = file.krl.inertia_kg_m2
-        return tuple(self._tool(t, ("tools", i), shared) for i, t in enumerate(file.tools))
+        found = []
+        for i, table in enumerate(file.tools):
+            stand = None if table.stand is None else _transform(table.stand)
+            own = self._tool(table, ("tools", i), shared)
+            found.append(replace(own, T_world_stand=stand))
+        return tuple(found)
 
     def _tool(self, table: ToolTable, at: Location, inertia: list[float] | None) -> Tool:
         T_flange_tcp = _transform(table.frame)

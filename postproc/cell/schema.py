@@ -254,6 +254,16 @@ class ToolTable(Table):
     )
 
 
+class ToolEntry(ToolTable):
+    """One of several tools."""
+
+    stand: Placement | None = Field(
+        default=None,
+        description="where the flange of the tool is in the world while it is not mounted; its "
+        "solids are obstacles there; without it they are not looked at",
+    )
+
+
 class WorkpieceTable(Table):
     """A workpiece."""
 
@@ -686,7 +696,7 @@ class CellFile(Table):
     tool: ToolTable = Field(
         default=ToolTable(axis="+z"), description="the tool of a cell with one tool"
     )
-    tools: list[ToolTable] = Field(
+    tools: list[ToolEntry] = Field(
         default=[], description="the tools of a cell with several, instead of tool"
     )
     workpiece: WorkpieceTable = Field(
@@ -729,6 +739,7 @@ class CellFile(Table):
             raise ValueError(f"krl.home: {home.value} needs home_deg in [motion], found none")
         if self.external_axes:
             raise ValueError(f"krl.home: {home.value} says nothing of external axes: take axes")
-        if home is HomeStyle.FORM and [t.number for t in self.tools or [self.tool]] != [1]:
+        numbers = [tool.number for tool in (*self.tools, *([] if self.tools else [self.tool]))]
+        if home is HomeStyle.FORM and numbers != [1]:
             raise ValueError("krl.home: form selects tool 1 and its load, expected no other tool")
         return self

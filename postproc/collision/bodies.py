@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.cell import Cell, MeshPlacement, RobotSolids, UrdfGeometry
+from postproc.cell import Cell, MeshPlacement, RobotSolids, Tool, UrdfGeometry
 from postproc.collision.arm import Arm
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh, decimated, joined, solid
@@ -61,8 +61,8 @@ class Body:
 def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ...]]:
     """Return the solids of a cell in fixed order, and what the user should know about them.
 
-    Links 0..6, tool, workpieces, obstacles; within each in the order of the cell file. Workpieces
-    that cannot stand there with the one in work are left out.
+    Links 0..6, tool, workpieces, obstacles, tools on their stands; within each in the order of the
+    cell file. Workpieces that cannot stand there with the one in work are left out.
 
     Raises:
         CellError: COL001 to COL005 naming the mesh file that cannot be used.
@@ -85,10 +85,16 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
             for s in base.meshes
         ),
         *(_placed(s, "obstacle", WORLD, np.eye(4)) for s in cell.obstacles),
+        *(
+            replace(body, name=f"{body.name} of {tool.name} on its stand")
+            for tool, T_world_stand in _on_stands(cell)
+            for body in (_placed(s, "tool", WORLD, T_world_stand, "obstacle") for s in tool.meshes)
+        ),
     ]
     if not cell.tool.meshes:
         text = "the tool has no solids: what it hits is not seen"
         findings.append(Finding(Severity.WARNING, "COL101", text))
+    findings += _not_seen(cell)
     absent = absent_bases(cell)
     if absent:
         gone = ", ".join(str(cell.bases[index].number) for index in absent)
@@ -96,6 +102,22 @@ def bodies_of(cell: Cell, arm: Arm) -> tuple[tuple[Body, ...], tuple[Finding, ..
         findings.append(Finding(Severity.NOTE, "COL106", f"{text} while it is in work"))
     there = (body for body in _told_apart(bodies) if body.base not in absent)
     return tuple(there), tuple(findings)
+
+
+def _on_stands(cell: Cell) -> list[tuple[Tool, FloatArray]]:
+    """Return the tools that are not mounted, as far as it is known where they are."""
+    others = (tool for index, tool in enumerate(cell.tools) if index != cell.tool_index)
+    return [(tool, tool.T_world_stand) for tool in others if tool.T_world_stand is not None]
+
+
+def _not_seen(cell: Cell) -> list[Finding]:
+    """Return a note of the tools whose solids are nowhere while others are mounted."""
+    lost = [tool for tool in cell.tools if tool.meshes and tool.T_world_stand is None]
+    if len(cell.tools) < 2 or not lost:
+        return []
+    numbers = ", ".join(str(tool.number) for tool in lost)
+    text = f"where tool {numbers} is while another is mounted is not known: it is not looked at"
+    return [Finding(Severity.NOTE, "COL107", text, hint="give [[tools]] stand = { xyz_mm = .. }")]
 
 
 def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:

@@ -354,7 +354,7 @@ class _ByParts:
 
     def __init__(self, cell: Cell, kinematics: Arm) -> None:
         self.cell, self.kinematics = cell, kinematics
-        solids = (cell.robot, cell.tool, cell.workpiece, *cell.bases, cell.obstacles)
+        solids = (cell.robot, cell.tool, *cell.tools, cell.workpiece, *cell.bases, cell.obstacles)
         self._parts = (kinematics, *solids, cell.limits, cell.external_axes)
 
     def __hash__(self) -> int:

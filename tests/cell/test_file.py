@@ -373,7 +373,10 @@ def test_reference_page_names_every_key():
     ):
         assert f"| `{key}` |" in page
     assert '| `axis` | `"+x"`' in page
-    assert "## `[robot.base]`, `[tool.frame]`, `[tools.frame]`, `[workpiece.frame]`" in page
+    assert (
+        "## `[robot.base]`, `[tool.frame]`, `[tools.frame]`, `[tools.stand]`, `[workpiece.frame]`"
+        in page
+    )
     assert "list of 3: number" in page
 
 

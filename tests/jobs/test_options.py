@@ -199,7 +199,7 @@ DIP = {
 HEAD = {"tool.meshes": [NOSE]}
 ROOF = {"box": {"size_mm": [20.0, 20.0, 20.0]}, "xyz_mm": [1700.0, 0.0, 850.0]}
 LONG = "long form"
-"""Stands for a key: tool and workpiece become the only entries of tools and bases."""
+"""Stands for a key: tool and workpiece become the first of tools, before these, and of bases."""
 ABOVE = {**BLOCK, "xyz_mm": [1800.0, 40.0, 930.0]}
 WRIST_AT = {"xyz_mm": [652.0, 0.0, -60.0]}
 WRIST = {**NOSE, **WRIST_AT}
@@ -450,7 +450,20 @@ CASES: dict[str, tuple[Any, ...]] = {
 for short, form in (("tool.", "tools[]."), ("workpiece.", "bases[].")):
     for name in [key for key in CASES if key.startswith(short)]:
         setup, *rest = CASES[name]
-        CASES[form + name.removeprefix(short)] = ({**setup, LONG: True}, *rest)
+        CASES[form + name.removeprefix(short)] = ({**setup, LONG: []}, *rest)
+
+
+def on_stand(**stand: list[float]) -> dict[str, Any]:
+    """Return a second tool that is somewhere while the first one works."""
+    box = {"box": {"size_mm": [300.0, 300.0, 300.0]}, "xyz_mm": [150.0, 0.0, 0.0]}
+    names = {"number": 2, "name": "other", "cam": ["2"], "axis": "+x", "meshes": [box]}
+    place = {"xyz_mm": [1650.0, 40.0, 760.0], "abc_deg": [0.0, 0.0, 0.0], **stand}
+    return {LONG: [{**names, "stand": place}]}
+
+
+for name, value in (("xyz_mm", [0.0, 0.0, 4000.0]), ("abc_deg", [180.0, 0.0, 0.0])):
+    setup = {"tool.cam": ["1", "MILL"], "tool.meshes": [NOSE], **on_stand()}
+    CASES[f"tools[].stand.{name}"] = (setup, on_stand(**{name: value}), "tools.csv")
 
 
 def cell_text(*changes: dict[str, Any]) -> str:
@@ -463,8 +476,8 @@ def cell_text(*changes: dict[str, Any]) -> str:
         for part in way:
             at = at[int(part)] if isinstance(at, list) else at.setdefault(part, {})
         at[last] = copy.deepcopy(value)
-    if any(key == LONG for key, _ in items):
-        cell["tools"], cell["bases"] = [cell.pop("tool")], [cell.pop("workpiece")]
+    for others in [value for key, value in items if key == LONG][-1:]:
+        cell["tools"], cell["bases"] = [cell.pop("tool"), *others], [cell.pop("workpiece")]
     return "\n".join(toml_table(cell)) + "\n"
 
 
