@@ -221,17 +221,22 @@ class GridField(StiffnessField):
 
 @dataclass(frozen=True, slots=True)
 class ContinuousField(StiffnessField):
-    """log c_i(q) = base_i + Σ_m k(q, node_m) weight_mi, smooth in joint space.
+    """log c_i(q) = base_i + Σ_m k(q, node_m) weight_mi + Σ_p h(q_i, own_pi) own_weight_pi.
 
     ``nodes`` (m, 6) [rad]; ``lengths`` (6,) [rad] of the kernel
     k = exp(-½ Σ_j ((q_j - node_j)/length_j)²); ``weights`` (m, 6); ``base`` (6,) log of
-    [rad/(N*m)], NaN for an unseen joint. Far from all nodes it returns to ``base``.
+    [rad/(N*m)], NaN for an unseen joint. ``own_nodes`` (p, 6), ``own_lengths`` (6,) and
+    ``own_weights`` (p, 6): the same of each joint's own angle alone. Smooth in joint space; far
+    from all nodes it returns to ``base``.
     """
 
     nodes: FloatArray
     lengths: FloatArray
     base: FloatArray
     weights: FloatArray
+    own_nodes: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
+    own_lengths: FloatArray = field(default_factory=lambda: np.ones(6))
+    own_weights: FloatArray = field(default_factory=lambda: np.zeros((0, 6)))
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
@@ -239,6 +244,9 @@ class ContinuousField(StiffnessField):
         frozen_floats(self, "lengths", (6,))
         frozen_floats(self, "base", (6,))
         frozen_floats(self, "weights", (len(self.nodes), 6))
+        frozen_floats(self, "own_nodes", (None, 6))
+        frozen_floats(self, "own_lengths", (6,))
+        frozen_floats(self, "own_weights", (len(self.own_nodes), 6))
         frozen_floats(self, "fallback", (6,))
 
     @property
@@ -251,7 +259,9 @@ class ContinuousField(StiffnessField):
         out = np.empty((len(q), 6))
         for start in range(0, len(q), 2000):
             part = slice(start, start + 2000)
-            out[part] = np.exp(self.base + kernel(q[part], self.nodes, self.lengths) @ self.weights)
+            own = own_kernel(q[part], self.own_nodes, self.own_lengths)
+            log = self.base + kernel(q[part], self.nodes, self.lengths) @ self.weights
+            out[part] = np.exp(log + np.einsum("inp,pi->ni", own, self.own_weights))
         return out
 
     def extrapolation(self, q: ArrayLike) -> FloatArray:
@@ -268,6 +278,12 @@ def kernel(q: FloatArray, nodes: FloatArray, lengths: FloatArray) -> FloatArray:
     a, b = q / lengths, nodes / lengths
     square = np.sum(a * a, axis=1)[:, None] + np.sum(b * b, axis=1) - 2.0 * (a @ b.T)
     return np.asarray(np.exp(-0.5 * np.maximum(square, 0.0)))
+
+
+def own_kernel(q: FloatArray, nodes: FloatArray, lengths: FloatArray) -> FloatArray:
+    """Return exp(-½ ((q_i - node_i)/length_i)²) (6, n, p) for joint angles (n, 6), nodes (p, 6)."""
+    away = (q[:, None, :] - nodes[None]) / lengths
+    return np.asarray(np.exp(-0.5 * np.moveaxis(away, 2, 0) ** 2))
 
 
 def _mean(values: FloatArray, weight: FloatArray) -> FloatArray:

@@ -32,6 +32,7 @@ GRID_KEYS = (
 )
 JOINT_SPACE_KEYS = (
     *("kind", STIFFNESS, "length_deg", "nodes_deg", "log_compliance_weights"),
+    *("own_length_deg", "own_nodes_deg", "own_log_compliance_weights"),
     "unobservable_joints",
 )
 
@@ -64,6 +65,12 @@ def field_table(field: StiffnessField) -> dict[str, Any] | None:
             "nodes_deg": entry("nodes_deg", field.nodes),
             "log_compliance_weights": field.weights.tolist(),
         }
+        if len(field.own_nodes):
+            table |= {
+                "own_length_deg": entry("own_length_deg", field.own_lengths),
+                "own_nodes_deg": entry("own_nodes_deg", field.own_nodes),
+                "own_log_compliance_weights": field.own_weights.tolist(),
+            }
     return table | _marks(field.observed)
 
 
@@ -128,7 +135,15 @@ def _joint_space(model: ModelFile, name: str) -> StiffnessField:
     if not bool(np.all(lengths > 0.0)):
         raise DataError("MOD006", "length_deg must be positive", model.source(name, "length_deg"))
     base = np.log(_compliance(model, name, (6,)))
-    return ContinuousField(nodes, lengths, base, weights)
+    if "own_nodes_deg" not in model.effects[name]:
+        return ContinuousField(nodes, lengths, base, weights)
+    own_nodes = _needed(model, name, "own_nodes_deg", (None, 6))
+    own_weights = _needed(model, name, "own_log_compliance_weights", (len(own_nodes), 6))
+    own_lengths = _needed(model, name, "own_length_deg", (6,))
+    if not bool(np.all(own_lengths > 0.0)):
+        at = model.source(name, "own_length_deg")
+        raise DataError("MOD006", "own_length_deg must be positive", at)
+    return ContinuousField(nodes, lengths, base, weights, own_nodes, own_lengths, own_weights)
 
 
 def _needed(model: ModelFile, effect: str, key: str, shape: tuple[int | None, ...]) -> FloatArray:

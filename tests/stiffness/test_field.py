@@ -108,6 +108,27 @@ def test_kernel_is_the_gaussian_of_the_scaled_distance():
     np.testing.assert_allclose(kernel(a, b, lengths), literal, rtol=1e-12)
 
 
+def test_a_joints_own_angle_adds_its_own_sum():
+    rng = np.random.default_rng(5)
+    nodes, own_nodes = rng.normal(size=(4, 6)), rng.normal(size=(3, 6))
+    lengths, own_lengths = rng.uniform(0.5, 2.0, (2, 6))
+    base, weights, own_weights = (
+        rng.normal(size=6),
+        rng.normal(size=(4, 6)),
+        rng.normal(size=(3, 6)),
+    )
+    field = ContinuousField(nodes, lengths, base, weights, own_nodes, own_lengths, own_weights)
+    q = rng.normal(size=(2, 6))
+    for row, c in zip(q, field.compliance(q), strict=True):
+        for i in range(6):
+            log = base[i]
+            for node, weight in zip(nodes, weights[:, i], strict=True):
+                log += weight * np.exp(-0.5 * np.sum(((row - node) / lengths) ** 2))
+            for node, weight in zip(own_nodes[:, i], own_weights[:, i], strict=True):
+                log += weight * np.exp(-0.5 * ((row[i] - node) / own_lengths[i]) ** 2)
+            assert c[i] == pytest.approx(np.exp(log), rel=1e-12)
+
+
 def fields():
     rng = np.random.default_rng(4)
     continuous = ContinuousField(
@@ -116,9 +137,19 @@ def fields():
         np.log(np.full(6, 1e-7)),
         rng.normal(size=(5, 6)),
     )
+    own = rng.normal(size=(3, 6)), rng.uniform(0.5, 2.0, 6), rng.normal(size=(3, 6))
+    with_own = ContinuousField(
+        continuous.nodes, continuous.lengths, continuous.base, continuous.weights, *own
+    )
     c = rng.uniform(1.0, 2.0, size=(8, 6)) * 1e-7
     c[:, 0] = np.nan
-    return [ConstantField(c[0]), GridField(GRID, c), GridField(GRID, c, blend=False), continuous]
+    return [
+        ConstantField(c[0]),
+        GridField(GRID, c),
+        GridField(GRID, c, blend=False),
+        continuous,
+        with_own,
+    ]
 
 
 @pytest.mark.parametrize("field", fields(), ids=lambda f: type(f).__name__)

@@ -14,6 +14,7 @@ from postproc.stiffness.identify.cases import clusters, load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.stiffness.identify.document import identify_document, warnings
+from postproc.stiffness.identify.estimates import constant_estimates
 from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
 from postproc.stiffness.identify.identify import identify
 from postproc.stiffness.identify.models import IdentifyOptions, folds
@@ -266,6 +267,36 @@ def test_continuous_model_says_how_sure_it_is(arm, postures, varying):
     far[:, 1:3] += 1.5
     assert fit.log_sd(far)[:, 1].mean() > 2.0 * fit.log_sd(fresh)[:, 1].mean()
     assert fit.field.extrapolation(far).min() > 0.5 > fit.field.extrapolation(q).max()
+
+
+def test_numbers_of_joints_are_those_of_the_chosen_model(arm, postures, varying):
+    """One constant for all postures is no estimate of stiffness that varies."""
+    q = postures(64, seed=12)
+    result = identify(campaign(varying, q, three_directions(varying), TRACKER), arm, TCP)
+    assert result.chosen == "continuous"
+    true = 1.0 / varying.compliance(q).mean(axis=0)
+    for joint, told in enumerate(result.joints):
+        if told.grade is Visibility.UNOBSERVABLE:
+            continue
+        assert told.low <= told.stiffness <= told.high
+        assert abs(np.log(told.stiffness / true[joint])) < 3.0 * told.relative_sd + 0.02, joint
+    assert not any("bound" in text for text in warnings(result))
+
+
+def test_an_estimate_at_its_bound_is_in_its_interval_and_not_good(arm, postures):
+    """Springs of which A3 is as good as rigid, and a load model that is off: A3 ends at zero."""
+    twin = Twin()
+    measured = campaign(twin, postures(40), three_directions(twin), TRACKER)
+    cases = load_cases(measured, arm, TCP)
+    lying = replace(
+        cases, d=cases.d - 1.3 * np.einsum("nij,j->ni", cases.A, C * (np.arange(6) == 2))
+    )
+    fit = fit_constant(lying, K_PAPER)
+    assert 2 in fit.at_bound or not fit.observability.seen[2]
+    for joint, told in enumerate(constant_estimates(fit)):
+        if told.grade is not Visibility.UNOBSERVABLE:
+            assert told.low <= told.stiffness <= told.high, joint
+            assert (joint in fit.at_bound) <= (told.grade is Visibility.WEAK)
 
 
 def test_model_choice_takes_the_simplest_that_is_good_enough(arm, postures, varying):

@@ -1,4 +1,4 @@
-"""Command line: ``python -m tools.blind generate``, ``score`` and ``loop``."""
+"""Command line: ``python -m tools.blind generate``, ``score``, ``loop`` and ``stiffness``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from tools.blind import answerers, loop, table
+from tools.blind import answerers, loop, stiffness, table
 from tools.blind.judging import judge
 from tools.blind.running import run_all
 from tools.blind.writing import generate
@@ -23,6 +23,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     if options.command == "loop":
         print(close_all(Path(options.output), options.cases, options.seed))
+        return 0
+    if options.command == "stiffness":
+        print(identify_all(Path(options.output), options.cases, options.seed))
         return 0
     text, _ = score(
         Path(options.directory), options.answerer, options.processes, options.again, options.first
@@ -87,6 +90,28 @@ def close_all(folder: Path, count: int, seed: int) -> str:
     return text
 
 
+def identify_all(folder: Path, count: int, seed: int) -> str:
+    """Identify varying stiffness.
+
+    Args:
+        folder: gets a folder for each case, ``stiffness.json`` and ``stiffness.md``.
+        count: how many cases.
+        seed: of everything that is drawn.
+
+    Returns:
+        The table as markdown.
+    """
+    cases = []
+    for number in range(1, count + 1):
+        cases.append(stiffness.measure(number, seed, folder / f"{number:04d}"))
+        print(f"case {number} of {count}", file=sys.stderr, flush=True)
+    text = stiffness.table(cases, f"Varying stiffness: {count} cases, seed {seed}")
+    (folder / "stiffness.md").write_text(text, encoding="utf-8")
+    whole = {"schema": "blind.stiffness/1", "seed": seed, "cases": cases}
+    (folder / "stiffness.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    return text
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tools.blind", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
@@ -98,6 +123,10 @@ def _parser() -> argparse.ArgumentParser:
     closed.add_argument("-o", "--output", required=True, metavar="DIR")
     closed.add_argument("--cases", type=int, default=12)
     closed.add_argument("--seed", type=int, default=1)
+    stiff = commands.add_parser("stiffness", help="identify stiffness that varies")
+    stiff.add_argument("-o", "--output", required=True, metavar="DIR")
+    stiff.add_argument("--cases", type=int, default=20)
+    stiff.add_argument("--seed", type=int, default=1)
     judged = commands.add_parser("score", help="run the product on the cases and print the table")
     judged.add_argument("-d", "--directory", required=True, metavar="DIR")
     judged.add_argument("--answerer", choices=("product", *answerers.NAMES), default="product")

@@ -29,6 +29,7 @@ TYPICAL_C = 1.0 / np.array([1.5e7, 6e6, 5e6, 4e5, 2.5e5, 3e5])
 """Expected pattern of joint compliances [rad/(N*m)] where nothing is known; its size is fitted."""
 BOUNDS = (0.02, 50.0)
 """A compliance is looked for between these multiples of the expected one."""
+_AT = 1.0 + 1e-9
 NEAR = 5.0
 """A weakly seen joint of a finer model starts within this factor of the expected compliance."""
 HUBER = 3.4
@@ -140,10 +141,16 @@ def fit_constant(
     at_bound = tuple(int(i) for i in np.flatnonzero(seen.seen & (inside != c)))
     if at_bound:
         inside = _bounded(cases, c_ref, seen.seen, weight)
+        # the others are estimated anew, with these where they are held
+        held = seen.seen & ((inside <= low * _AT) | (inside >= high / _AT))
+        others = _deviations(A, c_ref, seen.seen & ~held, sigma)
+        sd = np.where(held, sd, others)
+        reach = np.where(held, reach, _quantile(confidence, dof) * others)
+        c = np.where(held, c, inside)
     return ConstantFit(
         c_joint=np.where(seen.seen, inside, np.nan),
         sd=sd,
-        low=c - reach,
+        low=np.minimum(c - reach, inside),
         high=np.maximum(c + reach, inside),
         sigma=sigma,
         dof=dof,

@@ -1,11 +1,14 @@
 """Joint compliance as a smooth function of the joint angles: Gaussian processes on its logarithm.
 
-log c_i(q) = log c0_i + b_i + g_i(q) with b_i ~ N(0, 1) and g_i a Gaussian process over all six
-angles, kernel amplitude² exp(-½ Σ_j ((q_j - q'_j)/length_j)²). Lengths, amplitude and noise come
-from the marginal likelihood (linearised around the current fit) on a spread-out subset; the field
-itself from all load responses by damped Gauss-Newton on at most ``NODES`` kernel centres, so that
-a thousand configurations cost no more than a hundred. A compliance is never negative, the field
-never jumps, and where nothing was measured it returns to the constant.
+log c_i(q) = log c0_i + b_i + h_i(q_i) + g_i(q) with b_i ~ N(0, 1), h_i a Gaussian process over the
+joint's own angle, as gears and bearings make it, and g_i one over all six angles, kernel
+amplitude² exp(-½ Σ_j ((q_j - q'_j)/length_j)²). In a wide workspace some tens of postures tell
+little of six angles at once, but enough of each. Lengths, both amplitudes and noise come from the
+marginal likelihood (linearised around the current fit) on a spread-out subset, which so decides how
+much of either there is; the field itself from all load responses by damped Gauss-Newton on at most
+``NODES`` kernel centres, so that a thousand configurations cost no more than a hundred. A
+compliance is never negative, the field never jumps, and where nothing was measured it returns to
+the constant.
 """
 
 from __future__ import annotations
@@ -15,12 +18,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
-from postproc.stiffness.field import ContinuousField, kernel
+from postproc.stiffness.field import ContinuousField, kernel, own_kernel
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.constant import ConstantFit, huber_weight
 from postproc.stiffness.identify.observability import FINEST
 
 NODES = 160
+OWN_NODES = 16
+"""Kernel centres of a joint's own angle, evenly over what was measured."""
 SUBSET = 100
 """Cases that the marginal likelihood looks at."""
 _OFFSET_SD = 1.0
@@ -35,11 +40,16 @@ _STEPS = 40
 
 @dataclass(frozen=True, slots=True)
 class Hyper:
-    """Kernel lengths (6,) [rad], amplitude of log c, and noise sigma [m]."""
+    """Kernel lengths (6,) [rad], amplitude of log c, and noise sigma [m].
+
+    ``own_length`` [rad] and ``own_amplitude``: of what follows a joint's own angle.
+    """
 
     lengths: FloatArray
     amplitude: float
     sigma: float
+    own_length: float
+    own_amplitude: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,20 +64,34 @@ class ContinuousFit:
     hyper: Hyper
     weight: FloatArray
     covariance: FloatArray
-    factor: FloatArray
+    features: _Features
     seen: BoolArray
 
     def log_sd(self, q: FloatArray) -> FloatArray:
         """Return one sigma of log c (n, 6) at joint angles (n, 6); NaN for an unseen joint."""
-        P = _features(q, self.field.nodes, self.hyper, self.factor)
-        size = P.shape[1]
         sd = np.full((len(q), 6), np.nan)
-        for place, joint in enumerate(np.flatnonzero(self.seen)):
-            block = self.covariance[place * size : (place + 1) * size, :][
-                :, place * size : (place + 1) * size
-            ]
-            sd[:, joint] = np.sqrt(np.einsum("nf,fg,ng->n", P, block, P))
+        for place, P in enumerate(self.features.of(q, self.seen)):
+            block = self._block(place, P.shape[1])
+            sd[:, np.flatnonzero(self.seen)[place]] = np.sqrt(np.einsum("nf,fg,ng->n", P, block, P))
         return sd
+
+    def mean_log_sd(self, q: FloatArray) -> FloatArray:
+        """Return one sigma (6,) of the logarithm of the mean compliance over joint angles (n, 6).
+
+        NaN for an unseen joint.
+        """
+        sd = np.full(6, np.nan)
+        share = self.field.compliance(q)
+        for place, P in enumerate(self.features.of(q, self.seen)):
+            joint = int(np.flatnonzero(self.seen)[place])
+            weight = share[:, joint] / share[:, joint].sum()
+            row = weight @ P
+            sd[joint] = np.sqrt(row @ self._block(place, P.shape[1]) @ row)
+        return sd
+
+    def _block(self, place: int, size: int) -> FloatArray:
+        own = slice(place * size, (place + 1) * size)
+        return self.covariance[own, own]
 
 
 def fit_continuous(
@@ -107,16 +131,69 @@ def _fit_seen(
     log_ratio = np.zeros((len(subset), int(seen.sum())))
     for _ in range(_ROUNDS if search else 0):
         current = _maximise(subset, c0, seen, log_ratio, current, cases)
-        part = _Fit(subset, c0, seen, _nodes_of(subset), current)
+        part = _Fit(subset, c0, seen, _Features.over(subset.q, _nodes_of(subset), current))
         log_ratio = part.solve(np.ones(len(subset)))[0]
-    fit = _Fit(cases, c0, seen, centres, current)
+    fit = _Fit(cases, c0, seen, _Features.over(cases.q, centres, current))
     weight = np.ones(len(cases))
     v: FloatArray | None = None
     for _ in range(2):
         ratio, v = fit.solve(weight, v)
         weight = _huber(cases, c0, seen, ratio)
     _, v = fit.solve(weight, v)
-    return ContinuousFit(fit.field(v), current, weight, fit.covariance(v, weight), fit.factor, seen)
+    covariance = fit.covariance(v, weight)
+    return ContinuousFit(fit.field(v), current, weight, covariance, fit.features, seen)
+
+
+@dataclass(frozen=True, slots=True)
+class _Features:
+    """Whitened features of joint angles: weights of N(0, 1) make a field of the prior.
+
+    ``nodes`` (m, 6) and ``own_nodes`` (p, 6) [rad]; ``factor`` (m, m), ``own_factor`` (6, p, p):
+    Cholesky factors of the kernels between them.
+    """
+
+    hyper: Hyper
+    nodes: FloatArray
+    own_nodes: FloatArray
+    factor: FloatArray
+    own_factor: FloatArray
+
+    @classmethod
+    def over(cls, q: FloatArray, nodes: FloatArray, hyper: Hyper) -> _Features:
+        """Return the features with nodes (m, 6), those of own angles over joint angles (n, 6)."""
+        own_nodes = np.linspace(q.min(axis=0), q.max(axis=0), OWN_NODES)
+        K = kernel(nodes, nodes, hyper.lengths) + _JITTER * np.eye(len(nodes))
+        own = own_kernel(own_nodes, own_nodes, np.full(6, hyper.own_length))
+        own = own + _JITTER * np.eye(OWN_NODES)
+        factor, own_factor = (np.asarray(np.linalg.cholesky(k), np.float64) for k in (K, own))
+        return cls(hyper, nodes, own_nodes, factor, own_factor)
+
+    def of(self, q: FloatArray, seen: BoolArray) -> FloatArray:
+        """Return the features (k, n, m + p + 1) of the k seen joints: all angles, own, constant."""
+        K = kernel(q, self.nodes, self.hyper.lengths)
+        smooth = self.hyper.amplitude * np.linalg.solve(self.factor, K.T).T
+        own_K = own_kernel(q, self.own_nodes, np.full(6, self.hyper.own_length))[seen]
+        own = np.linalg.solve(self.own_factor[seen], np.swapaxes(own_K, 1, 2))
+        own = self.hyper.own_amplitude * np.swapaxes(own, 1, 2)
+        constant = np.full((*own.shape[:2], 1), _OFFSET_SD)
+        return np.concatenate(
+            [np.broadcast_to(smooth, (len(own), *smooth.shape)), own, constant], axis=2
+        )
+
+    def field(self, v: FloatArray, c0: FloatArray, seen: BoolArray) -> ContinuousField:
+        """Return the field of feature weights (k, f) around the compliances (k,)."""
+        m, p = len(self.nodes), len(self.own_nodes)
+        weights, own_weights = np.zeros((m, 6)), np.zeros((p, 6))
+        base = np.full(6, np.nan)
+        weights[:, seen] = self.hyper.amplitude * np.linalg.solve(self.factor.T, v[:, :m].T)
+        back = np.swapaxes(self.own_factor[seen], 1, 2)
+        own = np.linalg.solve(back, v[:, m : m + p, None])[:, :, 0]
+        own_weights[:, seen] = self.hyper.own_amplitude * own.T
+        base[seen] = np.log(c0) + _OFFSET_SD * v[:, -1]
+        lengths = np.full(6, self.hyper.own_length)
+        return ContinuousField(
+            self.nodes, self.hyper.lengths, base, weights, self.own_nodes, lengths, own_weights
+        )
 
 
 class _Fit:
@@ -127,24 +204,20 @@ class _Fit:
         cases: LoadCases,
         c0: FloatArray,
         seen: BoolArray,
-        nodes: FloatArray,
-        hyper: Hyper,
+        features: _Features,
     ) -> None:
-        self.hyper = hyper
-        self.nodes = nodes
+        self.features = features
         self.seen = seen
         self.c0 = c0
-        K = kernel(nodes, nodes, hyper.lengths) + _JITTER * np.eye(len(nodes))
-        self.factor: FloatArray = np.asarray(np.linalg.cholesky(K))
-        self.P = _features(cases.q, nodes, hyper, self.factor)
-        self.A = cases.A[:, :, seen] * c0 / hyper.sigma
-        self.d = cases.d / hyper.sigma
+        self.P = features.of(cases.q, seen)
+        self.A = cases.A[:, :, seen] * c0 / features.hyper.sigma
+        self.d = cases.d / features.hyper.sigma
 
     def solve(
         self, weight: FloatArray, start: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return the log ratios (n, k) to c0 and the feature weights v (k, f)."""
-        v = np.zeros((len(self.c0), self.P.shape[1])) if start is None else start
+        v = np.zeros((len(self.c0), self.P.shape[2])) if start is None else start
         cost, left, ratio = self._cost(v, weight)
         damping = 1e-3
         for _ in range(_STEPS):
@@ -161,10 +234,14 @@ class _Fit:
                 damping *= 5.0
             if before - cost < 1e-7 * abs(cost) + 1e-9:
                 break
-        return self.P @ v.T, v
+        return self._log_ratio(v), v
+
+    def _log_ratio(self, v: FloatArray) -> FloatArray:
+        """Return the log ratios (n, k) to c0 of feature weights (k, f)."""
+        return np.asarray(np.einsum("inf,if->ni", self.P, v, optimize=True))
 
     def _cost(self, v: FloatArray, weight: FloatArray) -> tuple[float, FloatArray, FloatArray]:
-        log_ratio = np.clip(self.P @ v.T, -20.0, 20.0)
+        log_ratio = np.clip(self._log_ratio(v), -20.0, 20.0)
         ratio = np.exp(log_ratio)
         left = self.d - np.einsum("nij,nj->ni", self.A, ratio)
         with np.errstate(over="ignore"):
@@ -175,7 +252,7 @@ class _Fit:
         self, v: FloatArray, weight: FloatArray, left: FloatArray, ratio: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         B = self.A * ratio[:, None, :] * np.sqrt(weight)[:, None, None]
-        wide = np.einsum("nai,nf->naif", B, self.P).reshape(3 * len(B), -1)
+        wide = np.einsum("nai,inf->naif", B, self.P).reshape(3 * len(B), -1)
         H = wide.T @ wide + np.eye(wide.shape[1])
         residual = (left * np.sqrt(weight)[:, None]).reshape(-1)
         return H, wide.T @ residual - v.reshape(-1)
@@ -188,24 +265,12 @@ class _Fit:
 
     def field(self, v: FloatArray) -> ContinuousField:
         """Return the field of feature weights."""
-        weights = np.zeros((len(self.nodes), 6))
-        base = np.full(6, np.nan)
-        back = np.linalg.solve(self.factor.T, v[:, :-1].T)
-        weights[:, self.seen] = self.hyper.amplitude * back
-        base[self.seen] = np.log(self.c0) + _OFFSET_SD * v[:, -1]
-        return ContinuousField(self.nodes, self.hyper.lengths, base, weights)
-
-
-def _features(q: FloatArray, nodes: FloatArray, hyper: Hyper, factor: FloatArray) -> FloatArray:
-    """Return whitened features (n, m+1): kernel to the nodes, and a constant."""
-    K = kernel(q, nodes, hyper.lengths)
-    smooth = hyper.amplitude * np.linalg.solve(factor, K.T).T
-    return np.hstack([smooth, np.full((len(q), 1), _OFFSET_SD)])
+        return self.features.field(v, self.c0, self.seen)
 
 
 def _start(cases: LoadCases, constant: ConstantFit) -> Hyper:
     sigma = cases.floor.sigma if cases.floor else 0.3 * constant.sigma
-    return Hyper(np.ones(6), 0.5, max(sigma, FINEST))
+    return Hyper(np.ones(6), 0.3, max(sigma, FINEST), 1.0, 0.3)
 
 
 def _maximise(
@@ -224,31 +289,40 @@ def _maximise(
     y = cases.d - B.sum(axis=2) + np.einsum("nij,nj->ni", B, log_ratio)
     unit = start.sigma
     known = whole.floor is not None and whole.floor.dof >= 30
-    guess = np.array([*np.log(start.lengths), np.log(start.amplitude), 0.0])
+    sizes = np.log([start.amplitude, start.own_amplitude])
+    guess = np.array([*np.log(start.lengths), np.log(start.own_length), *sizes, 0.0])
     noise_range = (-0.7, 0.7) if known else (-4.0, 4.0)
 
     def objective(theta: FloatArray) -> float:
-        hyper = Hyper(np.exp(theta[:6]), float(np.exp(theta[6])), float(np.exp(theta[7])))
-        # weak beliefs: lengths near a radian, ratios near e^0.5, noise as it was read
-        prior = 0.5 * float(np.sum(theta[:6] ** 2)) + 0.5 * float(theta[6] + 0.7) ** 2
-        prior += 0.5 * float(theta[7] / (0.2 if known else 2.0)) ** 2
-        return prior - _log_evidence(cases.q, B / unit, y / unit, hyper)
+        hyper = _hyper(theta, 1.0)
+        # weak beliefs: lengths near a radian, ratios near e^0.3 of each kind, noise as it was read
+        prior = 0.5 * float(np.sum(theta[:7] ** 2)) + 0.5 * float(np.sum((theta[7:9] + 1.2) ** 2))
+        prior += 0.5 * float(theta[9] / (0.2 if known else 2.0)) ** 2
+        return prior - _log_evidence(cases.q, B / unit, y / unit, hyper, seen)
 
-    bounds = [_LOG_LENGTH] * 6 + [_LOG_AMPLITUDE, noise_range]
+    bounds = [_LOG_LENGTH] * 7 + [_LOG_AMPLITUDE] * 2 + [noise_range]
     found = minimize(objective, guess, method="L-BFGS-B", bounds=bounds, options={"maxiter": 30})
-    return Hyper(
-        np.exp(found.x[:6]),
-        float(np.exp(found.x[6])),
-        max(unit * float(np.exp(found.x[7])), FINEST),
-    )
+    return _hyper(found.x, unit)
 
 
-def _log_evidence(q: FloatArray, B: FloatArray, y: FloatArray, hyper: Hyper) -> float:
-    """Return the log marginal likelihood of y = Σ_i B_i (b_i + g_i) + noise."""
+def _hyper(theta: FloatArray, unit: float) -> Hyper:
+    """Return the hyper-parameters of their logarithms (10,), noise in ``unit`` [m]."""
+    own_length, amplitude, own_amplitude, sigma = np.exp(theta[6:]).tolist()
+    lengths = np.exp(theta[:6])
+    return Hyper(lengths, amplitude, max(unit * sigma, FINEST), own_length, own_amplitude)
+
+
+def _log_evidence(
+    q: FloatArray, B: FloatArray, y: FloatArray, hyper: Hyper, seen: BoolArray
+) -> float:
+    """Return the log marginal likelihood of y = Σ_i B_i (b_i + h_i + g_i) + noise."""
     K = hyper.amplitude**2 * kernel(q, q, hyper.lengths) + _OFFSET_SD**2
+    own = hyper.own_amplitude**2 * own_kernel(q, q, np.full(6, hyper.own_length))[seen]
     n = 3 * len(q)
     rows = B.reshape(n, -1)
-    S = (rows @ rows.T) * np.repeat(np.repeat(K, 3, axis=0), 3, axis=1)
+    S = np.zeros((n, n))
+    for row, of_joint in zip(rows.T, own + K, strict=True):
+        S += np.outer(row, row) * np.repeat(np.repeat(of_joint, 3, axis=0), 3, axis=1)
     S[np.diag_indices(n)] += hyper.sigma**2
     try:
         L = np.linalg.cholesky(S)

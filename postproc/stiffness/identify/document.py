@@ -48,18 +48,18 @@ def warnings(result: Identification) -> list[str]:
     """Return what a user should know before relying on the numbers."""
     found = []
     seen = result.constant.observability
-    for joint, grade in enumerate(seen.visibility):
+    for joint, estimate in enumerate(result.joints):
         shown = shown_text(result.shown_by.get(joint))
         tail = f"; would be shown by {shown}" if shown else ""
-        if grade is Visibility.UNOBSERVABLE and result.field.observed[joint]:
-            found.append(f"A{joint + 1} varies too much for one constant; the chosen model has it")
-        elif grade is Visibility.UNOBSERVABLE:
+        if estimate.grade is Visibility.UNOBSERVABLE:
             twin = seen.confounded.get(joint)
             why = f", it moves the tool like A{twin + 1}" if twin is not None else ""
             found.append(f"A{joint + 1} cannot be seen under these loads{why}: left out{tail}")
-        elif grade is Visibility.WEAK:
+        elif seen.visibility[joint] is Visibility.UNOBSERVABLE:
+            found.append(f"A{joint + 1} varies too much for one constant; the chosen model has it")
+        elif estimate.grade is Visibility.WEAK:
             found.append(f"A{joint + 1} is weak: its motion is near or under the noise{tail}")
-    if result.constant.at_bound:
+    if result.constant.at_bound and result.chosen == "constant":
         names = ", ".join(f"A{joint + 1}" for joint in result.constant.at_bound)
         found.append(f"{names} ended at the bound of what is physical: the model does not fit")
     if not result.cases.paired:
@@ -78,29 +78,19 @@ def warnings(result: Identification) -> list[str]:
     return found
 
 
-def grade_of(result: Identification, joint: int) -> Visibility:
-    """Return how well a joint is seen; one that only the chosen model can tell is weak."""
-    grade = result.constant.observability.visibility[joint]
-    only_field = grade is Visibility.UNOBSERVABLE and bool(result.field.observed[joint])
-    return Visibility.WEAK if only_field else grade
-
-
 def _joint(result: Identification, joint: int) -> dict[str, Any]:
-    fit = result.constant
     k_here = result.field.stiffness(result.cases.q, result.cases.point)[:, joint]
     known = bool(result.field.observed[joint])
     spread = np.percentile(k_here, [5, 95]) if known else np.full(2, np.nan)
-    seen = fit.observability
-    low, high = fit.stiffness_interval(joint) if seen.seen[joint] else (math.nan, math.nan)
-    k = 1.0 / fit.c_joint[joint]
+    one = result.joints[joint]
     return {
         "joint": joint + 1,
-        "status": str(grade_of(result, joint)),
-        "stiffness_Nmm_per_rad": _number(k / NMM_PER_RAD),
-        "stiffness_ci_Nmm_per_rad": [_number(low / NMM_PER_RAD), _number(high / NMM_PER_RAD)],
+        "status": str(one.grade),
+        "stiffness_Nmm_per_rad": _number(one.stiffness / NMM_PER_RAD),
+        "stiffness_ci_Nmm_per_rad": [_number(v / NMM_PER_RAD) for v in (one.low, one.high)],
         "stiffness_range_Nmm_per_rad": [_number(v / NMM_PER_RAD) for v in spread],
-        "relative_sd": _number(seen.relative_sd[joint]),
-        "motion_mm": _mm(seen.motion[joint]),
+        "relative_sd": _number(one.relative_sd),
+        "motion_mm": _mm(result.constant.observability.motion[joint]),
         "shown_by": shown_text(result.shown_by.get(joint)),
     }
 

@@ -6,7 +6,7 @@ error of the best.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from postproc.stiffness.fieldfile import describe
 from postproc.stiffness.identify.cases import LoadCases, load_cases
 from postproc.stiffness.identify.constant import ConstantFit
 from postproc.stiffness.identify.continuous import ContinuousFit
+from postproc.stiffness.identify.estimates import (
+    JointEstimate,
+    constant_estimates,
+    field_estimates,
+)
 from postproc.stiffness.identify.gridded import GridFit
 from postproc.stiffness.identify.models import METHODS, IdentifyOptions, Models, ModelScore
 from postproc.stiffness.identify.observability import ShowingLoad, Visibility, showing_load
@@ -60,6 +65,21 @@ class Identification:
             return floor.sigma
         left = [self.constant.sigma, *(fit.sigma for fit in self.grids.values())]
         return min([*left, *([self.continuous.hyper.sigma] if self.continuous else [])])
+
+    @property
+    def joints(self) -> tuple[JointEstimate, ...]:
+        """What the chosen model says of each joint."""
+        constant = self.constant
+        if self.chosen != "continuous" or self.continuous is None:
+            known = constant_estimates(constant)
+            # a joint that varies too much for one constant, but not for the cells
+            hidden = [one.grade is Visibility.UNOBSERVABLE for one in known]
+            return tuple(
+                replace(one, grade=Visibility.WEAK) if is_hidden and is_seen else one
+                for one, is_hidden, is_seen in zip(known, hidden, self.field.observed, strict=True)
+            )
+        motion = constant.observability.motion * constant.centre / constant.c_ref
+        return field_estimates(self.continuous, self.cases.q, motion, constant.confidence)
 
     @property
     def floor_mean(self) -> float:

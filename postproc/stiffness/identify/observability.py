@@ -98,8 +98,17 @@ def observe(A: FloatArray, c_ref: FloatArray, sigma: float) -> Observability:
 
 
 def _grade(is_kept: bool, relative_sd: float, motion: float, noise: float) -> Visibility:
-    if not is_kept:
-        return Visibility.UNOBSERVABLE
+    return grade_by(relative_sd, motion, noise) if is_kept else Visibility.UNOBSERVABLE
+
+
+def grade_by(relative_sd: float, motion: float, noise: float) -> Visibility:
+    """Return how well a joint is seen that can be told from the others.
+
+    Args:
+        relative_sd: one sigma of its compliance over the compliance.
+        motion: rms [m] by which it moves the tool under the loads.
+        noise: sd of a component of a case [m].
+    """
     # a motion far under the noise is visible only as the average of many rows, and any fault of
     # the model of its own size spoils it
     return Visibility.WEAK if relative_sd > WEAK or motion < noise else Visibility.GOOD
