@@ -3,9 +3,11 @@
 The chain of a kinematic is root, ``$ETn_TA1KR``, axis 1, ``$ETn_TA2A1``, axis 2, ``$ETn_TA3A2``,
 axis 3, ``$ETn_TFLA3``; each axis moves along or about z of its frame. A rail (``#ERSYS``) stands
 at ``$ERSYSROOT``, its flange is the robot root and ``$ROBROOT`` is ignored. A positioner stands at
-the ROOT of its ``MACHINE_DEF``; a base that hangs on it is ``EK(ROOT, MECH_TYPE, BASE_DATA)``.
+the ROOT of its ``MACHINE_DEF``; a base that hangs on it is ``EK(ROOT, MECH_TYPE, BASE_DATA)``. A
+KRC2 has no ``MACHINE_DEF``: the ROOT is that of ``EX_AX_DATA``, all of its kinematic the same.
 
-Source: KUKA, KR C2 machine data 02.2005, 2.1.9, 2.1.10, 2.2.8 to 2.2.11; ``bas.src`` of KSS 8.6.
+Source: KUKA, KR C2 machine data 02.2005, 2.1.9, 2.1.10, 2.2.8 to 2.2.11; ``bas.src`` of KSS 8.6
+and of V4.1.7.
 """
 
 from __future__ import annotations
@@ -127,13 +129,39 @@ def _root(
     """Return name and value of the frame in the world that a kinematic stands at."""
     if kind == "rail":
         return "$ERSYSROOT", data.parts("$ERSYSROOT", _FRAME)
-    for index in config.indices("MACHINE_DEF") if config is not None else ():
-        machine = config.get("MACHINE_DEF", index) if config is not None else None
+    if config is None:
+        return "", None
+    for index in config.indices("MACHINE_DEF"):
+        machine = config.get("MACHINE_DEF", index)
         if isinstance(machine, dict) and machine.get("MECH_TYPE") == f"#{system}":
             parent = str(machine.get("PARENT", "")).strip().upper()
             root = numbers_of(machine.get("ROOT"), _FRAME) if parent in ("", "WORLD") else None
             return f"MACHINE_DEF[{index}].ROOT", root
-    return "", None
+    old = old_external_bases(config, system)
+    roots = {tuple(root) for _, root, _ in old}
+    return (f"EX_AX_DATA[{old[0][0]}].ROOT", list(roots.pop())) if len(roots) == 1 else ("", None)
+
+
+def old_external_bases(
+    config: Variables, system: str = ""
+) -> list[tuple[int, list[float], list[float]]]:
+    """Return index, ROOT and OFFSET of the ``EX_AX_DATA`` of a KRC2 that are not all zero.
+
+    Args:
+        config: ``$config.dat``; one with ``MACHINE_DEF`` is of a newer controller: none.
+        system: such as ``EASYS``; empty for all.
+    """
+    found = []
+    for index in () if config.indices("MACHINE_DEF") else config.indices("EX_AX_DATA"):
+        held = config.get("EX_AX_DATA", index)
+        if not isinstance(held, dict) or str(held.get("EX_KIN")).lstrip("#") not in (
+            (system,) if system else _POSITIONERS
+        ):
+            continue
+        root, offset = (numbers_of(held.get(key), _FRAME) for key in ("ROOT", "OFFSET"))
+        if root is not None and offset is not None and any((*root, *offset)):
+            found.append((index, root, offset))
+    return found
 
 
 def _chain(

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from postproc.backup.external import old_external_bases
 from postproc.backup.variables import Variables, numbers_of
 
 _FRAME = "X Y Z A B C"
+_OLD_EXTERNAL = 16
+"""FDAT.BASE_NO of a KRC2 is this and the number of its EX_BASE: ``bas.src`` of V4.1.7."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,11 @@ def base_entries(config: Variables) -> tuple[BaseEntry, ...]:
             continue
         line, parent = _line(config, "BASE_DATA", number), _parent(config, number)
         found.append(BaseEntry(number, name, tuple(frame), kind, line, *parent))
+    for index, _, offset in old_external_bases(config):
+        system = str(config.get("EX_AX_DATA", index)["EX_KIN"]).lstrip("#")
+        line = _line(config, "EX_AX_DATA", index)
+        number = _OLD_EXTERNAL + index
+        found.append(BaseEntry(number, "", tuple(offset), "#BASE", line, system, system))
     return tuple(found)
 
 
@@ -109,7 +117,7 @@ def _line(config: Variables, name: str, number: int) -> int:
 def _parent(config: Variables, number: int) -> tuple[str, str]:
     """Return name and system of the kinematic that carries a base, empty for the world.
 
-    ``EX_AX_DATA`` of older controllers says nothing of BASE_DATA: it has frames of its own.
+    ``EX_AX_DATA`` of older controllers says nothing of BASE_DATA: they are bases of their own.
     """
     held = config.get("MACHINE_FRAME_DAT", number)
     index = numbers_of(held, "MACH_DEF_INDEX")

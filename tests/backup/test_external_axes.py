@@ -174,3 +174,35 @@ def test_data_of_old_controllers_for_external_axes_do_not_hide_bases(tmp_path, c
     ]
     _, data, _, _ = cell_of(tmp_path, contents(extra=extra), capsys)
     assert [base["number"] for base in data["bases"]] == sorted(BASES)
+
+
+OFFSET = (11.0, -7.0, 30.0, 15.0, 0.0, 0.0)
+
+
+def old_base(index, root, offset, system="EASYS"):
+    """EX_AX_DATA as a KRC2 writes it."""
+    frames = [archives.frame(frame, lower=True) for frame in (root, offset)]
+    return f"EX_AX_DATA[{index}]={{ROOT {frames[0]},EX_KIN #{system},OFFSET {frames[1]}}}"
+
+
+def test_the_positioner_of_an_old_controller_has_its_root_in_the_external_bases(tmp_path, capsys):
+    zero = (0.0,) * 6
+    config = [old_base(1, ROOT, BASES[3]), old_base(2, ROOT, OFFSET), old_base(3, zero, zero)]
+    cell, data, _, _ = made(tmp_path, capsys, 2, TABLE, config)
+    assert [axis["name"] for axis in data["external_axes"]] == ["E1", "E2"]
+    assert [base.number for base in cell.bases] == [17, 18]
+    external = ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot))
+    for E1, E2 in ((0.0, 0.0), (-90.0, 12.0), (37.5, -112.25)):
+        T_robroot_part = external.frames(np.deg2rad([[E1, E2]]))[0, 1]
+        for base, offset in zip(cell.bases, (BASES[3], OFFSET), strict=True):
+            found = T_robroot_part @ np.asarray(cell.robot.T_world_robroot) @ base.T_robroot_base
+            wanted = chained(ROOT, TO_E1, ("turn", E1), TO_E2, ("turn", E2), TO_FLANGE, offset)
+            np.testing.assert_allclose(in_mm(found), wanted, atol=1e-6)
+
+
+def test_external_bases_that_contradict_each_other_say_no_place(tmp_path, capsys):
+    other = (*ROOT[:2], ROOT[2] + 1.0, *ROOT[3:])
+    config = [old_base(1, ROOT, BASES[3]), old_base(2, other, OFFSET)]
+    _, data, text, _ = made(tmp_path, capsys, 2, TABLE, config)
+    assert "external_axes" not in data
+    assert "where it stands is not in the files" in " ".join(text.replace("\n#", " ").split())

@@ -62,14 +62,18 @@ def held_out(
         yield f"{name} *", *stands_out(name, others[name], sizes)
     for name, links in arms.items():
         alike = {other for other in arms if _alike(lengths[name], lengths[other])}
-        known = dict(sizes)
+        known, is_alone = dict(sizes), False
         for size, names in measure.SIZES.items():
             members = {f"kuka_{member}" for member in names} & set(arms)
             if members & alike:  # the other sizes stay as they are
                 del known[size]
-                rest = {other: cloud[other] for other in members - alike}
+                rest = {other: cloud[other] for other in sorted(members - alike)}
+                is_alone |= not rest
                 known |= read_outlines(measure.outlines_text(rest, with_arms=False))
-        yield name, *stands_out(name, links, known)
+        if is_alone:
+            print(f"{name}: left out: no other arm of its size was measured", file=sys.stderr)
+        else:
+            yield name, *stands_out(name, links, known)
 
 
 def _alike(a: object, b: object) -> bool:

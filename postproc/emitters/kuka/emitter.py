@@ -16,7 +16,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from postproc.cell import Cell, KrlOptions, Split
+from postproc.cell import Cell, KrlOptions, Kss, Split
 from postproc.emitters.kuka import restart
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
@@ -47,6 +47,9 @@ from postproc.krl import (
 )
 from postproc.model import Event, MoveKind, Plan
 from postproc.units import DEG
+
+LAST_BASE_OF_KRC2 = 16
+"""Larger numbers are its EX_BASE, which ``BAS(#FRAMES)`` selects and ``BAS(#BASE)`` refuses."""
 
 
 def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple[KrlModule, ...]:
@@ -234,6 +237,7 @@ class _Program:
             "base_number": base,
             "advance": style.advance,
             "positioner": any(axis.kind == "positioner" for axis in self.cell.external_axes),
+            "external_base": style.kss is Kss.V5 and base > LAST_BASE_OF_KRC2,
             "orientation_speed": style.orientation_speed / DEG,
         }
 
