@@ -13,7 +13,7 @@ is worked out in blocks, a chain's group by group, so that memory stays bounded.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
@@ -74,7 +74,7 @@ class Ladder:
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
     _square: FloatArray = field(init=False)
-    _forbidden: dict[int, list[tuple[int, int]]] = field(init=False, default_factory=dict)
+    _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _solved: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
@@ -119,10 +119,8 @@ class Ladder:
             rungs: here, those that differ, and those behind them.
         """
         for steps in known._forbidden.values():
-            ends = moved[np.array(steps)]
-            for state, to in ends[(ends != NONE).all(axis=1)].tolist():
-                rung = int(np.searchsorted(self.offsets, to, side="right")) - 1
-                self._forbidden.setdefault(rung, []).append((state, to))
+            ends = moved[steps]
+            self._forbid(ends[(ends != NONE).all(axis=1)])
         if not known._solved:
             return
         old = np.flatnonzero(moved[:-1] != NONE)
@@ -153,10 +151,15 @@ class Ladder:
 
     def forbid(self, steps: list[tuple[int, int]]) -> None:
         """Take single steps (state from, state to) out and repair the values."""
-        rungs = self.rung_of(np.array([to for _, to in steps]))
-        for rung, step in zip(rungs.tolist(), steps, strict=True):
-            self._forbidden.setdefault(rung, []).append(step)
-        self._repair(rungs)
+        self._repair(self._forbid(np.array(steps)))
+
+    def _forbid(self, steps: IndexArray) -> IndexArray:
+        """Keep steps (m, 2), state from and state to, as forbidden; return their rungs (m,)."""
+        rungs = self.rung_of(steps[:, 1])
+        for rung in np.unique(rungs).tolist():
+            known = self._forbidden.get(rung, np.zeros((0, 2), dtype=np.int64))
+            self._forbidden[rung] = np.concatenate([known, steps[rungs == rung]])
+        return rungs
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
@@ -271,8 +274,8 @@ class Ladder:
         right[:, d] += self.value[before]
         right[:, d + 1] = w
         steps: FloatArray = left @ right.T
-        forbidden = self._forbidden.get(i, ())
-        if self.rule[i] == _CHAIN or forbidden:
+        forbidden = self._forbidden.get(i)
+        if self.rule[i] == _CHAIN or forbidden is not None:
             before, now = (
                 np.arange(at.start, at.stop) if isinstance(at, slice) else at
                 for at in (before, now)
@@ -286,15 +289,17 @@ class Ladder:
         steps: FloatArray,
         before: IndexArray,
         now: IndexArray,
-        forbidden: Sequence[tuple[int, int]],
+        forbidden: IndexArray | None,
     ) -> None:
         """Take out the steps that a chain may not do, and single ones that are forbidden."""
         if self.rule[i] == _CHAIN:
             self._keep_chain(i, steps, before, now)
-        for state, to in forbidden:
-            row, column = int(np.searchsorted(now, to)), int(np.searchsorted(before, state))
-            if row < len(now) and now[row] == to and column < len(before):
-                steps[row, column] = np.inf if before[column] == state else steps[row, column]
+        if forbidden is None or not len(before) or not len(now):
+            return
+        column = np.minimum(np.searchsorted(before, forbidden[:, 0]), len(before) - 1)
+        row = np.minimum(np.searchsorted(now, forbidden[:, 1]), len(now) - 1)
+        there = (before[column] == forbidden[:, 0]) & (now[row] == forbidden[:, 1])
+        steps[row[there], column[there]] = np.inf
 
     def _keep_chain(self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
         """Take out the steps that a chain may not do."""
