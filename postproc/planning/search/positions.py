@@ -1,7 +1,7 @@
 """Where the external axes stand at each tag: the best sequence of positions.
 
-Each tag is rated at each position of a grid by stiffness or reach; every change of position has a
-price, and inside a moving cut every step on the grid. The steps are then made smooth.
+Each tag is rated at each position of a grid by what its best pose costs there. Every change of
+position has a price, and inside a moving cut every step on the grid; steps are then made smooth.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.keytags import arc_length, spaced
 from postproc.planning.search.refine import tridiagonal
-from postproc.planning.search.rungs import step_rules
-from postproc.planning.states import Rule, Settings, sample
+from postproc.planning.search.rungs import best_of, step_rules
+from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
 from postproc.process import feeds_of
 from postproc.units import DEG
 
@@ -334,18 +334,29 @@ def rated(
     is_knot = spaced(arc_length(toolpath), chain, KNOT)
     is_knot[1:] |= np.diff(np.floor(turned / KNOT_TURN)) != 0
     knots = np.flatnonzero(is_knot)
-    quality = np.full((len(knots), len(values)), -np.inf)
-    for g in range(len(values)):
-        here = problem.standing(values[g])
-        states = sample(here, knots, settings.spins, tilts=here.tilts)
-        rows = states.tag_of(np.arange(len(states.q)))
-        index = states.index if settings.weights.main else np.ones(len(rows), dtype=np.float32)
-        np.maximum.at(quality[:, g], rows, np.log(np.maximum(index.astype(np.float64), 1e-30)))
-    best = quality.max(axis=1, keepdims=True)
-    loss = np.where(np.isfinite(quality), np.where(np.isfinite(best), best, 0.0) - quality, np.nan)
+    cost = np.column_stack(
+        [_least_cost(problem.standing(value), knots, settings) for value in values]
+    )
+    best = cost.min(axis=1, keepdims=True)
+    loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), np.nan)
     starts = np.unique(np.append(0, np.flatnonzero(~chain))) if n else np.zeros(0, np.int64)
     units = list(zip(starts.tolist(), np.append(starts[1:], n).tolist(), strict=True))
     way = arc_length(toolpath) + _TURN_LENGTH * turned + 1e-6 * np.arange(n)
     may_move = np.array([axis.moves_in_cuts for axis in cell.external_axes])
     loss = np.nan_to_num(loss, nan=UNREACHED)
     return Positions(checker, values, units, knots, loss, way, may_move)
+
+
+def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> FloatArray:
+    """Return what the pose of each tag (n,) costs that a search prefers, infinite without any."""
+    states = sample(problem, tags, settings.spins, tilts=problem.tilts)
+    row = states.tag_of(np.arange(len(states.q)))
+    wish = states.cost + settings.weights.price(1.0 - states.index / best_of(states)[row])
+    order = np.lexsort((wish, row))
+    row, first = np.unique(row[order], return_index=True)
+    chosen = order[first]
+    attitude, q = states.attitude_of(chosen), states.q[chosen].astype(np.float64)
+    T = problem.placement.tcp(tags[row], attitude)
+    cost = np.full(len(tags), np.inf)
+    cost[row] = evaluate(problem, tags[row], attitude[:, 0], T, q)[0]
+    return cost
