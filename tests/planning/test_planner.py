@@ -115,7 +115,7 @@ class TestHoles:
 
     def test_each_is_the_best_of_the_grid(self, make_cell, make_path):
         """Every tag's index equals the largest over its reachable states, by brute force."""
-        cell = make_cell(options={"strategy": "each"})
+        cell = make_cell(options={"strategy": "each", "objective": {"axial": 1.0}})
         toolpath = row_of_holes(make_path, n=5)
         result = plan(toolpath, cell)
         kinematics = build(cell.robot)

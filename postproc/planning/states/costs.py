@@ -30,8 +30,10 @@ line of the paper's kind mean stiffness falls by 0.4 %, the largest joint step f
 degrees."""
 WRIST, DEFAULT_WRIST = "wrist", 0.02
 """Weight of A4 and A6 off their unwound middle: half a turn of one must gain 2 % of stiffness."""
-MARGIN, DEFAULT_MARGIN = "margin", 0.1
-"""Weight of nearness to limits and to the straight wrist: 10 % of stiffness for standing there."""
+MARGIN = "margin"
+MARGIN_OF = {Preset.STIFFEST: 0.1, Preset.BALANCED: 3.0, Preset.FASTEST: 3.0}
+"""Weight of nearness to limits and to the straight wrist, by preset: 10 % of stiffness for standing
+there, or more than the price of what most tags could gain, so that they keep 5 degrees."""
 PRICE_OF = {Preset.STIFFEST: (0.02, 30.0), Preset.BALANCED: (0.05, 10.0)}
 """Loss of stiffness at a tag, and what each further 1 (100 %) of it costs, by preset: with
 ``balanced`` 10 % beyond 5 % must save as much as a way of 30 degrees of a joint costs."""
@@ -181,7 +183,7 @@ def weights_of(cell: Cell) -> Weights:
     wishes, asked = cell.optimize, cell.optimize.objective
     table: Mapping[str, float]
     if isinstance(asked, str):
-        table = {WRIST: DEFAULT_WRIST, MARGIN: DEFAULT_MARGIN, asked: 1.0}
+        table = {WRIST: DEFAULT_WRIST, MARGIN: MARGIN_OF[wishes.preset], asked: 1.0}
     else:
         table = asked
     if cell.optimize.tilt:

@@ -9,7 +9,7 @@ from postproc.kinematics import smallest_singular_value, wrist_distance
 from postproc.planning.states.costs import TRAVEL_UNIT, StateContext, objective
 from postproc.units import DEG
 
-AMPLE = 10.0 * DEG
+AMPLE = 7.0 * DEG
 """Margin [rad] to limits and straight wrist of which more is not better."""
 WELL_CONDITIONED = 0.3
 """Smallest singular value of the Jacobian (metres per radian) that counts as far from singular."""
