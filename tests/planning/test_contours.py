@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from postproc.model import MoveRole
-from postproc.planning.planner import plan
+from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import cubic, slopes
+from postproc.planning.search.keytags import dense_key_tags
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
 from tools.bench.contours import (
     brute_breaks,
@@ -67,6 +71,24 @@ def test_equals_brute_force_over_all_judged_steps():
 def test_lazily_checked_is_eagerly_checked():
     """A slice of ``tools.bench contours eager``: all collisions known before the search."""
     assert compare_eager(range(40, 43))["other"] == []
+
+
+def test_repaired_values_are_those_of_a_search_from_scratch():
+    toolpath, cell = contour("wavy", 1500, 1.0), milling_cell(fixture=True)
+    cell, settings = settle(cell, PlanOptions())
+    checker = checker_of(toolpath, cell, settings)
+    search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
+    search.run()
+    for tag in (200, 633, 634, 1120):
+        search.grow(np.array([tag]), np.array([search.base_stride]))
+        search.run()
+    fresh, runs = copy(search.ladder), search.bridges
+    fresh.__post_init__()
+    fresh.joins = replace(runs)
+    fresh.solve()
+    assert np.isinf(fresh.value).sum() > len(fresh.value) / 10
+    assert search.ladder.value == pytest.approx(fresh.value, abs=1e-8)
+    assert (search.ladder.broken == fresh.broken).all()
 
 
 @pytest.mark.parametrize("seed", [23, 54, 740])

@@ -15,13 +15,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.planning.states import NONE, States
+from postproc.planning.states import NONE, Joined, States
 
 NEAR = 0.5 * np.pi
 """States of spins beside each other, and of the same spin at successive tags, follow each other if
 no joint moves more [rad]."""
 Joints = NDArray[np.float32]
 _FULL_TURN = 2.0 * np.pi
+_BRANCHES = 8
+_SAME_BRANCH = np.eye(_BRANCHES, dtype=np.bool_)
+_OUT = 0
+"""Class of the states that are out."""
+_AT_ONCE = 2000
+"""Tags whose runs are joined together, so that memory stays bounded."""
 _DOUBLINGS = 10
 """2 to this is more than the spins of one run, all turns of the joints included."""
 
@@ -43,9 +49,8 @@ class Bridges:
     turn: FloatArray
     run: NDArray[np.int32] = field(init=False)
     _stale: BoolArray = field(init=False)
-    _joined: dict[int, tuple[IndexArray, IndexArray, BoolArray]] = field(
-        init=False, default_factory=dict
-    )
+    _known: dict[int, Joined] = field(init=False, default_factory=dict)
+    _former: dict[int, Joined] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Leave all runs to be found."""
@@ -55,52 +60,81 @@ class Bridges:
     def changed(self, rungs: IndexArray) -> None:
         """Forget the runs of tags (m,) of which states were taken out."""
         self._stale[rungs] = True
-        for rung in np.unique(rungs).tolist():
-            self._joined.pop(rung, None)
-            self._joined.pop(rung + 1, None)
+        for rung in np.unique([rungs, rungs + 1]).tolist():
+            if rung in self._known:
+                self._former[rung] = self._known.pop(rung)
 
-    def may_join(self, i: int, before: IndexArray, now: IndexArray, cost: FloatArray) -> BoolArray:
-        """Return (now, before) which states a cut into tag ``i`` may join.
+    def take_over(self, known: Bridges, moved: IndexArray, kept: IndexArray) -> None:
+        """Take the runs of the same graph before tags were added or replaced.
+
+        Args:
+            known: of that graph.
+            moved: (N of ``known`` + 1,) the state that each became here, ``NONE`` if gone.
+            kept: (n,) the rung that each of these tags had there, ``NONE`` for a new one.
+        """
+        here = np.flatnonzero(kept != NONE)
+        self._stale[here] = known._stale[kept[here]]
+        old = np.flatnonzero((moved[:-1] != NONE) & (known.run != NONE))
+        self.run[moved[old]] = moved[known.run[old]]
+        both = here[1:][(np.diff(here) == 1) & (np.diff(kept[here]) == 1)]
+        same = (self.loose[both] == known.loose[kept[both]]).tolist()
+        for rung, before, alike in zip(both.tolist(), kept[both].tolist(), same, strict=True):
+            if alike and before in known._known:
+                self._known[rung] = known._known[before]
+
+    def classes(self, i: int, cost: FloatArray) -> Joined:
+        """Return the classes of the states of rung ``i`` and of the one before; which may join.
+
+        Args:
+            i: rung, not the first.
+            cost: (N,) of all states, infinite for those that are out.
+        """
+        if i not in self._known:
+            self._find_runs(cost)
+            self._join(i)
+        return self._known[i]
+
+    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
+        """Return those of tags (m,) into which less may be joined than when last asked."""
+        found = []
+        for rung in rungs.tolist():
+            former, now = self._former.pop(rung, None), self.classes(rung, cost)
+            if former is not None and not _is_part(former, now):
+                found.append(rung)
+        return np.array(found, dtype=np.int64)
+
+    def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
+        """Return (now, before) which cuts into tag ``i`` turn the tool too fast; None: none.
 
         Args:
             i: rung.
             before: (b,) states of the rung before.
             now: (m,) states of this one.
-            cost: (N,) of all states, infinite for those that are out.
         """
-        if self.loose[i]:
-            branch = self.states.branch
-            may = np.asarray(branch[now][:, None] == branch[before][None])
-            if self.turn[i] < np.pi:
-                twist = self.states.spin_of(now) + self.carried[i] - self.carried[i - 1]
-                turn = twist[:, None] - self.states.spin_of(before)[None]
-                turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
-                may &= np.abs(turn) <= self.turn[i]
-            return may
-        if self._stale[i] or self._stale[i - 1]:
-            self._find_runs(cost)
-        if i not in self._joined:
-            self._joined[i] = self._join(i)
-        of_now, of_before, joined = self._joined[i]
-        low, first = int(self.states.offsets[i]), int(self.states.offsets[i - 1])
-        return np.asarray(joined[of_now[now - low]][:, of_before[before - first]])
+        if not self.loose[i] or self.turn[i] >= np.pi:
+            return None
+        twist = self.states.spin_of(now) + self.carried[i] - self.carried[i - 1]
+        turn = twist[:, None] - self.states.spin_of(before)[None]
+        turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
+        return np.asarray(np.abs(turn) > self.turn[i])
 
     def _find_runs(self, cost: FloatArray) -> None:
         """Find the runs of all tags where they are not known."""
+        if not self._stale.any():
+            return
         on = np.repeat(self._stale, np.diff(self.states.offsets))
         self.run[on] = NONE
         states = np.flatnonzero(on & np.isfinite(cost))
         self._stale[:] = False
         if not len(states):
             return
-        rung = self.states.tag_of(states)
         width = self.states.spins.shape[-1]
         spin = self.states.column[states].astype(np.int64)
-        place = rung * 8 + self.states.branch[states]
+        place = self._place(states)
         order = np.argsort(place * width + spin, kind="stable")
-        states, place, spin, rung = states[order], place[order], spin[order], rung[order]
+        states, place, spin = states[order], place[order], spin[order]
         q = self.states.q[states]
-        beyond = spin + self.stride[rung]
+        beyond = spin + self.stride[place // _BRANCHES]
         wraps = beyond >= width
         target = place * width + np.where(wraps & self.closed, beyond % width, beyond)
         target[wraps & (not self.closed)] = NONE
@@ -108,27 +142,49 @@ class Bridges:
         after = np.where(follow == NONE, np.arange(len(states)), follow)
         self.run[states] = states[_labels(after)]
 
-    def _join(self, i: int) -> tuple[IndexArray, IndexArray, BoolArray]:
-        """Return the run's number of every state of a rung, and of the one before; which may join.
+    def _place(self, states: IndexArray) -> IndexArray:
+        """Return a number (m,) for rung and branch of states."""
+        return np.asarray(self.states.tag_of(states) * _BRANCHES + self.states.branch[states])
 
-        The last is (runs now, runs before).
+    def _join(self, i: int) -> None:
+        """Find which runs may join at a rung, and at those behind it where that is not known."""
+        last = min(i + _AT_ONCE, len(self.states))
+        rungs = np.array([k for k in range(i, last) if k not in self._known])
+        offsets, is_loose = self.states.offsets, self.loose[rungs]
+        own = np.zeros(len(self.states), dtype=np.bool_)
+        own[rungs[~is_loose]] = True
+        own[i - 1 : -1] |= own[i:]
+        first = int(offsets[i - 1])
+        states = first + np.flatnonzero(np.repeat(own, np.diff(offsets))[first:])
+        states = states[self.run[states] != NONE]
+        runs, number = np.unique(self.run[states], return_inverse=True)
+        starts = np.searchsorted(runs, offsets)
+        label = np.zeros(int(offsets[last]) - first, dtype=np.int64)
+        label[states - first] = _OUT + 1 + number - starts[self.states.tag_of(states)]
+        now, before = (found - first for found in self._same_spin(states))
+        branch = self.states.branch[first : offsets[last]].astype(np.int64)
+        for k, loose in zip(rungs.tolist(), is_loose.tolist(), strict=True):
+            a, b, c = (int(offsets[j]) - first for j in (k - 1, k, k + 1))
+            if loose:
+                self._known[k] = Joined(branch[b:c], branch[a:b], _SAME_BRANCH)
+                continue
+            low, high = np.searchsorted(now, (b, c)).tolist()
+            shape = 1 + np.diff(starts[[k - 1, k, k + 1]])[::-1]
+            may = np.zeros(shape, dtype=np.bool_)
+            may[label[now[low:high]], label[before[low:high]]] = True
+            self._known[k] = Joined(label[b:c], label[a:b], may)
+
+    def _same_spin(self, states: IndexArray) -> tuple[IndexArray, IndexArray]:
+        """Return pairs (k,) of states of successive rungs with the same spin and near joints.
+
+        Those of the later rung rise.
         """
-        low, first, end = (int(self.states.offsets[k]) for k in (i, i - 1, i + 1))
-        runs_now, of_now = np.unique(self.run[low:end], return_inverse=True)
-        runs_before, of_before = np.unique(self.run[first:low], return_inverse=True)
-        joined = np.zeros((len(runs_now), len(runs_before)), dtype=np.bool_)
-        width = self.states.spins.shape[-1]
-        key = self.states.branch[first:end].astype(np.int64) * width
-        key += self.states.column[first:end]
-        old = np.flatnonzero(self.run[first:low] != NONE)
-        new = np.flatnonzero(self.run[low:end] != NONE)
-        old = old[np.argsort(key[old], kind="stable")]
-        q = self.states.q
-        if len(old):
-            same = _near(key[old], q[first + old], key[low - first + new], q[low + new])
-            hit = same != NONE
-            joined[of_now[new[hit]], of_before[old[same[hit]]]] = True
-        return of_now, of_before, joined
+        width, q = self.states.spins.shape[-1], self.states.q
+        key = self._place(states) * width + self.states.column[states]
+        order = np.argsort(key, kind="stable")
+        found = _near(key[order], q[states[order]], key - _BRANCHES * width, q[states])
+        hit = np.flatnonzero(found != NONE)
+        return states[hit], states[order[found[hit]]]
 
 
 def _near(keys: IndexArray, q: Joints, wanted: IndexArray, q_wanted: Joints) -> IndexArray:
@@ -148,6 +204,21 @@ def _near(keys: IndexArray, q: Joints, wanted: IndexArray, q_wanted: Joints) -> 
         near = (low + copy < high) & (np.abs(q[at] - q_wanted).max(axis=1) <= NEAR)
         found[near] = at[near]
     return found
+
+
+def _is_part(former: Joined, now: Joined) -> bool:
+    """Return whether states that are still in may join what they might before."""
+    if now.may is former.may:
+        return True
+    to_former = []
+    for then, at, count in zip(former[:2], now[:2], now.may.shape, strict=True):
+        of = np.zeros(count, dtype=np.int64)
+        of[at] = then
+        if (of[at] != then)[at != _OUT].any():
+            return False
+        to_former.append(of)
+    may = former.may[to_former[0]][:, to_former[1]]
+    return np.array_equal(may[_OUT + 1 :, _OUT + 1 :], now.may[_OUT + 1 :, _OUT + 1 :])
 
 
 def _labels(after: IndexArray) -> IndexArray:

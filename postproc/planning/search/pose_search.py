@@ -131,7 +131,8 @@ class PoseSearch:
         problem = self.checker.problem
         states, pinned = states_on(problem, tags, stride, self.wish)
         join = merged(self.states, self.tags, states, tags)
-        known, kept = self.ladder, np.isin(self.tags, tags, invert=True)
+        known, kept = (self.ladder, self.bridges), np.isin(self.tags, tags, invert=True)
+        rung = np.where(join.is_new, NONE, np.searchsorted(self.tags, join.tags))
 
         def by_tag(old: NDArray[Any], new: object) -> NDArray[Any]:
             column = np.empty(len(join.tags), dtype=old.dtype)
@@ -166,8 +167,9 @@ class PoseSearch:
             self.hasty,
             self.ladder,
         )
-        beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 3)
-        self.ladder.take_over(known, moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))
+        self.bridges.take_over(known[1], moved, rung)
+        beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 2)
+        self.ladder.take_over(known[0], moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))
 
     def keep_arm(self) -> None:
         """Let the arm change shoulder or elbow between tags only where nothing else can be run."""
@@ -176,7 +178,7 @@ class PoseSearch:
         parts = ladder_of(self.checker.problem, self.between, self.tags, self.states, self.wish)
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf
-        self.ladder.may_join = known.may_join
+        self.ladder.joins = known.joins
         same = np.append(np.arange(len(self.states.q)), NONE)
         self.ladder.take_over(known, same, np.arange(len(self.tags)))
 

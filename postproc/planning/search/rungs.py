@@ -219,7 +219,7 @@ def bridges_of(
     is_closed, carried = high - low >= 2.0 * np.pi - 1e-9, between.carried[tags]
     bridges = Bridges(states, stride, is_closed, loose, carried, turn)
     if len(states.tilts) == 1:
-        ladder.may_join = bridges.may_join
+        ladder.joins = bridges
     return bridges
 
 

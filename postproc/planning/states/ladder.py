@@ -7,16 +7,18 @@ motion) a step must keep the group and no coordinate may move more than half a t
 The search is exact dynamic programming. Edges are never stored: the costs of all steps between
 two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
-on and stops as soon as the values agree again up to a constant. Between two wide rungs the matrix
-is worked out in blocks, a chain's group by group, so that memory stays bounded.
+on and stops as soon as the values agree again up to a constant. Until then what all ways into a
+class of states share is passed on without looking at their steps: behind a change the values of
+an arm configuration soon differ from before by a constant, those of another by another one.
+Between two wide rungs the matrix is worked out in blocks, a chain's group by group, so that memory
+stays bounded.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,11 +31,35 @@ WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""
 _SPLIT = 30_000
 """From so many steps on those of a chain are worked out group by group."""
+_BLOCK = 6000
+"""A block of steps of its own costs as much as so many steps."""
 _SAME = 1e-11
 _HALF_TURN = np.pi + 1e-9
 
 
-MayJoin = Callable[[int, IndexArray, IndexArray, FloatArray], BoolArray]
+class Joined(NamedTuple):
+    """Which states a step of a chain may join at most.
+
+    ``now`` (m,), ``before`` (b,): the class of every state of a rung and of the one before;
+    ``may`` (classes now, classes before).
+    """
+
+    now: IndexArray
+    before: IndexArray
+    may: BoolArray
+
+
+class Joins(Protocol):
+    """What steps of a chain may join, beside the rules of ``Ladder``."""
+
+    def classes(self, i: int, cost: FloatArray) -> Joined:
+        """Return the classes of the states of rung ``i``; ``cost`` (N,): infinite if out."""
+
+    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
+        """Return those of rungs (m,) at which less may be joined than when last asked."""
+
+    def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
+        """Return (now, before) which steps of joined classes may not be done; None: all may."""
 
 
 class Rule(IntEnum):
@@ -59,8 +85,7 @@ class Ladder:
         group: (N,) label that a chain must keep.
         rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
         weight: (n,) weight of the squared distance of that step.
-        may_join: rung, states (b,) of the one before, states (m,) of this one, costs (N,) to which
-            of them (m, b) a chain may join, within a group; None: all.
+        joins: which of them a chain may join, within a group; None: all.
     """
 
     offsets: IndexArray
@@ -69,10 +94,11 @@ class Ladder:
     group: AnyIntArray
     rule: IndexArray
     weight: FloatArray
-    may_join: MayJoin | None = None
+    joins: Joins | None = None
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
+    _least: FloatArray = field(init=False)
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _solved: bool = field(init=False, default=False)
@@ -84,6 +110,7 @@ class Ladder:
         self.value = np.full(states, np.inf)
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
+        self._least = np.zeros(len(self))
         self._square = np.einsum(
             "ij,ij->i", self.position, self.position, dtype=np.float64, casting="same_kind"
         )
@@ -127,6 +154,7 @@ class Ladder:
         self.value[moved[old]], self.back[moved[old]] = known.value[old], known.back[old]
         rung_before, rung_now = known.rung_of(old), self.rung_of(moved[old])
         self.broken[rung_now] = known.broken[rung_before]
+        self._least[rung_now] = known._least[rung_before]
         self._solved = True
         self.value[self._within(rungs)] = np.nan
         self._repair(rungs)
@@ -145,9 +173,12 @@ class Ladder:
         """Take states out and repair the values."""
         self.cost[states] = np.inf
         rungs = np.unique(self.rung_of(np.asarray(states)))
-        if self.may_join is not None:
-            rungs = np.unique(np.minimum([rungs, rungs + 1], len(self) - 1))
-        self._repair(rungs)
+        tighter = rungs[:0]
+        if self.joins is not None and self._solved:
+            behind = np.unique([rungs, rungs + 1])
+            behind = behind[(behind > 0) & (behind < len(self))]
+            tighter = self.joins.tighter(behind[self.rule[behind] == _CHAIN], self.cost)
+        self._repair(tighter, rungs)
 
     def forbid(self, steps: list[tuple[int, int]]) -> None:
         """Take single steps (state from, state to) out and repair the values."""
@@ -185,82 +216,157 @@ class Ladder:
         leap = self.position[path[1:][joined]] - self.position[path[:-1][joined]]
         return states + float((self.weight[1:][joined] * (leap**2).sum(axis=1)).sum())
 
-    def _repair(self, rungs: IndexArray) -> None:
-        """Recompute from every changed rung on until the values agree again."""
+    def _repair(self, anew: IndexArray, fewer: IndexArray | None = None) -> None:
+        """Recompute from every changed rung on until the values agree again.
+
+        Into rungs ``anew`` other steps may be done than before, rungs ``fewer`` lost states.
+        """
         if not self._solved:
             return
-        waiting = sorted(set(rungs.tolist()), reverse=True)
+        every = set(anew.tolist())
+        waiting = sorted(every.union([] if fewer is None else fewer.tolist()), reverse=True)
         i = 0
         while waiting:
-            i = max(i, waiting.pop())
+            i = max(i, waiting[-1])
+            shift = np.zeros(int(self.offsets[i] - self.offsets[i - 1]) if i else 0)
             while i < len(self):
-                changed = self._update(i)
+                shift = self._update(i, None if i in every else shift)
                 while waiting and waiting[-1] <= i:
                     waiting.pop()
                 i += 1
-                if not changed:
+                if (np.abs(shift) <= _SAME).all():
                     break
 
-    def _update(self, i: int) -> bool:
-        """Compute the values of one rung anew, smallest 0; return whether they changed."""
+    def _update(self, i: int, shift: FloatArray | None = None) -> FloatArray:
+        """Compute the values of one rung anew, smallest 0; return by how much (m,) they changed.
+
+        ``shift`` (b,): by how much those of the rung before changed, and nothing else but states
+        that are out; None: anything may have.
+        """
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
-        value = self._step(i, low, high)
+        old = self.value[low:high]
+        value = None if shift is None or self.broken[i] else self._shifted(i, low, high, shift)
+        if value is None:
+            value = self._step(i, low, high)
         lowest = value.min() if high > low else np.inf
         if lowest < np.inf:
             value -= lowest
-        old = self.value[low:high]
-        changed = not (self._solved and _equal(old, value))
+            self._least[i] = lowest
+        with np.errstate(invalid="ignore"):
+            change = np.where(old == value, 0.0, value - old)
         old[:] = value
-        return changed
+        return change
+
+    def _shifted(self, i: int, low: int, high: int, shift: FloatArray) -> FloatArray | None:
+        """Return the values (m,) of a rung if those before it changed by ``shift`` (b,) only.
+
+        Classes into which all ways changed by the same are shifted, not looked at; None where none
+        is.
+        """
+        if self.rule[i] != _CHAIN:
+            return None
+        joined = self._joined(i)
+        before = self.value[int(self.offsets[i - 1]) : low]
+        counts = before < np.inf
+        least, most = (np.full(joined.may.shape[1], end) for end in (np.inf, -np.inf))
+        with np.errstate(invalid="ignore"):
+            np.minimum.at(least, joined.before[counts], shift[counts])
+            np.maximum.at(most, joined.before[counts], shift[counts])
+            first = np.where(joined.may, least, np.inf).min(axis=1)
+            last = np.where(joined.may, most, -np.inf).max(axis=1)
+            alike = np.abs(last - first) <= _SAME
+        lost = np.flatnonzero(self.value[low:high] < np.inf)
+        lost = joined.now[lost[before[self.back[low + lost]] == np.inf]]
+        alike[lost] = False
+        none = (first == np.inf) & (last == -np.inf)
+        none[lost] = False
+        if not (alike | none).any():
+            return None
+        first[none] = 0.0
+        first[~(alike | none)] = np.inf
+        value: FloatArray = self.value[low:high] + (first + self._least[i])[joined.now]
+        self._by_class(i, joined, np.flatnonzero(~(alike | none)), value)
+        value[np.isinf(self.cost[low:high])] = np.inf
+        return value if value.min(initial=np.inf) < np.inf else None
+
+    def _joined(self, i: int) -> Joined:
+        """Return which classes of states a step of a chain into a rung may join."""
+        before, low, high = (int(self.offsets[k]) for k in (i - 1, i, i + 1))
+        if self.joins is not None:
+            return self.joins.classes(i, self.cost)
+        label, of = np.unique(self.group[before:high], return_inverse=True)
+        return Joined(of[low - before :], of[: low - before], np.eye(len(label), dtype=np.bool_))
 
     def _step(self, i: int, low: int, high: int) -> FloatArray:
+        """Return the values (m,) of a rung, from all steps into it."""
         cost: FloatArray = self.cost[low:high]
-        before, after = int(self.offsets[i - 1]) if i else 0, int(self.offsets[i])
-        if i == 0 or high == low or after == before:
-            self.broken[i] = True
-            return cost.copy()
-        alive = before + np.flatnonzero(self.value[before:after] < np.inf)
-        wanted = low + np.flatnonzero(cost < np.inf)
-        some = len(alive) * len(wanted)
-        if not some:
-            self.broken[i] = True
-            return cost.copy()
-        is_chain = self.rule[i] == _CHAIN
-        if (
-            some <= WIDE
-            and 2 * some > (after - before) * (high - low)
-            and not (is_chain and some > _SPLIT)
-        ):
-            steps = self._steps(i, slice(before, after), slice(low, high))
-            back = steps.argmin(axis=1)
-            self.back[low:high] = back
-            value = steps[np.arange(high - low), back] + cost
-        else:
-            value = np.full(high - low, np.inf)
-            for a, b in self._blocks(i, alive, wanted):
-                steps = self._steps(i, a, b)
-                back = steps.argmin(axis=1)
-                self.back[b] = a[back] - before
-                value[b - low] = steps[np.arange(len(b)), back] + self.cost[b]
+        before = int(self.offsets[i - 1]) if i else 0
+        value = np.full(high - low, np.inf)
+        if i and high > low > before:
+            joined = self._joined(i) if self.rule[i] == _CHAIN else None
+            if joined is not None and _is_sparse(joined):
+                self._by_class(i, joined, np.arange(len(joined.may)), value)
+            else:
+                self._by_group(i, joined, value)
         self.broken[i] = not value.min(initial=np.inf) < np.inf
         return cost.copy() if self.broken[i] else value
 
-    def _blocks(
-        self, i: int, before: IndexArray, now: IndexArray
-    ) -> Iterator[tuple[IndexArray, IndexArray]]:
-        """Return states before and now whose steps are worked out at once; every state now once."""
-        groups = [(before, now)]
-        if self.rule[i] == _CHAIN:
-            of_before, of_now = self.group[before], self.group[now]
-            shared = np.intersect1d(of_before, of_now).tolist()
-            groups = [(before[of_before == group], now[of_now == group]) for group in shared]
-        for a, b in groups:
-            size = max(1, WIDE // max(1, len(a)))
-            for low in range(0, len(b), size):
-                yield a, b[low : low + size]
+    def _by_class(self, i: int, joined: Joined, classes: IndexArray, value: FloatArray) -> None:
+        """Work out the values of some classes of a rung, in place."""
+        before, low = int(self.offsets[i - 1]), int(self.offsets[i])
+        alive = self.value[before:low] < np.inf
+        wanted = self.cost[low : low + len(value)] < np.inf
+        for k in classes.tolist():
+            a = before + np.flatnonzero(joined.may[k][joined.before] & alive)
+            b = low + np.flatnonzero((joined.now == k) & wanted)
+            self._values(i, a, b, value, None)
 
-    def _steps(self, i: int, before: IndexArray | slice, now: IndexArray | slice) -> FloatArray:
-        """Return value + step cost (m now, m before) of states, both rising."""
+    def _by_group(self, i: int, joined: Joined | None, value: FloatArray) -> None:
+        """Work out the values of a rung, all states of a group at once, in place."""
+        before, low = int(self.offsets[i - 1]), int(self.offsets[i])
+        high = low + len(value)
+        alive = before + np.flatnonzero(self.value[before:low] < np.inf)
+        wanted = low + np.flatnonzero(self.cost[low:high] < np.inf)
+        some, most = len(alive) * len(wanted), (low - before) * (high - low)
+        if joined is None and some <= WIDE and 2 * some > most:
+            steps = self._steps(i, slice(before, low), slice(low, high), None)
+            back = steps.argmin(axis=1)
+            self.back[low:high] = back
+            value[:] = steps[np.arange(high - low), back] + self.cost[low:high]
+            return
+        groups = [(alive, wanted)]
+        if joined is not None and some > _SPLIT:
+            of_before, of_now = self.group[alive], self.group[wanted]
+            shared = np.intersect1d(of_before, of_now).tolist()
+            groups = [(alive[of_before == group], wanted[of_now == group]) for group in shared]
+        for a, b in groups:
+            self._values(i, a, b, value, joined)
+
+    def _values(
+        self, i: int, a: IndexArray, b: IndexArray, value: FloatArray, joined: Joined | None
+    ) -> None:
+        """Work out the values of states b (m,) reached from states a (k,), in place."""
+        if not len(a) or not len(b):
+            return
+        before, low, size = int(self.offsets[i - 1]), int(self.offsets[i]), max(1, WIDE // len(a))
+        for first in range(0, len(b), size):
+            now = b[first : first + size]
+            steps = self._steps(i, a, now, joined)
+            back = steps.argmin(axis=1)
+            self.back[now] = a[back] - before
+            value[now - low] = steps[np.arange(len(now)), back] + self.cost[now]
+
+    def _steps(
+        self,
+        i: int,
+        before: IndexArray | slice,
+        now: IndexArray | slice,
+        joined: Joined | None,
+    ) -> FloatArray:
+        """Return value + step cost (m now, m before) of states, both rising.
+
+        With ``joined`` those that it does not join are taken out.
+        """
         w = float(self.weight[i])
         a, b = self.position[before], self.position[now]
         d = a.shape[1]
@@ -276,45 +382,54 @@ class Ladder:
         steps: FloatArray = left @ right.T
         forbidden = self._forbidden.get(i)
         if self.rule[i] == _CHAIN or forbidden is not None:
-            before, now = (
+            start, to = (
                 np.arange(at.start, at.stop) if isinstance(at, slice) else at
                 for at in (before, now)
             )
-            self._take_out(i, steps, before, now, forbidden)
+            if self.rule[i] == _CHAIN:
+                self._keep_chain(i, steps, start, to, joined)
+            if forbidden is not None:
+                _take_out(steps, start, to, forbidden)
         return steps
 
-    def _take_out(
+    def _keep_chain(
         self,
         i: int,
         steps: FloatArray,
         before: IndexArray,
         now: IndexArray,
-        forbidden: IndexArray | None,
+        joined: Joined | None,
     ) -> None:
-        """Take out the steps that a chain may not do, and single ones that are forbidden."""
-        if self.rule[i] == _CHAIN:
-            self._keep_chain(i, steps, before, now)
-        if forbidden is None or not len(before) or not len(now):
-            return
-        column = np.minimum(np.searchsorted(before, forbidden[:, 0]), len(before) - 1)
-        row = np.minimum(np.searchsorted(now, forbidden[:, 1]), len(now) - 1)
-        there = (before[column] == forbidden[:, 0]) & (now[row] == forbidden[:, 1])
-        steps[row[there], column[there]] = np.inf
-
-    def _keep_chain(self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray) -> None:
         """Take out the steps that a chain may not do."""
+        if joined is not None:
+            of_now = joined.now[now - int(self.offsets[i])]
+            of_before = joined.before[before - int(self.offsets[i - 1])]
+            np.putmask(steps, ~joined.may[of_now][:, of_before], np.inf)
+        if self.joins is not None:
+            barred = self.joins.barred(i, before, now)
+            if barred is not None:
+                np.putmask(steps, barred, np.inf)
         a, b = self.position[before], self.position[now]
-        if self.may_join is None:
-            barred = self.group[now][:, None] != self.group[before][None, :]
-        else:
-            barred = ~self.may_join(i, before, now, self.cost)
-        np.putmask(steps, barred, np.inf)
         reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
         for j in np.nonzero(reach > _HALF_TURN)[0]:
             gap = np.subtract.outer(b[:, j], a[:, j])
             np.putmask(steps, np.abs(gap, out=gap) > _HALF_TURN, np.inf)
 
 
-def _equal(old: FloatArray, new: FloatArray) -> bool:
-    with np.errstate(invalid="ignore"):
-        return bool(((old == new) | (np.abs(old - new) < _SAME)).all())
+def _is_sparse(joined: Joined) -> bool:
+    """Return whether few steps are joined: so few that each class is better worked out alone."""
+    may = joined.may
+    now = np.bincount(joined.now, minlength=may.shape[0])
+    before = np.bincount(joined.before, minlength=may.shape[1])
+    work = int(now @ (may @ before)) + _BLOCK * int(may.any(axis=1).sum())
+    return work < len(joined.now) * len(joined.before)
+
+
+def _take_out(
+    steps: FloatArray, before: IndexArray, now: IndexArray, forbidden: IndexArray
+) -> None:
+    """Take single steps (k, 2) out of those from states before to states now, both rising."""
+    column = np.minimum(np.searchsorted(before, forbidden[:, 0]), len(before) - 1)
+    row = np.minimum(np.searchsorted(now, forbidden[:, 1]), len(now) - 1)
+    here = (before[column] == forbidden[:, 0]) & (now[row] == forbidden[:, 1])
+    steps[row[here], column[here]] = np.inf
