@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.arrays import FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
 from postproc.model import MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
@@ -160,18 +160,14 @@ def _turned(
     near = max(stays, 0)
     if stays >= 0:
         attitude[stays] = kept
-    T = problem.placement.tcp(tags, attitude)
-    q: FloatArray = np.tile(chosen.q[tags[near]], (m, 1))
-    reached: BoolArray = np.ones(m, dtype=np.bool_)
-    external = problem.placement.external[tags]
-    for k in (*range(near, m), *range(near - 1, -1, -1)):
-        if k == stays:
-            continue
-        beside = q[k] if k == near else q[k - 1] if k > near else q[k + 1]
-        row = slice(k, k + 1)
-        solved, valid = problem.solve(T[row], external[row], np.array([slot]), beside[None])
-        q[k], reached[k] = solved[0], valid[0]
-    if not (reached & problem.within(q) & problem.regular(q)).all():
+    T, external = problem.placement.tcp(tags, attitude), problem.placement.external[tags]
+    q, reached = problem.solve(T, external, np.full(m, slot), chosen.q[tags[[near] * m]])
+    if stays >= 0:
+        q[stays], reached[stays] = chosen.q[tags[stays]], True
+    if not reached.all():
+        return False
+    q = np.vstack([np.unwrap(q[near::-1], axis=0)[:0:-1], np.unwrap(q[near:], axis=0)])
+    if not (problem.within(q) & problem.regular(q)).all():
         return False
     contact, branch = np.ones(m - 1, dtype=np.bool_), np.full(m, slot)
     lines = Lines(T[:-1], T[1:], q[:-1], q[1:], branch[1:], contact, (external[:-1], external[1:]))
