@@ -5,6 +5,8 @@ import json
 import pytest
 
 from tests.places import SHARED, snapshot
+from tests.samples import AT_PART, HEAD, START, at, cell_in
+from tools.controllers import verify_table
 from tools.controllers.lint_table import lines_of, table_of
 
 CONTROLLERS = {
@@ -40,3 +42,30 @@ def test_archives_made_for_tests_have_no_error():
     table = table_of([made / name for name in names])
     assert table.files == 10
     assert table.errors == []
+
+
+PROGRAMS = {
+    "good": [*HEAD, START, at(0, 0, 0)],
+    "refused": [*HEAD, START.replace("A1 -5.14", "A1 -184.5"), START],
+    "not known": [*HEAD, START, "IF $IN[3] THEN", at(0, 0, 0), "ELSE", at(0, 9, 0), "ENDIF"],
+    "not read": [*HEAD, "LIN {X 1,"],
+}
+
+
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_the_answer_of_verify_has_one_of_four_names(tmp_path, name):
+    cell = cell_in(tmp_path, **AT_PART)
+    path = tmp_path / "T.src"
+    path.write_text("\r\n".join(["DEF T( )", *PROGRAMS[name], "END", ""]))
+    answer, reasons = verify_table.answer(path, cell)
+    assert answer == name
+    assert bool(reasons) == (name != "good")
+
+
+def test_the_table_of_verify_counts_programs_not_findings():
+    table = verify_table.Table()
+    table.add("refused", [("speed", "first"), ("speed", "second"), ("load", "other")])
+    table.add("good", [])
+    text = "\n".join(verify_table.lines_of(table))
+    assert "| good | 1 | 50% |" in text
+    assert "| refused | `speed` | 1 |" in text

@@ -1,0 +1,89 @@
+"""What verify says of real programs, in a cell made of the backup that they are in."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from postproc.cell import Cell, parse_cell
+from postproc.errors import Finding, PostprocError, RunKind
+from postproc.jobs.controller_backup import cell_from_backup
+from postproc.jobs.verify import verify
+
+_MOVES = re.compile(rb"^\s*S?(PTP|LIN|CIRC)(_REL)?\b|^\s*SPLINE\b", re.IGNORECASE | re.MULTILINE)
+_NOT_KNOWN = {RunKind.UNJUDGED, RunKind.CONDITION, RunKind.ENDLESS}
+"""What verify says where the text alone does not tell what the arm does."""
+_OF_THE_MAKER = {"tp", "system", "steu"}
+"""Folders of KUKA's own packages."""
+JUDGED, REFUSED, UNKNOWN, UNREAD = "good", "refused", "not known", "not read"
+
+
+@dataclass(slots=True)
+class Table:
+    """Programs by answer; reasons with the number of programs that they stand in."""
+
+    answers: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[tuple[str, str]] = field(default_factory=Counter)
+    examples: dict[tuple[str, str], str] = field(default_factory=dict)
+
+    def add(self, answer: str, reasons: Iterable[tuple[str, str]]) -> None:
+        """Count a program with its reasons: code and an example in words."""
+        self.answers[answer] += 1
+        for code, example in dict(reasons).items():
+            self.reasons[answer, code] += 1
+            self.examples.setdefault((answer, code), example)
+
+
+def table_of(folders: Iterable[Path]) -> Table:
+    """Return what verify says of every program with motions in backups."""
+    table = Table()
+    for folder in folders:
+        try:
+            cell = _cell_of(folder)
+        except PostprocError as problem:
+            print(f"{folder.name}: left out: {problem}")
+            continue
+        for path in sorted(folder.rglob("*"), key=lambda path: path.as_posix().lower()):
+            is_own = not _OF_THE_MAKER.intersection(part.lower() for part in path.parts)
+            if is_own and path.suffix.lower() == ".src" and _MOVES.search(path.read_bytes()):
+                table.add(*answer(path, cell))
+    return table
+
+
+def _cell_of(folder: Path) -> Cell:
+    """Return the cell of a backup; which axis of a tool works matters to no program by itself."""
+    made = cell_from_backup(folder, folder.name)
+    cell = parse_cell(made.text.encode("utf-8"), "cell.toml")
+    tools = [replace(tool, known_axis=np.array([0.0, 0.0, 1.0])) for tool in cell.tools]
+    return replace(cell, tools=tuple(tools))
+
+
+def answer(path: Path, cell: Cell) -> tuple[str, list[tuple[str, str]]]:
+    """Return what verify says of a program, and why."""
+    try:
+        report = verify(path, cell, collisions=False)
+    except PostprocError as problem:
+        return UNREAD, [(problem.code, problem.message)]
+    found: tuple[Finding, ...] = report.violations
+    unknown = any(item.code in _NOT_KNOWN for item in found)
+    name = UNKNOWN if unknown else REFUSED if found else JUDGED
+    return name, [(str(item.code), item.message) for item in found[::-1]]
+
+
+def lines_of(table: Table) -> Iterator[str]:
+    """Yield the table as Markdown."""
+    total = max(table.answers.total(), 1)
+    yield "| answer | programs | share |"
+    yield "| --- | --: | --: |"
+    for name in (JUDGED, REFUSED, UNKNOWN, UNREAD):
+        yield f"| {name} | {table.answers[name]} | {table.answers[name] / total:.0%} |"
+    yield ""
+    yield "| answer | reason | programs | for example |"
+    yield "| --- | --- | --: | --- |"
+    for (name, code), count in sorted(table.reasons.items(), key=lambda item: (-item[1], item[0])):
+        yield f"| {name} | `{code}` | {count} | {table.examples[name, code]} |"
