@@ -66,6 +66,12 @@ class DiagnosisPlan:
     blocked: int
     outlook: Outlook
 
+    @property
+    def points(self) -> FloatArray:
+        """Tool points (n, 3) of the readings [m], robroot."""
+        T = build(self.cell.robot).fk(self.q) @ np.asarray(self.cell.tool.T_flange_tcp)
+        return np.asarray(T[:, :3, 3])
+
     def name(self, reading: int) -> str:
         """Return the name of a reading; the same posture, the same first part."""
         load = int(self.load[reading])

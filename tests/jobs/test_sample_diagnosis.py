@@ -72,6 +72,26 @@ def test_the_program_drives_it(planned, capsys):
     assert json.loads(capsys.readouterr().out)["ok"]
 
 
+def test_the_page_says_what_the_plan_will_tell(tmp_path, capsys):
+    box = [f"{1e3 * v:g}" for corner in BOX for v in corner]
+    call = ["sample", "--cell", str(CELL), "--box", *box, "-o", str(tmp_path), "--for-diagnosis"]
+    assert app.run([*call, "--count", "20", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "sample.html" in told["files"]
+    page = (tmp_path / "sample.html").read_text(encoding="utf-8")
+    small = [one for one in told["effects"] if (one["smallest_mm"] or 1e9) <= one["usual_mm"]]
+    assert 0 < len(small) < len(told["effects"])
+    assert f"tell {len(small)} of {len(told['effects'])} causes" in page
+    for one in told["effects"]:
+        words = "not by this plan" if one["smallest_mm"] is None else f"{one['smallest_mm']:.3f}"
+        assert f"<td>{one['name'].replace('_', ' ')}</td><td>{words}</td>" in page
+    for pair in told["cannot_separate"]:
+        first, second = (name.replace("_", " ") for name in pair["effects"])
+        assert f"<td>{first}</td><td>{second}</td>" in page
+    for one in told["not_testable"]:
+        assert one["name"].replace("_", " ") in page
+
+
 def test_too_few_postures_are_refused(tmp_path, capsys):
     box = [f"{1e3 * v:g}" for corner in BOX for v in corner]
     call = ["sample", "--cell", str(CELL), "--box", *box, "-o", str(tmp_path), "--for-diagnosis"]

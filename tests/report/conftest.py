@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from tests.places import PANEL, PANEL_CELL
+from tests.places import FIXTURES, PANEL, PANEL_CELL
 from tools.dev.browser import Browser, installed
 from tools.dev.make_pictures import campaign
 
@@ -105,13 +105,14 @@ def measured(tmp_path_factory):
     lines = (PANEL / "panel.csv").read_text().splitlines()
     (folder / "holes.csv").write_text("\n".join(lines[:5]) + "\n")
     cell = ["--cell", str(PANEL_CELL), "-q"]
+    twin = ["--cell", str(FIXTURES / "drift_campaign" / "cell.toml"), "-q"]
     rows, holes = str(folder / "rows.csv"), str(folder / "holes.csv")
     page = {name: str(folder / f"{name}.html") for name in ("identify", "stiffness", "cell")}
     model = str(folder / "model.toml")
     box = [str(v) for v in (1000, -600, 1200, 1400, 600, 1800)]
     calls = (
-        ["diagnose", rows, *cell, "-o", str(folder)],
-        ["identify", rows, *cell, "-o", model, "--report", page["identify"]],
+        ["diagnose", rows, *twin, "-o", str(folder)],
+        ["identify", rows, *twin, "-o", model, "--report", page["identify"]],
         ["stiffness", holes, *cell, "-o", page["stiffness"]],
         ["sample", *cell, "--box", *box, "--grid", "400", "-o", str(folder / "plan")],
         ["check", str(PANEL_CELL), "-q", "--report", page["cell"]],

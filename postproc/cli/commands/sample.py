@@ -150,13 +150,18 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 
 def _for_diagnosis(session: Session, cell: Any, options: dict[str, Any]) -> int:  # noqa: ANN401
     from postproc.files import write_files
+    from postproc.jobs.drawing import drawing_of
     from postproc.jobs.sample_diagnosis import diagnosis_plan_document, files, plan_diagnosis
+    from postproc.report.pages.diagnosis_plan import diagnosis_plan_page
 
     with session.progress() as progress:
         plan = plan_diagnosis(cell, _request(options), progress)
     folder, made = Path(options["output"]), files(plan)
-    write_files({folder / name: content for name, content in made.items()})
-    content = diagnosis_plan_document(plan, sorted(made))
+    page = f"{options['name']}.html"
+    content = diagnosis_plan_document(plan, sorted([*made, page]))
+    names = [plan.name(reading) for reading in range(len(plan.q))]
+    made[page] = diagnosis_plan_page(content, names, plan.q, plan.points, drawing_of(cell))
+    write_files({folder / name: text for name, text in made.items()})
     session.document(content)
     session.show(f"plan     {folder / (options['name'] + '.csv')}")
     session.show(f"postures {content['postures']}, readings {content['readings']}")

@@ -8,7 +8,7 @@ from postproc.gap.answers.next_pose import APPROACH, NextPose, Reach
 from postproc.gap.answers.next_poses import last_set_up, next_poses, questions, reassessed
 from postproc.gap.answers.outlook import Outlook, outlook
 from postproc.gap.answers.predict import Prediction, predict
-from postproc.gap.answers.summary import summary
+from postproc.gap.answers.summary import noise_words, summary
 from postproc.gap.answers.where import Part, parts
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     "last_set_up",
     "model_file",
     "next_poses",
+    "noise_words",
     "outlook",
     "parts",
     "predict",

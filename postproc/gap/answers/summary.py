@@ -13,7 +13,7 @@ def summary(content: dict[str, Any]) -> list[str]:
     lines = [
         f"The robot misses the simulation by {gap['rms_mm']:.3f} mm rms"
         f" (95 % within {gap['p95_mm']:.3f}, largest {gap['max_mm']:.3f});"
-        f" {_noise(content['noise'])}."
+        f" {noise_words(content['noise'])}."
     ]
     if content["registration"] and content["registration"]["loads_at"] == "reflector":
         lines.append(
@@ -56,8 +56,12 @@ def summary(content: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _noise(noise: dict[str, Any]) -> str:
-    """Return how large the noise is and how that is known."""
+def noise_words(noise: dict[str, Any]) -> str:
+    """Return how large the noise is and how that is known.
+
+    Args:
+        noise: entry of the document.
+    """
     if noise["sigma_mm"] is None:
         return (
             "how large the noise is nothing tells: no pose was measured again, and neither the"

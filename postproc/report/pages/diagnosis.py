@@ -7,7 +7,16 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap import Along, Diagnosis, Part, Samples, effect_of, parts, summary
+from postproc.gap import (
+    Along,
+    Diagnosis,
+    Part,
+    Samples,
+    effect_of,
+    noise_words,
+    parts,
+    summary,
+)
 from postproc.report.parts import (
     Drawing,
     Page,
@@ -16,15 +25,25 @@ from postproc.report.parts import (
     TagColumn,
     add_rows,
     bar_chart,
+    doubt,
     escape,
     headline,
+    how_far,
     line_chart,
+    space_view,
     table,
+    where_joint,
+    where_place,
+    where_time,
+    which,
 )
 from postproc.units import DEG, MM, PERCENT
 
 _MOST_POINTS = 1500
 _BINS = 12
+_MOST_DOTS = 600
+_CARD = (440, 240)
+_SHADES = ("#cfd8dc", "#ffcc80", "#fb8c00", "#d84315", "#7f0000")
 
 
 def diagnosis_page(
@@ -43,21 +62,78 @@ def diagnosis_page(
     """
     title = f"Sim-to-real gap: {content['verdict'].replace('_', ' ')}"
     page = Page(title, [headline(content)])
+    _at_a_glance(page, diagnosis, content)
     _space(page, diagnosis, drawing)
     words = "".join(f"<p>{escape(line)}</p>" for line in summary(content))
     page.section("In words", words)
     page.section("Effects, on rows that were not fitted", _effects(content))
     page.section("Gap before and after", _before_after(diagnosis), "half")
-    page.section("Gap along the campaign", _along(diagnosis), "half")
     if path is not None:
         page.section("Gap along the program", _program(diagnosis, content, path))
-    page.section("Where: joints, direction, conditions", _where(content), "half")
+    page.section("Where: direction, conditions, cells", _where(content), "half")
     for part in parts(diagnosis):
         page.section(f"{part.name}: the data against the cause", _against(diagnosis, part), "half")
     page.section("What is left: tests of the residual", _tests(content), "half")
     page.section("Numbers of the adopted effects", _numbers(content), "wide")
     page.section("What to measure next", _next(content))
     return page.render()
+
+
+def _at_a_glance(page: Page, diagnosis: Diagnosis, content: dict[str, Any]) -> None:
+    """Add where (joint, place, time), which, how far, how the noise is known, and one doubt."""
+    for name, words, picture in (
+        ("Where: joint", where_joint(content), _joint_shares(content)),
+        ("Where: place", where_place(content), _places(diagnosis)),
+        ("Where: time", where_time(content), _along(diagnosis)),
+    ):
+        page.section(name, f"<p>{escape(words)}</p>{picture}", "third")
+    found = which(content)
+    named = table(("cause or class", "how sure", "takes"), found)
+    page.section("Which", named if found else "<p>No cause.</p>", "third")
+    far = "".join(f"<p>{escape(line)}</p>" for line in how_far(content))
+    page.section("How far", far + _shrunk(content), "third")
+    noise = noise_words(content["noise"])
+    body = f"<p>{escape(noise[0].upper() + noise[1:])}.</p><h3>One doubt</h3>"
+    page.section("Noise", body + f'<p class="warn">{escape(doubt(content))}</p>', "third")
+
+
+def _joint_shares(content: dict[str, Any]) -> str:
+    if not content["adopted"]:
+        return ""
+    joints = sorted(content["where"]["joints"], key=lambda item: int(item["joint"]))
+    values = np.array([item["share"] for item in joints])
+    names = [f"A{item['joint']}" for item in joints]
+    bars = [Series("", values, values / PERCENT)]
+    return bar_chart(names, bars, "% of what is explained", size=_CARD)
+
+
+def _places(diagnosis: Diagnosis) -> str:
+    """Return the rows in space, the worse the darker."""
+    before, _ = _sizes(diagnosis)
+    rows = np.flatnonzero(diagnosis.kept)
+    some = slice(None, None, max(1, len(rows) // _MOST_DOTS))
+    points, size = diagnosis.problem.measured[rows[some]] / MM, before[some]
+    low, high = np.quantile(size, [0.05, 0.95])
+    share = np.clip((size - low) / max(float(high - low), 1e-9), 0.0, 1.0)
+    colours = [_SHADES[round(s * (len(_SHADES) - 1))] for s in share.tolist()]
+    ids = diagnosis.problem.measurements.ids
+    titles = [f"{ids[k]}: {v:.3f} mm" for k, v in zip(rows[some], size, strict=True)]
+    foot = f"<p>{_dot(_SHADES[0])} {low:.3f} mm or less {_dot(_SHADES[-1])} {high:.3f} or more</p>"
+    return space_view(points, colours, [], titles, _CARD) + foot
+
+
+def _dot(colour: str) -> str:
+    return f'<span style="color:{colour}">&#9679;</span>'
+
+
+def _shrunk(content: dict[str, Any]) -> str:
+    total, sigma = content.get("before", content["shrinkage"]), content["noise"]["sigma_mm"]
+    if not (content["adopted"] or "before" in content):
+        return ""
+    sizes = np.array([total["rms_before_mm"], total["rms_after_mm"]])
+    levels = [] if sigma is None else [("noise", 3.0**0.5 * sigma)]
+    bars = [Series("", sizes, sizes)]
+    return bar_chart(["before", "after"], bars, "3D rms [mm]", levels, size=_CARD)
 
 
 def _effects(content: dict[str, Any]) -> str:
@@ -124,6 +200,7 @@ def _along(diagnosis: Diagnosis) -> str:
         label,
         "distance [mm]",
         [("noise", noise)],
+        size=_CARD,
     )
 
 
@@ -186,14 +263,6 @@ def _program(diagnosis: Diagnosis, content: dict[str, Any], path: Along) -> str:
 
 def _where(content: dict[str, Any]) -> str:
     where = content["where"]
-    joints = sorted(where["joints"], key=lambda item: int(item["joint"]))
-    values = np.array([item["share"] for item in joints])
-    bars = bar_chart(
-        [f"A{item['joint']}" for item in joints],
-        [Series("share", values, values)],
-        "share of the explained gap",
-        size=(560, 200),
-    )
     axis = ", ".join(f"{v:.2f}" for v in where["direction"]["axis"])
     text = (
         f"<p>Mostly along ({escape(axis)}) in the robot root:"
@@ -209,8 +278,7 @@ def _where(content: dict[str, Any]) -> str:
         for cell in where["cells"][:6]
     ]
     return (
-        bars
-        + text
+        text
         + table(("condition", "share of the gap"), rows)
         + table(("worst cells x/y/z [mm]", "rows", "rms [mm]"), cells)
     )

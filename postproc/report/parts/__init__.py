@@ -1,5 +1,13 @@
 """What pages are put together from."""
 
+from postproc.report.parts.glance import (
+    doubt,
+    how_far,
+    where_joint,
+    where_place,
+    where_time,
+    which,
+)
 from postproc.report.parts.headline import headline
 from postproc.report.parts.page import Page, escape, packed, packed_text, table
 from postproc.report.parts.program_text import ProgramText
@@ -34,10 +42,12 @@ __all__ = [
     "axes_in_drawn_base",
     "bar_chart",
     "cam_lines",
+    "doubt",
     "draw",
     "escape",
     "extent_of",
     "headline",
+    "how_far",
     "in_drawn_base",
     "line_chart",
     "packed",
@@ -46,4 +56,8 @@ __all__ = [
     "table",
     "tag_columns",
     "unix_text",
+    "where_joint",
+    "where_place",
+    "where_time",
+    "which",
 ]

@@ -17,6 +17,8 @@ def headline(content: dict[str, Any]) -> str:
     gap, total = content["gap"]["rms_mm"], content["shrinkage"]
     if content["verdict"] == "no_gap":
         return f"No gap: the {gap:.3f} mm that are measured cannot be told from noise."
+    if content["verdict"] == "undetermined" and not content["adopted"]:
+        return f"Undetermined: nothing tells whether the {gap:.3f} mm gap is more than noise."
     adopted = [item for item in content["effects"] if item["adopted"]]
     if not adopted:
         return (
