@@ -14,6 +14,7 @@ from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.selection import Prepared
 from postproc.gap.choice.standing import Choice, Standing
+from postproc.gap.effect import State
 from postproc.gap.fit import (
     REST,
     Fit,
@@ -45,16 +46,13 @@ _BEYOND = 1.7
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """The choice that stands, its fit (with the alternatives as nuisance), the tests.
+    """The choice that stands, and the tests of what it leaves.
 
-    residual: (n, 3) [m] of all rows against given model, adopted effects and registration;
-    structure: 3D rms [m] of what is left and not noise. Tests and structure let the effects in
-    that are too small to be named: they are no riddle.
+    structure: 3D rms [m] of what is left and not noise; outlier: (n,) measuring faults. Tests and
+    structure let the effects in that are too small to be named: they are no riddle.
     """
 
     choice: Choice
-    fit: Fit
-    residual: FloatArray
     tests: tuple[Dependence, ...]
     structure: float
     outlier: BoolArray
@@ -67,8 +65,9 @@ def assess(
     level = prepared.noise
     outlier = _outliers(problem, regression, choice.model, prepared)
     rows = problem.searchable & ~outlier
-    full = fitted(problem, regression, choice.model, level.sigma, rows)
-    rest = problem.measured - full.point
+    index = np.flatnonzero(problem.searchable)
+    full = fitted(problem, regression, choice.model, level.sigma, rows, index)
+    rest = problem.measured[index] - full.point
     tests, structure = _tested(problem, regression, choice.model, rest, level, outlier)
     gone = [k for k in choice.adopted if not _outweighs(regression, choice, k, structure)]
     if structure <= tolerated(choice, level.sigma):
@@ -76,13 +75,12 @@ def assess(
     if gone or choice.resembled:
         reasons = {regression.name(k): "what is left may be imitating it" for k in gone}
         choice = choice.moved(gone, Standing.REJECTED, reasons)
-        full = fitted(problem, regression, choice.model, level.sigma, rows)
-        rest = problem.measured - _point_without(problem, full, choice.resembled)
+        full = fitted(problem, regression, choice.model, level.sigma, rows, index)
+        rest = problem.measured[index] - _point_without(problem, full, choice.resembled, index)
         known = (*choice.adopted, *choice.unnamed)
         tests, left = _tested(problem, regression, known, rest, level, outlier)
         structure = max(left, structure)
-    full = named(problem, regression, choice, level.sigma, rows)
-    return Assessment(choice, full, problem.measured - full.point, tests, structure, outlier)
+    return Assessment(choice, tests, structure, outlier)
 
 
 def verdict(assessment: Assessment, noise: Noise, rest: Sequence[Part] = ()) -> str:
@@ -117,9 +115,14 @@ def tolerated(choice: Choice, sigma: float) -> float:
 
 
 def fitted(
-    problem: Problem, regression: Regression, keys: Iterable[str], sigma: float, rows: BoolArray
+    problem: Problem,
+    regression: Regression,
+    keys: Iterable[str],
+    sigma: float,
+    rows: BoolArray,
+    at: Rows | None = None,
 ) -> Fit:
-    """Fit blocks on some rows (n,); the fitted points are those of all rows."""
+    """Fit blocks on some rows (n,); the fitted points are those ``at`` some rows, else of all."""
     index = np.flatnonzero(rows)
     blocks = {b.key: b for b in regression.blocks}
     free = {blocks[k].name: Free(blocks[k].setting) for k in keys}
@@ -129,7 +132,13 @@ def fitted(
     part = problem.samples.rows(index)
     wander = wandered(problem, regression, free, weight, index)
     result = fit(part, problem.measured[index] - wander, weight, problem.given, free)
-    return replace(result, point=evaluate(problem.samples, result.states)[0])
+    return replace(result, point=_points(problem, result.states, at))
+
+
+def _points(problem: Problem, states: Mapping[str, State], at: Rows | None) -> FloatArray:
+    """Return the points (k, 3) [m] of some rows, None for all."""
+    samples = problem.samples if at is None else problem.samples.rows(at)
+    return evaluate(samples, states)[0]
 
 
 def wandered(
@@ -156,14 +165,19 @@ def wandered(
 
 
 def named(
-    problem: Problem, regression: Regression, choice: Choice, sigma: float, rows: BoolArray
+    problem: Problem,
+    regression: Regression,
+    choice: Choice,
+    sigma: float,
+    rows: BoolArray,
+    at: Rows | None = None,
 ) -> Fit:
     """Fit a choice on some rows (n,); points and frames are those of the named effects alone.
 
     Alternatives are fitted beside them, and do not stay: then the frames are fitted once more to
-    what does.
+    what does. The points are those ``at`` some rows, else of all.
     """
-    full = fitted(problem, regression, (*choice.adopted, *choice.resembled), sigma, rows)
+    full = fitted(problem, regression, (*choice.adopted, *choice.resembled), sigma, rows, at)
     if not choice.resembled:
         return full
     kept = {n: s for n, s in full.states.items() if n not in problem.always}
@@ -176,17 +190,19 @@ def named(
         part = problem.samples.rows(index)
         frames = fit(part, problem.measured[index], weight, states, free)
         states |= {n: frames.states[n] for n in problem.always}
-    return replace(full, states=states, point=evaluate(problem.samples, states)[0])
+    return replace(full, states=states, point=_points(problem, states, at))
 
 
-def _point_without(problem: Problem, full: Fit, alternatives: Collection[str]) -> FloatArray:
-    """Return the points (n, 3) [m] of a fit with some effects as the given model has them."""
+def _point_without(
+    problem: Problem, full: Fit, alternatives: Collection[str], at: Rows
+) -> FloatArray:
+    """Return the points (k, 3) [m] of a fit with some effects as the given model has them."""
     states = {
         name: problem.given.get(name, state)
         for name, state in full.states.items()
         if name not in alternatives or name in problem.given
     }
-    return evaluate(problem.samples, states)[0]
+    return _points(problem, states, at)
 
 
 def _outliers(
@@ -216,12 +232,12 @@ def _tested(
     base = [b for b in regression.blocks if b.key in (*keys, *regression.always)]
     wander = tuple(b for b in regression.memory if b.key != REST)
     context = Projection((*base, *wander), regression.y, weight)
-    rest = residual[index]
+    rest = residual
     if wander:
         equations = NormalEquations.of(wander, rest, weight, tuple(b.key for b in wander))
         rest = rest - predicted(wander, equations.noise_of(()))
     tests = dependences(regression.samples, rest, weight, context)
-    return tests, _structure(residual[index][weight > 0], tests, level)
+    return tests, _structure(residual[weight > 0], tests, level)
 
 
 def _outweighs(regression: Regression, choice: Choice, key: str, structure: float) -> bool:

@@ -13,29 +13,29 @@ from postproc.geometry import apply
 
 def weight_torque(samples: Samples) -> FloatArray:
     """Return (n, 6) torque of the links' weight on the joints [N*m]."""
-    reference = samples.arm.reference
-    torque = np.zeros((len(samples), 6))
-    for link in range(1, 7):
-        com = apply(samples.frames[:, link], reference.link_com[link - 1])
-        per_kg = samples.weight_torque(com, link)
-        torque += reference.link_mass[link - 1] * per_kg
-    return torque
+    reference, mass = samples.arm.reference, samples.arm.reference.link_mass
+    moment = np.zeros((len(samples), 6, 3))
+    for link in range(6):
+        com = apply(samples.frames[:, link + 1], reference.link_com[link])
+        moment[:, : link + 1] += mass[link] * com[:, None]
+    carried = np.cumsum(mass[::-1])[::-1]
+    moment -= carried[:, None] * samples.frames[:, 1:, :3, 3]
+    torque = np.einsum("nij,nji->nj", samples.axes, np.cross(moment, reference.gravity))
+    return np.asarray(torque)
 
 
-def first_moment_torque(
-    samples: Samples, origin: FloatArray, R: FloatArray, link: int
-) -> FloatArray:
+def first_moment_torque(samples: Samples, R: FloatArray, link: int) -> FloatArray:
     """Return (n, 6, 3) torque on the joints of a first moment of mass along x, y, z of R [m/s^2].
 
     Args:
         samples: rows.
-        origin: (n, 3) what the moment is about, robroot [m].
         R: (n, 3, 3) axes of the moment, in robroot.
         link: 1..6, the link that carries the mass.
     """
-    here = samples.weight_torque(origin, link)
-    there = [samples.weight_torque(origin + R[:, :, k], link) for k in range(3)]
-    return np.stack([torque - here for torque in there], axis=2)
+    pull = np.cross(np.swapaxes(R, 1, 2), samples.arm.reference.gravity)
+    torque = np.swapaxes(samples.axes, 1, 2) @ np.swapaxes(pull, 1, 2)
+    torque[:, link:] = 0.0
+    return np.asarray(torque)
 
 
 def carried_torque(samples: Samples) -> FloatArray:

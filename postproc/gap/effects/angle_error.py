@@ -67,9 +67,14 @@ class AngleError(Effect):
         turn = np.zeros((len(samples), 6, len(joint)))
         for j in range(6):
             here = np.flatnonzero(joint == j + 1)
-            apart = samples.q[:, j, None] / DEG - knot[here] * step[j]
-            apart = np.abs((apart + 180.0) % 360.0 - 180.0)
-            turn[:, j, here] = np.maximum(1.0 - apart / step[j], 0.0)
+            column = np.full(round(360.0 / step[j]), -1)
+            column[knot[here]] = here
+            below = np.floor(samples.q[:, j] / DEG / step[j])
+            part = samples.q[:, j] / DEG / step[j] - below
+            for number, share in ((below, 1.0 - part), (below + 1.0, part)):
+                at = column[number.astype(np.int32) % len(column)]
+                rows = np.flatnonzero(at >= 0)
+                turn[rows, j, at[rows]] = share[rows]
         return Basis(joint=turn)
 
     def write(self, state: State, arm: Arm) -> dict[str, Any]:

@@ -64,10 +64,8 @@ class GravitySag(Effect):
     def _wrist(samples: Samples, link: int) -> FloatArray:
         """Return (n, 6, 3) torque of the wrist's mass, one metre off along axes of a link."""
         reference = samples.arm.reference
-        R = samples.frames[:, link, :3, :3]
-        origin = samples.frames[:, link, :3, 3]
         mass = float(np.sum(reference.link_mass[3:]))
-        return mass * first_moment_torque(samples, origin, R, link)
+        return mass * first_moment_torque(samples, samples.frames[:, link, :3, :3], link)
 
     @staticmethod
     def _levers(samples: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:

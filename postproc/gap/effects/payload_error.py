@@ -62,7 +62,7 @@ class PayloadError(Effect):
         here = samples.weight_torque(at_flange, 6) * reference.c_joint
         joint = np.zeros((len(samples), 6, 10))
         joint[:, :, 0] = here
-        aside = first_moment_torque(samples, at_flange, R_flange, 6)
+        aside = first_moment_torque(samples, R_flange, 6)
         joint[:, :, 1:4] = aside * reference.c_joint[:, None]
         joint[:, :, 4:] = diagonal(here)
         return Basis(joint=joint)

@@ -8,8 +8,10 @@ tried.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
@@ -24,6 +26,7 @@ TYPICAL = 1e-4
 MOST = 11
 """As many waves are no gear error."""
 MOST_ON_A_JOINT = 3
+_UNMOVED = 1e-20
 _PRICE = 5.0
 """Nats beyond the noise maximum that one more wave must bring."""
 
@@ -47,11 +50,12 @@ class Projection:
     def __init__(self, blocks: Sequence[Block], y: FloatArray, weight: FloatArray) -> None:
         self.weight = weight
         self.y = (weight[:, None] * y).ravel()
-        self._take((design_matrix(blocks, len(y)) * weight[:, None, None]).reshape(len(self.y), -1))
+        X = (design_matrix(blocks, len(y)) * weight[:, None, None]).reshape(len(self.y), -1)
+        self._take(X, X.T @ X)
 
-    def _take(self, X: FloatArray) -> None:
-        self.X = X
-        self.inverse = np.linalg.inv(X.T @ X + np.eye(X.shape[1]))
+    def _take(self, X: FloatArray, G: FloatArray) -> None:
+        self.X, self.G = X, G
+        self.inverse = np.linalg.inv(G + np.eye(len(G)))
 
     @property
     def rest(self) -> FloatArray:
@@ -68,9 +72,20 @@ class Projection:
         b = columns.T @ rest
         return float(0.5 * b @ np.linalg.solve(A, b) - 0.5 * np.linalg.slogdet(A)[1])
 
+    def pair_gains(self, pairs: FloatArray, rest: FloatArray) -> FloatArray:
+        """Return (m,) the evidence [nats] that each of m pairs of columns (3n, m, 2) adds."""
+        seen = (self.X.T @ pairs.reshape(len(pairs), -1)).reshape(-1, *pairs.shape[1:])
+        taken = np.einsum("pma,pmb->mab", seen, np.tensordot(self.inverse, seen, 1))
+        A = np.einsum("nma,nmb->mab", pairs, pairs) - taken + np.eye(2)
+        b = np.einsum("nma,n->ma", pairs, rest)
+        brought = np.einsum("ma,ma->m", b, np.linalg.solve(A, b[:, :, None])[:, :, 0])
+        return np.asarray(0.5 * (brought - np.log(np.linalg.det(A))))
+
     def extend(self, columns: FloatArray) -> None:
         """Take columns (3n, k), scaled by prior and noise, among the blocks."""
-        self._take(np.concatenate([self.X, columns], axis=1))
+        across = self.X.T @ columns
+        G = np.block([[self.G, across], [across.T, columns.T @ columns]])
+        self._take(np.concatenate([self.X, columns], axis=1), G)
 
 
 def find_waves(
@@ -92,68 +107,78 @@ def find_waves(
         highest: largest order that is tried.
     """
     context = Projection(blocks, y, weight)
-    orders = np.arange(LOWEST, highest + 1, dtype=np.float64)
-    tried = 6 * len(orders)
+    scan = _Scan.of(samples, weight, np.arange(LOWEST, highest + 1, dtype=np.float64))
+    tried = 6 * len(scan.orders)
     found: list[Wave] = []
     for _ in range(at_most):
         rest = context.rest
-        candidates = _strongest(samples, weight, rest, orders)
-        scored = [(_gain(context, samples, wave, rest), wave) for wave in candidates]
-        gain, wave = max(scored, key=lambda item: item[0])
+        gain, wave = scan.best(context, scan.strongest(rest), rest)
         if gain < np.log(tried) + _PRICE:
             break
-        wave = _refined(context, samples, wave, rest, gain)
+        wave = _refined(context, scan, wave, rest, gain)
         found.append(wave)
-        context.extend(_columns(samples, weight, wave))
+        context.extend(scan.columns(wave))
     return tuple(found)
 
 
-def _columns(samples: Samples, weight: FloatArray, wave: Wave) -> FloatArray:
-    joint, n = wave
-    phase = n * samples.q[:, joint - 1]
-    push = samples.jacobian[:, :, joint - 1] * (weight * TYPICAL)[:, None]
-    both = np.stack([push * np.cos(phase)[:, None], push * np.sin(phase)[:, None]], axis=2)
-    return both.reshape(-1, 2)
+@dataclass(frozen=True, slots=True)
+class _Scan:
+    """What waves of the joints do to some rows, in units of the noise.
+
+    q: (n, 6); push: (n, 3, 6) of a turn of each joint by the usual amplitude; orders (k,);
+    phase: (6, k, n) of whole orders on the unit circle.
+    """
+
+    q: FloatArray
+    push: FloatArray
+    orders: FloatArray
+    phase: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, samples: Samples, weight: FloatArray, orders: FloatArray) -> _Scan:
+        """Return the scan of some rows."""
+        push = samples.jacobian * (weight * TYPICAL)[:, None, None]
+        return cls(samples.q, push, orders, np.exp(-1j * orders[:, None] * samples.q.T[:, None]))
+
+    def columns(self, wave: Wave) -> FloatArray:
+        """Return the cosine and the sine (3n, 2) of a wave."""
+        joint, n = wave
+        phase = n * self.q[:, joint - 1]
+        both = np.stack([np.cos(phase), np.sin(phase)], axis=1)
+        moved: FloatArray = self.push[:, :, joint - 1, None] * both[:, None]
+        return moved.reshape(-1, 2)
+
+    def best(
+        self, context: Projection, waves: Sequence[Wave], rest: FloatArray
+    ) -> tuple[float, Wave]:
+        """Return the evidence [nats] that the best of some waves adds, and that wave."""
+        gains = context.pair_gains(np.stack([self.columns(w) for w in waves], axis=1), rest)
+        best = int(np.argmax(gains))
+        return float(gains[best]), waves[best]
+
+    def strongest(self, rest: FloatArray) -> list[Wave]:
+        """Return the low orders of every joint and the high ones that stand out, roughly."""
+        residual = rest.reshape(-1, 3)
+        chosen: list[Wave] = [(joint, float(n)) for joint in range(1, 7) for n in range(LOWEST, 7)]
+        signal = np.einsum("nij,ni->jn", self.push, residual)
+        size = np.sum(self.push**2, axis=(0, 1))
+        seen = np.abs((self.phase @ signal[:, :, None])[:, :, 0]) ** 2
+        power = np.where(size > _UNMOVED, 1.0, 0.0)[:, None] * seen
+        power /= np.maximum(size, _UNMOVED)[:, None]
+        for flat in np.argsort(power, axis=None)[::-1][:12]:
+            joint, index = np.unravel_index(flat, power.shape)
+            chosen.append((int(joint) + 1, float(self.orders[index])))
+        return list(dict.fromkeys(chosen))
 
 
-def _gain(context: Projection, samples: Samples, wave: Wave, rest: FloatArray) -> float:
-    """Return the evidence [nats] that a wave adds."""
-    return context.gain(_columns(samples, context.weight, wave), rest)
-
-
-def _strongest(
-    samples: Samples, weight: FloatArray, rest: FloatArray, orders: FloatArray
-) -> list[Wave]:
-    """Return the low orders of every joint and the high ones that stand out, roughly."""
-    residual = rest.reshape(-1, 3)
-    chosen: list[Wave] = [(joint, float(n)) for joint in range(1, 7) for n in range(LOWEST, 7)]
-    power = np.zeros((6, len(orders)))
-    for joint in range(6):
-        push = samples.jacobian[:, :, joint] * weight[:, None]
-        size = np.sum(push * push)
-        if size < 1e-12:
-            continue
-        signal = np.einsum("ni,ni->n", push, residual)
-        waves = np.exp(-1j * orders[:, None] * samples.q[None, :, joint])
-        power[joint] = np.abs(waves @ signal) ** 2 / size
-    order = np.argsort(power, axis=None)[::-1][:12]
-    for flat in order:
-        joint, index = np.unravel_index(flat, power.shape)
-        chosen.append((int(joint) + 1, float(orders[index])))
-    return list(dict.fromkeys(chosen))
-
-
-def _refined(
-    context: Projection, samples: Samples, wave: Wave, rest: FloatArray, gain: float
-) -> Wave:
+def _refined(context: Projection, scan: _Scan, wave: Wave, rest: FloatArray, gain: float) -> Wave:
     """Return the order off the whole numbers if that is clearly better."""
     joint, n = wave
     if n < FRACTIONAL:
         return wave
     near = [(joint, n + d) for d in np.arange(-0.5, 0.51, 0.05) if n + d >= LOWEST]
-    best = max(near, key=lambda w: _gain(context, samples, w, rest))
+    reached, best = scan.best(context, near, rest)
     for step in (0.02, 0.01):
         around = [(joint, best[1] + d * step) for d in (-1, 0, 1) if best[1] + d * step >= LOWEST]
-        best = max(around, key=lambda w: _gain(context, samples, w, rest))
-    better = _gain(context, samples, best, rest) > gain + 4.0
-    return (joint, round(float(best[1]), 2)) if better else wave
+        reached, best = scan.best(context, around, rest)
+    return (joint, round(float(best[1]), 2)) if reached > gain + 4.0 else wave
