@@ -234,6 +234,21 @@ def _compliance(rng):
     return lambda d, now: c * load_torque(d, now)
 
 
+def _late(rng):
+    """A relaxation that every earlier load has its share in, written out as a sum."""
+    c = rng.uniform(0.3, 1.0, 6) / K0
+    fade = rng.uniform(500.0, 1500.0)
+
+    def law(d, now):
+        t = d["time"]
+        before = np.concatenate([t[:1], t[:-1]])
+        since, until = t[:, None] - before, t[:, None] - t
+        share = np.where(until >= 0, np.exp(-until / fade) - np.exp(-since / fade), 0.0)
+        return c * (share @ load_torque(d, now))
+
+    return law
+
+
 def _sag(rng):
     m = MASSES * np.exp(rng.normal(0, 0.25, 6))
     coms = COMS + rng.normal(0, 0.06, (6, 3)) * [1, 0.3, 1]
@@ -457,6 +472,7 @@ EFFECTS = {
     "payload_error": _joint(_payload),
     "counterbalance": _joint(_spring),
     "encoder_scale": _joint(_encoder),
+    "load_creep": _joint(_late),
     "bearing_runout": _point(_runout),
 }
 OUTSIDE = {

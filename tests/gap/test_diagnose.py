@@ -20,7 +20,7 @@ FRAMES = {"base_frame", "tool_frame"}
 MACHINE = (
     *("joint_offset", "link_geometry", "joint_compliance", "gravity_sag", "variable_stiffness"),
     *("backlash", "transmission_error", "thermal_drift", "servo_lag", "gear_coupling"),
-    *("payload_error", "counterbalance", "encoder_scale", "bearing_runout"),
+    *("payload_error", "counterbalance", "encoder_scale", "bearing_runout", "load_creep"),
 )
 
 

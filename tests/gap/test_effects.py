@@ -16,7 +16,7 @@ def test_every_public_name_is_there():
         base_frame tool_frame joint_offset link_geometry joint_compliance gravity_sag
         variable_stiffness backlash transmission_error thermal_drift servo_lag gear_coupling
         payload_error counterbalance set_up_frames encoder_scale bearing_runout
-        angle_error
+        angle_error load_creep
     """
     assert set(public.split()) == {e.name for e in ALL if not e.is_alternative}
 

@@ -112,6 +112,7 @@ def document(
 def noise(diagnosis: Diagnosis) -> dict[str, Any]:
     """Return how large the noise is and how that is known."""
     level = diagnosis.level
+    timed = diagnosis.problem.samples.time is not None and np.isfinite(level.correlation)
 
     def mm(value: float) -> float | None:
         return _mm(value) if np.isfinite(value) else None
@@ -121,7 +122,7 @@ def noise(diagnosis: Diagnosis) -> dict[str, Any]:
         "source": str(level.source),
         "freedom": level.freedom,
         "repeats": level.repeats,
-        "correlation_s": round(level.correlation, 1) if np.isfinite(level.correlation) else None,
+        "correlation_s": round(level.correlation, 1) if timed else None,
         "wander_mm": mm(level.wander) if level.known else None,
         "instrument_mm": mm(level.instrument),
         "at_most_mm": mm(level.upper),

@@ -82,7 +82,7 @@ def conditions(samples: Samples) -> Mapping[str, FloatArray]:
         size = np.linalg.norm(force, axis=1, keepdims=True)
         scale = np.std(force) + 1e-9
         found["load"] = np.column_stack([force, force * size / scale, size]) / scale
-    for name, values in (("time", samples.time), ("temperature", samples.temperature)):
+    for name, values in (("time", samples.course), ("temperature", samples.temperature)):
         if values is not None and np.ptp(values) > 0:
             found[name] = _polynomials(values)
     for name, values in samples.extra.items():

@@ -1,6 +1,6 @@
 """The rows of a campaign as the fit sees them, and the arm's model."""
 
-from postproc.gap.data.dataset import COLUMN_NAMES, Arm, Samples, make_samples, samples_of
+from postproc.gap.data.dataset import COLUMN_NAMES, FADES, Arm, Samples, make_samples, samples_of
 from postproc.gap.data.loads import (
     carried_torque,
     first_moment_torque,
@@ -13,6 +13,7 @@ from postproc.gap.data.split import Split, split
 
 __all__ = [
     "COLUMN_NAMES",
+    "FADES",
     "Arm",
     "Samples",
     "Split",

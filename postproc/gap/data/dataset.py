@@ -21,11 +21,14 @@ COLUMN_NAMES = {
     "wrench": ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"),
     "time": ("time_s",),
     "temperature": ("temp_C",),
+    "past": ("time_s", "fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm"),
 }
 """Column of ``Samples`` to its names in the measurement file."""
 
 
-_BY_ROW = ("q", "frames", "axes", "point", "load_point", "seen", "set_up")
+FADES = (300.0, 2000.0)
+"""Times [s] in which the trace of a load fades."""
+_BY_ROW = ("q", "frames", "axes", "point", "load_point", "course", "seen", "set_up")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +76,12 @@ class Samples:
 
     frames: (n, 7, 4, 4) robroot and links 1..6; axes: (n, 3, 6) joint axes; point: (n, 3)
     nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; load_point: (n, 3) where the wrench
-    acts; wrench (n, 6) ON the tool there [N, N*m]; temperature in degrees Celsius. seen: (n, 3)
-    the measured point of each row in the flange [m], where there are several; set_up: (n, 2)
-    numbers of station and reflector.
+    acts; course: (n,) the time [s], where it was not logged the number of the row: rows are taken
+    to stand in the order of measuring; wrench (n, 6) ON the tool there [N, N*m]; temperature in
+    degrees Celsius. past: (n, 12) what earlier loads have left of their torque on each joint, for
+    either of ``FADES``, where loads and time were logged [N*m]. seen: (n, 3) the measured point of
+    each row in the flange [m], where there are several; set_up: (n, 2) numbers of station and
+    reflector.
     """
 
     arm: Arm
@@ -84,11 +90,13 @@ class Samples:
     axes: FloatArray
     point: FloatArray
     load_point: FloatArray
+    course: FloatArray
     direction: FloatArray | None = None
     qd: FloatArray | None = None
     wrench: FloatArray | None = None
     time: FloatArray | None = None
     temperature: FloatArray | None = None
+    past: FloatArray | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
     seen: FloatArray | None = None
     set_up: IntArray | None = None
@@ -144,7 +152,7 @@ class Samples:
         """Return the same rows with their stations and measured points (n, 3) or (3,) [m]."""
         numbers = np.column_stack([rows.station, rows.reflector])
         seen = np.asarray(points) if np.ndim(points) == 2 else None
-        return replace(self, set_up=numbers, seen=seen).at(self.q)
+        return _with_past(replace(self, set_up=numbers, seen=seen).at(self.q))
 
     def rows(self, index: Rows) -> Samples:
         """Return some of the rows."""
@@ -196,7 +204,31 @@ def make_samples(arm: Arm, q: FloatArray, **columns: Any) -> Samples:  # noqa: A
     q = np.asarray(q, dtype=np.float64)
     frames, flange, axes = _geometry(arm, q)
     point, load = (apply(flange, p) for p in (arm.p_flange_point, arm.p_flange_load))
-    return Samples(arm, q, frames, axes, point, load, **columns)
+    time = columns.get("time")
+    course = np.arange(len(q), dtype=np.float64) if time is None else np.asarray(time)
+    return _with_past(Samples(arm, q, frames, axes, point, load, course, **columns))
+
+
+def _with_past(samples: Samples) -> Samples:
+    """Return the same rows with what earlier loads have left, where loads and time were logged.
+
+    A load has acted since the reading before; each station starts unloaded.
+    """
+    time = samples.time
+    if time is None or samples.wrench is None:
+        return samples
+    n = len(samples)
+    station = np.zeros(n) if samples.set_up is None else samples.set_up[:, 0]
+    order = np.lexsort((np.arange(n), time, station))
+    torque, out = samples.load_torque(), np.zeros((n, len(FADES), 6))
+    first = np.diff(station[order], prepend=np.nan) != 0.0
+    passed = np.where(first, 0.0, np.diff(time[order], prepend=0.0))
+    keep = np.exp(-passed[:, None, None] / np.array(FADES)[:, None])
+    left = np.zeros((len(FADES), 6))
+    for row, share, anew in zip(order, keep, first, strict=True):
+        left = np.zeros_like(left) if anew else share * left + (1.0 - share) * torque[row]
+        out[row] = left
+    return replace(samples, past=out.reshape(n, -1))
 
 
 def samples_of(arm: Arm, measured: MeasurementSet) -> Samples:

@@ -69,10 +69,9 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
 def _order(samples: Samples) -> IntArray:
     """Return the place (n,) of each row in the course of time, station after station."""
     n = len(samples)
-    time = np.arange(n, dtype=np.float64) if samples.time is None else samples.time
     station = np.zeros(n) if samples.set_up is None else samples.set_up[:, 0]
     rank = np.empty(n, dtype=np.int32)
-    rank[np.lexsort((np.arange(n), time, station))] = np.arange(n)
+    rank[np.lexsort((np.arange(n), samples.course, station))] = np.arange(n)
     return rank
 
 

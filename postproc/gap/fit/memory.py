@@ -173,9 +173,9 @@ def _in_space(features: FloatArray) -> FloatArray:
 
 def _wander(samples: Samples, unit: IntArray) -> list[Block]:
     """Return first-order wanders of unit size, one for each correlation time."""
-    if samples.time is None or float(np.ptp(samples.time)) <= 0.0:
+    time = samples.course
+    if float(np.ptp(time)) <= 0.0:
         return []
-    time = samples.time
     length = max(float(np.ptp(time[unit == u])) for u in np.unique(unit))
     found = []
     for share in _SCALES:

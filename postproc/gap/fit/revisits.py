@@ -8,7 +8,7 @@ how much of that is a slow wander of the measuring device.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
@@ -27,6 +27,8 @@ DRIFT = 3.0
 """Wander over white noise from which it is a finding of its own, not noise."""
 ENOUGH = 12
 """The same of repeats under equal conditions, from which the others do not count."""
+_CLEARLY = 0.7
+"""Ratio of the scatter with and without earlier loads from which they explain it."""
 _USUAL = 2e-4
 """Sd of the prior of a turn of a joint [rad] that a condition at its usual size brings."""
 _FIRST = 2e-5
@@ -88,7 +90,9 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
 
     Readings from the same side, under the same load and at the same speed count alone where there
     are enough of them: nothing but the temperature has to be regressed out. Readings under
-    different loads are no repeats at all: how a pose gives under a load is what is sought.
+    different loads are no repeats at all: how a pose gives under a load is what is sought. What
+    earlier loads have left is regressed out where that clearly explains the scatter: it looks like
+    a drift of the measuring device.
 
     Args:
         samples: rows.
@@ -96,6 +100,15 @@ def revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray)
         usable: (n,) rows that are no faults.
         unit: (n,) set-up of the measuring device: rows of others are no repeats.
     """
+    plain = _revisits(replace(samples, past=None), y, usable, unit)
+    if samples.past is None or not np.any(samples.past):
+        return plain
+    held = _revisits(samples, y, usable, unit)
+    scatter = [np.hypot(found.white, found.wander) for found in (held, plain)]
+    return held if scatter[0] < _CLEARLY * scatter[1] else plain
+
+
+def _revisits(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray) -> Revisits:
     place = np.column_stack([unit[:, None], np.round(samples.q / SAME_POSE), _give(samples)])
     found = _scatter(samples, y, usable, unit, np.column_stack([place, *_alike(samples)]))
     if found.freedom >= ENOUGH:
@@ -200,6 +213,9 @@ def _conditions(samples: Samples) -> FloatArray:
     if samples.wrench is not None:
         turn = samples.load_torque() * samples.arm.reference.c_joint
         parts.append(J * (turn / _USUAL)[:, None, :])
+    if samples.past is not None:
+        past = samples.past.reshape(len(J), -1, 6) * samples.arm.reference.c_joint / _USUAL
+        parts += [J * past[:, k, None, :] for k in range(past.shape[1])]
     if samples.qd is not None:
         parts.append(J * (0.01 * samples.qd / _USUAL)[:, None, :])
     whole = np.concatenate(parts, axis=2) if parts else np.zeros((len(J), 3, 0))
@@ -241,10 +257,10 @@ def _course(
     there.
     """
     nothing = (sigma, 0.0, float("nan"), "")
-    if samples.time is None or len(rest) < 2 * FEWEST:
+    if len(rest) < 2 * FEWEST:
         return nothing
     few = np.sort(np.argsort(group, kind="stable")[:_LARGEST])
-    time, unit, rest = samples.time[few], unit[few], rest[few]
+    time, unit, rest = samples.course[few], unit[few], rest[few]
     N = null_space(np.eye(int(group.max()) + 1)[group[few]].T)
     if N.shape[1] < FEWEST:
         return nothing
