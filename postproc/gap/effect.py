@@ -116,6 +116,8 @@ class Effect(ABC):
     """Only of campaigns with several stations or reflectors."""
     periodic: ClassVar[bool] = False
     """Waves of a joint's angle, whose joints and orders are sought in the rows."""
+    of_own_angle: ClassVar[bool] = False
+    """A smooth function of a joint's own angle: waves of the same joint look like it."""
     on_demand: ClassVar[bool] = False
     """It has so many numbers that it is tried only where what is left calls for it."""
     is_rare: ClassVar[bool] = False

@@ -18,12 +18,14 @@ from postproc.gap.choice import (
     Standing,
     assess,
     beaten,
+    displaced,
     fitted,
     named,
     prepare,
     select,
     unexplained,
     verdict,
+    wandering,
     without_waves,
 )
 from postproc.gap.fit import (
@@ -117,9 +119,14 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     say(2, 4, "what is left")
     assessed = assess(problem, prepared, regression, choice)
     choice = assessed.choice.moved((), Standing.REJECTED, reasons)
+    sizes = {key: choice.evidence[key].unique for key in choice.adopted}
+    gone = displaced(regression, sizes, (*choice.adopted, *choice.unnamed))
+    why = {regression.name(key): reason for key, reason in gone.items()}
+    choice = choice.moved(gone, Standing.REJECTED, why)
     assessed = replace(assessed, choice=choice)
     ripple = _ripple(regression, choice)
     rest = unexplained(regression, (*choice.adopted, *choice.unnamed), ripple)
+    rest = wandering(prepared.noise, rest)
     answer = verdict(assessed, prepared.noise, rest)
     say(3, 4, "sealed rows")
     apart = _Apart(problem, regression, assessed, sigma)
@@ -229,8 +236,7 @@ class _Apart:
         cluster = self.problem.split.cluster[test]
         nothing = choice.moved(choice.model, Standing.REJECTED, {})
         first = before = self._left(nothing)[test]
-        rows = self.problem.searchable & ~self.assessed.outlier
-        order = _ordered(self.problem, self.regression, self.assessed, self.sigma, rows)
+        order = _ordered(self.regression, choice)
         steps = []
         for count, key in enumerate(order, start=1):
             part = choice.moved(order[count:], Standing.REJECTED, {})
@@ -242,12 +248,18 @@ class _Apart:
         return tuple(steps), (rms(first), rms(last), *shrink_interval(first, last, cluster))
 
     def _left(self, choice: Choice) -> FloatArray:
-        """Return how far each row (n,) is missed [m] by a choice fitted without it."""
+        """Return how far each row (n,) is missed [m] by a choice fitted without it.
+
+        Where there are sealed rows it is told of those alone, and NaN elsewhere.
+        """
         problem, fold = self.problem, self.problem.split.fold
         rows = problem.searchable & ~self.assessed.outlier
-        if np.any(problem.split.sealed):
-            point = named(problem, self.regression, choice, self.sigma, rows).point
-            return np.asarray(np.linalg.norm(problem.measured - point, axis=1))
+        sealed = np.flatnonzero(problem.split.sealed)
+        if len(sealed):
+            point = named(problem, self.regression, choice, self.sigma, rows, sealed).point
+            left = np.full(len(problem), np.nan)
+            left[sealed] = np.linalg.norm(problem.measured[sealed] - point, axis=1)
+            return left
         out = np.zeros(len(problem))
         for k in np.unique(fold):
             point = named(problem, self.regression, choice, self.sigma, rows & (fold != k)).point
@@ -255,17 +267,15 @@ class _Apart:
         return out
 
 
-def _ordered(
-    problem: Problem, regression: Regression, assessed: Assessment, sigma: float, rows: BoolArray
-) -> list[str]:
-    """Return the adopted blocks, most helpful next."""
+def _ordered(regression: Regression, choice: Choice) -> list[str]:
+    """Return the adopted blocks, most helpful next on the rows that are fitted."""
+    equations = regression.equations_at(np.arange(len(regression.y)))
     order: list[str] = []
-    waiting = sorted(assessed.choice.adopted)
+    waiting = sorted(choice.adopted)
     while len(waiting) > 1:
         coming = {regression.name(key) for key in waiting}
         free = [k for k in waiting if coming.isdisjoint(regression.block(k).effect.refines)]
-        fits = {key: fitted(problem, regression, (*order, key), sigma, rows) for key in free}
-        best = min(free, key=lambda k: (rms(_left(problem.measured - fits[k].point, rows)), k))
+        best = min(free, key=lambda k: (equations.left((*regression.always, *order, k)), k))
         order.append(best)
         waiting.remove(best)
     return [*order, *waiting]
@@ -312,10 +322,6 @@ def _ripple(regression: Regression, choice: Choice) -> tuple[Wave, ...]:
     ]
     base += [b for b in regression.memory if b.key != REST]
     return find_waves(regression.samples, regression.y, regression.weight, base)
-
-
-def _left(residual: FloatArray, test: BoolArray) -> FloatArray:
-    return np.asarray(np.linalg.norm(residual, axis=1)[test])
 
 
 def shrink_interval(

@@ -1,6 +1,14 @@
 """Which effects are adopted, and the verdict."""
 
-from postproc.gap.choice.classes import SURE, Group, beaten, groups_of, unexplained
+from postproc.gap.choice.classes import (
+    SURE,
+    Group,
+    beaten,
+    displaced,
+    groups_of,
+    unexplained,
+    wandering,
+)
 from postproc.gap.choice.classes import Part as RestPart
 from postproc.gap.choice.confounding import CONFOUNDED
 from postproc.gap.choice.residual import Dependence
@@ -23,6 +31,7 @@ __all__ = [
     "Standing",
     "assess",
     "beaten",
+    "displaced",
     "fitted",
     "groups_of",
     "named",
@@ -30,5 +39,6 @@ __all__ = [
     "select",
     "unexplained",
     "verdict",
+    "wandering",
     "without_waves",
 ]

@@ -48,14 +48,16 @@ def choose(regression: Regression) -> Choice:
         for key, its in standing.items()
         if its is Standing.UNNAMED
     }
-    choice = overruled(regression, Choice(standing, evidence, found.inclusion(), reasons))
+    choice = overruled(regression, Choice(standing, evidence, {}, reasons))
     confounded = {
         key: replace(
             evidence[key], confounded=confounded_with(regression, found, best, key, excluded)
         )
         for key in (*choice.adopted, *choice.resembled)
     }
-    return replaceable(regression, replace(choice, evidence=evidence | confounded))
+    # the sets that would do as well are among the subsets visited by now
+    choice = replace(choice, evidence=evidence | confounded, probability=found.inclusion())
+    return replaceable(regression, choice)
 
 
 def _standing(

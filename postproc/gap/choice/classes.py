@@ -7,7 +7,7 @@ fairly. The largest is taken, and the others are judged by what it leaves.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.gap.choice.search import searched
 from postproc.gap.data import Samples
-from postproc.gap.fit import REST, Projection, Regression, Wave
+from postproc.gap.fit import REST, Noise, Projection, Regression, Wave
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""
@@ -24,10 +24,11 @@ SURE = 12.0
 MOST = 4
 _STEPS = 16
 """Moments at which a step is tried."""
-_TAILS = (300.0, 1800.0)
-"""Times [s] in which a load's trace fades."""
 AHEAD = 10.0
 """Nats by which a class beats the formula of an effect."""
+BESIDE = 30.0
+"""Nats that a name must bring beside a large class that is left: three times what is said to be
+clear, for the class is not exact either."""
 _ENOUGH = 0.9
 """Share of what a class explains from which a formula with fewer numbers is its cause: no formula
 is exact, and a class takes the flaws of the others' formulas, too."""
@@ -42,6 +43,12 @@ _FORMULAS = {
     ("load", "changes over the place"),
 }
 """Class and shape that effects of the library have, or are told from otherwise."""
+_LOUD = 1.5
+"""Ratio of wander and white noise from which the wander is a course of time that nothing explains,
+and no noise."""
+_LARGE = 0.5
+"""Size of a class that is left against what only a name explains, from which the name must hold
+beside it."""
 _SMALLEST = 0.5
 """Root mean square of what is listed, in noise per axis."""
 
@@ -84,20 +91,60 @@ def unexplained(
         waves: ripples that were found in the rest.
     """
     bench = _Bench.of(regression, waves)
-    context = bench.context({*regression.always, *keys})
-    left = list(range(len(bench.groups)))
-    found: list[Part] = []
-    for _ in range(MOST):
-        tried = bench.fitted(context, left)
-        best = max(left, key=lambda k: tried[k].gain, default=-1)
-        if best < 0 or tried[best].gain < SURE:
-            break
-        group, fit = bench.groups[best], tried[best]
-        left.remove(best)
-        context.extend(bench.columns(best) * fit.size)
+    parts = []
+    for k, fit in bench.left({*regression.always, *keys}):
         if fit.rms > _SMALLEST * bench.noise:
-            found.append(Part(group.kind, group.of, group.shape, fit.rms, fit.gain))
-    return tuple(sorted(found, key=lambda p: (-p.rms, p.kind, p.of)))
+            group = bench.groups[k]
+            parts.append(Part(group.kind, group.of, group.shape, fit.rms, fit.gain))
+    return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
+
+
+def displaced(
+    regression: Regression, named: Mapping[str, float], beside: Iterable[str]
+) -> dict[str, str]:
+    """Return the named blocks that classes of what is left leave nothing to, and which.
+
+    Only classes whose formula is that of no effect count, where they are large against the name.
+
+    Args:
+        regression: rows and blocks.
+        named: what only each of the blocks to be judged explains [m], by key.
+        beside: keys of all blocks of the model.
+    """
+    if not named:
+        return {}
+    bench = _Bench.of(regression, ())
+    inside = {*regression.always, *beside}
+    left = [(k, fit) for k, fit in bench.left(inside) if bench.groups[k].is_rival]
+    found: dict[str, str] = {}
+    for key, unique in named.items():
+        large = [(k, fit) for k, fit in left if fit.rms > _LARGE * unique]
+        if not large:
+            continue
+        context = bench.context(inside - {key})
+        for k, fit in large:
+            context.extend(bench.columns(k) * fit.size)
+        block = regression.block(key)
+        own = _weighted(block.X[bench.use], bench.weight)
+        if context.gain(own, context.rest) - searched(block) < BESIDE:
+            group = bench.groups[large[0][0]]
+            found[key] = f"{group.kind} ({group.of}: {group.shape}) explains the same"
+    return found
+
+
+def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
+    """Return what is left with a wander that is too large to be noise, where no class has it.
+
+    Args:
+        noise: of the campaign.
+        rest: parts as ``unexplained`` gives them.
+    """
+    size = float(np.sqrt(3.0)) * noise.wander
+    has = any(part.kind == "time" and part.rms >= size for part in rest)
+    if has or not noise.wander > _LOUD * noise.white:
+        return tuple(rest)
+    more = Part("time", "station", "wander", size, SURE)
+    return tuple(sorted((*rest, more), key=lambda p: (-p.rms, p.kind, p.of)))
 
 
 def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) -> dict[str, str]:
@@ -173,6 +220,21 @@ class _Bench:
     def columns(self, k: int) -> FloatArray:
         """Return the columns (3n, m) of a group, in units of the noise per metre."""
         return self.X[:, self.start[k] : self.start[k + 1]]
+
+    def left(self, keys: Collection[str]) -> list[tuple[int, _Fitted]]:
+        """Return the groups that some blocks leave most to, one after the other."""
+        context = self.context(keys)
+        waiting = list(range(len(self.groups)))
+        found: list[tuple[int, _Fitted]] = []
+        for _ in range(MOST):
+            tried = self.fitted(context, waiting)
+            best = max(waiting, key=lambda k: tried[k].gain, default=-1)
+            if best < 0 or tried[best].gain < SURE:
+                break
+            waiting.remove(best)
+            found.append((best, tried[best]))
+            context.extend(self.columns(best) * tried[best].size)
+        return found
 
     def fitted(self, context: Projection, which: Collection[int]) -> dict[int, _Fitted]:
         """Return what some groups bring in a context."""
@@ -273,8 +335,8 @@ def _of_waves(samples: Samples, waves: Iterable[Wave]) -> Iterator[Group]:
 
 
 def _of_time(samples: Samples) -> Iterator[Group]:
-    time = samples.time
-    if time is None or float(np.ptp(time)) <= 0.0:
+    time = samples.course
+    if float(np.ptp(time)) <= 0.0:
         return
     part = (time - time.min()) / float(np.ptp(time))
     forms = [("ramp", part), ("warm-up", 1.0 - np.exp(-4.0 * part))]
@@ -290,7 +352,7 @@ def _of_time(samples: Samples) -> Iterator[Group]:
         f = (time > at).astype(float)
         if not 0.0 < f.mean() < 1.0:
             continue
-        shape = f"step at {at:.0f} s"
+        shape = f"step at row {at:.0f}" if samples.time is None else f"step at {at:.0f} s"
         yield Group("time", "station", shape, _unit(_moved(samples, f)), price)
         R = samples.frames[:, 6, :3, :3] * f[:, None, None]
         yield Group("time", "reflector", shape, _unit(R), price)
@@ -330,29 +392,14 @@ def _of_load(samples: Samples) -> Iterator[Group]:
     x = (samples.point - samples.point.mean(axis=0)) / (np.std(samples.point) + 1e-9)
     over = np.einsum("nk,nm->nkm", force, x).reshape(len(x), 9)
     yield Group("load", "place", "changes over the place", _unit(_vectors(over)))
+    if samples.past is not None:
+        past = samples.past.reshape(len(J), -1, 6) * samples.arm.reference.c_joint
+        tails = [J * past[:, k, None, :] for k in range(past.shape[1])]
+        yield Group("load", "joints", "with a time tail", _unit(np.concatenate(tails, axis=2)))
     if samples.time is not None:
-        yield Group("load", "joints", "with a time tail", _unit(_tails(samples, torque)))
         late = (samples.time - samples.time.min()) / (np.ptp(samples.time) + 1e-9)
         aged = J * (torque * late[:, None])[:, None, :]
         yield Group("load", "joints", "grows with time", _unit(aged))
-
-
-def _tails(samples: Samples, torque: FloatArray) -> FloatArray:
-    """Return turns of joints (n, 3, 12) by what earlier loads have left."""
-    time = samples.time
-    if time is None:
-        return np.zeros((len(torque), 3, 0))
-    order = np.argsort(time, kind="stable")
-    found = []
-    for fade in _TAILS:
-        state, out = np.zeros(6), np.zeros_like(torque)
-        before = float(time[order[0]])
-        for row in order:
-            keep = float(np.exp(-(float(time[row]) - before) / fade))
-            state = keep * state + (1.0 - keep) * torque[row]
-            out[row], before = state, float(time[row])
-        found.append(samples.jacobian * out[:, None, :])
-    return np.concatenate(found, axis=2)
 
 
 def _of_motion(samples: Samples) -> Iterator[Group]:

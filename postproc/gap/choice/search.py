@@ -20,6 +20,10 @@ PRIOR_ALTERNATIVE = 6.0
 """Price of calling for a cause outside of the library."""
 DECISIVE = 6.0
 """Nats by which a model must beat another (odds 400 to 1)."""
+TEMPERATURE = 10.0
+"""What differences of score are divided by before they count as odds. Evidence takes every formula
+for exact, and none is: of four names that led by less than ten nats in blind campaigns two were
+wrong, of sixty-two that led by more none."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
 _ROWS_EACH = 8
@@ -74,10 +78,10 @@ class Search:
         return len(set(names)) == len(names) <= self.largest
 
     def inclusion(self) -> dict[str, float]:
-        """Return the posterior probability of each effect over the subsets visited."""
+        """Return the probability of each effect over the subsets visited, tempered."""
         keys = list(self.scores)
         values = np.array([self.scores[k] for k in keys])
-        weight = np.exp(values - values.max())
+        weight = np.exp((values - values.max()) / TEMPERATURE)
         weight /= weight.sum()
         found = dict.fromkeys(self.names.values(), 0.0)
         for subset, share in zip(keys, weight, strict=True):

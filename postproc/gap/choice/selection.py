@@ -101,18 +101,36 @@ def prepare(problem: Problem) -> Prepared:
 
 
 def select(regression: Regression) -> tuple[Regression, Choice]:
-    """Choose; look for waves in what the choice leaves; choose again if there are new ones."""
+    """Choose; look for waves in what the choice leaves; choose again if there are new ones.
+
+    They are also looked for in the place of what follows a joint's own angle, as waves do.
+    """
     choice = choose(regression)
     for again in range(0 if periodic_effect().name in regression.excluded else 2):
-        others = [*without_waves(regression, choice), *regression.memory]
-        waves = find_waves(regression.samples, regression.y, regression.weight, others)
-        known = {b.setting["waves"] for b in regression.blocks if b.effect.periodic}
-        if not is_gear_error(waves) or waves in known:
+        others = without_waves(regression, choice)
+        alone = [b for b in others if not b.effect.of_own_angle]
+        more: list[Block] = []
+        for place, beside in (("rest", others), ("place", alone)):
+            if place == "rest" or len(alone) < len(others):
+                known = [*regression.blocks, *more]
+                more += _waves_beside(regression, beside, f"{place}{again}", known)
+        if not more:
             break
-        more = wave_block(regression.samples, waves, f"rest{again}")
-        regression = replace(regression, blocks=(*regression.blocks, more))
+        regression = replace(regression, blocks=(*regression.blocks, *more))
         choice = choose(regression)
     return regression, choice
+
+
+def _waves_beside(
+    regression: Regression, beside: Sequence[Block], key: str, known: Sequence[Block]
+) -> list[Block]:
+    """Return the block of the waves in what some blocks leave, none if it is known."""
+    blocks = [*beside, *regression.memory]
+    waves = find_waves(regression.samples, regression.y, regression.weight, blocks)
+    old = {b.setting["waves"] for b in known if b.effect.periodic}
+    if not is_gear_error(waves) or waves in old:
+        return []
+    return [wave_block(regression.samples, waves, key)]
 
 
 def _tables(

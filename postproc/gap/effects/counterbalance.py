@@ -23,6 +23,7 @@ class Counterbalance(Effect):
     source = "spring of length sqrt(a^2 + L^2 + 2 a L cos(q2 - phi)), first two harmonics"
     action = "check gas pressure and bearings of the counterbalance"
     conditions = ("q2",)
+    of_own_angle = True
     layout = (("cosine_deg", 1), ("sine_deg", 1), ("cosine_2_deg", 1), ("sine_2_deg", 1))
     parameter_list = (
         Parameter("cosine", 2e-4, joint=2),
@@ -41,6 +42,8 @@ class Counterbalance(Effect):
         return Basis(joint=joint)
 
     def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
-        """Refuse a part twice per turn that is as large as the part once per turn."""
+        """Refuse a part twice per turn that is surely as large as the part once per turn."""
         once, twice = np.linalg.norm(theta[:2]), np.linalg.norm(theta[2:])
-        return "twice per turn more than once per turn" if twice > 0.6 * once else ""
+        doubt = np.hypot(np.linalg.norm(deviation[2:]), 0.6 * np.linalg.norm(deviation[:2]))
+        surely = twice - 2.0 * doubt > 0.6 * once
+        return "twice per turn more than once per turn" if surely else ""
