@@ -60,6 +60,7 @@ def score(
     count = table.faults(marks)
     title = f"Withheld effects: {answerer}, {len(answers)} cases, seed {sealed['seed']}"
     text = table.markdown(summary, title)
+    text += "\nHow often named causes are right:\n\n" + table.reliability(marks)
     text += "\nMost frequent failures:\n\n"
     text += "".join(f"- {number} x {name}\n" for name, number in count.most_common(20))
     whole = {"seed": sealed["seed"], "answerer": answerer, "summary": summary, "cases": marks}

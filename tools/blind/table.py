@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -130,6 +131,30 @@ def markdown(summary: dict[str, dict[str, float | None]], title: str) -> str:
     for name, _, goal in MARKS:
         cells = " | ".join(_text(group[name]) for group in summary.values())
         lines.append(f"| {name} | {goal} | {cells} |")
+    return "\n".join(lines) + "\n"
+
+
+BINS = (0.0, 0.5, 0.8, 0.95, 1.0)
+"""Edges of the probabilities that are compared with how often they are right."""
+_Z90 = 1.6449
+
+
+def reliability(marks: Sequence[Record]) -> str:
+    """Return how often causes called with a probability are right, as markdown.
+
+    The interval is that of Wilson (1927), 90 %.
+    """
+    called = [one for m in marks for one in m.get("called") or []]
+    lines = ["| called with | causes | mean | right | 90 % interval |", "|---|--:|--:|--:|---|"]
+    for low, high in pairwise(BINS):
+        inside = [(p, right) for p, right in called if low < p <= high]
+        if not inside:
+            continue
+        n, said, right = len(inside), *(float(v) for v in np.mean(inside, axis=0))
+        centre = (right + _Z90**2 / (2 * n)) / (1 + _Z90**2 / n)
+        half = _Z90 * np.sqrt(right * (1 - right) / n + _Z90**2 / (4 * n**2)) / (1 + _Z90**2 / n)
+        ends = f"{centre - half:.2f} to {centre + half:.2f}"
+        lines.append(f"| {low:g} to {high:g} | {n} | {said:.2f} | {right:.2f} | {ends} |")
     return "\n".join(lines) + "\n"
 
 
