@@ -14,7 +14,7 @@ import pytest
 from postproc.cell.file import load_cell
 from postproc.kinematics import build
 from tests.places import ROOT
-from tools.blind import answerers, names
+from tools.blind import answerers, names, table
 from tools.blind.__main__ import main, score
 from tools.blind.beyond import OUTSIDE, make
 from tools.blind.campaign import DESIGNS, Plan, drive
@@ -281,3 +281,13 @@ def test_the_product_is_scored_through_its_command_line(campaign: Path) -> None:
     _, whole = score(campaign, "product", processes=1, first=1)
     assert not whole["cases"][0]["crashed"]
     assert (campaign / "runs" / "0001" / "record.json").is_file()
+
+
+def test_how_often_named_causes_are_right_is_told_bin_by_bin():
+    marks = [{"called": [(0.9, True)] * 8 + [(0.9, False)] * 2}, {"called": [(0.4, False)]}, {}]
+    lines = table.reliability(marks).splitlines()[2:]
+    # Wilson's interval for 8 of 10 at z = 1.6449, by hand
+    assert lines == [
+        "| 0 to 0.5 | 1 | 0.40 | 0.00 | 0.00 to 0.73 |",
+        "| 0.8 to 0.95 | 10 | 0.90 | 0.80 | 0.54 to 0.93 |",
+    ]

@@ -85,7 +85,7 @@ def document(
                 "of": part.of,
                 "rms_mm": _mm(part.rms),
                 "shape": part.shape,
-                "gain_nats": round(part.gain, 1),
+                **({"gain_nats": round(part.gain, 1)} if np.isfinite(part.gain) else {}),
             }
             for part in diagnosis.unexplained
         ],

@@ -55,7 +55,10 @@ _SMALLEST = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of the rest: its class, what of it, the shape, 3D rms [m] and evidence [nats]."""
+    """A part of the rest: its class, what of it, the shape, 3D rms [m] and evidence [nats].
+
+    The evidence is NaN where the noise tells of it, and no fit.
+    """
 
     kind: str
     of: str
@@ -143,7 +146,7 @@ def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
     has = any(part.kind == "time" and part.rms >= size for part in rest)
     if has or not noise.wander > _LOUD * noise.white:
         return tuple(rest)
-    more = Part("time", "station", "wander", size, SURE)
+    more = Part("time", "station", "wander", size, float("nan"))
     return tuple(sorted((*rest, more), key=lambda p: (-p.rms, p.kind, p.of)))
 
 

@@ -1,0 +1,75 @@
+"""What keeps a name from being called too surely, and a drift from being called noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.choice.classes import Part, wandering
+from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search
+from postproc.gap.data.dataset import FADES
+from postproc.gap.fit.linear import NormalEquations
+from postproc.gap.fit.noise import Noise, Source
+from postproc.gap.fit.problem import pose_problem
+from postproc.gap.fit.waves import Projection
+from postproc.gap.robot_model import effect_of
+from postproc.measurement.file import read_measurements
+
+
+def test_odds_of_two_sets_are_those_of_their_tempered_scores():
+    lead = 3.0 * DECISIVE
+    names = {"a": "sag", "b": "payload"}
+    equations = NormalEquations([], np.zeros((0, 0)), np.zeros(0), 0.0)
+    found = Search(equations, (), 10, names, {}, {("a",): 100.0, ("b",): 100.0 - lead})
+    odds = np.exp(lead / TEMPERATURE)
+    assert found.inclusion() == pytest.approx({"sag": odds / (1 + odds), "payload": 1 / (1 + odds)})
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(1.0, False), (2.0, True)])
+def test_a_wander_far_above_the_white_noise_is_a_course_of_time(ratio, told):
+    white = 2e-5
+    noise = Noise(white, Source.REPEATS, white=white, wander=ratio * white)
+    small = Part("time", "station", "ramp", 0.1 * white, 20.0)
+    parts = wandering(noise, (small,))
+    assert [p.shape for p in parts] == (["wander", "ramp"] if told else ["ramp"])
+    if told:
+        assert parts[0].rms == pytest.approx(np.sqrt(3.0) * noise.wander)
+        assert wandering(noise, parts) == parts
+
+
+def test_a_drift_is_no_noise_where_no_time_was_logged(world, kinematics, cell, tmp_path):
+    data, measured, *_ = world.make(51, {"step": 3e-4}, n=160, noise=2e-5)
+    path = tmp_path / "rows.csv"
+    path.write_text(world.csv(data, measured, ("time", "temp")))
+    diagnosis = diagnose(pose_problem(read_measurements(path), kinematics, cell))
+    assert diagnosis.problem.samples.time is None
+    assert diagnosis.verdict == "unexplained"
+    assert diagnosis.unexplained[0].kind == "time"
+    assert "row" in diagnosis.unexplained[0].shape
+
+
+def test_what_earlier_loads_leave_is_their_relaxed_sum(samples):
+    torque, time = samples.load_torque(), np.asarray(samples.time)
+    before = np.concatenate([time[:1], time[:-1]])
+    for k, fade in enumerate(FADES):
+        since, until = time[:, None] - before, time[:, None] - time
+        share = np.where(until >= 0, np.exp(-until / fade) - np.exp(-since / fade), 0.0)
+        told = samples.column("past").reshape(len(time), len(FADES), 6)[:, k]
+        np.testing.assert_allclose(told, share @ torque, atol=1e-9 * np.abs(torque).max())
+
+
+def test_a_spring_is_refused_only_where_its_second_wave_is_surely_large(samples):
+    spring = effect_of("counterbalance")
+    theta = np.array([0.0, 1.0, 0.9, 0.0]) * 1e-4
+    assert spring.objection(theta, np.full(4, 1e-6), samples.arm)
+    assert not spring.objection(theta, np.full(4, 3e-5), samples.arm)
+
+
+def test_pairs_of_columns_are_weighed_as_one_by_one():
+    rng = np.random.default_rng(2)
+    context = Projection((), rng.normal(size=(40, 3)), np.ones(40))
+    context.extend(rng.normal(size=(120, 7)))
+    pairs = rng.normal(size=(120, 5, 2))
+    each = [context.gain(pairs[:, k], context.rest) for k in range(5)]
+    np.testing.assert_allclose(context.pair_gains(pairs, context.rest), each, rtol=1e-9)
