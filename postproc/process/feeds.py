@@ -31,7 +31,7 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
 
 
 def feed_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
-    """Return one error (EMT312) for each feed that no program may ask for, at its first tag."""
+    """Return one error (PRC003) for each feed that no program may ask for, at its first tag."""
     most = cell.krl.path_speed_max
     feed = np.where(np.isin(toolpath.kind, CUTS), feeds_of(toolpath, cell), np.nan)
     found = []
@@ -40,5 +40,5 @@ def feed_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
         text = f"a feed of {asked:g} m/s at {len(rows)} tags, expected at most {most:g} m/s"
         source = SourceRef(toolpath.path, int(toolpath.line[rows[0]]))
         hint = "lower the feed in the CAM system; krl.path_speed_max_m_s sets this limit"
-        found.append(Finding(Severity.ERROR, "EMT312", text, int(rows[0]), source, hint=hint))
+        found.append(Finding(Severity.ERROR, "PRC003", text, int(rows[0]), source, hint=hint))
     return found

@@ -91,8 +91,8 @@ def test_a_feed_that_no_program_may_ask_for_is_named_before_planning(tmp_path, c
     source = write(tmp_path, "square.apt", text)
     code, document, err = run("convert", source, "--cell", cell, "-o", tmp_path / "o", "--json")
     assert code == 1
-    assert err.count("EMT312") == 1
-    assert "square.apt:8: error EMT312: a feed of 5 m/s at 6 tags" in err
+    assert err.count("PRC003") == 1
+    assert "square.apt:8: error PRC003: a feed of 5 m/s at 6 tags" in err
     assert not (tmp_path / "o").exists() or not list((tmp_path / "o").iterdir())
     assert document["timing_s"]["plan"] < 1.0
 
