@@ -13,7 +13,6 @@ NAMES = (
     "holes",
     "kinematics",
     "krl",
-    "motion",
     "page",
     "planning",
     "readers",

@@ -21,6 +21,10 @@ SPEED = (
 )
 
 
+_SLOTS = 0.4
+"""Share of slots among what is to be done."""
+
+
 @dataclass(frozen=True, slots=True)
 class Job:
     """A cell file and a CAM file in APT."""
@@ -44,7 +48,7 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
     far, high = ROBOTS[robot]
     size = np.array([rng.uniform(300, 900), rng.uniform(300, 900), rng.uniform(40, 200)])
     if with_rail:
-        size[1] = rng.uniform(4000, 6000)
+        size[1] = rng.uniform(5000, 9000)
     turn = rotation_from_vector(rng.uniform(-0.15, 0.15, 3))
     place = np.array([far, 0.0, high]) + rng.uniform(-0.15, 0.15, 3)
     blend = float(np.exp(rng.uniform(np.log(0.5), np.log(300.0))))
@@ -58,13 +62,15 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
         f"[motion]\napproximation_mm = {blend:.3f}\n",
         f"corner_tolerance_mm = {rng.choice([0.2, 1.0, 5.0])}\n",
         f"approach_mm = {rng.choice([20.0, 50.0])}\nhome_deg = [0, -100, 100, 0, 20, 0]\n",
-        "[optimize]\nstep_deg = 20\n[krl]\nmax_points_per_file = 100000\n",
+        "[optimize]\nstep_deg = 30\n[krl]\nmax_points_per_file = 100000\n",
     ]
     if with_rail:
         rail = 'name = "E1"\nkind = "rail"\naxis = "+y"\n'
-        text.append(f"[[external_axes]]\n{rail}range_mm = [-3500, 3500]\nspeed_mm_s = 1000\n")
+        text.append(f"[[external_axes]]\n{rail}range_mm = [-4500, 4500]\nspeed_mm_s = 1000\n")
     text += _obstacles(rng, place, turn, size)
-    return Job("".join(text), _blocks(rng, size, tags))
+    if with_rail:
+        text += [_beside_the_rail(rng, number) for number in range(int(rng.integers(0, 3)))]
+    return Job("".join(text), _blocks(rng, size, tags, with_rail=with_rail))
 
 
 def _tool(rng: np.random.Generator) -> str:
@@ -90,7 +96,7 @@ def _obstacles(
 ) -> list[str]:
     """Return rods of 2 to 60 mm and blocks round the part, clear of what is in front of it."""
     found = []
-    for number in range(int(rng.integers(5, 10))):
+    for number in range(int(rng.integers(3, 9))):
         side = rng.uniform(-0.5, 0.5, 2) * size[:2]
         edge = int(rng.integers(2))
         side[edge] = rng.choice([-1.0, 1.0]) * (0.5 * size[edge] + rng.uniform(30.0, 350.0))
@@ -113,36 +119,67 @@ def _obstacles(
     return found
 
 
-def _blocks(rng: np.random.Generator, size: FloatArray, tags: int) -> tuple[str, ...]:
-    """Return blocks of a CAM file: holes of a cycle, deep holes, slots with arcs."""
-    found = []
+def _beside_the_rail(rng: np.random.Generator, number: int) -> str:
+    """Return a rod between robot and part, where the arm passes when it travels."""
+    at = [rng.uniform(300.0, 1500.0), rng.uniform(-4500.0, 4500.0), rng.uniform(300.0, 2800.0)]
+    thick = float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))
+    length, tilt = rng.uniform(200.0, 1500.0), rng.uniform(-90.0, 90.0, 3)
+    return (
+        f'[[obstacles]]\nname = "beside {number}"\n'
+        f"cylinder = {{ radius_mm = {0.5 * thick:.3f}, length_mm = {length:.1f} }}\n"
+        f"xyz_mm = {_list(at)}\nabc_deg = {_list(tilt)}\n"
+    )
+
+
+def _blocks(
+    rng: np.random.Generator, size: FloatArray, tags: int, *, with_rail: bool
+) -> tuple[str, ...]:
+    """Return blocks of a CAM file: holes of a cycle, deep holes, slots; long ones along a rail.
+
+    A hole is a block of its own: one that cannot be drilled leaves the others of its row.
+    """
+    found: list[str] = []
     while sum(block.count("GOTO/") for block in found) < tags:
         x, y = rng.uniform(-0.42, 0.42, 2) * size[:2]
-        found.append(_holes(rng, x, y, size) if rng.uniform() < 0.6 else _slot(rng, x, y, size))
+        kind = rng.uniform()
+        if kind < _SLOTS:
+            long = with_rail and kind < 0.5 * _SLOTS
+            found.append(_slot(rng, x, y, size, reach=600.0 if long else 90.0))
+        else:
+            found += _holes(rng, x, y, size, rows=1 if with_rail else 3, most=3 if with_rail else 8)
     return tuple(found)
 
 
-def _holes(rng: np.random.Generator, x: float, y: float, size: FloatArray) -> str:
-    """Return a row of holes, drilled at once or by pecks."""
+def _holes(
+    rng: np.random.Generator, x: float, y: float, size: FloatArray, rows: int, most: int
+) -> list[str]:
+    """Return holes in a row, or in some rows, drilled at once or by pecks."""
     lean = rng.uniform(-0.2, 0.2, 2)
     axis = np.r_[lean, 1.0] / np.sqrt(1.0 + lean @ lean)
     words = f"FEDTO,{rng.uniform(2, 12):.3f},RTRCTO,{rng.uniform(5, 40):.3f}"
     deep = "DEEP,STEP,4.0000," if rng.uniform() < 0.3 else ""
-    lines = [f"CYCLE/DRILL,{deep}CLEAR,3.0000,{words},MMPM,200.0000\n"]
-    step = rng.uniform(-40.0, 40.0, 2)
-    for number in range(int(rng.integers(1, 9))):
-        p = np.clip(np.array([x, y]) + number * step, -0.45 * size[:2], 0.45 * size[:2])
-        numbers = [f"{value:.7f}" for value in (*p, 0.0, *axis)]
-        lines.append("GOTO/" + ",".join(numbers) + "\n")
-    return "".join([*lines, "CYCLE/OFF\n"])
+    head = f"CYCLE/DRILL,{deep}CLEAR,3.0000,{words},MMPM,200.0000\n"
+    step, shift = rng.uniform(-40.0, 40.0, (2, 2))
+    count = int(rng.integers(1, most + 1))
+    found = []
+    for number in range(count * int(rng.integers(1, rows + 1))):
+        p = np.array([x, y]) + number % count * step + number // count * shift
+        if (np.abs(p) < 0.45 * size[:2]).all():
+            numbers = [f"{value:.7f}" for value in (*p, 0.0, *axis)]
+            found.append(head + "GOTO/" + ",".join(numbers) + "\nCYCLE/OFF\n")
+    return found
 
 
-def _slot(rng: np.random.Generator, x: float, y: float, size: FloatArray) -> str:
-    """Return an open polygon milled a little into the part, entered and left from above."""
+def _slot(rng: np.random.Generator, x: float, y: float, size: FloatArray, reach: float) -> str:
+    """Return an open polygon milled a little into the part, entered and left from above.
+
+    ``reach``: longest side along y [mm].
+    """
     points = [np.array([x, y])]
-    for _ in range(int(rng.integers(2, 8))):
-        step = points[-1] + rng.uniform(-90.0, 90.0, 2)
-        points.append(np.clip(step, -0.45 * size[:2], 0.45 * size[:2]))
+    sign = -np.sign(y)
+    for _ in range(int(rng.integers(2, 24 if reach < 100.0 else 20))):
+        way = rng.uniform(-90.0, 90.0), rng.uniform(-90.0, reach) * sign
+        points.append(np.clip(points[-1] + way, -0.45 * size[:2], 0.45 * size[:2]))
     depth, top = rng.uniform(0.5, 5.0), rng.uniform(15.0, 60.0)
     lines = [f"RAPID\nGOTO/{x:.4f},{y:.4f},{top:.4f},0,0,1\nFEDRAT/300,MMPM\n"]
     lines += [f"GOTO/{p[0]:.4f},{p[1]:.4f},{-depth:.4f},0,0,1\n" for p in points]

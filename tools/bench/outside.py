@@ -10,7 +10,7 @@ it, by the lengths of the arm alone.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import comb
@@ -48,6 +48,8 @@ JOINT_STEP = 0.02 * DEG
 LEAP = 5.0 * DEG
 BY_STOPS = {(3, 5), (4, 6)}
 """Links of a wrist that its mechanical stops keep apart, whatever hulls say."""
+OUTLINES_BY_STOPS = {(0, 2), (2, 4)}
+"""Links whose outlines meet, thicker than they are, where stops of A2 and A3 keep them apart."""
 _WORD = re.compile(r"^(PTP|LIN|CIRC) (\{.*?\})(?:, ?(\{.*?\}))?((?: C_\w+)*)")
 _NUMBER = re.compile(r"(\w+) (-?[\d.]+)")
 _HALF = 0.5
@@ -134,19 +136,30 @@ class Machine:
             inverse(self.T_robroot_base(q[:, 6:])) @ self.arm.fk(q[:, :6]) @ self.tool
         )
 
-    def followed(self, T: FloatArray, external: FloatArray, q: FloatArray) -> FloatArray | None:
-        """Return q (n, 6 + k) along poses (n, 4, 4) near to each other, None if the arm leaps.
+    def followed(
+        self, ways: Sequence[tuple[FloatArray, FloatArray, FloatArray]]
+    ) -> list[FloatArray | None]:
+        """Return q (n, 6 + k) along each way, None if the arm leaps.
 
-        ``q`` (6,) is where it comes from.
+        A way is poses (n, 4, 4) near to each other, external axes (n, k), and the joints (6,) that
+        it comes from.
         """
+        if not ways:
+            return []
+        sizes = [len(T) for T, _, _ in ways]
+        external = np.concatenate([values for _, values, _ in ways])
+        T = np.concatenate([poses for poses, _, _ in ways])
+        slots = np.array([int(self.arm.slot(q)) for _, _, q in ways])
         flange = self.T_robroot_base(external) @ T @ inverse(self.tool)
-        found, valid = self.arm.ik_in(flange, np.full(len(T), int(self.arm.slot(q))))
-        if not valid.all():
-            return None
-        found = np.unwrap(np.vstack([q, found]), axis=0)
-        if np.abs(np.diff(found, axis=0)).max(initial=0.0) > LEAP:
-            return None
-        return np.hstack([found[1:], external])
+        found, valid = self.arm.ik_in(flange, np.repeat(slots, sizes))
+        parts = []
+        for end, size, (_, values, q) in zip(np.cumsum(sizes), sizes, ways, strict=True):
+            rows = slice(end - size, end)
+            way = np.unwrap(np.vstack([q, found[rows]]), axis=0)
+            leaps = np.abs(np.diff(way, axis=0)).max(initial=0.0) > LEAP
+            lost = leaps or not valid[rows].all()
+            parts.append(None if lost else np.hstack([way[1:], values]))
+        return parts
 
 
 class Course:
@@ -170,6 +183,10 @@ class Course:
             self.length = self._circle[2] * float(
                 np.linalg.norm(self._from[:3, 3] - self._circle[0])
             )
+        way = self._dense()
+        self.is_lost = way is None
+        self.way = np.zeros((0, len(q))) if way is None else way
+        self.T = machine.tcp(self.way)
 
     def poses(self, share: FloatArray) -> FloatArray:
         """Return T_base_tcp (n, 4, 4) of a path motion."""
@@ -181,7 +198,7 @@ class Course:
         turned = rotation_about(normal, sweep * share) @ (a - centre)
         return transform(R, centre + turned)
 
-    def dense(self) -> FloatArray | None:
+    def _dense(self) -> FloatArray | None:
         """Return dense configurations (n, 6 + k) from start to end, None if the arm leaps."""
         way = self._end - self.start
         if not self.is_path:
@@ -191,27 +208,27 @@ class Course:
         size = max(size, float(np.abs(way[6:]).max(initial=0.0)) / STEP)
         share = np.linspace(0.0, 1.0, int(np.ceil(size)) + 1)
         external = self.start[6:] + share[:, None] * way[6:]
-        return self._machine.followed(self.poses(share), external, self.start[:6])
+        return self._machine.followed([(self.poses(share), external, self.start[:6])])[0]
 
-    def near_end(self, way: FloatArray, distance: float) -> int:
-        """Return the row of a dense way from which on it may be approximated towards its end.
+    def near_end(self, distance: float) -> int:
+        """Return the row of the way from which on it may be approximated towards its end.
 
         There the tool is ``distance`` [m] off the end, and not before the middle.
         """
         if self.is_path:
             part = min(distance / max(self.length, 1e-9), _HALF)
-            return int(np.ceil((1.0 - part) * (len(way) - 1)))
-        p = self._machine.tcp(way)[:, :3, 3]
+            return int(np.ceil((1.0 - part) * (len(self.way) - 1)))
+        p = self.T[:, :3, 3]
         off = np.flatnonzero(np.linalg.norm(p - p[-1], axis=1) > distance)
-        return max(int(off[-1]) + 1 if len(off) else 0, int(np.ceil(_HALF * (len(way) - 1))))
+        return max(int(off[-1]) + 1 if len(off) else 0, int(np.ceil(_HALF * (len(self.way) - 1))))
 
-    def near_start(self, way: FloatArray, distance: float) -> int:
-        """Return the row up to which a dense way may be approximated from its start."""
+    def near_start(self, distance: float) -> int:
+        """Return the row up to which the way may be approximated from its start."""
         if self.is_path:
-            return int(min(distance / max(self.length, 1e-9), _HALF) * (len(way) - 1))
-        p = self._machine.tcp(way)[:, :3, 3]
+            return int(min(distance / max(self.length, 1e-9), _HALF) * (len(self.way) - 1))
+        p = self.T[:, :3, 3]
         off = np.flatnonzero(np.linalg.norm(p - p[0], axis=1) > distance)
-        most = int(_HALF * (len(way) - 1))
+        most = int(_HALF * (len(self.way) - 1))
         return min(int(off[0]) - 1, most) if len(off) else most
 
 
@@ -234,30 +251,35 @@ def _circle(
 
 def ways_of(
     machine: Machine, moves: Sequence[Move], rng: np.random.Generator, feed: float, variants: int
-) -> Iterator[Way]:
-    """Yield the ways of all motions, exact and along random corners, in order.
+) -> list[Way]:
+    """Return the ways of all motions, exact and along random corners, in order.
 
     ``feed``: path motions up to this speed [m/s] cut. A motion that cannot be followed has no way:
-    its ``what`` says so.
+    its ``what`` says so, and nothing comes behind it.
     """
     q = np.concatenate([np.asarray(moves[0].q), moves[0].external])
-    before: tuple[Course, FloatArray] | None = None
-    for number, move in enumerate(moves[1:], 1):
-        course = Course(machine, move, q)
-        way = course.dense()
-        cuts = is_cut(move, feed)
-        if way is None:
-            yield Way(number, "lost", np.zeros((0, len(q))), np.zeros((0, 4, 4)), cuts)
-            return
-        if before is not None and moves[number - 1].cdis > 0.0:
-            both = cuts and is_cut(moves[number - 1], feed)
-            for _ in range(variants):
-                corner = _corner(machine, before, (course, way), rng)
-                if corner is None:
-                    corner = np.zeros((0, len(q)))
-                yield Way(number - 1, "corner", corner, machine.tcp(corner), both)
-        yield Way(number, "motion", way, machine.tcp(way), cuts)
-        before, q = (course, way), way[-1]
+    courses: list[Course] = []
+    for move in moves[1:]:
+        courses.append(Course(machine, move, q))
+        if courses[-1].is_lost:
+            break
+        q = courses[-1].way[-1]
+    found = [
+        (number, Way(number, "lost" if course.is_lost else "motion", course.way, course.T, cuts))
+        for number, course in enumerate(courses, 1)
+        for cuts in [is_cut(course.move, feed)]
+    ]
+    blended = [
+        number
+        for number, (course, behind) in enumerate(pairwise(courses), 1)
+        if course.move.cdis > 0.0 and not behind.is_lost
+    ]
+    corners = _corners(machine, courses, np.repeat(blended, variants).tolist(), rng)
+    for number, (q_way, T) in corners:
+        both = is_cut(moves[number], feed) and is_cut(moves[number + 1], feed)
+        found.append((number, Way(number, "corner", q_way, T, both)))
+    # corners stand behind the motion to them; the sort is stable
+    return [way for _, way in sorted(found, key=lambda one: one[0])]
 
 
 def is_cut(move: Move, feed: float) -> bool:
@@ -265,32 +287,52 @@ def is_cut(move: Move, feed: float) -> bool:
     return move.word != "PTP" and move.speed <= feed
 
 
+def _corners(
+    machine: Machine, courses: Sequence[Course], numbers: Sequence[int], rng: np.random.Generator
+) -> list[tuple[int, tuple[FloatArray, FloatArray]]]:
+    """Return configurations (n, 6 + k) and tool poses along a random polynomial round corners.
+
+    ``numbers``: motions, counted from 1, at whose ends they are; none if the arm cannot follow.
+    """
+    ways: list[FloatArray | None] = []
+    todo: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for number in numbers:
+        corner = _corner(machine, courses[number - 1], courses[number], rng)
+        is_joint = not isinstance(corner, tuple)
+        ways.append(corner if is_joint else None)
+        todo += [] if is_joint else [corner]
+    followed = iter(machine.followed(todo))
+    nothing = np.zeros((0, len(courses[0].start)))
+    rows = [next(followed) if way is None else way for way in ways]
+    q = [nothing if way is None else way for way in rows]
+    T = machine.tcp(np.concatenate([nothing, *q]))
+    parts = np.split(T, np.cumsum([len(way) for way in q])[:-1]) if q else []
+    return list(zip(numbers, zip(q, parts, strict=True), strict=True))
+
+
 def _corner(
-    machine: Machine,
-    before: tuple[Course, FloatArray],
-    behind: tuple[Course, FloatArray],
-    rng: np.random.Generator,
-) -> FloatArray | None:
-    """Return configurations (n, 6 + k) along a random polynomial round the corner between."""
-    distance = before[0].move.cdis
-    low = before[0].near_end(before[1], distance)
-    high = behind[0].near_start(behind[1], distance)
-    low += int(rng.uniform() ** 4 * (len(before[1]) - 1 - low))
+    machine: Machine, before: Course, behind: Course, rng: np.random.Generator
+) -> FloatArray | tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a random corner between two motions: configurations, or what is to be followed."""
+    distance = before.move.cdis
+    low, high = before.near_end(distance), behind.near_start(distance)
+    low += int(rng.uniform() ** 4 * (len(before.way) - 1 - low))
     high -= int(rng.uniform() ** 4 * high)
-    a, q, b = before[1][low], before[1][-1], behind[1][high]
-    paths = before[0].is_path + behind[0].is_path
+    a, q, b = before.way[low], before.way[-1], behind.way[high]
+    paths = before.is_path + behind.is_path
     if not paths or (paths == 1 and rng.uniform() < _HALF):
         u, v, w = weights(rng, 3 + int(max(np.abs(a - q).max(), np.abs(b - q).max()) / JOINT_STEP))
         return np.asarray(u[:, None] * a + v[:, None] * q + w[:, None] * b)
-    T = machine.tcp(np.stack([a, q, b]))
+    T = np.stack([before.T[low], before.T[-1], behind.T[high]])
     size = float(sum(np.linalg.norm(np.diff(T[:, :3, 3], axis=0), axis=1))) / STEP
+    size = max(size, float(np.abs(np.diff([a[6:], q[6:], b[6:]], axis=0)).sum()) / STEP)
     turn = sum(float(rotation_angle(T[i, :3, :3], T[1, :3, :3])) for i in (0, 2)) / TURN
     u, v, w = weights(rng, int(max(size, turn)) + 3)
     p = u[:, None] * T[0, :3, 3] + v[:, None] * T[1, :3, 3] + w[:, None] * T[2, :3, 3]
     u2, v2, w2 = weights(rng, len(u)) if rng.uniform() < _HALF else (u, v, w)
     turned = mixed_rotations(T, u2, v2, w2)
     external = u[:, None] * a[6:] + v[:, None] * q[6:] + w[:, None] * b[6:]
-    return machine.followed(transform(turned, p), external, a[:6])
+    return transform(turned, p), external, a[:6]
 
 
 def mixed_rotations(T: FloatArray, u: FloatArray, v: FloatArray, w: FloatArray) -> FloatArray:
@@ -323,21 +365,27 @@ def allowed(ways: Sequence[Way], axis_tcp: FloatArray) -> None:
     for way in ways:
         if way.at_feed:
             way.touch = np.ones(len(way.q), dtype=np.bool_)
+            if not len(way.q):
+                continue
             tips.append(way.T[:, :3, 3])
             axes.append(way.T[:, :3, :3] @ axis_tcp)
             continue
         way.touch = np.zeros(len(way.q), dtype=np.bool_)
         if not tips:
             continue
-        p, a = np.concatenate(tips[-60:]), np.concatenate(axes[-60:])
-        for row, T in enumerate(way.T):
-            axis = T[:3, :3] @ axis_tcp
-            off = p - T[:3, 3]
-            along = off @ axis
-            beside = np.linalg.norm(off - along[:, None] * axis, axis=1)
-            way.touch[row] = bool(
-                ((beside < IN_TUBE) & (along > -IN_TUBE) & (a @ axis > np.cos(0.3 * DEG))).any()
-            )
+        way.touch = _in_tubes(way.T, axis_tcp, np.concatenate(tips[-60:]), axes[-60:])
+
+
+def _in_tubes(
+    T: FloatArray, axis_tcp: FloatArray, tips: FloatArray, axes: list[FloatArray]
+) -> np.ndarray:
+    """Return which tools (n,) are on the way out of where tips (m, 3) have been, along axes."""
+    axis, at = T[:, :3, :3] @ axis_tcp, T[:, :3, 3] - tips[0]
+    tips = tips - tips[0]
+    along = axis @ tips.T - np.einsum("ni,ni->n", axis, at)[:, None]
+    square = (at**2).sum(axis=1)[:, None] - 2.0 * at @ tips.T + (tips**2).sum(axis=1)
+    near = (square - along**2 < IN_TUBE**2) & (along > -IN_TUBE)
+    return np.asarray((near & (axis @ np.concatenate(axes).T > np.cos(0.3 * DEG))).any(axis=1))
 
 
 class Judge:
@@ -481,7 +529,8 @@ def _can_meet(one: Body, two: Body) -> bool:
     if WORLD in (one.link, two.link):
         return not (0 in (one.link, two.link) and "obstacle" in (one.kind, two.kind))
     if "link" == one.kind == two.kind:
-        return (two.link - one.link > 1) and (one.link, two.link) not in BY_STOPS
+        apart = BY_STOPS | (OUTLINES_BY_STOPS if one.is_outline and two.is_outline else set())
+        return (two.link - one.link > 1) and (one.link, two.link) not in apart
     return True
 
 
