@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.cell import OpwGeometry, Robot, UrdfGeometry, find_robot, load_robot
 from postproc.errors import CellError, KinematicsError, SourceRef
-from postproc.geometry import rotation_angle
+from postproc.geometry import inverse, rotation_angle
 from postproc.kinematics.model import Kinematics, closed_form
 from postproc.kinematics.opw import arm_of
 from postproc.kinematics.urdf import build_urdf
@@ -37,8 +37,8 @@ def _compared(arm: Kinematics, robot: Robot) -> None:
     """Compare a URDF arm with the built-in one of its name, if there is one.
 
     Raises:
-        KinematicsError: KIN003 if the flange is elsewhere, or turned: another link, or axes that
-            turn the other way than those of the maker.
+        KinematicsError: KIN003 if joints turn the other way than those of the maker, or the flange
+            is elsewhere or turned.
     """
     try:
         known = load_robot(find_robot(robot.name))
@@ -48,13 +48,34 @@ def _compared(arm: Kinematics, robot: Robot) -> None:
     T, T_known = arm.fk(q), build(known).fk(q)
     off = float(np.linalg.norm(T[:, :3, 3] - T_known[:, :3, 3], axis=1).max())
     turned = float(rotation_angle(T[:, :3, :3], T_known[:, :3, :3]).max())
-    if off > _OFF or turned > _TURNED:
-        geometry = robot.geometry
-        path = str(geometry.path) if isinstance(geometry, UrdfGeometry) else robot.name
-        raise KinematicsError(
-            "KIN003",
-            f"the flange is up to {off / MM:.1f} mm and {turned / DEG:.1f} deg off that of "
-            f"{known.name}: another link, or joints that turn the other way",
-            SourceRef(path),
-            hint=f'name the flange as [robot] tip, or take [robot] model = "{known.name}"',
-        )
+    if off <= _OFF and turned <= _TURNED:
+        return
+    reversed_ = _reversed(arm, build(known))
+    why = "another link, or other lengths"
+    hint = "name the flange as [robot] tip, or"
+    if reversed_:
+        why = f"{', '.join(reversed_)} of the file turns the other way than KUKA's"
+        hint = "turn the axis of the joint round in the file, or"
+    geometry = robot.geometry
+    path = str(geometry.path) if isinstance(geometry, UrdfGeometry) else robot.name
+    raise KinematicsError(
+        "KIN003",
+        f"the flange is up to {off / MM:.1f} mm and {turned / DEG:.1f} deg off that of "
+        f"{known.name}: {why}",
+        SourceRef(path),
+        hint=f'{hint} take [robot] model = "{known.name}"',
+    )
+
+
+def _reversed(arm: Kinematics, known: Kinematics) -> list[str]:
+    """Return the joints that turn about the axis of the known arm, but the other way."""
+    q = np.vstack([np.zeros(6), 0.3 * np.eye(6), -0.3 * np.eye(6)])
+    T, T_known = arm.fk(q), known.fk(q)
+    # seen from the base, what a joint alone does to the flange does not depend on where that is
+    own, other = (place[1:] @ inverse(place[0]) for place in (T, T_known))
+    return [
+        f"A{joint + 1}"
+        for joint in range(6)
+        if np.abs(own[joint] - other[6 + joint]).max() < _OFF
+        and np.abs(own[joint] - other[joint]).max() > _OFF
+    ]

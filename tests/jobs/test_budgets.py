@@ -7,6 +7,7 @@ from postproc.cell.file import parse_cell
 from postproc.cell.urdf.file import read_urdf_robot
 from postproc.collision.mesh import MOST_TRIANGLES, load_mesh
 from postproc.errors import CellError, PlanError
+from postproc.geometry import abc_from_rotation
 from postproc.kinematics.build import build
 from postproc.planning.planner import plan
 from tests.samples import apt_in, cell_in
@@ -71,4 +72,38 @@ def test_an_arm_of_a_known_name_that_is_another(tmp_path):
     file = tmp_path / "arm.urdf"
     file.write_text(urdf("kr210_r2700_2"))
     with pytest.raises(KinematicsError, match=r"KIN003.*off that of kuka_kr210_r2700_2"):
+        build(read_urdf_robot(file))
+
+
+def test_an_axis_of_a_known_arm_that_turns_the_other_way_is_named(tmp_path):
+    from postproc.cell import find_robot, load_robot
+    from postproc.errors import KinematicsError
+
+    known = build(load_robot(find_robot("kuka_kr210_r2700_2")))
+    chain = known.chain
+    T_last = np.eye(4)
+    for T in chain.placements[:6]:
+        T_last = T_last @ T
+    places = [*chain.placements[:6], np.linalg.inv(T_last) @ known.fk(np.zeros(6))]
+
+    def text(signs):
+        joints = ""
+        for i, T in enumerate(places):
+            xyz = " ".join(map(repr, T[:3, 3].tolist()))
+            rpy = " ".join(map(repr, abc_from_rotation(T[:3, :3])[::-1].tolist()))
+            axis = (np.asarray(chain.axes[i]) * signs[i]).tolist() if i < 6 else [0, 0, 1]
+            joints += (
+                f'<joint name="j{i}" type="{"revolute" if i < 6 else "fixed"}">'
+                f'<parent link="l{i}"/><child link="l{i + 1}"/>'
+                f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{" ".join(map(str, axis))}"/>'
+                '<limit lower="-2" upper="2" velocity="2" effort="1"/></joint>'
+            )
+        links = "".join(f'<link name="l{i}"/>' for i in range(8))
+        return f'<robot name="kr210_r2700_2">{links}{joints}</robot>'
+
+    file = tmp_path / "arm.urdf"
+    file.write_text(text([1, 1, 1, 1, 1, 1]))
+    build(read_urdf_robot(file))
+    file.write_text(text([-1, 1, 1, 1, 1, 1]))
+    with pytest.raises(KinematicsError, match=r"KIN003.*: A1 of the file turns the other way"):
         build(read_urdf_robot(file))
