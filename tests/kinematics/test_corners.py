@@ -144,6 +144,28 @@ def test_path_corners_hold_every_polynomial(arm_and_tool, distance, posture):
             assert miss <= corner_miss(*T[:, None, :3, 3])[0] + 1e-9
 
 
+@pytest.mark.parametrize("distance", [0.0005, 0.01])
+def test_little_turns_need_not_be_in_step_either(arm_and_tool, distance):
+    """A turn of 0.04 deg moves what is half a metre off the tool point by a third of a mm."""
+    arm, tool = arm_and_tool
+    rng = np.random.default_rng(int(distance * 1e4))
+    q_corner = np.array([5, -85, 105, 10, 50, 20]) * DEG
+    T = np.repeat((arm.fk(q_corner) @ tool)[None], 3, axis=0)
+    for end in (0, 2):
+        way, turn = rng.normal(size=(2, 3))
+        T[end, :3, 3] += distance * way / np.linalg.norm(way)
+        turn *= 0.04 * DEG / np.linalg.norm(turn)
+        T[end, :3, :3] = T[1, :3, :3] @ rotation_from_vector(turn)
+    q, _ = near(arm, T @ inverse(tool), q_corner)
+    bound = bound_of(
+        arm, Corners(q[None], T[None], np.ones((1, 2), bool), tool, np.zeros((1, 3, 0)))
+    )
+    for _ in range(3):
+        p = polynomial(rng, *T[:, :3, 3], 15)
+        way, _ = near(arm, transform(turned_along(rng, T, 15), p) @ inverse(tool), q_corner)
+        assert off_hulls(way, bound).max() < 1e-9
+
+
 def near(arm, flange, q):
     """The joints in the posture of others, and whether all poses are within reach."""
     found, valid = arm.ik_in(flange, np.full(len(flange), int(arm.slot(q))))
