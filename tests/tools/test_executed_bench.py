@@ -10,7 +10,8 @@ from postproc.kinematics import build
 from postproc.units import DEG, MM
 from tests.cells import cell_text
 from tools.bench.executed import judged
-from tools.bench.outside import Judge, Machine, Way, allowed, moves_of, ways_of
+from tools.bench.outside import Machine, Way, allowed, moves_of, ways_of
+from tools.bench.solids import Judge
 
 MESHES = (
     "meshes = [{ box = { size_mm = [100, 100, 300] }, xyz_mm = [0, 0, 200] }]\n"
@@ -26,11 +27,11 @@ abc_deg = [90, 90, 0]
 
 
 def test_nothing_is_missed_and_both_commands_agree():
-    score = judged(range(1, 2), tags=10, seed=2, programs=2)
+    score = judged(1, tags=10, seed=2, programs=2)
     assert score.wrong == []
     assert score.counts["moves"] > 20
-    for what in ("motions", "corners"):
-        for verdict in ("hit", "free"):
+    for what in ("motion", "corner"):
+        for verdict in ("hit", "free", "converted"):
             assert sum(n for name, n in score.counts.items() if f"{what}: {verdict}" in name) > 0
 
 

@@ -1,22 +1,23 @@
 """Judge ``convert`` and ``verify`` by brute force: random crowded cells, the text executed.
 
-    python -m tools.bench executed [--cells 40] [--tags 60] [--seed 1] [--programs 20]
+    python -m tools.bench executed [--cells 40] [--first 0] [--tags 500] [--programs 3] [--seed 1]
+                                   [--log FILE]
 
 Each cell has a big tool, a part, rods of 2 to 60 mm and blocks at random, every third one a rail;
 corners are blended by 0.5 to 300 mm. Holes and slots are converted as a user would, what fails
 being left out; the files are verified as a user would, and the text is executed (``outside``). So
-are programs of random motions that only ``verify`` has judged. A hit in what was let pass is a
-miss; what ``verify`` refuses while nothing comes nearer than the clearance is a false refusal.
+are programs of random motions that ``verify`` and the planner's checks have judged. A hit in what
+was let pass is a miss; what is refused while nothing comes near is a false refusal.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
-from time import process_time
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -30,9 +31,9 @@ from postproc.planning.checks import Checker
 from postproc.planning.route import connect, tree
 from postproc.units import DEG, MM
 from tools.bench.crowded import Job, random_job
-from tools.bench.outside import Judge, Move, Way, allowed, moves_of, ways_of
+from tools.bench.outside import allowed, moves_of, ways_of
 from tools.bench.programs import judge_programs
-from tools.bench.score import Place, Score, corner_of, kind_of
+from tools.bench.score import Place, Score, corner_of, kind_of, table
 
 FEED = 0.006
 """Path motions up to this speed [m/s] cut."""
@@ -137,27 +138,26 @@ def judge_conversion(
     score.counts["cells"] += 1
     score.counts["moves"] += len(moves)
     kinds = [kind_of(moves, number) for number in range(len(moves))]
-    score.counts.update(f"{kind} motions" for kind in kinds)
-    score.counts.update(
-        corner_of(kinds, number) + "s" for number, move in enumerate(moves) if move.cdis > 0.0
-    )
+    classes = {("motion", number): kind for number, kind in enumerate(kinds)}
+    for number, move in enumerate(moves):
+        if move.cdis > 0.0:
+            classes["corner", number] = corner_of(kinds, number)
+    score.counts.update(f"{name}: converted" for name in classes.values())
     if report.run is not None and len(report.run.paths) != len(moves):
         score.note("another number of motions", f"{len(report.run.paths)} and {len(moves)}")
     ways = ways_of(machine, moves, rng, FEED, VARIANTS)
     allowed(ways, np.asarray(cell.tool.axis))
     for way in ways:
-        _judge_way(place.judge, way, moves, folder.name, score)
-
-
-def _judge_way(judge: Judge, way: Way, moves: list[Move], where: str, score: Score) -> None:
-    place = f"{where} line {moves[way.move].line} {way.what}"
-    if way.what == "lost":
-        score.note("lost", place)
-        return
-    score.counts["configurations"] += len(way.q)
-    hit = judge.met(way.q, way.touch)
-    if hit:
-        score.note("MISSED", f"{place}: {hit}")
+        at = f"{folder.name} line {moves[way.move].line}"
+        if way.what == "lost":
+            score.note("lost", at)
+            continue
+        score.counts["configurations"] += len(way.q)
+        hit = place.judge.met(way.q, way.touch)
+        if hit:
+            name = classes[way.what, way.move]
+            score.counts[f"{name}: hit, let pass"] += 1
+            score.note("MISSED", f"{at} {name}: {hit}")
 
 
 def _way_round(
@@ -167,26 +167,22 @@ def _way_round(
     return tree.rrt_connect(checker, start, goal, external, TREE_ROUNDS)
 
 
-def judged(cells: range, tags: int, seed: int, programs: int) -> Score:
-    """Return the score over random cells."""
+def judged(number: int, tags: int, seed: int, programs: int) -> Score:
+    """Return the score of a random cell."""
     score = Score()
     connect.rrt_connect = _way_round
-    for number in cells:
-        rng = np.random.default_rng([seed, number])
-        with_rail = number % 3 == 2
-        here = tags // RAIL_TAGS if with_rail else tags
-        job = random_job(rng, SPARE * here, with_rail=with_rail)
-        with tempfile.TemporaryDirectory(prefix=f"cell{number}_") as name:
-            folder = Path(name)
-            (folder / "cell.toml").write_text(job.cell)
-            place = Place.of(load_cell(str(folder / "cell.toml")))
-            if programs:
-                judge_programs(place, folder, rng, programs, score)
-            if tags:
-                judge_conversion(job, place, here, folder, rng, score)
-        print(
-            number, f"{process_time():.0f} s", json.dumps(score.counts), file=sys.stderr, flush=True
-        )
+    rng = np.random.default_rng([seed, number])
+    with_rail = number % 3 == 2
+    tags = tags // RAIL_TAGS if with_rail else tags
+    job = random_job(rng, SPARE * tags, with_rail=with_rail)
+    with tempfile.TemporaryDirectory(prefix=f"cell{number}_") as name:
+        folder = Path(name)
+        (folder / "cell.toml").write_text(job.cell)
+        place = Place.of(load_cell(str(folder / "cell.toml")))
+        if programs:
+            judge_programs(place, folder, rng, programs, score)
+        if tags:
+            judge_conversion(job, place, tags, folder, rng, score)
     return score
 
 
@@ -195,18 +191,28 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Converted programs against brute force.")
     parser.add_argument("--cells", type=int, default=40)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--tags", type=int, default=60)
-    parser.add_argument("--programs", type=int, default=10)
+    parser.add_argument("--tags", type=int, default=500)
+    parser.add_argument("--programs", type=int, default=3)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--log", type=Path, help="a line for each cell; those there are counted")
     options = parser.parse_args()
-    start = process_time()
-    which = range(options.first, options.first + options.cells)
-    score = judged(which, options.tags, options.seed, options.programs)
-    for name, count in sorted(score.counts.items()):
-        print(f"{name:<40} {count}")
-    for line in (*score.wrong[:40], *score.false[:40]):
+    total = Score()
+    done: dict[int, dict[str, Any]] = {}
+    if options.log and options.log.exists():
+        done = {line["cell"]: line for line in map(json.loads, options.log.open())}
+    for number in range(options.first, options.first + options.cells):
+        if number not in done:
+            score = judged(number, options.tags, options.seed, options.programs)
+            done[number] = {"cell": number, **asdict(score)}
+            if options.log:
+                with options.log.open("a") as log:
+                    log.write(json.dumps(done[number]) + "\n")
+        total.counts.update(done[number]["counts"])
+        total.wrong += done[number]["wrong"]
+        total.false += done[number]["false"]
+    print("\n".join(table(total.counts)))
+    for line in (*total.wrong[:40], *total.false[:40]):
         print(f"  {line}")
-    print(f"{process_time() - start:.0f} s of CPU time")
 
 
 if __name__ == "__main__":

@@ -18,8 +18,9 @@ from postproc.planning.checks import MORE_CLEARANCE, RESOLUTION
 from postproc.planning.route.corners import COARSE
 from postproc.units import DEG, MM
 from postproc.verification.corners import blended, corners_of
-from tools.bench.outside import Judge, Machine, Move, Way, moves_of, ways_of
+from tools.bench.outside import Machine, Move, Way, moves_of, ways_of
 from tools.bench.score import Place, Score, corner_of, kind_of
+from tools.bench.solids import Judge
 
 VARIANTS = 12
 """Random ways at each corner."""
@@ -164,16 +165,17 @@ def _compare(
             score.counts["refused for other reasons"] += 1
             continue
         number = group[0].move
-        what = f"{kinds[number]} motion" if key[1] == "motion" else corner_of(kinds, number)
+        what = kinds[number] if key[1] == "motion" else corner_of(kinds, number)
         hit, near = (
             next((h for h in (judge.met(w.q, w.touch) for w in group) if h), "") for judge in judges
         )
-        score.counts[f"random {what}s: {'hit' if hit else 'near' if near else 'free'}"] += 1
+        score.counts[f"{what}: {'hit' if hit else 'near' if near else 'free'}"] += 1
         for name, verdict in verdicts.items():
             if key in verdict and not near:
-                score.counts[f"random {what}s: free, {name} refuses"] += 1
+                score.counts[f"{what}: {name}"] += 1
                 score.false.append(f"{name} refuses a {what}: {where} line {key[0]}")
             elif hit and key not in verdict:
+                score.counts[f"{what}: missed"] += 1
                 score.note(f"MISSED by {name} in a random {what}", f"{where} {key[0]}: {hit}")
 
 

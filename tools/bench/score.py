@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from postproc.cell import Cell
 from postproc.kinematics import build
-from tools.bench.outside import Judge, Machine, Move
+from tools.bench.outside import Machine, Move
+from tools.bench.solids import Judge
+
+RAIL = ", rail"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +47,49 @@ class Score:
 
 def kind_of(moves: Sequence[Move], number: int) -> str:
     """Return the class of a motion: joint or path, and whether the rail travels with it."""
-    kind = "joint" if moves[number].word == "PTP" else "path"
+    kind = "joint motion" if moves[number].word == "PTP" else "path motion"
     way = moves[number].external - moves[max(number - 1, 0)].external
-    return f"{kind} with rail" if np.abs(way).max(initial=0.0) > 0.0 else kind
+    return f"{kind}{RAIL}" if np.abs(way).max(initial=0.0) > 0.0 else kind
 
 
 def corner_of(kinds: Sequence[str], number: int) -> str:
     """Return the class of the corner behind a motion."""
     both = "".join(kinds[number : number + 2])
     kind = "joint" if "path" not in both else "path" if "joint" not in both else "mixed"
-    return f"{kind} corner with rail" if "rail" in both else f"{kind} corner"
+    return f"{kind} corner{RAIL}" if RAIL in both else f"{kind} corner"
+
+
+def table(counts: Counter[str]) -> Iterator[str]:
+    """Yield the lines of a table by class of motion."""
+    columns = ("converted", "hit, let pass", "free", "verify", "planner", "hit", "missed")
+    names = (
+        "class",
+        "converted",
+        "of them hit",
+        "random, free",
+        "`verify` refuses",
+        "planner refuses",
+    )
+    yield f"| {' | '.join(names)} |"
+    yield "| --- | --: | --: | --: | --: | --: |"
+    kinds = ["joint motion", "path motion", "joint corner", "mixed corner", "path corner"]
+    totals: Counter[str] = Counter()
+    for kind in [*kinds, *(kind + RAIL for kind in kinds)]:
+        own = Counter({column: counts[f"{kind}: {column}"] for column in columns})
+        totals += own
+        yield _row(kind, own)
+    yield _row("all", totals)
+    yield ""
+    yield (
+        f"{counts['cells']} cells with a program. Random motions and corners that are hit: "
+        f"{totals['hit']}, of them let pass by `verify` or the planner: {totals['missed']}. "
+        f"Programs of `convert` that `verify` refuses: "
+        f"{counts['verify refuses what convert wrote'] + counts['convert fails its own check']}."
+    )
+
+
+def _row(name: str, own: Counter[str]) -> str:
+    free = max(own["free"], 1)
+    false = [f"{own[who]} ({own[who] / free:.1%})" for who in ("verify", "planner")]
+    cells = [own["converted"], own["hit, let pass"], own["free"], *false]
+    return f"| {name} | " + " | ".join(map(str, cells)) + " |"
