@@ -1,5 +1,7 @@
 """A small slice of the bench that executes texts from outside, and that it can fail."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
@@ -9,8 +11,10 @@ from postproc.geometry import abc_from_rotation
 from postproc.kinematics import build
 from postproc.units import DEG, MM
 from tests.cells import cell_text
+from tools.bench import executed
 from tools.bench.executed import judged
 from tools.bench.outside import Machine, Way, allowed, moves_of, ways_of
+from tools.bench.score import Score
 from tools.bench.solids import Judge
 
 MESHES = (
@@ -33,6 +37,25 @@ def test_nothing_is_missed_and_both_commands_agree():
     for what in ("motion", "corner"):
         for verdict in ("hit", "free", "converted"):
             assert sum(n for name, n in score.counts.items() if f"{what}: {verdict}" in name) > 0
+
+
+def test_a_log_is_gone_on_from(tmp_path, monkeypatch, capsys):
+    asked = []
+
+    def judged(number, *_):
+        asked.append(number)
+        counts = Counter({"path motion: converted": 10, "path motion: free": 4})
+        return Score(counts + Counter({"path motion: verify": number}), [f"wrong {number}"])
+
+    monkeypatch.setattr(executed, "judged", judged)
+    for cells in ("2", "3"):
+        words = ["executed", "--cells", cells, "--log", str(tmp_path / "log")]
+        monkeypatch.setattr("sys.argv", words)
+        executed.main()
+    assert asked == [0, 1, 2]
+    out = capsys.readouterr().out
+    assert "| path motion | 30 | 0 | 12 | 3 (25.0%) | 0 (0.0%) |" in out
+    assert out.endswith("  wrong 0\n  wrong 1\n  wrong 2\n")
 
 
 @pytest.fixture(scope="module")

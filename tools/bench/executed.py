@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import json
 import tempfile
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -199,11 +198,13 @@ def main() -> None:
     total = Score()
     done: dict[int, dict[str, Any]] = {}
     if options.log and options.log.exists():
-        done = {line["cell"]: line for line in map(json.loads, options.log.open())}
+        lines = options.log.read_text().splitlines()
+        done = {line["cell"]: line for line in map(json.loads, lines)}
     for number in range(options.first, options.first + options.cells):
         if number not in done:
             score = judged(number, options.tags, options.seed, options.programs)
-            done[number] = {"cell": number, **asdict(score)}
+            lists = {"wrong": score.wrong, "false": score.false}
+            done[number] = {"cell": number, "counts": score.counts, **lists}
             if options.log:
                 with options.log.open("a") as log:
                     log.write(json.dumps(done[number]) + "\n")
