@@ -32,8 +32,8 @@ PIECE_ANGLE = 6.0 * DEG
 MOST_PARTS = 160
 """A corner is not cut into more parts of its sides, point times orientation."""
 IN_STEP = 0.005 * DEG
-"""Where the tool turns less than this at a corner, point and orientation count as in step [rad]: half
-a metre off the tool point that is 0.04 mm."""
+"""Where the tool turns less than this at a corner, point and orientation count as in step [rad]:
+half a metre off the tool point that is 0.04 mm."""
 STRAIGHT = 1.05e-3
 """On sides no longer than this [m] the joints go straight."""
 BULGE = 2e-3
