@@ -16,7 +16,8 @@ from postproc.process import on_the_way_out
 from postproc.units import DEG
 from postproc.verification.verify import verify
 from tests.samples import AT_PART, HEAD, START, at, cell_in, modules
-from tools.bench.outside import Judge, Machine, Way, allowed, moves_of, ways_of
+from tools.bench.outside import Machine, Way, allowed, moves_of, ways_of
+from tools.bench.solids import Judge
 from tools.fuzz.run import run
 
 SOLIDS = """
@@ -96,7 +97,7 @@ def refused(cell, lines):
 def hit(outside, cell, lines):
     machine, judge = outside
     moves = moves_of("\r\n".join([*HEAD, *lines]), 0)
-    ways = list(ways_of(machine, moves, np.random.default_rng(1), FEED, 4))
+    ways = ways_of(machine, moves, np.random.default_rng(1), FEED, 4)
     assert all(way.what != "lost" for way in ways)
     allowed(ways, np.asarray(cell.tool.axis))
     return any(judge.met(way.q, way.touch) for way in ways)
