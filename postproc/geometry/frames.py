@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray
 from postproc.units import DEG, MM
 
+_HALF_TURN_BACK = -np.pi + 1e-9
+"""An angle [rad] below this is half a turn but for the last digits of its rotation."""
+
 
 def transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> FloatArray:
     """Return (..., 4, 4) from a rotation (..., 3, 3) and an origin (..., 3) [m]."""
@@ -118,7 +121,8 @@ def abc_from_rotation(R_a_b: ArrayLike) -> FloatArray:
     """Return KUKA A, B, C (..., 3) [rad] of a rotation (..., 3, 3).
 
     B lies in [-90, 90] degrees. In gimbal lock (B = +-90 degrees, KUKA's own cannon pose among
-    them) only A -+ C is defined: C is set to 0 and A carries the whole angle.
+    them) only A -+ C is defined: C is set to 0 and A carries the whole angle. A half turn is
+    +180 degrees, never -180, whatever the last digit of the rotation is.
     """
     R = np.asarray(R_a_b, dtype=np.float64)
     cos_b = np.hypot(R[..., 0, 0], R[..., 1, 0])
@@ -130,7 +134,8 @@ def abc_from_rotation(R_a_b: ArrayLike) -> FloatArray:
         np.arctan2(R[..., 1, 0], R[..., 0, 0]),
     )
     c = np.where(locked, 0.0, np.arctan2(R[..., 2, 1], R[..., 2, 2]))
-    return np.stack([a, b, c], axis=-1)
+    abc = np.stack([a, b, c], axis=-1)
+    return np.where(abc < _HALF_TURN_BACK, -abc, abc)
 
 
 def transform_from_kuka(xyz_mm: ArrayLike, abc_deg: ArrayLike) -> FloatArray:

@@ -113,3 +113,10 @@ def test_slerp_is_that_of_scipy():
     want = Slerp([0.0, 1.0], R)(shares).as_matrix()
     a, b = (np.repeat(R.as_matrix()[i : i + 1], 11, axis=0) for i in (0, 1))
     assert np.abs(frames.slerp(a, b, shares) - want).max() < 1e-12
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-15, -1e-15, 1e-12, -1e-12])
+def test_a_half_turn_has_one_sign(noise: float) -> None:
+    for angles in ([np.pi + noise, 0.3, 0.2], [0.4, 0.3, np.pi + noise]):
+        abc = frames.abc_from_rotation(frames.rotation_from_abc(angles))
+        assert np.allclose(abc, angles, atol=1e-9)

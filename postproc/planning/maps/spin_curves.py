@@ -36,6 +36,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
     stiffness_of,
+    strokes_of,
 )
 from postproc.process import Claims, claimed
 from postproc.stiffness import index
@@ -197,8 +198,10 @@ def _blocked(
     problem: Problem, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
 ) -> BoolArray:
     """Return (m,) whether a state at a tag collides or has a stroke that cannot be run."""
-    scene = Scene.shared(problem.cell, problem.kinematics)
-    checker = Checker(problem, scene.kept(MORE_CLEARANCE))
+    strokes = strokes_of(problem.toolpath, problem.cell.motion.approach)
+    checker = Checker(
+        problem, strokes, Scene.shared(problem.cell, problem.kinematics).kept(MORE_CLEARANCE)
+    )
     return ~checker.states(tags, q, spin, branch).good
 
 
