@@ -21,11 +21,12 @@ START = np.radians([5.0, -80.0, 95.0, 20.0, 60.0, -30.0])
 
 
 @pytest.fixture
-def bench(tmp_path, kinematics, cell):
+def bench(tmp_path, kinematics):
     """A cell whose workpiece lies at the tool point of a pose; joints for points of the part."""
-    T_flange_tcp = cell.tool.T_flange_tcp
-    T = kinematics.fk(START[None])[0] @ T_flange_tcp
     path = tmp_path / "cell.toml"
+    path.write_text(cell_text())
+    T_flange_tcp = load_cell(path).tool.T_flange_tcp
+    T = kinematics.fk(START[None])[0] @ T_flange_tcp
     path.write_text(cell_text(origin=tuple((1e3 * T[:3, 3]).round(6).tolist())))
 
     def joints(points):

@@ -116,7 +116,7 @@ MUTANTS = {
         "axis",
     ),
     "angles in another order": (
-        lambda t: t.sub(r"CAM line 10", r"A 66.84900,B 0.00000,C 0.00000", 0, r"A 0.*C 66\.84900"),
+        lambda t: t.sub(r"CAM line 10", r"A 73.73800,B 0.00000,C 0.00000", 0, r"A 0.*C 73\.73800"),
         "axis",
     ),
     "wrong tool number": (lambda t: t.every(r"BAS\(#TOOL,1\)", "BAS(#TOOL,2)"), "frame"),
@@ -130,11 +130,11 @@ MUTANTS = {
         "frame",
     ),
     "an axis value off": (
-        lambda t: t.sub(r"^PTP .*line 7", "A1 -13.20000", 0, r"A1 -14\.\d+"),
+        lambda t: t.sub(r"^PTP .*line 7", "A1 -14.30000", 0, r"A1 -15\.\d+"),
         "position",
     ),
     "an axis beyond its limit": (
-        lambda t: t.sub(r"^PTP .*line 26", "A5 -150.0", 0, r"A5 -116\.\d+"),
+        lambda t: t.sub(r"^PTP .*line 26", "A5 -150.0", 0, r"A5 -112\.\d+"),
         "joint_limit",
     ),
     "wrong S": (

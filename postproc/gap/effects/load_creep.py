@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
 from postproc.gap.data import FADES, Arm, Samples
-from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
+from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, register
 
 
 @register
@@ -30,8 +29,12 @@ class LoadCreep(Effect):
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
         """Return what each joint gives with either delay [rad/(N*m)], never negative."""
         del setting
-        usual: FloatArray = 2.0 * arm.reference.c_joint
-        return tuple(p for _ in FADES for p in per_joint(usual, lower=0.0))
+        usual = 2.0 * arm.reference.c_joint
+        return tuple(
+            Parameter(f"joint_{i + 1}_after_{fade:.0f}_s", float(usual[i]), 0.0, joint=i + 1)
+            for fade in FADES
+            for i in range(6)
+        )
 
     def basis(self, samples: Samples, setting: Setting) -> Basis:
         """Turn each joint by what its torque has left of earlier loads."""
