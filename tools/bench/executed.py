@@ -26,8 +26,6 @@ from postproc.cell import load_cell
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.jobs.convert import ConvertRequest, convert, output_paths, read_toolpath
 from postproc.jobs.verify import verify
-from postproc.planning.checks import Checker
-from postproc.planning.route import connect, tree
 from postproc.units import DEG, MM
 from tools.bench.crowded import Job, random_job
 from tools.bench.outside import allowed, moves_of, ways_of
@@ -43,8 +41,6 @@ SPARE = 4
 """So many times more tags are drawn than are asked for."""
 POSTURES = 4
 """Blocks that can be begun and ended in fewer postures, of 96 at a place, are not asked for."""
-TREE_ROUNDS = 4
-"""So often trees grow where a way round is searched for."""
 ROUNDS = 4
 """So often blocks that fail are left out of a CAM file before the cell is given up."""
 
@@ -159,17 +155,9 @@ def judge_conversion(
             score.note("MISSED", f"{at} {name}: {hit}")
 
 
-def _way_round(
-    checker: Checker, start: FloatArray, goal: FloatArray, external: FloatArray, rounds: int = 0
-) -> FloatArray | None:
-    """Search for a way round as ``convert`` does, not as long: what fails is left out."""
-    return tree.rrt_connect(checker, start, goal, external, TREE_ROUNDS)
-
-
 def judged(number: int, tags: int, seed: int, programs: int) -> Score:
     """Return the score of a random cell."""
     score = Score()
-    connect.rrt_connect = _way_round
     rng = np.random.default_rng([seed, number])
     with_rail = number % 3 == 2
     tags = tags // RAIL_TAGS if with_rail else tags
