@@ -70,7 +70,8 @@ def test_tables_sort(browser, measured):
         "t => [...t.rows].filter(r => isFinite(parseFloat(r.cells[2]?.textContent))).length > 3)"
     )
     browser.run(f"{table}.querySelector('th:nth-child(3)').click()")
-    shown = browser.run(f"[...{table}.tBodies[0].rows].map(r => parseFloat(r.cells[2].textContent))")
+    cells = f"[...{table}.tBodies[0].rows].map(r => r.cells[2])"
+    shown = browser.run(f"{cells}.map(cell => parseFloat(cell.textContent))")
     numbers = [value for value in shown if isinstance(value, int | float)]
     assert len(numbers) > 3
     assert numbers == sorted(numbers)
