@@ -28,6 +28,8 @@ from postproc.collision.sweep import Sway
 
 RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""
+_TOGETHER = 16 * CHUNK
+"""Motions whose spans are cut together: the last rounds hold few spans of each thousand."""
 _WORTH = 0.05
 """Share of a span that a cheap bound must prove, else the exact distance is taken."""
 
@@ -124,7 +126,7 @@ class MotionCheck:
         pair = np.full(len(q_from), NO_PAIR, dtype=np.int64)
         share = np.full(len(q_from), np.nan)
         if track is None:
-            for rows in chunks(len(q_from)):
+            for rows in chunks(len(q_from), _TOGETHER):
                 wanted = self._engine.wanted(contact[rows])
                 wanted = np.broadcast_to(wanted, (len(self._engine.table), rows.stop - rows.start))
                 found = self._run(q_from[rows], q_to[rows], wanted, is_first=True)
@@ -132,15 +134,19 @@ class MotionCheck:
             return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
         starts = np.flatnonzero(np.diff(track, prepend=track[:1] - 1))
         ends = np.append(starts[1:], len(track))
-        for tracks in chunks(len(starts)):
-            low, high = int(starts[tracks.start]), int(ends[tracks.stop - 1])
-            part = slice(low, high)
-            open_ = self._open_pieces(q_from[part], q_to[part], contact[part], starts[tracks] - low)
-            todo = low + np.flatnonzero(open_.any(axis=0))
-            for rows in chunks(len(todo)):
-                which = todo[rows]
-                found = self._run(q_from[which], q_to[which], open_[:, which - low], is_first=False)
-                pair[which], share[which] = found
+        for together in chunks(len(starts), _TOGETHER):
+            parts = []
+            for tracks in chunks(together.stop - together.start):
+                first = starts[together][tracks]
+                part = slice(int(first[0]), int(ends[together][tracks][-1]))
+                open_ = self._open_pieces(
+                    q_from[part], q_to[part], contact[part], first - part.start
+                )
+                left = np.flatnonzero(open_.any(axis=0))
+                parts.append((part.start + left, open_[:, left]))
+            todo, open_ = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
+            found = self._run(q_from[todo], q_to[todo], open_, is_first=False)
+            pair[todo], share[todo] = found
         return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
 
     def _open_pieces(

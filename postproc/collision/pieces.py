@@ -25,12 +25,18 @@ class PieceBounds:
     """
 
     def __init__(self, shapes: list[Shape], first: np.ndarray, second: np.ndarray) -> None:
-        self._shapes, self._first, self._second = shapes, first, second
+        self._first, self._second = first, second
         self._count = np.array([len(shape.pieces) for shape in shapes])
         self._start = np.cumsum(self._count) - self._count
         self._centre = np.vstack([shape.pieces.centre for shape in shapes])
         self._axes = np.vstack([shape.pieces.axes for shape in shapes])
         self._half = np.vstack([shape.pieces.half for shape in shapes])
+        self._low = np.vstack([shape.low for shape in shapes])
+        self._high = np.vstack([shape.high for shape in shapes])
+        self._longest = np.array([int(np.argmax(shape.half)) for shape in shapes])
+        along = np.repeat(self._longest, self._count)[:, None]
+        self._lowest = np.take_along_axis(self._low, along, axis=1)[:, 0]
+        self._highest = np.take_along_axis(self._high, along, axis=1)[:, 0]
         self._whole = (
             np.stack([shape.centre for shape in shapes]),
             np.stack([shape.axes for shape in shapes]),
@@ -111,46 +117,35 @@ class PieceBounds:
 
         ``frame``: rotation and origin of each box's frame in the frame of the body.
         """
-        rows = [np.zeros(0, dtype=np.int64)]
-        pieces = [np.zeros(0, dtype=np.int64)]
-        for one in np.unique(body):
-            shape = self._shapes[one]
-            mine = np.flatnonzero(body == one)
-            for part in np.array_split(mine, max(1, -(-len(mine) * len(shape.pieces) // _BATCH))):
-                R = shape.axes.T @ frame[0][part]
-                centre = np.einsum("kij,kj->ki", frame[0][part], box[0][part]) + frame[1][part]
-                centre = (centre - shape.centre) @ shape.axes
-                extent = np.einsum("kij,kj->ki", np.abs(R @ box[1][part]), box[2][part])
-                row, piece = _near_pieces(
-                    shape, centre - extent, centre + extent, (threshold[part] + SLACK) ** 2
-                )
-                rows.append(part[row])
-                pieces.append(piece)
-        row, piece = np.concatenate(rows), np.concatenate(pieces)
-        order = np.argsort(row, kind="stable")
-        return row[order], piece[order]
+        centre_shape, axes, _ = self._box(body)
+        back = np.swapaxes(axes, 1, 2)
+        centre = np.einsum("kij,kj->ki", frame[0], box[0]) + frame[1] - centre_shape
+        centre = np.einsum("kij,kj->ki", back, centre)
+        extent = np.einsum("kij,kj->ki", np.abs(back @ frame[0] @ box[1]), box[2])
+        low, high = centre - extent, centre + extent
+        # the axis along which the body is longest rules out most
+        every, longest = np.arange(len(body)), self._longest[body]
+        limit = threshold + SLACK
+        lowest, highest = low[every, longest] - limit, high[every, longest] + limit
+        found: list[tuple[np.ndarray, np.ndarray]] = [(every[:0], every[:0])]
+        for part in np.split(
+            every, np.flatnonzero(np.diff(self._count[body].cumsum() // _BATCH)) + 1
+        ):
+            row, piece = self._all_pieces(part, body[part])
+            near = (self._lowest[piece] <= highest[row]) & (self._highest[piece] >= lowest[row])
+            row, piece = row[near], piece[near]
+            apart = np.maximum(self._low[piece] - high[row], low[row] - self._high[piece])
+            np.maximum(apart, 0.0, out=apart)
+            near = np.einsum("ki,ki->k", apart, apart) <= limit[row] ** 2
+            found.append((row[near], piece[near]))
+        row, piece = (np.concatenate(column) for column in zip(*found, strict=True))
+        return row, piece - self._start[body[row]]
 
-
-def _near_pieces(
-    shape: Shape, low: FloatArray, high: FloatArray, square: FloatArray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return (row, piece) of boxes ``low`` to ``high`` (k, 3) near pieces of a shape.
-
-    The axis along which the shape is longest rules out most; only what is left is looked at
-    further. ``square`` (k,) [m^2] of the distances that count as near.
-    """
-    longest = int(np.argmax(shape.half))
-    gap = np.maximum(
-        shape.low[:, longest] - high[:, None, longest],
-        low[:, None, longest] - shape.high[:, longest],
-    )
-    np.maximum(gap, 0.0, out=gap)
-    np.multiply(gap, gap, out=gap)
-    row, piece = np.nonzero(gap <= square[:, None])
-    apart = np.maximum(shape.low[piece] - high[row], low[row] - shape.high[piece])
-    np.maximum(apart, 0.0, out=apart)
-    near = np.flatnonzero(np.einsum("ki,ki->k", apart, apart) <= square[row])
-    return row[near], piece[near]
+    def _all_pieces(self, rows: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return row and number of all pieces of bodies (k,), each at one of ``rows`` (k,)."""
+        count = self._count[body]
+        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        return np.repeat(rows, count), np.repeat(self._start[body], count) + step
 
 
 def _inverse(R: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
