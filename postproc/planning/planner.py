@@ -38,7 +38,6 @@ from postproc.planning.states import (
     place_given,
     settle,
     stiffness_of,
-    strokes_of,
     take_joints,
     tilt_grid,
 )
@@ -257,7 +256,7 @@ def checker_of(
 ) -> Checker:
     """Return the checks of a toolpath in a cell; arguments as ``problem_of``."""
     problem = problem_of(toolpath, cell, settings, external)
-    return Checker(problem, strokes_of(problem.toolpath, cell.motion.approach), _scene(problem))
+    return Checker(problem, _scene(problem))
 
 
 def _routed(

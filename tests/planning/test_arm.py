@@ -14,7 +14,6 @@ from postproc.planning.planner import plan, problem_of
 from postproc.planning.search import strategy
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import PlanOptions, settle
-from postproc.planning.states.stroke import strokes_of
 from postproc.units import DEG
 from tools.bench import workload
 from tools.bench.paths import bare_path
@@ -35,7 +34,7 @@ def scattered(make_cell, make_path, seed, home=None):
     toolpath = make_path(T[:, :3, 3], -T[:, :3, 0], MotionKind.JOINT)
     cell, settings = settle(cell, PlanOptions())
     problem = problem_of(toolpath, cell, settings)
-    return Checker(problem, strokes_of(toolpath, cell.motion.approach), None)
+    return Checker(problem, None)
 
 
 def fewest(checker, start):

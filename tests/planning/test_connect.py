@@ -15,7 +15,6 @@ from postproc.planning.route import connect
 from postproc.planning.route.connect import Ends, free_way
 from postproc.planning.route.tree import ROUNDS, rrt_connect
 from postproc.planning.states.settings import PlanOptions, settle
-from postproc.planning.states.stroke import strokes_of
 
 
 def solid(name, size, x, y, z):
@@ -34,7 +33,7 @@ def checker_of(make_cell, make_path):
         path = make_path([[1.9, 0.0, 0.9], [1.9, 0.1, 0.9]], [-1.0, 0.0, 0.0])
         cell, settings = settle(cell, PlanOptions())
         problem = problem_of(path, cell, settings)
-        return Checker(problem, strokes_of(path, 0.05), Scene.build(cell, problem.kinematics))
+        return Checker(problem, Scene.build(cell, problem.kinematics))
 
     return make
 

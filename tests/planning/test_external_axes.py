@@ -294,7 +294,7 @@ def test_the_way_along_the_rail_is_looked_at_without_gaps(make_cell, radius):
         rod = MeshPlacement("rod", T, radius=radius, length=3.0)
         cell = replace(make_cell(), external_axes=(RAIL,), obstacles=(rod,))
         arm = build(cell.robot)
-        checker = Checker(None, None, Scene.build(cell_at(cell, np.zeros(1)), arm))
+        checker = Checker(None, Scene.build(cell_at(cell, np.zeros(1)), arm))
         ends = np.array([-3.0]), np.array([3.0])
         assert not _slides_free(cell, q, ends, checker)
         beside = np.array([y + 1.2]), np.array([y + 1.2 + 0.5])

@@ -16,7 +16,6 @@ from postproc.planning.search import moved, strategy
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import TagPoses
 from postproc.planning.states.settings import PlanOptions, settle
-from postproc.planning.states.stroke import strokes_of
 from postproc.units import DEG
 
 
@@ -42,7 +41,7 @@ def crowded(make_cell, make_path, seed):
     cell, settings = settle(cell, PlanOptions())
     problem = problem_of(toolpath, cell, settings)
     scene = Scene.build(cell, problem.kinematics)
-    return Checker(problem, strokes_of(toolpath, cell.motion.approach), scene)
+    return Checker(problem, scene)
 
 
 @pytest.mark.parametrize("seed", range(50))

@@ -22,8 +22,6 @@ LARGEST_TURN = 175.0 * DEG
 """A path motion that turns the tool farther could go either way round on the controller [rad]."""
 STEP_ANGLE = 4.0 * DEG
 """Largest turn [rad] of the tool between two checked poses."""
-_AT_ONCE = 8192
-"""Strokes whose ends are solved together, so that memory stays bounded."""
 SHORT = 0.3
 """A motion below this share of both is checked at its ends only."""
 MORE_CLEARANCE = 0.3e-3
@@ -136,10 +134,14 @@ class Checker:
     """Checks against one problem and one scene (None: no collision check)."""
 
     problem: Problem
-    strokes: Strokes
     scene: Scene | None
     checked: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
+
+    @property
+    def strokes(self) -> Strokes:
+        """The strokes of the tags."""
+        return self.problem.strokes
 
     def states(
         self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
@@ -217,17 +219,6 @@ class Checker:
             bad = ~part.good
             verdict.reason[rows[kept[bad]]] = part.reason[bad]
             verdict.pair[rows[kept[bad]]] = part.pair[bad]
-
-    def stroke_ends(
-        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
-    ) -> Verdict:
-        """Check reach, limits and singularity at the ends of strokes; arguments as ``states``."""
-        verdict = Verdict.clean(len(tags))
-        every = np.nonzero(self.strokes.is_stroke[tags])[0]
-        for low in range(0, len(every), _AT_ONCE):
-            rows = every[low : low + _AT_ONCE]
-            self._stroke_ends(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
-        return verdict
 
     def _stroke_ends(
         self,

@@ -17,11 +17,9 @@ from postproc.planning.planner import problem_of
 from postproc.planning.states import (
     PlanOptions,
     Problem,
-    Strokes,
     postures,
     settle,
     spin_values,
-    strokes_of,
 )
 from postproc.units import DEG, MM
 
@@ -74,20 +72,20 @@ def failing_poses(
             continue
         problem = problem_of(place.toolpath, *settle(place.cell, PlanOptions()))
         scene = Scene.shared(place.cell, problem.kinematics)
-        strokes = strokes_of(problem.toolpath, cell.motion.approach)
         for tag in mine[: MOST_TAGS - len(found)]:
             own = tag - place.first
             if not problem.placement.given[own]:
                 continue
-            pose = _pose(problem, scene, own, _heights(problem, strokes, own), messages[tag])
+            pose = _pose(problem, scene, own, _heights(problem, own), messages[tag])
             if pose is not None:
                 tool, base = place.cell.tool_index, place.cell.base_index
                 found[tag] = replace(pose, tool=tool, base=base)
     return found
 
 
-def _heights(problem: Problem, strokes: Strokes, tag: int) -> list[tuple[float, bool]]:
+def _heights(problem: Problem, tag: int) -> list[tuple[float, bool]]:
     """Return heights [m] over the tag to look at, with whether the tool may touch the part."""
+    strokes = problem.strokes
     if not strokes.is_stroke[tag]:
         return [(0.0, bool(problem.toolpath.kind[tag] != MotionKind.RAPID))]
     return [(0.0, True), (float(-strokes.depth[tag]), True), (float(strokes.top[tag]), False)]

@@ -36,7 +36,6 @@ from postproc.planning.states import (
     settle,
     spin_values,
     stiffness_of,
-    strokes_of,
 )
 from postproc.process import Claims, claimed
 from postproc.stiffness import index
@@ -198,10 +197,8 @@ def _blocked(
     problem: Problem, tags: IndexArray, q: FloatArray, spin: FloatArray, branch: IndexArray
 ) -> BoolArray:
     """Return (m,) whether a state at a tag collides or has a stroke that cannot be run."""
-    strokes = strokes_of(problem.toolpath, problem.cell.motion.approach)
-    checker = Checker(
-        problem, strokes, Scene.shared(problem.cell, problem.kinematics).kept(MORE_CLEARANCE)
-    )
+    scene = Scene.shared(problem.cell, problem.kinematics)
+    checker = Checker(problem, scene.kept(MORE_CLEARANCE))
     return ~checker.states(tags, q, spin, branch).good
 
 

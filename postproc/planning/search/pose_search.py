@@ -71,7 +71,6 @@ class PoseSearch:
     passed: AnyIntArray
     out: BoolArray
     failures: IndexArray
-    stroked: BoolArray
     hasty: BoolArray
     wanted: set[int] = field(default_factory=set)
     step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
@@ -122,7 +121,6 @@ class PoseSearch:
             passed=np.full(size, NONE, dtype=np.int32),
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
-            stroked=np.zeros(n, dtype=np.bool_),
             hasty=hasty,
         )
 
@@ -148,8 +146,7 @@ class PoseSearch:
         moved[join.source[join.source >= 0]] = np.flatnonzero(join.source >= 0)
         self.tags, self.states, self.cells = join.tags, join.states, None
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
-        self.failures, self.stroked = by_tag(self.failures, 0), by_tag(self.stroked, False)
-        self.hasty = by_tag(self.hasty, False)
+        self.failures, self.hasty = by_tag(self.failures, 0), by_tag(self.hasty, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
         self.checked = by_state(self.checked, False)
@@ -304,32 +301,9 @@ class PoseSearch:
             front, reach = poses[fails], _RIM
             self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
             found.append(front)
-        found = [self._copies(np.concatenate(found)), self._strokes_beside(failing)]
-        self.bridges.changed(self.states.tag_of(np.concatenate([failing, *found])))
-        return np.concatenate(found)
-
-    def _strokes_beside(self, failing: IndexArray) -> IndexArray:
-        """Return states whose stroke leaves reach or limits, on the tags around such failures."""
-        reason = self.reason[failing]
-        rungs = self.states.tag_of(failing[(reason != Reason.COLLISION) & (reason != Reason.NONE)])
-        near = np.unique(rungs[:, None] + np.arange(-_WIDEST, _WIDEST + 1))
-        near = near[(near >= 0) & (near < len(self.tags))]
-        near = near[~self.stroked[near]]
-        if not len(near):
-            return np.zeros(0, dtype=np.int64)
-        self.stroked[near] = True
-        ends = self.states.offsets
-        rows = np.concatenate([np.arange(ends[rung], ends[rung + 1]) for rung in near.tolist()])
-        rows = rows[self.reason[rows] == Reason.NONE]
-        verdict = self.checker.stroke_ends(
-            self.tags[self.states.tag_of(rows)],
-            self.states.q[rows].astype(np.float64),
-            self.states.attitude_of(rows),
-            self.states.branch[rows].astype(np.int64),
-        )
-        bad = rows[~verdict.good]
-        self.reason[bad] = verdict.reason[~verdict.good]
-        return np.asarray(bad)
+        copies = self._copies(np.concatenate(found))
+        self.bridges.changed(self.states.tag_of(np.concatenate([failing, copies])))
+        return copies
 
     def _first_copy(self, states: IndexArray) -> IndexArray:
         """Return the first (m,) of the turn copies of each state."""

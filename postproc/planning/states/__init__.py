@@ -22,7 +22,7 @@ from postproc.planning.states.place import (
 from postproc.planning.states.postures import Postures, postures
 from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
-from postproc.planning.states.stroke import Strokes, strokes_of
+from postproc.planning.states.stroke import Strokes
 from postproc.planning.states.tilt import (
     BETWEEN,
     UPRIGHT,
@@ -78,7 +78,6 @@ __all__ = [
     "stand_ins",
     "stiffness_of",
     "strokes_into",
-    "strokes_of",
     "take_joints",
     "tilt_grid",
     "transported",

@@ -1,7 +1,7 @@
 """Candidate states of every tag: spin about the tool axis, tilt of it, IK branch, turns of joints.
 
 What cannot be reached, is over a joint limit or near a singular wrist is left out and counted, so
-that a tag without any state can say why.
+that a tag without any state can say why; so is what cannot run its stroke.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states.costs import StateContext, state_costs
 from postproc.planning.states.given import as_given
-from postproc.planning.states.problem import Problem
+from postproc.planning.states.problem import Problem, nearest_turn
 from postproc.planning.states.tilt import UPRIGHT
 
 BRANCHES = 8
@@ -153,9 +153,8 @@ def _chunk(
     row, column, attitude = _attitudes(problem, tags, spins, tilts)
     which = tags[row]
     T_base_tcp = problem.placement.tcp(which, attitude)
-    slots, valid = problem.kinematics.ik(
-        problem.placement.flange(T_base_tcp, problem.placement.external[which])
-    )
+    T_robroot_flange = problem.placement.flange(T_base_tcp, problem.placement.external[which])
+    slots, valid = problem.kinematics.ik(T_robroot_flange)
     valid &= problem.placement.given[which][:, None]
     if branch is not None:
         kept = np.zeros_like(valid)
@@ -176,11 +175,19 @@ def _chunk(
         axis=1,
     )
     pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
+    ends = _StrokeEnds.of(problem, which, T_robroot_flange, pose, slot, q)
+    for k, bad in ((0, ~ends.reached), (2, ends.reached & ~ends.regular)):
+        refused[:, k] += n_of(row[pose[bad]], n)
+    good = ends.reached & ends.regular
+    pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
     if near is not None:
         q, source = _nearest(problem, q, near[row[pose]])
     else:
         q, source = _copies(q, low, high, all_turns=problem.cell.optimize.turns)
-    may = as_given(problem, which[pose[source]], q)
+    fits = ends.within(problem, good, q, source)
+    stay = n_of(source[fits], len(pose)) > 0
+    refused[:, 1] += n_of(row[pose[(n_of(source, len(pose)) > 0) & ~stay]], n)
+    may = fits & as_given(problem, which[pose[source]], q)
     if not may.all():
         q, source = q[may], source[may]
     cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
@@ -198,6 +205,59 @@ def _chunk(
         refused=refused,
         tried=tried,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _StrokeEnds:
+    """How configurations (m,) get to the ends of strokes: within reach, off a straight wrist.
+
+    ``way``: (m, 6) [rad] by which the joints move there, for each end.
+    """
+
+    reached: BoolArray
+    regular: BoolArray
+    way: list[FloatArray]
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        tags: IndexArray,
+        T_robroot_flange: FloatArray,
+        pose: IndexArray,
+        slot: IndexArray,
+        q: FloatArray,
+    ) -> _StrokeEnds:
+        """Return the ends of configurations (m,), rising by ``pose``.
+
+        Args:
+            problem: what is asked.
+            tags: (k,) of the poses.
+            T_robroot_flange: (k, 4, 4) of the poses.
+            pose: (m,) each configuration's.
+            slot: (m,) branch of each.
+            q: (m, 6) joints [rad].
+        """
+        found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
+        starts = np.diff(pose, prepend=-1) > 0
+        used, place = pose[starts], np.cumsum(starts) - 1
+        for height in problem.strokes.levels(tags[used]):
+            T = problem.placement.backed_off(T_robroot_flange[used], height)
+            slots, valid = problem.kinematics.ik(T)
+            end = slots[place, slot]
+            found.reached[:] &= valid[place, slot]
+            found.regular[:] &= problem.regular(end)
+            found.way.append(nearest_turn(end, q) - q)
+        return found
+
+    def within(
+        self, problem: Problem, kept: BoolArray, q: FloatArray, source: IndexArray
+    ) -> BoolArray:
+        """Return which turn copies (s, 6) of the configurations kept stay within limits."""
+        fits = np.ones(len(q), dtype=np.bool_)
+        for way in self.way:
+            fits &= problem.within(q + way[kept][source])
+        return fits
 
 
 def _attitudes(

@@ -141,6 +141,13 @@ class Placement:
         T: FloatArray = self.base(external) @ T_base_tcp @ self.T_tcp_flange
         return T
 
+    def backed_off(self, T_robroot_flange: FloatArray, height: FloatArray) -> FloatArray:
+        """Return flange poses (m, 4, 4) moved back along the tool axis by heights (m,) [m]."""
+        axis_flange = self.T_tcp_flange[:3, :3].T @ self.tool_axis
+        T: FloatArray = T_robroot_flange.copy()
+        T[:, :3, 3] -= height[:, None] * (T[:, :3, :3] @ axis_flange)
+        return T
+
 
 def place(toolpath: ToolPath, cell: Cell) -> Placement:
     """Return the placement of a toolpath in a cell.

@@ -15,6 +15,7 @@ from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
+from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
 from postproc.process import back_off, in_material
 from postproc.stiffness import joint_compliance
@@ -50,6 +51,11 @@ class Problem:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)
         return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
+
+    @cached_property
+    def strokes(self) -> Strokes:
+        """The strokes by which holes and points are reached and left."""
+        return strokes_of(self.toolpath, self.cell.motion.approach)
 
     @cached_property
     def lifts(self) -> FloatArray:
@@ -101,7 +107,13 @@ class Problem:
         nearest to ``q_near``, whether or not within limits; the second value says where the pose
         is within reach.
         """
-        q, valid = self.kinematics.ik_in(self.placement.flange(T_base_tcp, external), branch)
+        return self.solve_flange(self.placement.flange(T_base_tcp, external), branch, q_near)
+
+    def solve_flange(
+        self, T_robroot_flange: FloatArray, branch: IndexArray, q_near: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return as ``solve`` the joints that reach flange poses (m, 4, 4)."""
+        q, valid = self.kinematics.ik_in(T_robroot_flange, branch)
         return nearest_turn(q, q_near), valid
 
     def standing(self, external: FloatArray) -> Problem:

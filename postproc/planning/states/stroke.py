@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import MotionKind, ToolPath
 
 
@@ -22,6 +22,14 @@ class Strokes:
     top: FloatArray
     clear: FloatArray
     depth: FloatArray
+
+    def levels(self, tags: IndexArray) -> list[FloatArray]:
+        """Return the heights (m,) [m] at which strokes of tags (m,) end, but for the tag's own."""
+        found: list[FloatArray] = []
+        for height in (self.top[tags], self.clear[tags], -self.depth[tags]):
+            if height.any() and not any(np.array_equal(height, known) for known in found):
+                found.append(height)
+        return found
 
 
 def strokes_of(toolpath: ToolPath, approach: float) -> Strokes:
