@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.refine import Bounds, TagPoses, refine
+from postproc.planning.search.refine import Bounds, TagPoses, beside, refine
 from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
@@ -42,8 +42,9 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
     bounds = _bounds(problem, between, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
+    poses, awake, cut = grid, np.ones(len(tags), dtype=np.bool_), _cuts(between, grid)
     for _ in range(_REVERTS):
-        poses = _slowed(problem, between, refine(problem, grid, bounds), bounds)
+        poses = _slowed(problem, between, refine(problem, poses, bounds, awake), bounds)
         passed &= (poses.attitude == known.attitude).all(axis=1)
         passed &= (poses.q == known.q).all(axis=1)
         bad = failing(checker, between, poses, np.asarray(bounds.free.any(axis=1)), passed)
@@ -51,6 +52,8 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
             break
         bounds.free &= ~bad[:, None]
         known, passed = poses, ~bad
+        again = np.isin(cut, cut[bad])
+        poses, awake = poses.standing_as(grid, again), beside(again)
     else:
         poses = grid
     return _filled(checker, between, poses, chosen)
@@ -121,8 +124,7 @@ def _bounds(problem: Problem, between: Interpolation, grid: TagPoses, free: Bool
         low, high = -np.inf, np.inf
     allowed = problem.cell.optimize.tilt
     limits = np.array([(low, high), allowed.lead, allowed.side])
-    chain = between.is_cut[grid.tags] & (grid.weight > 0.0)
-    cut = np.cumsum(~chain)
+    cut = _cuts(between, grid)
     tilted = np.isin(cut, cut[(grid.attitude[:, 1:] != 0.0).any(axis=1)])
     tilted &= problem.placement.may_tilt[grid.tags]
     return Bounds(
@@ -130,6 +132,11 @@ def _bounds(problem: Problem, between: Interpolation, grid: TagPoses, free: Bool
         np.minimum(limits[:, 0], grid.attitude),
         np.maximum(limits[:, 1], grid.attitude),
     )
+
+
+def _cuts(between: Interpolation, poses: TagPoses) -> IndexArray:
+    """Return the number (n,) of the cut that each tag belongs to; a hole is one by itself."""
+    return np.cumsum(~(between.is_cut[poses.tags] & (poses.weight > 0.0)))
 
 
 def _slowed(problem: Problem, between: Interpolation, poses: TagPoses, bounds: Bounds) -> TagPoses:

@@ -1,13 +1,16 @@
 """Attitudes between the grid: state costs and travel made as small as they locally get.
 
 The grid search finds the right valley; inside it the cost is smooth. One Newton step for all tags
-at once is a tridiagonal system, because a tag meets only its two neighbours. A step is halved until
-the sum falls, so the result is never worse than the grid's.
+at once is a tridiagonal system, because a tag meets only its two neighbours. Tags that move beside
+each other take their step together; those that cannot stand there take less of it, and where the
+sum does not fall those that lose by it. So no step raises the sum. Tags at rest beside tags at rest
+are not looked at again.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,7 +22,8 @@ REFINED_GRID = 0.001 * DEG
 """Refined angles are rounded to this, far coarser than what differs between machines."""
 _PROBE = 0.25 * DEG
 _ROUNDS = 12
-_ENOUGH = 1e-7
+_SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
+"""Shares of its step that a tag takes, one after the other."""
 
 
 @dataclass(slots=True)
@@ -43,13 +47,15 @@ class TagPoses:
         """Return the same poses with another weight of travel."""
         return replace(self, weight=weight)
 
-    def travel(self, q: FloatArray) -> float:
-        """Return the weighted sum of squared joint changes along joints (n, 6)."""
-        return float((self.weight[1:] * (np.diff(q, axis=0) ** 2).sum(axis=1)).sum())
+    def standing_as(self, other: TagPoses, rows: BoolArray) -> TagPoses:
+        """Return the same poses, but those of some tags (n,) as in another."""
+        attitude = np.where(rows[:, None], other.attitude, self.attitude)
+        return replace(self, attitude=attitude, q=np.where(rows[:, None], other.q, self.q))
 
-    def tcp(self, problem: Problem, attitude: FloatArray) -> FloatArray:
-        """Return T_base_tcp (n, 4, 4) of the tags in other attitudes (n, 3)."""
-        return problem.placement.tcp(self.tags, attitude)
+    def travel(self, q: FloatArray) -> FloatArray:
+        """Return the weighted squared joint change (n,) into each tag along joints (n, 6)."""
+        leap = np.diff(q, axis=0, prepend=q[:1])
+        return np.asarray(self.weight * np.einsum("ij,ij->i", leap, leap))
 
 
 @dataclass(slots=True)
@@ -78,7 +84,25 @@ class _Angle:
         return result
 
 
-def refine(problem: Problem, poses: TagPoses, bounds: Bounds) -> TagPoses:
+class _Now(NamedTuple):
+    """Where n tags stand: attitude (n, 3), joints (n, 6) [rad], cost (n,). Changed in place."""
+
+    attitude: FloatArray
+    q: FloatArray
+    cost: FloatArray
+
+    def put(
+        self, rows: IndexArray, good: BoolArray | bool, values: tuple[FloatArray, ...], else_: _Now
+    ) -> None:
+        """Set tags ``rows`` (m,) to values where good (m,), else to those they have elsewhere."""
+        for mine, value, other in zip(self, values, else_, strict=True):
+            fits = np.reshape(good, (-1,) + (1,) * (value.ndim - 1))
+            mine[rows] = np.where(fits, value, other[rows])
+
+
+def refine(
+    problem: Problem, poses: TagPoses, bounds: Bounds, awake: BoolArray | None = None
+) -> TagPoses:
     """Return the poses with the attitudes of free tags moved to a local optimum.
 
     One angle after the other, the spin last: it mostly ends at a bound of reach, where tags would
@@ -88,36 +112,49 @@ def refine(problem: Problem, poses: TagPoses, bounds: Bounds) -> TagPoses:
         problem: what is asked.
         poses: on the grid.
         bounds: which tags may move, and how far.
+        awake: (n,) the tags to begin with, where the others are at rest already; None: all.
     """
     wishes = problem.cell.optimize
     steps = (wishes.step, wishes.tilt.step, wishes.tilt.step)
     angles = [_Angle(column, 0.5 * step) for column, step in enumerate(steps)]
+    awake = np.ones(len(poses.tags), dtype=np.bool_) if awake is None else awake
     tilts = [angle for angle in angles[1:] if bounds.free[:, angle.column].any()]
     for angle in [*tilts, angles[0]]:
-        poses = _refined(problem, poses, bounds, angle)
+        poses = _refined(problem, poses, bounds, angle, awake)
     return poses
 
 
-def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -> TagPoses:
+def beside(rows: BoolArray) -> BoolArray:
+    """Return tags (n,) with those next to them."""
+    found = rows.copy()
+    found[1:] |= rows[:-1]
+    found[:-1] |= rows[1:]
+    return found
+
+
+def _refined(
+    problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle, awake: BoolArray
+) -> TagPoses:
     """Return the poses with one angle of the attitudes moved to a local optimum."""
     attitude, q, at = poses.attitude.copy(), poses.q.copy(), angle.column
     free, low, high = bounds.free[:, at], bounds.low[:, at], bounds.high[:, at]
-    cost = _costs(problem, poses, poses.tcp(problem, attitude), attitude, q)
-    total = float(cost.sum()) + poses.travel(q)
+    every = np.arange(len(poses.tags))
+    T_base_tcp = problem.placement.tcp(poses.tags, attitude)
+    now = _Now(attitude, q, _costs(problem, poses, every, T_base_tcp, attitude, q))
     for _ in range(_ROUNDS):
-        step = _newton(problem, poses, angle, (attitude, q, cost), free)
+        rows = np.flatnonzero(awake & free)
+        if not len(rows):
+            break
+        step = np.zeros(len(every))
+        step[rows] = _newton(problem, poses, angle, now, rows)
         step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
-        taken = _descend(problem, poses, angle, (attitude, q), step, total)
-        if taken is None:
-            break
-        gain = total - taken[3]
-        attitude, q, cost, total = taken
-        if gain < _ENOUGH * max(1.0, abs(total)):
-            break
+        step[np.abs(step) < REFINED_GRID] = 0.0
+        awake = beside(_descend(problem, poses, angle, now, step))
     rounded = poses.attitude.copy()
     fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
     rounded[:, at] = np.clip(fine, low, high)
-    solved, good = _joints(problem, poses, poses.tcp(problem, rounded), q)
+    T_base_tcp = problem.placement.tcp(poses.tags, rounded)
+    solved, good = _joints(problem, poses, every, T_base_tcp, q, with_strokes=True)
     return replace(
         poses,
         attitude=np.where(good[:, None], rounded, poses.attitude),
@@ -126,80 +163,107 @@ def _refined(problem: Problem, poses: TagPoses, bounds: Bounds, angle: _Angle) -
 
 
 def _descend(
-    problem: Problem,
-    poses: TagPoses,
-    angle: _Angle,
-    now: tuple[FloatArray, FloatArray],
-    step: FloatArray,
-    total: float,
-) -> tuple[FloatArray, FloatArray, FloatArray, float] | None:
-    """Return attitude, joints, costs, sum after the largest halved step that lowers the sum."""
-    attitude, q = now
-    for share in (1.0, 0.5, 0.25, 0.1, 0.03):
-        moved = angle.moved(attitude, share * step)
-        T_base_tcp = poses.tcp(problem, moved)
-        solved, good = _joints(problem, poses, T_base_tcp, q)
-        if not good.all():
-            moved = np.where(good[:, None], moved, attitude)
-            solved = np.where(good[:, None], solved, q)
-            T_base_tcp = poses.tcp(problem, moved)
-        cost = _costs(problem, poses, T_base_tcp, moved, solved)
-        new = float(cost.sum()) + poses.travel(solved)
-        if new < total:
-            return moved, solved, cost, new
-    return None
+    problem: Problem, poses: TagPoses, angle: _Angle, now: _Now, step: FloatArray
+) -> BoolArray:
+    """Move tags by the largest shares of steps (n,) that lower the sum; return which moved (n,).
+
+    Runs of tags that move beside each other are judged together, each run by itself.
+    """
+    n, moves = len(step), step != 0.0
+    run = np.cumsum(moves & ~np.append(False, moves[:-1] & (poses.weight[1:] > 0.0)))
+    run[~moves] = 0
+    # what a step into a tag costs counts for the run that moves either end of it
+    into = np.where(moves, run, np.append(0, run[:-1]))
+    trial, travel = _Now(*(values.copy() for values in now)), poses.travel(now.q)
+    fell, todo = np.zeros(int(run.max(initial=0)) + 1, dtype=np.bool_), moves.copy()
+    level = np.zeros(n, dtype=np.int64)
+    for _ in _SHARES:
+        rows = np.flatnonzero(todo)
+        share = np.asarray(_SHARES)[level[rows]]
+        attitude = angle.moved(now.attitude[rows], share * step[rows])
+        T_base_tcp = problem.placement.tcp(poses.tags[rows], attitude)
+        q, good = _joints(problem, poses, rows, T_base_tcp, now.q[rows], with_strokes=True)
+        cost = _costs(problem, poses, rows, T_base_tcp, attitude, q)
+        trial.put(rows, good, (attitude, q, cost), now)
+        way = poses.travel(trial.q) - travel
+        change = trial.cost - now.cost
+        total = np.bincount(run, change, len(fell)) + np.bincount(into, way, len(fell))
+        fell = total < 0.0
+        change += 0.5 * (way + np.append(way[1:], 0.0))
+        loses = moves & ~fell[run] & (change > 0.0)
+        loses[rows[~good]] = True
+        todo = loses & (level + 1 < len(_SHARES))
+        level[todo] += 1
+        if not todo.any():
+            break
+    moved = moves & fell[run] & (trial.attitude != now.attitude).any(axis=1)
+    now.put(np.flatnonzero(moved), True, tuple(values[moved] for values in trial), now)
+    return np.asarray(moved)
 
 
 def _newton(
-    problem: Problem,
-    poses: TagPoses,
-    angle: _Angle,
-    now: tuple[FloatArray, FloatArray, FloatArray],
-    movable: BoolArray,
+    problem: Problem, poses: TagPoses, angle: _Angle, now: _Now, rows: IndexArray
 ) -> FloatArray:
-    """Return the Newton step (n,) [rad], 0 where a tag cannot move."""
-    attitude, q, cost = now
-    beside = [angle.moved(attitude, d) for d in (-_PROBE, _PROBE)]
-    at = [poses.tcp(problem, moved) for moved in beside]
-    sides = [_joints(problem, poses, T_base_tcp, q) for T_base_tcp in at]
-    moving = movable & sides[0][1] & sides[1][1]
-    below, above = (np.where(moving[:, None], solved, q) for solved, _ in sides)
-    cost_below = _costs(problem, poses, at[0], beside[0], below)
-    cost_above = _costs(problem, poses, at[1], beside[1], above)
-    slope = np.where(moving, (cost_above - cost_below) / (2.0 * _PROBE), 0.0)
-    bend = np.where(moving, (cost_above - 2.0 * cost + cost_below) / _PROBE**2, 0.0)
+    """Return the Newton steps (m,) [rad] of tags ``rows`` (m,), 0 where a tag cannot move."""
+    q, w = now.q, poses.weight
+    beside = [angle.moved(now.attitude[rows], d) for d in (-_PROBE, _PROBE)]
+    at = [problem.placement.tcp(poses.tags[rows], moved) for moved in beside]
+    sides = [_joints(problem, poses, rows, T_base_tcp, q[rows]) for T_base_tcp in at]
+    moving = sides[0][1] & sides[1][1]
+    below, above = (np.where(moving[:, None], solved, q[rows]) for solved, _ in sides)
+    cost_below = _costs(problem, poses, rows, at[0], beside[0], below)
+    cost_above = _costs(problem, poses, rows, at[1], beside[1], above)
     rate = (above - below) / (2.0 * _PROBE)
-    leap = np.diff(q, axis=0)
-    w = poses.weight[1:]
-    gradient = slope
-    gradient[1:] += 2.0 * w * np.einsum("ij,ij->i", leap, rate[1:])
-    gradient[:-1] -= 2.0 * w * np.einsum("ij,ij->i", leap, rate[:-1])
     square = np.einsum("ij,ij->i", rate, rate)
-    diagonal = np.maximum(bend, 0.0) + 1e-9
-    diagonal[1:] += 2.0 * w * square[1:]
-    diagonal[:-1] += 2.0 * w * square[:-1]
-    mixed = -2.0 * w * np.einsum("ij,ij->i", rate[1:], rate[:-1])
-    diagonal[~moving] = 1.0
-    gradient[~moving] = 0.0
-    mixed[~(moving[1:] & moving[:-1])] = 0.0
+    leap, behind = np.diff(q, axis=0, prepend=q[:1])[rows], np.diff(q, axis=0, append=q[-1:])[rows]
+    into, out = 2.0 * w[rows], 2.0 * np.append(w[1:], 0.0)[rows]
+    gradient = (cost_above - cost_below) / (2.0 * _PROBE)
+    gradient += into * np.einsum("ij,ij->i", leap, rate)
+    gradient -= out * np.einsum("ij,ij->i", behind, rate)
+    bend = (cost_above - 2.0 * now.cost[rows] + cost_below) / _PROBE**2
+    diagonal = np.maximum(bend, 0.0) + 1e-9 + (into + out) * square
+    mixed = -into[1:] * np.einsum("ij,ij->i", rate[1:], rate[:-1])
+    mixed[~(moving[1:] & moving[:-1] & (np.diff(rows) == 1))] = 0.0
+    diagonal[~moving], gradient[~moving] = 1.0, 0.0
     step = tridiagonal(diagonal, mixed, -gradient)
     return np.clip(step, -angle.bound, angle.bound)
 
 
 def _joints(
-    problem: Problem, poses: TagPoses, T_base_tcp: FloatArray, q: FloatArray
+    problem: Problem,
+    poses: TagPoses,
+    rows: IndexArray,
+    T_base_tcp: FloatArray,
+    q: FloatArray,
+    *,
+    with_strokes: bool = False,
 ) -> tuple[FloatArray, BoolArray]:
-    external = problem.placement.external[poses.tags]
-    solved, reached = problem.solve(T_base_tcp, external, poses.branch, q)
-    solved = np.where(reached[:, None], solved, q)
-    return solved, reached & problem.within(solved) & problem.regular(solved)
+    """Return joints (m, 6) near ``q`` of tags ``rows`` (m,), and whether they can stand there.
+
+    ``with_strokes``: and at the ends of their strokes.
+    """
+    tags, branch = poses.tags[rows], poses.branch[rows]
+    T = problem.placement.flange(T_base_tcp, problem.placement.external[tags])
+    solved, good = problem.solve_flange(T, branch, q)
+    good &= problem.within(solved) & problem.regular(solved)
+    for height in problem.strokes.levels(tags) if with_strokes else ():
+        end, reached = problem.solve_flange(problem.placement.backed_off(T, height), branch, solved)
+        good &= reached & problem.within(end) & problem.regular(end)
+    return np.where(good[:, None], solved, q), good
 
 
 def _costs(
-    problem: Problem, poses: TagPoses, T_base_tcp: FloatArray, attitude: FloatArray, q: FloatArray
+    problem: Problem,
+    poses: TagPoses,
+    rows: IndexArray,
+    T_base_tcp: FloatArray,
+    attitude: FloatArray,
+    q: FloatArray,
 ) -> FloatArray:
-    cost, index = evaluate(problem, poses.tags, attitude[:, 0], T_base_tcp, q)
-    return poses.share * (cost + problem.settings.weights.price(1.0 - index / poses.best))
+    """Return the costs (m,) of tags ``rows`` (m,) in other attitudes (m, 3)."""
+    cost, index = evaluate(problem, poses.tags[rows], attitude[:, 0], T_base_tcp, q)
+    price = problem.settings.weights.price(1.0 - index / poses.best[rows])
+    return poses.share[rows] * (cost + price)
 
 
 def tridiagonal(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> FloatArray:
