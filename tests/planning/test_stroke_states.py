@@ -99,7 +99,7 @@ def test_refined_poses_are_local_optima_that_can_run_their_strokes(problems):
 
     before, after = costs(poses.attitude, poses.q), costs(refined.attitude, refined.q)
     assert np.isfinite(after).all()
-    assert (after <= before + 1e-9).all()
+    assert (after <= before + 1e-6).all(), "joints on the grid are held in single precision"
     assert (np.abs(refined.attitude - poses.attitude)[:, 0] > 0.5 * DEG).mean() > 0.5
     better = 0
     for step in (-0.3, 0.3):
