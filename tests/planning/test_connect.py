@@ -77,19 +77,19 @@ def test_a_way_found_once_serves_the_connections_beside_it(checker_of, monkeypat
         return rrt_connect(*args)
 
     monkeypatch.setattr(connect, "rrt_connect", counted)
-    ways = connect._by_trees(checker, ends, np.arange(24))
+    ways = connect._by_trees(checker, ends, np.arange(24), connect.GIVE_UP)
     assert sorted(ways) == list(range(24))
     assert all(len(way) for way in ways.values())
     assert checker.free_poses(legs(ends, ways), STANDING).all()
     assert len(grown) <= 6
-    again = connect._by_trees(checker, ends, np.arange(24))
+    again = connect._by_trees(checker, ends, np.arange(24), connect.GIVE_UP)
     assert all(np.array_equal(again[row], way) for row, way in ways.items())
 
 
 def test_ways_lent_are_not_much_longer(checker_of):
     checker = checker_of(solid(*POST))
     ends = swings(24)
-    lent = connect._by_trees(checker, ends, np.arange(24))
+    lent = connect._by_trees(checker, ends, np.arange(24), connect.GIVE_UP)
     for row in range(0, 24, 5):
         own = rrt_connect(checker, ends.q_from[row], ends.q_to[row], STANDING)
         lengths = [
@@ -105,10 +105,10 @@ def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatc
     checker = checker_of(solid(*POST))
     asked = []
     monkeypatch.setattr(connect, "rrt_connect", lambda *args: asked.append(args[4]))
-    assert connect._by_trees(checker, swings(9), np.arange(9)) == {}
+    assert connect._by_trees(checker, swings(9), np.arange(9), connect.GIVE_UP) == {}
     assert asked == [ROUNDS] * 5 + [connect._FEW] * 4
     asked.clear()
-    assert connect._by_trees(checker, swings(60), np.arange(60)) == {}
+    assert connect._by_trees(checker, swings(60), np.arange(60), connect.GIVE_UP) == {}
     assert len(asked) == connect.GIVE_UP
 
 

@@ -13,10 +13,13 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines
-from postproc.planning.route.tree import ROUNDS, rrt_connect
+from postproc.planning.route.tree import ROUNDS, free_moves, rrt_connect
 
-BACK_OFF = (0.05, 0.1, 0.2, 0.4)
-"""Heights [m] by which both ends back off along their tool axes, tried in turn."""
+BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
+"""Heights [m] by which both ends back off along their tool axes, tried in turn.
+
+What does not get away by the least of them is mostly in need of another way: the rest is asked for
+at once, and the lowest is taken."""
 _LONGER = 1.2
 """The points of a way serve another connection if its way gets no longer than this times."""
 _HOPELESS = 5
@@ -73,13 +76,16 @@ def detours(
     Of those the first ``give_up`` were searched for by trees, the others were not.
     """
     ways: dict[int, Detour] = {}
-    for height in (0.0, *BACK_OFF):
-        open_ = [row for row in range(len(ends)) if row not in ways]
-        rows = np.array([row for row in open_ if height or ends.lift[row]], dtype=np.int64)
-        if not len(rows):
+    for heights in BACK_OFF:
+        left = [row for row in range(len(ends)) if row not in ways]
+        tried = [(row, height) for height in heights for row in left if height or ends.lift[row]]
+        if not tried:
             continue
-        found = _by_backing_off(checker, ends.rows(rows), attitude, branch, height)
-        ways.update({int(rows[row]): way for row, way in found.items()})
+        at = np.array([row for row, _ in tried])
+        height = np.array([height for _, height in tried])
+        found = _by_backing_off(checker, ends.rows(at), attitude, branch, height)
+        for i, way in found.items():
+            ways.setdefault(tried[i][0], way)
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
     if not len(rows):
         return ways
@@ -103,7 +109,7 @@ def backed_off(
 
 
 def _by_trees(
-    checker: Checker, ends: Ends, rows: IndexArray, give_up: int = GIVE_UP
+    checker: Checker, ends: Ends, rows: IndexArray, give_up: int
 ) -> dict[int, FloatArray]:
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
 
@@ -125,16 +131,25 @@ def _by_trees(
             continue
         limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
         for points in (way, way[::-1]):
-            start, end = ends.q_from[rows], ends.q_to[rows]
-            good = _length(start, points, end) <= limit
-            for a, b in ((start, points[:1]), (points[-1:], end)):
-                near = np.nonzero(good)[0]
-                a, b = np.broadcast_to(a, start.shape), np.broadcast_to(b, start.shape)
-                place = ends.external[rows[near]]
-                good[near] = checker.joint_moves(a[near], b[near], place).good
+            good = _fit(checker, ends, rows, points, limit)
             ways.update((taken, points) for taken in rows[good].tolist())
             rows = rows[~good]
     return ways
+
+
+def _fit(
+    checker: Checker, ends: Ends, rows: IndexArray, points: FloatArray, limit: float
+) -> BoolArray:
+    """Return which connections (m,) are free, and no longer than ``limit`` [rad], by points."""
+    start, end, place = ends.q_from[rows], ends.q_to[rows], ends.external[rows]
+    good = _length(start, points, end) <= limit
+    legs = [(start, np.broadcast_to(points[0], start.shape))]
+    legs.append((np.broadcast_to(points[-1], end.shape), end))
+    near = np.flatnonzero(good)
+    a, b = (np.vstack([leg[side][near] for leg in legs]) for side in (0, 1))
+    free = free_moves(checker, a, b, np.vstack([place[near]] * 2))
+    good[near] = free.reshape(2, -1).all(axis=0)
+    return np.asarray(good)
 
 
 def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
@@ -145,17 +160,16 @@ def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_backing_off(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: float
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: FloatArray
 ) -> dict[int, Detour]:
+    """Return free ways by row for connections whose ends back off by ``height`` (m,) [m]."""
     must = ends.lift > 0.0
     leaving = (ends.tag_from, ends.height_from, ends.q_from)
     up_from, from_free = _lifted(
         checker, *leaving, attitude, branch, np.maximum(height, ends.lift), must
     )
     arriving = (ends.tag_to, ends.height_to, ends.q_to)
-    up_to, to_free = _lifted(
-        checker, *arriving, attitude, branch, np.full(len(ends), height), np.zeros_like(must)
-    )
+    up_to, to_free = _lifted(checker, *arriving, attitude, branch, height, np.zeros_like(must))
     options = (
         (must & from_free, up_from, ends.q_to, (True, False)),
         (from_free & to_free, up_from, up_to, (True, True)),
@@ -167,12 +181,12 @@ def _by_backing_off(
         rows = np.array([row for row in np.nonzero(possible)[0].tolist() if row not in ways])
         if not len(rows):
             continue
-        free = checker.joint_moves(start[rows], end[rows], ends.external[rows]).good
+        free = free_moves(checker, start[rows], end[rows], ends.external[rows])
         for row in rows[free].tolist():
             points = [q for q, up in zip((start[row], end[row]), lifted, strict=True) if up]
             lines = [True, False] if all(lifted) else [lifted[0]]
             ways[row] = Detour(np.array(points), np.array(lines), lifted[1])
-    return ways
+    return dict(sorted(ways.items()))
 
 
 def _lifted(

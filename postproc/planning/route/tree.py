@@ -1,5 +1,9 @@
 """Free ways in joint space by random trees from both ends (RRT-connect, Kuffner and LaValle 2000).
 
+A pose costs a small part of what the proof of a motion costs, so the trees grow by poses alone and
+whole ways are proven (Lazy PRM, Bohlin and Kavraki 2000): all motions between any two points of a
+way at once, which also tells which points it can do without. What is refuted leaves the trees.
+
 The seed is fixed and the tree depends on nothing but its two ends and the checks, so the same pair
 of configurations gives the same way wherever and whenever it is asked for.
 """
@@ -8,20 +12,56 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.checks import Checker
 
 ROUNDS = 60
 """How often a tree grows at most."""
 _SEED = 20220115
 _BATCH = 48
-_NEAREST = 12
-"""Moves between two trees that are checked before all others: the nearest."""
 _STEPS = (0.6, 0.3)
 """Longest move [rad] of a tree: in open space, and once that has not been enough."""
 _SHORTER = 20
 """After so many rounds moves get shorter."""
 _AROUND = 1.2
+_SAMPLE = 0.3
+"""Motions are looked at in steps of this [rad] at most before they are proven."""
+_PROVEN = 2
+"""So many ways, the shortest, are to be proven at once."""
+_TRIES = 4
+"""So often in a round, at most."""
+
+
+def seem_free(
+    checker: Checker, start: FloatArray, end: FloatArray, external: FloatArray
+) -> BoolArray:
+    """Return which joint moves (m, 6) to (m, 6) are free at poses between their ends.
+
+    The external axes stand at ``external`` (k,) or (m, k) meanwhile.
+    """
+    count = np.ceil(np.linalg.norm(end - start, axis=1) / _SAMPLE).astype(np.int64)
+    inner = np.maximum(count - 1, 1)
+    row = np.repeat(np.arange(len(start)), inner)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(inner) - inner, inner)
+    share = (step + 1) / (inner[row] + 1)
+    q = start[row] + share[:, None] * (end - start)[row]
+    place = external if external.ndim == 1 else external[row]
+    free = np.ones(len(start), dtype=np.bool_)
+    free[row[~checker.free_poses(q, place)]] = False
+    return free
+
+
+def free_moves(
+    checker: Checker, start: FloatArray, end: FloatArray, external: FloatArray
+) -> BoolArray:
+    """Return which joint moves (m, 6) to (m, 6) are free, looked at first where many are not.
+
+    The external axes stand at ``external`` (k,) or (m, k) meanwhile.
+    """
+    free = seem_free(checker, start, end, external)
+    place = external if external.ndim == 1 else external[free]
+    free[free] = checker.joint_moves(start[free], end[free], place).good
+    return free
 
 
 def rrt_connect(
@@ -45,83 +85,119 @@ def rrt_connect(
     trees = (_Tree(start, external), _Tree(goal, external))
     for round_ in range(rounds):
         one, two = trees[round_ % 2], trees[1 - round_ % 2]
-        step = _STEPS[round_ >= _SHORTER]
-        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), step)
-        met = two.meet(checker, one, new)
-        if met is not None:
-            way = [*one.way(met[0]), *two.way(met[1])[::-1]]
-            points = np.array(way[::-1] if round_ % 2 else way)
-            return _shortened(checker, points, external)[1:-1]
+        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), _STEPS[round_ >= _SHORTER])
+        way = _proven(checker, one, two, new)
+        if way is not None:
+            return (way[::-1] if round_ % 2 else way)[1:-1]
     return None
 
 
 class _Tree:
-    """Configurations reached from one end."""
+    """Configurations reached from one end.
+
+    ``parent`` (n,): number of the node before each; ``is_alive`` (n,): whether no move on the way
+    from the root was refuted.
+    """
 
     def __init__(self, root: FloatArray, external: FloatArray) -> None:
         self.external = external
         self.nodes = np.asarray(root, dtype=np.float64)[None]
-        self.parent = [-1]
+        self.parent = np.array([-1])
+        self.is_alive = np.array([True])
 
     def grow(self, checker: Checker, targets: FloatArray, step: float) -> IndexArray:
-        """Add nodes a step [rad] towards targets where that is free; return their numbers."""
+        """Add nodes a step [rad] towards targets where poses are free; return their numbers."""
         near = self.nearest(targets)
         way = targets - self.nodes[near]
         size = np.linalg.norm(way, axis=1, keepdims=True)
         ends = self.nodes[near] + way * np.minimum(1.0, step / np.maximum(size, 1e-9))
-        hopeful = np.nonzero(checker.free_poses(ends, self.external))[0]
-        start = self.nodes[near[hopeful]]
-        good = checker.joint_moves(start, ends[hopeful], self.external).good
-        free = hopeful[good]
+        free = np.flatnonzero(checker.free_poses(ends, self.external))
+        free = free[seem_free(checker, self.nodes[near[free]], ends[free], self.external)]
         first = len(self.nodes)
         self.nodes = np.concatenate([self.nodes, ends[free]])
-        self.parent += near[free].tolist()
+        self.parent = np.concatenate([self.parent, near[free]])
+        self.is_alive = np.concatenate([self.is_alive, np.ones(len(free), dtype=np.bool_)])
         return np.arange(first, len(self.nodes))
 
-    def meet(self, checker: Checker, other: _Tree, new: IndexArray) -> tuple[int, int] | None:
-        """Return a new node of the other tree and the own node joined to it by a free move.
-
-        The shortest such move: the longer ones are checked where none of the nearest is free.
-        """
-        if not len(new):
-            return None
-        near = self.nearest(other.nodes[new])
-        middle = 0.5 * (other.nodes[new] + self.nodes[near])
-        hopeful = np.nonzero(checker.free_poses(middle, self.external))[0]
-        gap = np.linalg.norm(other.nodes[new[hopeful]] - self.nodes[near[hopeful]], axis=1)
-        hopeful = hopeful[np.argsort(gap, kind="stable")]
-        for some in (hopeful[:_NEAREST], hopeful[_NEAREST:]):
-            start, end = other.nodes[new[some]], self.nodes[near[some]]
-            good = some[checker.joint_moves(start, end, self.external).good]
-            if len(good):
-                return int(new[good[0]]), int(near[good[0]])
-        return None
-
-    def way(self, node: int) -> list[FloatArray]:
-        """Return the nodes from the root to this one."""
-        nodes = []
+    def way(self, node: int) -> IndexArray:
+        """Return the numbers of the nodes from the root to this one."""
+        numbers = []
         while node >= 0:
-            nodes.append(self.nodes[node])
-            node = self.parent[node]
-        return nodes[::-1]
+            numbers.append(node)
+            node = int(self.parent[node])
+        return np.array(numbers[::-1])
 
     def nearest(self, targets: FloatArray) -> IndexArray:
         """Return the number (m,) of the node nearest to each target (m, 6)."""
-        square = ((targets[:, None] - self.nodes[None]) ** 2).sum(axis=2)
-        return np.asarray(np.argmin(square, axis=1))
+        alive = np.flatnonzero(self.is_alive)
+        square = ((targets[:, None] - self.nodes[alive][None]) ** 2).sum(axis=2)
+        return np.asarray(alive[np.argmin(square, axis=1)])
+
+    def leave_out(self, nodes: IndexArray) -> None:
+        """Leave out nodes (k,) that no free move leads to, with what grew from them."""
+        self.is_alive[nodes] = False
+        for node in range(int(nodes.min()) + 1, len(self.nodes)) if len(nodes) else ():
+            self.is_alive[node] &= self.is_alive[self.parent[node]]
 
 
-def _shortened(checker: Checker, way: FloatArray, external: FloatArray) -> FloatArray:
-    """Leave out nodes that straight joint moves can skip: fewest moves first, then shortest."""
+def _proven(checker: Checker, one: _Tree, two: _Tree, new: IndexArray) -> FloatArray | None:
+    """Return a free way (k, 6) from the root of one tree by its new nodes to that of the other."""
+    if not len(new):
+        return None
+    near = two.nearest(one.nodes[new])
+    free = seem_free(checker, one.nodes[new], two.nodes[near], one.external)
+    new, near = new[free], near[free]
+    gap = np.linalg.norm(one.nodes[new] - two.nodes[near], axis=1)
+    order = np.argsort(gap, kind="stable")
+    for _ in range(_TRIES):
+        order = order[one.is_alive[new[order]] & two.is_alive[near[order]]]
+        tried, order = order[:_PROVEN], order[_PROVEN:]
+        if not len(tried):
+            break
+        ways = [(one.way(int(new[i])), two.way(int(near[i]))) for i in tried]
+        way = _shortest(checker, one, two, ways)
+        if way is not None:
+            return way
+    return None
+
+
+def _shortest(
+    checker: Checker, one: _Tree, two: _Tree, ways: list[tuple[IndexArray, IndexArray]]
+) -> FloatArray | None:
+    """Return what is left of the first way that is free, by the nodes it cannot do without."""
+    points = [np.vstack([one.nodes[there], two.nodes[back[::-1]]]) for there, back in ways]
+    pairs = [np.triu_indices(len(way), 1) for way in points]
+    start = np.vstack([way[a] for way, (a, _) in zip(points, pairs, strict=True)])
+    end = np.vstack([way[b] for way, (_, b) in zip(points, pairs, strict=True)])
+    free = free_moves(checker, start, end, one.external)
+    cuts = np.cumsum([len(a) for a, _ in pairs])[:-1]
+    found = None
+    for way, (there, back), (a, b), good in zip(
+        points, ways, pairs, np.split(free, cuts), strict=True
+    ):
+        next_to = good[b == a + 1]
+        one.leave_out(there[1:][~next_to[: len(there) - 1]])
+        two.leave_out(back[1:][~next_to[len(there) :][::-1]])
+        kept = _fewest(way, a[good], b[good])
+        if found is None and kept is not None:
+            found = way[kept]
+    return found
+
+
+def _fewest(way: FloatArray, a: IndexArray, b: IndexArray) -> list[int] | None:
+    """Return the numbers of points of a way by which free moves a (m,) to b (m,) lead to its end.
+
+    Fewest moves first, then shortest; None if none lead there.
+    """
     k = len(way)
-    a, b = np.triu_indices(k, 1)
-    free = checker.joint_moves(way[a], way[b], external).good | (b == a + 1)
     best, before = [(0, 0.0)] + [(k + 1, 0.0)] * (k - 1), [0] * k
-    for i, j in sorted(zip(a[free].tolist(), b[free].tolist(), strict=True)):
+    for i, j in sorted(zip(a.tolist(), b.tolist(), strict=True)):
         cost = (best[i][0] + 1, best[i][1] + float(np.linalg.norm(way[j] - way[i])))
         if cost < best[j]:
             best[j], before[j] = cost, i
+    if best[-1][0] > k:
+        return None
     kept = [k - 1]
     while kept[-1] > 0:
         kept.append(before[kept[-1]])
-    return way[kept[::-1]]
+    return kept[::-1]
