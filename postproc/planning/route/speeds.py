@@ -127,10 +127,7 @@ def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
     """
     cell = problem.cell
     cap = _caps(problem, lines, track)[0]
-    speed = np.full(len(lines), cell.motion.rapid_speed)
-    fast = speed > cap * (1.0 + 1e-9)
-    speed[fast] = _even(cap[fast])
-    return ~machining_speeds(speed, cell)
+    return ~machining_speeds(_followed(np.full(len(lines), cell.motion.rapid_speed), cap), cell)
 
 
 def _axis_speeds(problem: Problem) -> FloatArray:
@@ -165,9 +162,8 @@ def _capped(
         )
     findings += _crawls(problem, table, rows[speed[rows] < SLOWEST])
     speed[missing] = np.inf
-    fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows] * (1.0 + 1e-9))]
-    cap = cap.copy()
-    cap[fast] = _even(cap[fast])
+    cap = _followed(speed, cap)
+    fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows])]
     tapped = _is_tapped(problem, table)
     for row in fast.tolist():
         tag = int(table.tag[row])
@@ -199,6 +195,14 @@ def _is_tapped(problem: Problem, table: Moves) -> BoolArray:
     taps = [cycle.kind in TAPS for cycle in problem.toolpath.cycles]
     own = np.array([*taps, False])[np.asarray(problem.toolpath.cycle)[table.tag]]
     return np.asarray(own & (table.speed < problem.cell.motion.rapid_speed))
+
+
+def _followed(speed: FloatArray, cap: FloatArray) -> FloatArray:
+    """Return the speeds (m,) [m/s], lowered to even ones where they are above what axes follow."""
+    fast = speed > cap * (1.0 + 1e-9)
+    result = speed.copy()
+    result[fast] = _even(cap[fast])
+    return result
 
 
 def _even(speed: FloatArray) -> FloatArray:
