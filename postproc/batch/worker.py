@@ -66,7 +66,6 @@ def died(job: Job) -> JobResult:
 
 
 def _convert(job: Job) -> JobResult:
-
     from postproc.jobs.convert import convert
 
     request = replace(job.request, cam_lines=job.toolpath is None)

@@ -3,7 +3,9 @@
 from postproc.model.modelfile import ModelFile, Registration, entry, load_model, save_model
 from postproc.model.plan import MoveKind, MoveRole, Plan
 from postproc.model.toolpath import (
+    CUTS,
     ORIENT,
+    WORKING,
     Arcs,
     CamSetup,
     CamTool,
@@ -19,7 +21,9 @@ from postproc.model.toolpath import (
 )
 
 __all__ = [
+    "CUTS",
     "ORIENT",
+    "WORKING",
     "Arcs",
     "CamSetup",
     "CamTool",

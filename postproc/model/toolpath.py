@@ -41,6 +41,12 @@ class MotionKind(IntEnum):
     """Straight in joint space (DELMIA joint moves)."""
 
 
+CUTS = (MotionKind.LINEAR, MotionKind.ARC)
+"""Motions on which the tool follows the path at its feed."""
+WORKING = (*CUTS, MotionKind.HOLE)
+"""Motions in which the tool works the part."""
+
+
 class EventKind(StrEnum):
     """What happens between two motions."""
 

@@ -25,7 +25,7 @@ from postproc.process.material import (
 from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
-from postproc.process.spindle import CUTTING, Stretch, may_stand, stretches, switched_off
+from postproc.process.spindle import Stretch, may_stand, stretches, switched_off
 from postproc.process.strokes import (
     CHIP_LIFT,
     FEED_OUT,
@@ -47,7 +47,6 @@ __all__ = [
     "AXIS_SHARE",
     "CHIP_LIFT",
     "COOLANTS",
-    "CUTTING",
     "FEED_OUT",
     "LEAST_PECK",
     "LOWERED_FROM",

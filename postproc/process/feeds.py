@@ -7,9 +7,8 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.errors import Finding, Severity, SourceRef
-from postproc.model import MotionKind, ToolPath
+from postproc.model import WORKING, MotionKind, ToolPath
 
-CUTS = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
 AXIS_SHARE = 0.95 * 0.98
 """Share of an axis's speed that a feed may need; a higher feed is lowered to it. The rest is for
 what an axis needs between two samples of the way."""
@@ -33,7 +32,7 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
 def feed_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     """Return one error (PRC003) for each feed that no program may ask for, at its first tag."""
     most = cell.krl.path_speed_max
-    feed = np.where(np.isin(toolpath.kind, CUTS), feeds_of(toolpath, cell), np.nan)
+    feed = np.where(np.isin(toolpath.kind, WORKING), feeds_of(toolpath, cell), np.nan)
     found = []
     for asked in np.unique(feed[feed > most * (1.0 + 1e-9)]).tolist():
         rows = np.flatnonzero(feed == asked)

@@ -7,10 +7,7 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.cell import Cell
-from postproc.model import MotionKind, ToolPath
-
-WORKING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
-"""Tags at which the tool works."""
+from postproc.model import WORKING, ToolPath
 
 
 def operation_loads(toolpath: ToolPath, cell: Cell) -> tuple[FloatArray, IntArray]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process.repeats import repeats
 from postproc.units import DEG, MM
 
@@ -43,7 +43,7 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     A cut that itself backs off along the tool axis does not; a repeated point is the first of them.
     """
     kind = np.asarray(toolpath.kind)
-    ends = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    ends = np.isin(kind, CUTS)
     if not ends.any():
         return ends
     way = np.diff(toolpath.points, axis=0, prepend=toolpath.points[:1])

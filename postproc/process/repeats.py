@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 
 SAME_POINT = 1e-7
 """Points nearer than this [m] and axes nearer than this [rad] are one."""
@@ -15,7 +15,7 @@ def repeats(toolpath: ToolPath) -> BoolArray:
     """Return (n,) lines and rapids of no length: the point, axis and tool of the motion before."""
     kind = np.asarray(toolpath.kind)
     again = np.isin(kind[1:], (MotionKind.RAPID, MotionKind.LINEAR))
-    again &= np.isin(kind[:-1], (MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC))
+    again &= np.isin(kind[:-1], (MotionKind.RAPID, *CUTS))
     for column in (np.asarray(toolpath.tool), toolpath.setup_of_tags):
         again &= np.diff(column) == 0
     again &= ~apart(np.hstack([toolpath.points, toolpath.axes]))[1:]

@@ -12,12 +12,10 @@ import numpy as np
 
 from postproc.cell import Cell, Tool
 from postproc.errors import Finding, Severity, SourceRef
-from postproc.model import Event, EventKind, MotionKind, ToolPath
+from postproc.model import WORKING, Event, EventKind, ToolPath
 from postproc.process.claims import claimed
 from postproc.units import RPM
 
-CUTTING = (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)
-"""Motions that may touch the part."""
 _ADDED = "added: the file leaves it on"
 _AGAIN = "added: the file does not stop it"
 _STANDING = frozenset({"SPINDL", "SPINDL/OFF"})
@@ -93,13 +91,13 @@ def _cuts_before_spindle(toolpath: ToolPath, place: int) -> bool:
     named = (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF)
     later = (event.index for event in toolpath.events[place + 1 :] if event.kind in named)
     kinds = toolpath.kind[first : next(later, len(toolpath))]
-    return bool(np.isin(kinds, CUTTING).any())
+    return bool(np.isin(kinds, WORKING).any())
 
 
 def direction_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     """Return an error for each stretch of cuts in which the spindle turns against a tool."""
     found = []
-    serving = np.where(np.isin(toolpath.kind, CUTTING), claimed(toolpath, cell).tool, -1)
+    serving = np.where(np.isin(toolpath.kind, WORKING), claimed(toolpath, cell).tool, -1)
     for part in stretches(toolpath.events, len(toolpath)):
         for index in np.unique(serving[part.first : part.stop]).tolist():
             tool = cell.tools[index]

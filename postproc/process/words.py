@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from postproc.errors import Finding, RunKind, Severity, SourceRef
-from postproc.model import EventKind, MotionKind, ToolPath, WordUse
+from postproc.model import WORKING, EventKind, ToolPath, WordUse
 
 _MOST_LINES = 12
 
@@ -81,7 +81,7 @@ def _no_spindle(toolpath: ToolPath) -> list[Finding]:
     named = any(
         event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF) for event in toolpath.events
     )
-    works = np.isin(toolpath.kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE)).any()
+    works = np.isin(toolpath.kind, WORKING).any()
     if named or not works:
         return []
     return [

@@ -7,7 +7,7 @@ import numpy as np
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import ArcMotion
 from postproc.geometry import angle_between, arc_points, arc_poses
-from postproc.model import MotionKind, MoveKind, MoveRole
+from postproc.model import CUTS, MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
 from postproc.planning.states import Chosen, Moves, Problem, moves
 from postproc.process import feeds_of
@@ -33,7 +33,7 @@ def cut_moves(problem: Problem, chosen: Chosen, leaves: FloatArray) -> list[Move
     """
     kind = np.asarray(problem.toolpath.kind)
     feed = feeds_of(problem.toolpath, problem.cell)
-    cuts = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)) & chosen.good
+    cuts = np.isin(kind, CUTS) & chosen.good
     entered = np.nonzero(cuts & chosen.entry)[0]
     T = problem.placement.tcp(np.arange(len(chosen.q)), chosen.attitude)
     q, external = chosen.q, problem.placement.external

@@ -10,7 +10,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import rotation_angle
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.planning.states.moves import Chosen
 from postproc.planning.states.problem import Problem
 from postproc.units import DEG, MM
@@ -37,7 +37,7 @@ def strokes_into(toolpath: ToolPath) -> BoolArray:
     size = np.linalg.norm(way, axis=1)
     along = np.abs(np.einsum("ij,ij->i", way, toolpath.axes[1:])) > _ALONG * size
     kind = np.asarray(toolpath.kind)
-    is_cut = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    is_cut = np.isin(kind, CUTS)
     beside = is_cut[:-1] | np.append(is_cut[2:], False)
     runs = (kind[1:] == MotionKind.LINEAR) | ((kind[1:] == MotionKind.RAPID) & beside)
     found[1:] = along & (size > _SHORT) & runs

@@ -12,7 +12,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.geometry import angle_between
 from postproc.kinematics import Kinematics, wrist_distance
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, WORKING, MotionKind, ToolPath
 from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
@@ -50,7 +50,7 @@ class Problem:
     def is_contact(self) -> BoolArray:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)
-        return np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.HOLE))
+        return np.isin(kind, WORKING)
 
     @cached_property
     def strokes(self) -> Strokes:
@@ -67,7 +67,7 @@ class Problem:
     def ways_out(self) -> FloatArray:
         """(n,) [m] the same where neither a cut nor a straight rapid follows, else 0."""
         kind = np.asarray(self.toolpath.kind)
-        goes_on = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC, MotionKind.RAPID))
+        goes_on = np.isin(kind, (*CUTS, MotionKind.RAPID))
         return np.where(np.append(goes_on[1:], False), 0.0, self.lifts)
 
     def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:

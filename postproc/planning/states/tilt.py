@@ -12,7 +12,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import TiltRange
 from postproc.geometry import rotation_from_vector
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST
 from postproc.units import DEG
 
@@ -26,7 +26,6 @@ MOST_COLUMNS = 2000
 """Most spins times tilts at a tag: 32 arm configurations each must fit into one rung."""
 MOST_POSES = 1_000_000
 """Most spins times tilts of all tags that tilt, unless the coarsest grid has more."""
-_CUTS = (MotionKind.LINEAR, MotionKind.ARC)
 
 
 def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
@@ -39,7 +38,7 @@ def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     n = len(toolpath)
     kind = np.asarray(toolpath.kind)
     before, behind = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    cuts = np.flatnonzero(np.isin(kind, _CUTS))
+    cuts = np.flatnonzero(np.isin(kind, CUTS))
     cuts = cuts[cuts > 0]
     start, end = _ends_of_cuts(toolpath, cuts)
     before[cuts] = _across(end, axis[cuts])
@@ -49,7 +48,7 @@ def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     turns_back = np.einsum("ij,ij->i", before, behind) < np.cos(SHARPEST)
     total = np.where(has_before[:, None], before, 0.0) + np.where(has_behind[:, None], behind, 0.0)
     able = (has_before | has_behind) & ~(both & turns_back)
-    able &= np.isin(kind, (MotionKind.RAPID, *_CUTS))
+    able &= np.isin(kind, (MotionKind.RAPID, *CUTS))
     size = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(able[:, None], total / np.maximum(size, 1e-12), np.nan)
 

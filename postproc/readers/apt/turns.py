@@ -10,8 +10,8 @@ from typing import Protocol
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model import Event, EventKind, MotionKind, WordClass
-from postproc.process import CUTTING, Stretch, stretches
+from postproc.model import WORKING, Event, EventKind, MotionKind, WordClass
+from postproc.process import Stretch, stretches
 from postproc.readers.apt.byturns import ByTurns
 from postproc.readers.apt.state import AptState
 
@@ -86,7 +86,7 @@ def check_standing(
     starts = [event for event in events if event.kind is EventKind.SPINDLE_ON]
     if not any(event.kind in (EventKind.SPINDLE_ON, EventKind.SPINDLE_OFF) for event in events):
         return
-    cuts = np.flatnonzero(np.isin(kind, CUTTING))
+    cuts = np.flatnonzero(np.isin(kind, WORKING))
     for part in stretches(events, len(kind)):
         inside = cuts[(cuts >= part.first) & (cuts < part.stop)]
         if not part.is_on and len(inside):

@@ -33,7 +33,7 @@ from postproc.cell import Cell
 from postproc.controller import MotionType
 from postproc.errors import RunKind
 from postproc.geometry import angle_between
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.paths import Displacement
 from postproc.process import Claims, claimed
 from postproc.units import DEG, MM
@@ -397,7 +397,7 @@ def _elements(
 ) -> dict[int, tuple[int, ...]]:
     """Check lines and arcs between served tags; return the motions that cut towards each tag."""
     served, kind = comparison.served, comparison.wanted.kind
-    rows = np.flatnonzero(np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC)))
+    rows = np.flatnonzero(np.isin(kind, CUTS))
     rows = rows[rows > 0]
     rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
     behind_hole = kind[rows - 1] == MotionKind.HOLE

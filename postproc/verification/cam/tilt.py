@@ -16,7 +16,7 @@ from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, TiltRange
 from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST, repeats
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
@@ -130,7 +130,7 @@ def _feeds(toolpath: ToolPath) -> FloatArray:
     leaving = _flat(_leaving(toolpath, 1), holder[0]) if len(toolpath) > 1 else np.zeros(3)
     arriving = np.zeros(3)
     for tag in range(len(toolpath)):
-        if kind[tag] in (MotionKind.RAPID, MotionKind.LINEAR, MotionKind.ARC):
+        if kind[tag] in (MotionKind.RAPID, *CUTS):
             meets = arriving.any() and leaving.any()
             if not meets or float(angle_between(arriving, leaving)) <= SHARPEST + 1e-9:
                 feed[tag] = _unit(arriving + leaving)
@@ -154,7 +154,7 @@ def _flat(way: FloatArray, holder: FloatArray) -> FloatArray:
 
 def _leaving(toolpath: ToolPath, row: int) -> FloatArray:
     """Return the direction in which the cut to a tag leaves the tag before; zero for no cut."""
-    if toolpath.kind[row] not in (MotionKind.LINEAR, MotionKind.ARC):
+    if toolpath.kind[row] not in CUTS:
         return np.zeros(3)
     element = element_to(toolpath, row)
     if isinstance(element, Line):
