@@ -1,6 +1,6 @@
 """Fitting effects to rows: linear algebra, registration, noise, waves, intervals."""
 
-from postproc.gap.fit.fit import Fit, Free, fit
+from postproc.gap.fit.fit import Fit, Free, fit, variance
 from postproc.gap.fit.intervals import deviations
 from postproc.gap.fit.linear import Block, NormalEquations, Subset, block_of, predicted
 from postproc.gap.fit.load_place import register_loaded
@@ -42,4 +42,5 @@ __all__ = [
     "saturated",
     "seen_in",
     "testable",
+    "variance",
 ]

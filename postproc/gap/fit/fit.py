@@ -95,6 +95,20 @@ def fit(
     return Fit(states, theta, covariance, slices, parameters, unseen, point)
 
 
+def variance(samples: Samples, fitted: Fit) -> FloatArray:
+    """Return how unsure noise makes the fitted points of rows: sum over the axes (n,) [m²].
+
+    Effects that were fitted and are no longer in the states do not count.
+    """
+    names = [name for name in fitted.slices if name in fitted.states]
+    every = np.arange(len(fitted.theta))
+    index = np.concatenate([every[:0], *(every[fitted.slices[name]] for name in names)])
+    free = [(effect_of(name), Free(fitted.states[name].setting)) for name in names]
+    X = _columns(evaluate(samples, fitted.states)[1], free)
+    C = fitted.covariance[np.ix_(index, index)]
+    return np.asarray(np.einsum("nap,pq,naq->n", X, C, X, optimize=True))
+
+
 def _layout(
     samples: Samples, given: States, effects: list[tuple[Effect, Free]]
 ) -> tuple[tuple[Parameter, ...], dict[str, slice], FloatArray, FloatArray]:
