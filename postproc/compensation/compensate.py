@@ -8,7 +8,8 @@ real arm stands where the plan has proven it free, so collisions need no new che
 Effects that follow the motion (backlash: the side a joint comes from; servo lag: its speed) need
 the program itself: it is written, run on the robot model as verification does, and what it does at
 its points goes into the next shift, until nothing changes. What belongs to the side a joint comes
-from fades where the joint turns back in a cut, so that the path has no steps (``reversals``).
+from swings over where the joint turns back in a cut, so that the path has no steps (``reversals``).
+At the start of a cut the tool stands while a point more takes the gears to the sides of the cut.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
-from postproc.compensation.reversals import sides_of
+from postproc.compensation.reversals import Sides, sides_of
 from postproc.compensation.solve import ACCURACY, LARGEST, Compensated, solve
+from postproc.compensation.starts import comes_down, with_points
 from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel, stiffness_of
@@ -90,11 +92,11 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
     solved = _solved(arm, rows, {}, file)
     commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
     unsettled = np.zeros(len(plan))
-    conditions: dict[str, Any] = {}
+    sides: Sides | None = None
     for _ in range(RUNS if follows else 0):
-        conditions = _conditions(commanded, cell, arm, rows, conditions)
+        sides, qd = _followed(commanded, cell, arm, rows, sides)
         before = solved
-        solved = _solved(arm, rows, conditions, file)
+        solved = _solved(arm, rows, {"direction": sides.arriving, "qd": qd}, file)
         commanded = _shifted(plan, cell, arm.kinematics, rows, solved)
         unsettled = np.linalg.norm(solved.shift - before.shift, axis=1)[: len(plan)]
         if float(unsettled.max(initial=0.0)) < SETTLED:
@@ -105,6 +107,8 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         *_left_out(arm.model, file),
         *_far(plan, file),
     ]
+    if sides is not None:
+        commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
     return replace(
         commanded,
         compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
@@ -192,10 +196,10 @@ def _rows(plan: Plan, cell: Cell, kinematics: Kinematics) -> _Rows:
     )
 
 
-def _conditions(
-    plan: Plan, cell: Cell, arm: RealArm, rows: _Rows, known: Mapping[str, Any]
-) -> dict[str, Any]:
-    """Return the side each joint comes from and how fast it is, as the program is run.
+def _followed(
+    plan: Plan, cell: Cell, arm: RealArm, rows: _Rows, known: Sides | None
+) -> tuple[Sides, FloatArray]:
+    """Return the sides of the joints and how fast they are, as the program is run.
 
     Speeds count where the tool works: on other ways nobody minds how late the arm is. The sides
     are those of the first run: each later shift moves a joint on to the side it is known to be on.
@@ -217,14 +221,40 @@ def _conditions(
     row = np.concatenate([motion, motion[rows.arc]])
     share = np.repeat([1.0, 0.5], [len(motion), len(rows.arc)])
     qd = Timeline.of(paths, cell).speed(row, share) * rows.working[:, None]
-    if "direction" in known:
-        return {**known, "qd": qd}
-    sides = sides_of(paths, motion[np.asarray(plan.role) == MoveRole.CUT], row, share)
-    return {"direction": sides.faded(_reach(arm, rows)), "qd": qd}
+    if known is not None:
+        return known, qd
+    is_cut, down = np.asarray(plan.role) == MoveRole.CUT, comes_down(plan)
+    reach, lost = _reach(arm, rows), arm.on_runs.lost
+    return sides_of(paths, motion[is_cut], motion[down], row, share, reach, lost), qd
+
+
+def _crossing(
+    commanded: Plan,
+    plan: Plan,
+    cell: Cell,
+    arm: RealArm,
+    rows: _Rows,
+    sides: Sides,
+    file: ModelFile,
+) -> Plan:
+    """Return the plan with a point more where a cut starts with gears on other sides.
+
+    The tool is to stand there while the gears cross their gaps.
+    """
+    turned = np.any(sides.leaving != sides.arriving, axis=1)[: len(plan)]
+    begins = np.append((np.asarray(plan.role) == MoveRole.CUT)[1:], False)
+    start = np.flatnonzero(turned & begins)
+    if not len(start):
+        return commanded
+    working, none = np.ones(len(start), dtype=np.bool_), rows.arc[:0]
+    own = _Rows(rows.q[start], working, rows.process[start + 1], rows.tool[start], none)
+    solved = _solved(arm, own, {"direction": sides.leaving[start], "qd": 0.0 * own.q}, file)
+    there = _shifted(plan.rows(start), cell, arm.kinematics, own, solved)
+    return with_points(commanded, start, there)
 
 
 def _reach(arm: RealArm, rows: _Rows) -> FloatArray:
-    """Return the way (r, 1) [m] to a reversal on which compensation fades.
+    """Return the way (r,) [m] on which compensation goes from the middle of a gear to its side.
 
     It is one for all joints: were all of them to turn back at once, the path would be as steep as
     it may be.
@@ -238,7 +268,7 @@ def _reach(arm: RealArm, rows: _Rows) -> FloatArray:
         for side in np.eye(6)
     ]
     most: FloatArray = np.sum([np.linalg.norm(way, axis=1) for way in moved], axis=0)
-    return most[:, None] / STEEPEST
+    return most / STEEPEST
 
 
 def process_of(plan: Plan, cell: Cell) -> FloatArray:

@@ -1,9 +1,14 @@
-"""Which side each joint comes from at the points of a program, and how far off it turns back.
+"""Which side of its gear each joint is on at the points of a program, as compensation takes it.
 
 Where a joint turns back while the tool cuts, its gear needs the other command at once: a step in
-the path, in the wrong place by as much as the arm differs from its model. So compensation fades
-towards the reversal and grows again behind it. It then never acts against the side that a joint is
-on, and is never worse there than none.
+the path. The command swings over instead, as fast as the path may bend. While a gear crosses its
+gap the link stands still, whatever the motor does. So the tool misses what comes of the swing
+before the turn, and behind it the way of the joint until the gear has crossed. The swing begins
+where the larger of both is least: at the turn where the joint turns gently, half of it before where
+it turns sharply. The tool is never farther off than without compensation.
+
+At the start of a cut the tool stands: there the gear crosses at once, and the cut begins on the
+side that it goes on (``starts``).
 """
 
 from __future__ import annotations
@@ -15,35 +20,40 @@ import numpy as np
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, forward_filled
 from postproc.paths import Paths, directions
 
-_APART = 1e3
-"""Points [m] that no cut joins are at least this far from each other."""
+_FAR = 1e3
+_EARLY = np.linspace(0.0, 1.0, 33)
 
 
 @dataclass(frozen=True, slots=True)
 class Sides:
-    """At r places of a run: side (r, 6), -1, 1 or 0 before the first motion; distance (r, 6) [m].
+    """At r places of a run the side (r, 6), -1 to 1, as a motion arrives and as the next leaves.
 
-    ``distance`` is the way along the cuts to the nearest place where the joint turns back.
+    They differ where a cut starts. 0 before the first motion.
     """
 
-    side: FloatArray
-    distance: FloatArray
-
-    def faded(self, reach: FloatArray) -> FloatArray:
-        """Return sides (r, 6) that fade to 0 within ``reach`` (r, 1) [m] of a reversal."""
-        known = np.maximum(reach, 1e-12)
-        faded: FloatArray = self.side * np.minimum(self.distance / known, 1.0)
-        return faded
+    arriving: FloatArray
+    leaving: FloatArray
 
 
-def sides_of(paths: Paths, cuts: AnyIntArray, row: AnyIntArray, share: FloatArray) -> Sides:
+def sides_of(
+    paths: Paths,
+    cuts: AnyIntArray,
+    starts: AnyIntArray,
+    row: AnyIntArray,
+    share: FloatArray,
+    reach: FloatArray,
+    lost: FloatArray,
+) -> Sides:
     """Return the sides at places of a run.
 
     Args:
         paths: of the run.
         cuts: motions that cut; those that follow each other are one stretch.
+        starts: motions that cut and at whose ends a stretch begins anew.
         row: (r,) motions.
         share: (r,) place on each, 0..1.
+        reach: (r,) way [m] in which a command goes from the middle of a gear to its side.
+        lost: (6,) way [rad] of each joint from one side of its gear to the other.
     """
     samples = paths.in_order()
     q = forward_filled(samples.q)
@@ -51,15 +61,25 @@ def sides_of(paths: Paths, cuts: AnyIntArray, row: AnyIntArray, share: FloatArra
     side = _last_sign(np.sign(directions(q)))
     least = _last_sign(np.sign(directions(q, np.zeros(6))))
     step = np.linalg.norm(np.diff(samples.point, axis=0, prepend=samples.point[:1]), axis=1)
-    along = np.cumsum(np.where(is_cut, np.nan_to_num(step), _APART))
-    at = np.searchsorted(samples.row + samples.share, row + share)
-    at = np.minimum(at, len(samples.row) - 1)
-    distance = np.empty((len(at), 6))
-    for joint in range(6):
-        turns = along[_turns(q[:, joint], side[:, joint], is_cut)]
-        distance[:, joint] = _nearest(turns, along[at])
+    along = np.cumsum(np.nan_to_num(step))
+    place, asked = samples.row + samples.share, row + share
+    order = np.argsort(asked, kind="stable")
+    R = np.interp(place, asked[order], np.maximum(reach, 1e-9)[order])
     # a hole is drilled at rest: there a joint is on the side of its least motion
-    return Sides(np.where(is_cut[at][:, None], side[at], least[at]), distance)
+    arriving = np.where(is_cut[:, None], side, least)
+    leaving = arriving.copy()
+    border = ~is_cut | (np.isin(samples.row, starts) & (samples.share == 1.0))
+    for start, end in _stretches(is_cut, border):
+        own, inner = slice(start, end + 1), slice(start + 1, end + 1)
+        for joint in range(6):
+            turns = _turns(q[own, joint], side[own, joint])
+            if turns:
+                now = _swung(along[own], q[own, joint], turns, R[own], float(lost[joint]))
+                leaving[start, joint] = now[0]
+                arriving[inner, joint] = leaving[inner, joint] = now[1:]
+        leaving[end] = side[end] if border[end] else leaving[end]
+    at = np.minimum(np.searchsorted(place, asked), len(place) - 1)
+    return Sides(arriving[at], leaving[at])
 
 
 def _last_sign(sign: FloatArray) -> FloatArray:
@@ -69,30 +89,58 @@ def _last_sign(sign: FloatArray) -> FloatArray:
     return np.take_along_axis(sign, last, axis=0)
 
 
-def _turns(q: FloatArray, side: FloatArray, is_cut: BoolArray) -> AnyIntArray:
-    """Return the samples at which one joint (k,) begins to turn back, of turns in a cut.
+def _stretches(is_cut: BoolArray, border: BoolArray) -> list[tuple[int, int]]:
+    """Return the first and last samples of stretches; the first is where the tool stands before."""
+    found = []
+    for start in np.flatnonzero(border[:-1] & is_cut[1:]).tolist():
+        behind = np.flatnonzero(border[start + 1 :])
+        last = start + 1 + int(behind[0]) if len(behind) else len(border) - 1
+        found.append((start, last if is_cut[last] else last - 1))
+    return found
 
-    The turn shows later, when the joint has really moved back; it began at its farthest point, or
-    with the cut.
+
+def _turns(q: FloatArray, side: FloatArray) -> list[tuple[int, float]]:
+    """Return where a joint (k,) turns back, and the side that it is on from there.
+
+    A turn shows when the joint has really moved back; it begins at its farthest point. A joint
+    that has not moved before begins with the stretch.
     """
-    shown = np.flatnonzero((side[1:] != side[:-1]) & (side[:-1] != 0.0)) + 1
-    start_of_cut = np.maximum.accumulate(np.where(is_cut, 0, np.arange(len(q))))
-    begun = []
-    before = 0
-    for turn in shown.tolist():
-        if is_cut[turn]:
-            first = max(before, int(start_of_cut[turn]))
-            begun.append(first + int(np.argmax(side[turn - 1] * q[first : turn + 1])))
-        before = turn
-    return np.array(begun, dtype=np.int64)
+    found, before = [], 0
+    for shown in (np.flatnonzero(side[1:] != side[:-1]) + 1).tolist():
+        begun = before + int(np.argmax(side[shown - 1] * q[before : shown + 1]))
+        found.append((begun if side[shown - 1] else 0, float(side[shown])))
+        before = shown
+    return found
 
 
-def _nearest(turns: FloatArray, places: FloatArray) -> FloatArray:
-    """Return the distance (n,) of each place to the nearest of the turns, which are in order."""
-    if not len(turns):
-        return np.full(len(places), np.inf)
-    after = np.searchsorted(turns, places)
-    behind = np.abs(places - turns[np.maximum(after - 1, 0)])
-    ahead = np.abs(turns[np.minimum(after, len(turns) - 1)] - places)
-    nearest: FloatArray = np.minimum(behind, ahead)
-    return nearest
+def _swung(
+    along: FloatArray,
+    q: FloatArray,
+    turns: list[tuple[int, float]],
+    reach: FloatArray,
+    lost: float,
+) -> FloatArray:
+    """Return the side (k,) that swings over at turns, along a stretch (k,) [m] of a joint (k,)."""
+    value, to, R, x = -turns[0][1], -turns[0][1], 1.0, -np.inf
+    knots = [(along[0] - _FAR, value)]
+    for begun, side in turns:
+        if begun == 0:
+            value = to = side
+            knots = [(along[0] - _FAR, value)]
+            continue
+        # begun by w of the reach before the turn, w of half the gap is missed there; behind it, as
+        # much is if the joint has moved by that when the gear has crossed
+        crossed = along[begun] + 2.0 * (1.0 - _EARLY) * reach[begun]
+        moved = np.abs(np.interp(crossed, along, q) - q[begun])
+        early = _EARLY[np.argmax(_EARLY * 0.5 * lost >= moved)]
+        start = max(along[begun] - early * reach[begun], x)
+        if x > -np.inf:
+            done = x + R * abs(to - value)
+            value = to if done <= start else value + np.sign(to - value) * (start - x) / R
+            knots += [(done, to)] if done <= start else []
+        knots.append((start, value))
+        to, R, x = side, float(reach[begun]), start
+    if x > -np.inf:
+        knots.append((x + R * abs(to - value), to))
+    places, values = np.array(knots).T
+    return np.asarray(np.interp(along, places, values))

@@ -129,13 +129,20 @@ def test_compensation_is_bounded_smooth_and_better_on_every_stretch(
     assert got["rms_after_mm"] < 0.35 * got["rms_before_mm"]
     if job.kind == "milling":
         cut = np.asarray(plan.role) == MoveRole.CUT
-        both = cut[1:] & cut[:-1]
+        aimed = np.asarray(plan.T_base_tcp)[:, :3, 3] - shift
+        onward = np.linalg.norm(np.diff(aimed, axis=0), axis=1) > 1e-9
+        # where the cut starts gears cross their gaps, the tool stands: nowhere else
+        crossing = np.flatnonzero(~onward & cut[1:])
+        assert {1} <= set(plan.tag[crossing + 1].tolist()) <= {0, 1}
+        both = cut[1:] & cut[:-1] & onward
         moving = (shift + gaps.mean(axis=0))[1:] - (shift + gaps.mean(axis=0))[:-1]
         way = np.linalg.norm(np.diff(np.asarray(plan.T_base_tcp)[:, :3, 3], axis=0), axis=1)
         assert np.all(np.linalg.norm(moving, axis=1)[both] <= 1.1 * STEEPEST * way[both] + 1e-6)
         # soft flanks and friction are not in the model: by 0.02 mm it may be off
         assert got["worst_stretch_mm"] < 0.02
         assert got["worse_stretches"] <= 0.05 * got["stretches"]
+        before, after = (np.linalg.norm(d.real[d.at] - job.points, axis=1) for d in (first, second))
+        assert after[0] < 0.25 * before[0]
     else:
         before, after = (np.linalg.norm(d.real[d.at] - job.points, axis=1) for d in (first, second))
         assert np.all(after < before)
