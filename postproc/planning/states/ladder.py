@@ -7,9 +7,9 @@ motion) a step must keep the group and no coordinate may move more than half a t
 The search is exact dynamic programming. Edges are never stored: the costs of all steps between
 two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
-on and stops as soon as the values agree again up to a constant. Until then what all ways into a
-class of states share is passed on without looking at their steps: behind a change the values of
-an arm configuration soon differ from before by a constant, those of another by another one.
+on and stops as soon as the values agree again up to a constant. Until then a state whose best way
+changed by no more than any other way into it keeps that way without a look at its steps: behind a
+change few states take another one.
 Between two wide rungs the matrix is worked out in blocks, a chain's group by group, so that memory
 stays bounded.
 """
@@ -260,34 +260,40 @@ class Ladder:
     def _shifted(self, i: int, low: int, high: int, shift: FloatArray) -> FloatArray | None:
         """Return the values (m,) of a rung if those before it changed by ``shift`` (b,) only.
 
-        Classes into which all ways changed by the same are shifted, not looked at; None where none
-        is.
+        A state whose best way changed by no more than any other that may lead to it keeps that way,
+        and is not looked at; None where there is none.
         """
-        if self.rule[i] != _CHAIN:
+        joined = self._joined(i) if self.rule[i] == _CHAIN else None
+        first = int(self.offsets[i - 1]) if i else low
+        before, old = self.value[first:low], self.value[low:high]
+        if not len(before) or not len(old):
             return None
-        joined = self._joined(i)
-        before = self.value[int(self.offsets[i - 1]) : low]
-        counts = before < np.inf
-        least, most = (np.full(joined.may.shape[1], end) for end in (np.inf, -np.inf))
+        alive = np.flatnonzero(before < np.inf)
+        own = shift.take(self.back[low:high], mode="clip")  # a state that is out leads nowhere
         with np.errstate(invalid="ignore"):
-            np.minimum.at(least, joined.before[counts], shift[counts])
-            np.maximum.at(most, joined.before[counts], shift[counts])
-            first = np.where(joined.may, least, np.inf).min(axis=1)
-            last = np.where(joined.may, most, -np.inf).max(axis=1)
-            alike = np.abs(last - first) <= _SAME
-        lost = np.flatnonzero(self.value[low:high] < np.inf)
-        lost = joined.now[lost[before[self.back[low + lost]] == np.inf]]
-        alike[lost] = False
-        none = (first == np.inf) & (last == -np.inf)
-        none[lost] = False
-        if not (alike | none).any():
+            least = self._least_shift(joined, alive, shift)
+            kept = np.where(old < np.inf, own <= least + _SAME, least > -np.inf)
+            value: FloatArray = np.where(kept & (old < np.inf), old + own + self._least[i], np.inf)
+        if not kept.any():
             return None
-        first[none] = 0.0
-        first[~(alike | none)] = np.inf
-        value: FloatArray = self.value[low:high] + (first + self._least[i])[joined.now]
-        self._by_class(i, joined, np.flatnonzero(~(alike | none)), value)
         value[np.isinf(self.cost[low:high])] = np.inf
-        return value if value.min(initial=np.inf) < np.inf else None
+        todo = np.flatnonzero(~kept & (self.cost[low:high] < np.inf))
+        if joined is None:
+            self._values(i, first + alive, low + todo, value, None)
+        elif len(todo):
+            self._by_class(i, joined, todo, value)
+        return value if value.min() < np.inf else None
+
+    @staticmethod
+    def _least_shift(
+        joined: Joined | None, alive: IndexArray, shift: FloatArray
+    ) -> FloatArray | float:
+        """Return the least shift (m,) of all states ``alive`` that may lead to each state."""
+        if joined is None:
+            return float(shift[alive].min(initial=np.inf))
+        least = np.full(joined.may.shape[1], np.inf)
+        np.minimum.at(least, joined.before[alive], shift[alive])
+        return np.asarray(np.where(joined.may, least, np.inf).min(axis=1)[joined.now])
 
     def _joined(self, i: int) -> Joined:
         """Return which classes of states a step of a chain into a rung may join."""
@@ -305,21 +311,20 @@ class Ladder:
         if i and high > low > before:
             joined = self._joined(i) if self.rule[i] == _CHAIN else None
             if joined is not None and _is_sparse(joined):
-                self._by_class(i, joined, np.arange(len(joined.may)), value)
+                self._by_class(i, joined, np.flatnonzero(cost < np.inf), value)
             else:
                 self._by_group(i, joined, value)
         self.broken[i] = not value.min(initial=np.inf) < np.inf
         return cost.copy() if self.broken[i] else value
 
-    def _by_class(self, i: int, joined: Joined, classes: IndexArray, value: FloatArray) -> None:
-        """Work out the values of some classes of a rung, in place."""
+    def _by_class(self, i: int, joined: Joined, todo: IndexArray, value: FloatArray) -> None:
+        """Work out the values of some states of a rung (k,), class by class, in place."""
         before, low = int(self.offsets[i - 1]), int(self.offsets[i])
         alive = self.value[before:low] < np.inf
-        wanted = self.cost[low : low + len(value)] < np.inf
-        for k in classes.tolist():
+        of = joined.now[todo]
+        for k in np.flatnonzero(np.bincount(of)).tolist():
             a = before + np.flatnonzero(joined.may[k][joined.before] & alive)
-            b = low + np.flatnonzero((joined.now == k) & wanted)
-            self._values(i, a, b, value, None)
+            self._values(i, a, low + todo[of == k], value, None)
 
     def _by_group(self, i: int, joined: Joined | None, value: FloatArray) -> None:
         """Work out the values of a rung, all states of a group at once, in place."""
