@@ -16,6 +16,7 @@ both ends with its control points between path and corner lies in the triangle.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +41,8 @@ BULGE = 2e-3
 """Pieces on which the joints leave the straight way by more [rad] are cut again."""
 LARGEST_BULGE = 0.03
 """A corner that cannot be cut into pieces better than this [rad] is given up."""
+_AT_ONCE = 4000
+"""So many pieces are made at once, so that memory stays bounded."""
 _RESERVE = 1.7
 """What is seen in the middle of sides, times 4/3, holds all over a parabola; the rest is spare."""
 _WIDER = 1.25
@@ -166,14 +169,13 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
     if corners.q_middle is not None:
         found += _bent(corners, q, lost)
     rows = np.flatnonzero(~lost & is_path & ~plain)
-    counts = np.stack([way[rows] / PIECE_LENGTH, turn[rows] / PIECE_ANGLE], axis=1)
-    counts = np.maximum(np.ceil(counts - 1e-9), 1.0).astype(np.int64)
+    size = np.stack([way[rows] / PIECE_LENGTH, turn[rows] / PIECE_ANGLE], axis=1)
+    counts: IndexArray = np.maximum(np.ceil(size - 1e-9), 1.0).astype(np.int64)
     counts[turn[rows] <= IN_STEP, 1] = 0
     while len(rows):
         last = 4 * counts.prod(axis=1, where=counts > 0) > MOST_PARTS
         again = []
-        for points, turns in np.unique(counts, axis=0).tolist():
-            same = np.flatnonzero((counts == (points, turns)).all(axis=1))
+        for points, turns, same in _alike(counts):
             pieces, gone, bulge = _cells(kinematics, corners, rows[same], points, turns)
             lost[rows[same[gone]]] = True
             lost[rows[same[last[same] & (bulge > LARGEST_BULGE)]]] = True
@@ -183,7 +185,23 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
             found.append(Pieces(pieces.q[good], pieces.slack[good], pieces.corner[good]))
         kept = np.concatenate([np.zeros(0, dtype=np.int64), *again])
         rows, counts = rows[kept], 2 * counts[kept]
-    return Bound(tuple(pieces for pieces in found if len(pieces.q)), lost)
+    return Bound(tuple(_joined(found)), lost)
+
+
+def _joined(found: list[Pieces]) -> Iterator[Pieces]:
+    """Yield pieces, all that are mixtures of as many together."""
+    for n in sorted({pieces.q.shape[2] for pieces in found if len(pieces.q)}):
+        same = [pieces for pieces in found if pieces.q.shape[2] == n]
+        q, slack, corner = ([getattr(p, name) for p in same] for name in ("q", "slack", "corner"))
+        yield Pieces(np.concatenate(q), np.concatenate(slack), np.concatenate(corner))
+
+
+def _alike(counts: IndexArray) -> Iterator[tuple[int, int, IndexArray]]:
+    """Yield each of counts (r, 2), points and turns, with rows that have it, not too many."""
+    for points, turns in np.unique(counts, axis=0).tolist():
+        same = np.flatnonzero((counts == (points, turns)).all(axis=1))
+        size = max(1, _AT_ONCE // (points * max(turns, 1)) ** 2)
+        yield from ((points, turns, same[low : low + size]) for low in range(0, len(same), size))
 
 
 def _straight(q: FloatArray, corner: IndexArray) -> Pieces:
