@@ -1,13 +1,15 @@
 """Measurement CSV: commanded joints and measured tool points, with what was logged beside them.
 
-UTF-8, comma, header row, ``#`` comment lines, columns in any order. Unknown columns are kept as
-conditions that may explain a gap: numbers where every cell is one, else labels.
+UTF-8, header row, ``#`` comment lines, columns in any order. Commas separate columns; where the
+header has none, semicolons or tabs do, and decimals may have a comma: all of them or none. Unknown
+columns are kept as conditions that may explain a gap: numbers where every cell is one, else labels.
 """
 
 from __future__ import annotations
 
 import csv
 import difflib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,7 @@ from postproc.measurement.rows import MeasurementSet, Remark
 
 LARGEST = 1e15
 """No reading in any unit of the columns comes near this."""
+_DECIMAL = re.compile(r"\s*[+-]?\d*[.,]\d+([eE][+-]?\d+)?\s*")
 FEW = 0.25
 """Share of the rows up to which empty cells lie between the others."""
 
@@ -136,7 +139,7 @@ def _read_table(path: str | Path) -> _Table:
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise DataError("MEA001", "not a text file", SourceRef(str(path), line))
-    rows, lines = _cells(text)
+    rows, lines, separator = _cells(text)
     if len(rows) < 2:
         raise DataError(
             "MEA002",
@@ -155,22 +158,56 @@ def _read_table(path: str | Path) -> _Table:
             raise table.error("MEA003", f"column {name!r} is there twice")
         if name:
             table.columns[name] = [cells[index] for cells in rows[1:]]
+    if separator != ",":
+        _decimals_by_point(table)
     return table
 
 
-def _cells(text: str) -> tuple[list[list[str]], list[int]]:
+def _decimals_by_point(table: _Table) -> None:
+    """Write the decimals of a file with a point, where all of them have a comma."""
+    numbers = {n: cells for n, cells in table.columns.items() if n not in ("id", *LABELS)}
+    found = {
+        mark: (row, name, cell)
+        for name, cells in numbers.items()
+        for row, cell in enumerate(cells)
+        for mark in ",."
+        if mark in cell and _DECIMAL.fullmatch(cell)
+    }
+    if len(found) > 1:
+        (_, of_comma, comma), (row, of_point, point) = found[","], found["."]
+        raise table.error(
+            "MEA006",
+            f"{of_point} is {point.strip()} and {of_comma} is {comma.strip()}: decimals with a "
+            "point and with a comma",
+            row,
+            hint="write all decimals of the file alike",
+        )
+    if "," in found:
+        for name, cells in numbers.items():
+            table.columns[name] = [
+                cell.replace(",", ".") if _DECIMAL.fullmatch(cell) else cell for cell in cells
+            ]
+
+
+def _cells(text: str) -> tuple[list[list[str]], list[int], str]:
+    """Return rows of cells, their lines, and what separates the cells."""
     rows: list[list[str]] = []
+    separator = ""
     lines: list[int] = []
     quoted = '"' in text
     for number, line in enumerate(text.split("\n"), start=1):
-        content = line.strip()
-        if not content or content.startswith("#"):
+        content = line.strip(" \r")  # a tab may stand between cells
+        if not content.strip() or content.startswith("#"):
             continue
+        if not separator:
+            separator = next((mark for mark in ",;\t" if mark in content), ",")
         rows.append(
-            next(csv.reader([content], skipinitialspace=True)) if quoted else content.split(",")
+            next(csv.reader([content], delimiter=separator, skipinitialspace=True))
+            if quoted
+            else content.split(separator)
         )
         lines.append(number)
-    return rows, lines
+    return rows, lines, separator
 
 
 def _check_header(table: _Table) -> None:
@@ -181,9 +218,6 @@ def _check_header(table: _Table) -> None:
             name, [c for c in table.columns if c not in KNOWN], 1, 0.6
         )
         hint = f"the column {close[0]!r} has another name or unit" if close else ""
-        only = next(iter(table.columns), "")
-        if len(table.columns) == 1 and (";" in only or "\t" in only):
-            hint = "columns are separated by commas, decimals by a point"
         raise table.error("MEA004", f"no column {name!r}, which every measurement needs", hint=hint)
 
 

@@ -100,10 +100,28 @@ def test_a_column_of_another_name_is_pointed_out(tmp_path):
     assert "q2_rad" in caught.value.hint
 
 
-def test_other_separators_are_explained(tmp_path):
-    with pytest.raises(DataError) as caught:
-        read(tmp_path, f"{HEAD.replace(',', ';')}\n{ROW.replace(',', ';')}\n")
-    assert "commas" in caught.value.hint
+@pytest.mark.parametrize("mark", [";", "\t"])
+@pytest.mark.parametrize("decimal", [",", "."])
+def test_spreadsheets_of_other_countries_are_read_alike(tmp_path, mark, decimal):
+    head, row = f"{HEAD},id,humidity,shift,fz_N", f"{ROW},p1,40.5,early,"
+    expected = read(tmp_path, f"{head}\n{row}\n")
+    text = "\r\n".join(t.replace(".", decimal).replace("~", mark) for t in (
+        head.replace(",", "~"), row.replace(",", "~"), ""
+    ))  # fmt: skip
+    data = read(tmp_path, text)
+    np.testing.assert_array_equal(data.q, expected.q)
+    np.testing.assert_array_equal(data.position, expected.position)
+    assert data.ids == ("p1",)
+    assert data.extra["humidity"][0] == 40.5
+    assert data.extra["shift"] == ("early",)
+
+
+def test_decimals_of_both_kinds_are_refused(tmp_path):
+    head, row = HEAD.replace(",", ";"), ROW.replace(",", ";")
+    text = f"{head}\n{row}\n{row.replace('1500.5', '1,500')}\n"
+    message = refused(tmp_path, text, "MEA006", 3)
+    assert "y_mm is -20.25 and x_mm is 1,500" in message
+    refused(tmp_path, f"{head}\n{row.replace('1500.5', '1.500,5')}\n", "MEA006", 2)
 
 
 @pytest.mark.parametrize(
