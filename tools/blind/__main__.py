@@ -13,6 +13,8 @@ from tools.blind.judging import judge
 from tools.blind.running import run_all
 from tools.blind.writing import generate
 
+EXPERIMENTS = {"loop": loop, "stiffness": stiffness}
+
 
 def main(arguments: list[str] | None = None) -> int:
     """Run a command; return the exit code."""
@@ -21,11 +23,8 @@ def main(arguments: list[str] | None = None) -> int:
         answers = generate(Path(options.output), options.cases, options.seed)
         print(f"{len(answers)} cases in {options.output}, seed {options.seed}", file=sys.stderr)
         return 0
-    if options.command == "loop":
-        print(close_all(Path(options.output), options.cases, options.seed))
-        return 0
-    if options.command == "stiffness":
-        print(identify_all(Path(options.output), options.cases, options.seed))
+    if options.command in EXPERIMENTS:
+        print(run_experiment(options.command, Path(options.output), options.cases, options.seed))
         return 0
     text, _ = score(
         Path(options.directory), options.answerer, options.processes, options.again, options.first
@@ -69,47 +68,27 @@ def score(
     return text, whole
 
 
-def close_all(folder: Path, count: int, seed: int) -> str:
-    """Run closed loops.
+def run_experiment(name: str, folder: Path, count: int, seed: int) -> str:
+    """Run the cases of an experiment.
 
     Args:
-        folder: gets a folder for each case, ``loop.json`` and ``loop.md``.
+        name: one of ``EXPERIMENTS``.
+        folder: gets a folder for each case, ``NAME.json`` and ``NAME.md``.
         count: how many cases.
         seed: of everything that is drawn.
 
     Returns:
         The table as markdown.
     """
+    module = EXPERIMENTS[name]
     cases = []
     for number in range(1, count + 1):
-        cases.append(loop.close(loop.draw(number, seed), folder / f"{number:04d}"))
+        cases.append(module.run(number, seed, folder / f"{number:04d}"))
         print(f"case {number} of {count}", file=sys.stderr, flush=True)
-    text = loop.table(cases, f"Closed loop: {count} cases, seed {seed}")
-    (folder / "loop.md").write_text(text, encoding="utf-8")
-    whole = {"schema": "blind.loop/1", "seed": seed, "cases": cases}
-    (folder / "loop.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
-    return text
-
-
-def identify_all(folder: Path, count: int, seed: int) -> str:
-    """Identify varying stiffness.
-
-    Args:
-        folder: gets a folder for each case, ``stiffness.json`` and ``stiffness.md``.
-        count: how many cases.
-        seed: of everything that is drawn.
-
-    Returns:
-        The table as markdown.
-    """
-    cases = []
-    for number in range(1, count + 1):
-        cases.append(stiffness.measure(number, seed, folder / f"{number:04d}"))
-        print(f"case {number} of {count}", file=sys.stderr, flush=True)
-    text = stiffness.table(cases, f"Varying stiffness: {count} cases, seed {seed}")
-    (folder / "stiffness.md").write_text(text, encoding="utf-8")
-    whole = {"schema": "blind.stiffness/1", "seed": seed, "cases": cases}
-    (folder / "stiffness.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
+    text = module.table(cases, f"{module.TITLE}: {count} cases, seed {seed}")
+    (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    whole = {"schema": f"blind.{name}/1", "seed": seed, "cases": cases}
+    (folder / f"{name}.json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
     return text
 
 
@@ -120,14 +99,11 @@ def _parser() -> argparse.ArgumentParser:
     make.add_argument("-o", "--output", required=True, metavar="DIR")
     make.add_argument("--cases", type=int, default=200)
     make.add_argument("--seed", type=int, default=1)
-    closed = commands.add_parser("loop", help="CAM to program to readings to a better program")
-    closed.add_argument("-o", "--output", required=True, metavar="DIR")
-    closed.add_argument("--cases", type=int, default=12)
-    closed.add_argument("--seed", type=int, default=1)
-    stiff = commands.add_parser("stiffness", help="identify stiffness that varies")
-    stiff.add_argument("-o", "--output", required=True, metavar="DIR")
-    stiff.add_argument("--cases", type=int, default=20)
-    stiff.add_argument("--seed", type=int, default=1)
+    for name, module in EXPERIMENTS.items():
+        own = commands.add_parser(name, help=module.HELP)
+        own.add_argument("-o", "--output", required=True, metavar="DIR")
+        own.add_argument("--cases", type=int, default=12)
+        own.add_argument("--seed", type=int, default=1)
     judged = commands.add_parser("score", help="run the product on the cases and print the table")
     judged.add_argument("-d", "--directory", required=True, metavar="DIR")
     judged.add_argument("--answerer", choices=("product", *answerers.NAMES), default="product")

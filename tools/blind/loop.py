@@ -28,6 +28,8 @@ from tools.blind.program import HOME, Drive, drive_program, read_krl
 from tools.blind.robots import KR210, KR500, RobotClass, cell_text
 from tools.blind.world import Hidden, simulate
 
+TITLE = "Closed loop"
+HELP = "CAM to program to readings to a better program"
 KINDS = ("drilling", "milling")
 BASE = np.array([1.3, 0.0, 0.5])
 """Corner of the part in the robot root [m], axes of the root."""
@@ -139,8 +141,9 @@ def _contour(rng: np.random.Generator, count: int = 220) -> tuple[Array, str]:
     return 1e-3 * at, "\n".join(text) + "\n"
 
 
-def close(job: Job, folder: Path) -> dict[str, Any]:
+def run(number: int, seed: int, folder: Path) -> dict[str, Any]:
     """Run the loop of a case in a folder; return what was promised and what came of it."""
+    job = draw(number, seed)
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([job.number, 18])
     cell = folder / "cell.toml"

@@ -22,6 +22,8 @@ from tools.blind.effects import LIBRARY
 from tools.blind.robots import KR210, KR500, RobotClass, cell_text
 from tools.blind.world import TOOL_BODY, Hidden, nominal, simulate
 
+TITLE = "Varying stiffness"
+HELP = "identify stiffness that varies"
 PAIRS, FRESH = 64, 200
 """Postures measured, and asked about."""
 SIGMA = 1.5e-5
@@ -41,7 +43,7 @@ def draw(number: int, seed: int) -> tuple[RobotClass, Plan, tuple[Hidden, ...]]:
     return robot, plan, tuple(Hidden(n, x, 1.0, LIBRARY[n].change) for n, x in drawn.items())
 
 
-def measure(number: int, seed: int, folder: Path) -> dict[str, Any]:
+def run(number: int, seed: int, folder: Path) -> dict[str, Any]:
     """Run a case in a folder; return how far its model is off, and which intervals hold."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, plan, hidden = draw(number, seed)
