@@ -20,7 +20,7 @@ from tools.blind.campaign import Plan, Rows, drive
 from tools.blind.chain import JOINTS, Array, torques
 from tools.blind.effects import LIBRARY
 from tools.blind.robots import KR210, KR500, RobotClass, cell_text
-from tools.blind.world import TOOL_BODY, Hidden, nominal, simulate
+from tools.blind.world import TOOL_BODY, Hidden, nominal, reference_torque, simulate
 
 TITLE = "Varying stiffness"
 HELP = "identify stiffness that varies"
@@ -30,6 +30,7 @@ SIGMA = 1.5e-5
 """Of a reading, per axis [m]."""
 DESIGNS = ("wide_loads", "patch")
 _LIMIT_S = 600.0
+_FINEST = 1e-6
 
 
 def draw(number: int, seed: int) -> tuple[RobotClass, Plan, tuple[Hidden, ...]]:
@@ -132,19 +133,22 @@ def _pairs(robot: RobotClass, rows: Rows, hidden: tuple[Hidden, ...]) -> Array:
 
 
 def _mean_give(robot: RobotClass, rows: Rows, hidden: tuple[Hidden, ...]) -> Array:
-    """Return the give (6,) of the joints [rad/(N*m)] under the loads, mean over the rows.
+    """Return the give (6,) of the joints [rad/(N*m)], mean over the postures that were measured.
 
-    Springs are a little stiffer under load: what counts is the turn over the torque, both from the
-    simulation, where the load turns the joint at all.
+    Springs are a little stiffer under load. What counts is the turn over the torque at the usual
+    torque of a joint in the campaign, in every posture, however little the load turns it there.
     """
     loaded = simulate(robot, rows, hidden)
     poses = loaded.poses
     at = poses.tool_point(robot.tool)
     torque = torques(poses, TOOL_BODY, at, rows.force)[:, JOINTS]
     turned = loaded.joints - rows.q
-    worth = np.abs(torque) > 0.05 * np.abs(torque).max(axis=0)
-    share = np.where(worth, turned / np.where(worth, torque, 1.0), np.nan)
-    return np.asarray(np.nanmean(share, axis=0))
+    rate = max(float(h.parameters["hardening"][0]) for h in hidden if "hardening" in h.parameters)
+    stiffer = rate / reference_torque(robot)[JOINTS]
+    usual = np.sqrt(np.mean(torque**2, axis=0))
+    some = np.abs(torque) > _FINEST * usual
+    soft = turned / np.where(some, torque, np.nan) * (1.0 + stiffer * np.abs(torque))
+    return np.asarray(np.nanmean(soft, axis=0) / (1.0 + stiffer * usual))
 
 
 def _holds(entry: dict[str, Any], give: float) -> bool | None:

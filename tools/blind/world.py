@@ -99,7 +99,7 @@ def simulate(robot: RobotClass, rows: Rows, hidden: Sequence[Hidden]) -> Outcome
         theta=embed(rows.q),
         tool=np.tile(robot.tool, (n, 1)),
         give=give,
-        reference=_reference(robot),
+        reference=reference_torque(robot),
         mass=robot.arm.mass.copy(),
         com=robot.arm.com.copy(),
     )
@@ -112,7 +112,7 @@ def simulate(robot: RobotClass, rows: Rows, hidden: Sequence[Hidden]) -> Outcome
     return Outcome(point, theta[:, JOINTS], poses)
 
 
-def _reference(robot: RobotClass) -> Array:
+def reference_torque(robot: RobotClass) -> Array:
     """Return a usual torque of each screw [N*m]: the largest load on half the arm."""
     length = np.full(len(SCREWS), 0.5 * np.linalg.norm(robot.arm.point[4]))
     length[JOINTS[3:]] = np.linalg.norm(robot.tool) + 0.1

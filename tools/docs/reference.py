@@ -106,9 +106,9 @@ def _csv() -> Iterator[str]:
         yield f"| `{name}` | {_cell_text(MEANINGS[name])} | {_cell_text(others)} |"
     yield "\n## Measurements\n"
     yield (
-        "What `diagnose`, `identify` and `predict` read: separator `,` `;` or tab, decimal point, or "
-        "comma where all decimals have one, header row, `#` begins a remark. Unknown columns "
-        "are kept and offered as conditions that may explain the gap.\n"
+        "What `diagnose`, `identify` and `predict` read: separator `,` `;` or tab, decimals with a "
+        "point, or all with a comma, header row, `#` begins a remark. Unknown columns are kept and "
+        "offered as conditions that may explain the gap.\n"
     )
     yield "| column | meaning | empty |\n|---|---|---|"
     yield "| `id` | name of the row | numbered |"

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from postproc.arrays import FloatArray
+from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.constant import ConstantFit
 from postproc.stiffness.identify.continuous import ContinuousFit
 from postproc.stiffness.identify.observability import Visibility, grade_by
@@ -46,27 +45,29 @@ def constant_estimates(fit: ConstantFit) -> tuple[JointEstimate, ...]:
 
 
 def field_estimates(
-    fit: ContinuousFit, q: FloatArray, motion: FloatArray, confidence: float
+    fit: ContinuousFit, cases: LoadCases, motion: FloatArray, confidence: float
 ) -> tuple[JointEstimate, ...]:
     """Return the estimates of a field over the measured postures.
 
     Args:
         fit: of the field.
-        q: (n, 6) joint angles that were measured [rad].
+        cases: that were measured.
         motion: (6,) [m] that the loads move the tool by each joint.
         confidence: of the intervals.
     """
     from scipy.special import ndtri
 
-    c = fit.field.compliance(q).mean(axis=0)
-    sd = fit.mean_log_sd(q)
-    reach = np.exp(float(ndtri(0.5 + 0.5 * confidence)) * sd)
+    c = fit.field.compliance(cases.q).mean(axis=0)
+    sd = fit.relative_sd(cases)
+    reach = float(ndtri(0.5 + 0.5 * confidence)) * sd
     found = []
     for joint in range(6):
         if not fit.seen[joint]:
             found.append(UNSEEN_JOINT)
             continue
+        # readings are linear in compliances, not in stiffness
         k, spread = 1.0 / float(c[joint]), float(reach[joint])
+        high = k / (1.0 - spread) if spread < 1.0 else math.inf
         grade = grade_by(float(sd[joint]), float(motion[joint]), fit.hyper.sigma)
-        found.append(JointEstimate(k, k / spread, k * spread, float(sd[joint]), grade))
+        found.append(JointEstimate(k, k / (1.0 + spread), high, float(sd[joint]), grade))
     return tuple(found)

@@ -38,11 +38,12 @@ FEWEST_RESPONSES = 3
 class Identification:
     """What was identified and how far it can be trusted.
 
-    ``field`` is the chosen model, ``mean`` (6,) the constant compliances beside it;
+    ``field`` is the chosen model, ``joints`` what it says of each; ``constant`` stands beside it;
     ``deflection_mean`` and ``_max`` [m]: what the loads did before any model.
     """
 
     chosen: str
+    joints: tuple[JointEstimate, ...]
     reason: str
     field: StiffnessField
     cases: LoadCases
@@ -65,21 +66,6 @@ class Identification:
             return floor.sigma
         left = [self.constant.sigma, *(fit.sigma for fit in self.grids.values())]
         return min([*left, *([self.continuous.hyper.sigma] if self.continuous else [])])
-
-    @property
-    def joints(self) -> tuple[JointEstimate, ...]:
-        """What the chosen model says of each joint."""
-        constant = self.constant
-        if self.chosen != "continuous" or self.continuous is None:
-            known = constant_estimates(constant)
-            # a joint that varies too much for one constant, but not for the cells
-            hidden = [one.grade is Visibility.UNOBSERVABLE for one in known]
-            return tuple(
-                replace(one, grade=Visibility.WEAK) if is_hidden and is_seen else one
-                for one, is_hidden, is_seen in zip(known, hidden, self.field.observed, strict=True)
-            )
-        motion = constant.observability.motion * constant.centre / constant.c_ref
-        return field_estimates(self.continuous, self.cases.q, motion, constant.confidence)
 
     @property
     def floor_mean(self) -> float:
@@ -138,6 +124,7 @@ def identify(
     moved = np.linalg.norm(cases.d * cases.scale[:, None], axis=1)
     return Identification(
         chosen=chosen,
+        joints=_estimates(models, chosen),
         reason=reason,
         field=models.fitted(chosen),
         cases=cases,
@@ -151,6 +138,22 @@ def identify(
         deflection_mean=float(moved.mean()),
         deflection_max=float(moved.max()),
         held_out_error=held_out[chosen],
+    )
+
+
+def _estimates(models: Models, chosen: str) -> tuple[JointEstimate, ...]:
+    """Return what a model says of each joint."""
+    constant = models.constant
+    if chosen == "continuous" and models.continuous is not None:
+        motion = constant.observability.motion * constant.centre / constant.c_ref
+        return field_estimates(models.continuous, models.cases, motion, constant.confidence)
+    observed = models.fitted(chosen).observed
+    # a joint that varies too much for one constant, but not for the cells
+    return tuple(
+        replace(one, grade=Visibility.WEAK)
+        if one.grade is Visibility.UNOBSERVABLE and is_seen
+        else one
+        for one, is_seen in zip(constant_estimates(constant), observed, strict=True)
     )
 
 
