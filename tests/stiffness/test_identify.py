@@ -10,11 +10,12 @@ from postproc.gap import stiffness_tables
 from postproc.geometry.frames import transform_from_kuka
 from postproc.model import ModelFile, save_model
 from postproc.stiffness.field import ConstantField
+from postproc.stiffness.identify import continuous
 from postproc.stiffness.identify.cases import clusters, load_cases
 from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.stiffness.identify.document import identify_document, warnings
-from postproc.stiffness.identify.estimates import constant_estimates
+from postproc.stiffness.identify.estimates import constant_estimates, field_estimates
 from postproc.stiffness.identify.gridded import fit_grid, grid_over, members
 from postproc.stiffness.identify.identify import identify
 from postproc.stiffness.identify.models import IdentifyOptions, folds
@@ -281,6 +282,30 @@ def test_numbers_of_joints_are_those_of_the_chosen_model(arm, postures, varying)
         assert told.low <= told.stiffness <= told.high
         assert abs(np.log(told.stiffness / true[joint])) < 3.0 * told.relative_sd + 0.02, joint
     assert not any("bound" in text for text in warnings(result))
+
+
+def test_intervals_hold_where_springs_stiffen_under_load(arm, postures, monkeypatch):
+    """One load a posture cannot show it, and the larger loads of a joint count most."""
+    twin, rng = Twin(), np.random.default_rng(3)
+    cases = load_cases(campaign(twin, postures(64), three_directions(twin), TRACKER), arm, TCP)
+    number = np.argsort(rng.random(len(cases)))
+    cases = cases.rows(np.sort(number[np.unique(cases.posture[number], return_index=True)[1]]))
+    size = np.linalg.norm(cases.A, axis=1)
+    stiffer = 1.0 - 0.08 * (size / np.sqrt(np.mean(size**2, axis=0)) - 1.0)
+    d = np.einsum("nij,nj->ni", cases.A, C * stiffer) + rng.normal(0.0, TRACKER, cases.d.shape)
+    hard = replace(cases, d=d)
+    fit = fit_continuous(hard, fit_constant(hard))
+    motion = np.full(6, 1e-4)
+
+    def held() -> float:
+        told = field_estimates(fit, hard, motion, 0.9)
+        return float(
+            np.mean([one.low <= k <= one.high for one, k in zip(told, 1.0 / C, strict=True)])
+        )
+
+    assert held() >= 0.8
+    monkeypatch.setattr(continuous, "HARDENING", 0.0)
+    assert held() <= 0.5
 
 
 def test_an_estimate_at_its_bound_is_in_its_interval_and_not_good(arm, postures):
