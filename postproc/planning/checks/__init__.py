@@ -3,6 +3,7 @@
 from postproc.planning.checks.explain import Evidence, explained, failure, gave_up
 from postproc.planning.checks.feasible import (
     MORE_CLEARANCE,
+    PROBES,
     RESOLUTION,
     Checker,
     Lines,
@@ -19,6 +20,7 @@ __all__ = [
     "MORE_CLEARANCE",
     "NEAR",
     "NEAR_SOLIDS",
+    "PROBES",
     "RESOLUTION",
     "Checker",
     "Evidence",

@@ -19,7 +19,8 @@ from postproc.planning.states import NONE, Ladder
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
 Beside = Callable[[IndexArray], IndexArray]
-Widen = Callable[[list[tuple[int, int]]], list[tuple[int, int]]]
+Steps = list[tuple[int, int]]
+Widen = Callable[[Steps], tuple[Steps, Steps]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +48,7 @@ def free_path(
         check_steps: states from (m,), to (m,) -> (m,) whether each step passes; asked for the
             unbroken steps of ways whose states all pass, once for each.
         beside: failing states (m,) -> further states known to fail, in any order.
-        widen: failing steps -> steps worth a check along with them.
+        widen: failing steps -> steps worth a check along with them, and steps known to fail.
 
     Every round takes states or steps out, so there is an end; a rung into which no step is left is
     cut off from those before (``ladder.broken``).
@@ -71,8 +72,9 @@ def free_path(
         if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
         if widen is not None:
-            more = [step for step in widen(bad) if step not in passed]
-            bad = sorted({*bad, *_failing_steps(more, passed, check_steps)})
+            more, refuted = widen(bad)
+            more = [step for step in more if step not in passed]
+            bad = sorted({*bad, *refuted, *_failing_steps(more, passed, check_steps)})
         forbidden += len(bad)
         ladder.forbid(bad)
 
@@ -88,15 +90,13 @@ def _check(states: IndexArray, known: BoolArray, check: CheckStates) -> IndexArr
 
 def _bad_steps(
     ladder: Ladder, path: IndexArray, passed: set[tuple[int, int]], check: CheckSteps
-) -> list[tuple[int, int]]:
+) -> Steps:
     joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~ladder.broken[1:]
     pairs = zip(path[:-1][joined].tolist(), path[1:][joined].tolist(), strict=True)
     return _failing_steps([pair for pair in pairs if pair not in passed], passed, check)
 
 
-def _failing_steps(
-    todo: list[tuple[int, int]], passed: set[tuple[int, int]], check: CheckSteps
-) -> list[tuple[int, int]]:
+def _failing_steps(todo: Steps, passed: set[tuple[int, int]], check: CheckSteps) -> Steps:
     if not todo:
         return []
     ends = np.array(todo)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
+from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
     FINE,
@@ -30,7 +32,6 @@ from postproc.planning.states import (
     beside_in_grid,
     merged,
 )
-from postproc.units import DEG
 
 _ALL = 8
 """All tags inside a cut of no more become key tags where it fails."""
@@ -38,10 +39,6 @@ _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
-_OFTEN, _MANY = 4, 5000
-"""Every so often so many of all steps between two tags are checked."""
-_TURN = 45.0 * DEG
-"""Where steps between two tags fail again, all steps that turn the tool by less are checked."""
 
 
 @dataclass(slots=True)
@@ -192,7 +189,9 @@ class PoseSearch:
         """
         self.wanted.clear()
         check_steps = self.check_steps if steps else None
-        found = free_path(self.ladder, self.check_states, check_steps, self.beside, self.fan)
+        found = free_path(
+            self.ladder, self.check_states, check_steps, self.beside, partial(fan, self)
+        )
         self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
         return found
 
@@ -242,7 +241,7 @@ class PoseSearch:
         rows = np.flatnonzero(to_do)
         if not len(rows):
             return good
-        spans = self._spans(before[rows], after[rows])
+        spans = self.spans(before[rows], after[rows])
         judged = judge(self.checker, self.between, spans)
         fine = judged.good(len(rows))
         self.passed[after[rows[fine]]] = before[rows[fine]]
@@ -267,7 +266,8 @@ class PoseSearch:
             inside = {at for at in wish if first < at < last}
             self.wanted |= inside or {(first + last) // 2}
 
-    def _spans(self, before: IndexArray, after: IndexArray) -> Spans:
+    def spans(self, before: IndexArray, after: IndexArray) -> Spans:
+        """Return the steps (m,) between states as spans."""
         rungs = self.states.tag_of(after)
         return Spans(
             self.tags[np.maximum(rungs - 1, 0)],
@@ -344,56 +344,6 @@ class PoseSearch:
         found = np.minimum(np.searchsorted(self.cells, wanted), len(self.cells) - 1)
         return np.asarray(found[self.cells[found] == wanted])
 
-    def fan(self, steps: list[tuple[int, int]]) -> list[tuple[int, int]]:
-        """Return the steps worth a check along with failing ones.
-
-        Those that leave or enter the same states; where steps into a tag failed before, all that
-        turn the tool by less than ``_TURN``.
-        """
-        more: set[tuple[int, int]] = set()
-        for a, b in steps:
-            rung = int(self.states.tag_of(np.array([b]))[0])
-            tag = int(self.tags[rung])
-            self.fanned[tag] = self.fanned.get(tag, 0) + 1
-            before = np.arange(self.states.offsets[rung - 1], self.states.offsets[rung])
-            now = np.arange(self.states.offsets[rung], self.states.offsets[rung + 1])
-            if self.fanned[tag] == 1:
-                more.update((a, state) for state in now[self._open(now, b, a)].tolist())
-                more.update((state, b) for state in before[self._open(before, a, b)].tolist())
-            elif self.fanned[tag] == 2:
-                more.update(self._all_steps(before, now, _TURN))
-            elif self.fanned[tag] % _OFTEN == 0:
-                more.update(self._all_steps(before, now, np.pi))
-        return sorted(more - set(steps))
-
-    def _open(self, states: IndexArray, like: int, end: int) -> BoolArray:
-        """Return which states a step with ``end`` may join, of the tilt of ``like``."""
-        near = np.abs(self.states.q[states] - self.states.q[end]).max(axis=1) <= np.pi
-        near &= np.isfinite(self.ladder.cost[states])
-        width = self.states.spins.shape[-1]
-        near &= self.states.column[states] // width == self.states.column[like] // width
-        return np.asarray(near & (self.states.branch[states] == self.states.branch[like]))
-
-    def _all_steps(self, before: IndexArray, now: IndexArray, most: float) -> list[tuple[int, int]]:
-        """Return the steps of a chain that turn the tool by no more than ``most`` [rad].
-
-        The ``_MANY`` that turn it least.
-        """
-        before = before[np.isfinite(self.ladder.cost[before])]
-        now = now[np.isfinite(self.ladder.cost[now])]
-        a, b = self.states.attitude_of(before), self.states.attitude_of(now)
-        turn = np.abs(b[:, None, 0] - a[None, :, 0])
-        turn = np.minimum(turn, 2.0 * np.pi - turn)
-        near = turn <= most + 1e-9
-        near &= self.states.branch[now][:, None] == self.states.branch[before][None]
-        for j in range(6):
-            gap = np.subtract.outer(self.states.q[now, j], self.states.q[before, j])
-            near &= np.abs(gap) <= np.pi
-        to, start = np.nonzero(near)
-        few = np.argsort(turn[to, start], kind="stable")[:_MANY]
-        to, start = to[few], start[few]
-        return list(zip(before[start].tolist(), now[to].tolist(), strict=True))
-
     def _all_cells(self) -> IndexArray:
         """Return ``_place`` (N,) of all states, in place: there are millions."""
         places = np.repeat(np.arange(len(self.tags)), np.diff(self.states.offsets))
@@ -428,7 +378,7 @@ class PoseSearch:
         apart = self.tags[joined] - self.tags[joined - 1] > 1
         a, b = a[apart & (self.passed[b] == a)], b[apart & (self.passed[b] == a)]
         chosen = Chosen(attitude, branch, q, is_good, entry)
-        fill(problem, self.between, self._spans(a, b), chosen)
+        fill(problem, self.between, self.spans(a, b), chosen)
         if k < n:
             chosen.entry[1:] |= ~is_good[:-1]
         return chosen
