@@ -1,6 +1,6 @@
 """Which states and motions are allowed, and why not."""
 
-from postproc.planning.checks.explain import Evidence, explained, failure, gave_up
+from postproc.planning.checks.explain import Break, Evidence, explained, failure, gave_up
 from postproc.planning.checks.feasible import (
     MORE_CLEARANCE,
     PROBES,
@@ -22,6 +22,7 @@ __all__ = [
     "NEAR_SOLIDS",
     "PROBES",
     "RESOLUTION",
+    "Break",
     "Checker",
     "Evidence",
     "Grade",

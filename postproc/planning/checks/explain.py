@@ -12,7 +12,7 @@ from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import common_shift, remedy
-from postproc.planning.states import NO_POSE, Chosen, Problem, Rule, States
+from postproc.planning.states import NO_POSE, Chosen, Problem, States
 from postproc.units import DEG
 
 WORDS = {
@@ -28,6 +28,8 @@ ALIKE = 50
 """So many tags at most that fail one after the other for the same reason share a remedy."""
 BRANCHES = 8
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
+HURDLES = (Reason.COLLISION, Reason.SPEED, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
+"""What stands in the way, the last that is checked first."""
 _BEYOND = frozenset(f"PLN{int(reason)}" for reason in COUNTED)
 MANY = 5
 """From so many tags out of reach on, one move of the workpiece for all of them is looked for."""
@@ -53,18 +55,39 @@ def no_pose(toolpath: ToolPath, tag: int) -> Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Break:
+    r"""What becomes of ``count`` poses at a tag, carried on to the next one, as the tool stands.
+
+    ``reasons``: how many fail for each; ``pair``: what hits most often, -1 without; ``over`` [rad]:
+    how far the least of them is over a joint limit, at ``axis`` (0 to 5); ``bent`` [rad]: the
+    largest \|A5\| of those that come too near to a straight wrist.
+    """
+
+    count: int
+    reasons: Mapping[Reason, int]
+    pair: int
+    over: float
+    axis: int
+    bent: float
+
+    @property
+    def main(self) -> Reason:
+        """The last hurdle: poses that fail later passed all before."""
+        return next(reason for reason in HURDLES if reason in self.reasons)
+
+
+@dataclass(frozen=True, slots=True)
 class Evidence:
     """Why states and steps failed, as a search saw it.
 
-    ``reason``, ``pair`` (N,) of the states; ``step_reason``: last failure of the step into a rung.
+    ``reason``, ``pair`` (N,) of the states; ``breaks``: of the rungs into which no cut leads.
     """
 
     tags: IndexArray
     states: States
-    rule: IndexArray
     reason: IndexArray
     pair: IndexArray
-    step_reason: Mapping[int, tuple[Reason, int]]
+    breaks: Mapping[int, Break]
     chosen: Chosen
 
 
@@ -78,18 +101,19 @@ def gave_up(
     problem = checker.problem
     said = {finding.tag_index for finding in findings}
     lost = {*np.flatnonzero(~chosen.good).tolist(), *tags} - said
-    return [
-        Finding(
-            Severity.ERROR,
-            "PLN106",
-            f"tag {problem.toolpath.tag_name(tag)}: the search gave up: no way was found here, and "
-            "not every one is refuted",
-            tag,
-            problem.toolpath.source(tag),
-            hint="lift the tool off before this tag, or split the cut",
-        )
-        for tag in sorted(lost)
-    ]
+    return [_given_up(problem, tag) for tag in sorted(lost)]
+
+
+def _given_up(problem: Problem, tag: int) -> Finding:
+    return Finding(
+        Severity.ERROR,
+        "PLN106",
+        f"tag {problem.toolpath.tag_name(tag)}: the search gave up: no way was found here, and "
+        "not every one is refuted",
+        tag,
+        problem.toolpath.source(tag),
+        hint="lift the tool off before this tag, or split the cut",
+    )
 
 
 class _Remedies:
@@ -124,15 +148,10 @@ class _Remedies:
 def explained(checker: Checker, evidence: Evidence) -> list[Finding]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
     findings = []
-    good, entry = evidence.chosen.good, evidence.chosen.entry
     remedies = _Remedies(checker)
-    for row in np.nonzero(~good)[0].tolist():
+    for row in np.nonzero(~evidence.chosen.good)[0].tolist():
         findings.append(_no_pose(checker, evidence, row, remedies))
-    cut_off = (evidence.rule == Rule.CHAIN) & entry & good
-    cut_off[1:] &= good[:-1]
-    cut_off[:1] = False
-    for row in np.nonzero(cut_off)[0].tolist():
-        findings.append(_no_way(checker, evidence, row))
+    findings += [_no_way(checker, evidence, row) for row in sorted(evidence.breaks)]
     return [*findings, *_shifted(checker, findings)]
 
 
@@ -162,8 +181,7 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
         counts[reason] = counts[reason] + int((reasons[first] == reason).sum())
     counts[Reason.COLLISION] = int((reasons[first] == Reason.COLLISION).sum())
     # The last hurdle is what stands in the way: poses that fail later passed all before.
-    order = (Reason.COLLISION, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
-    main = next((reason for reason in order if counts[reason]), Reason.UNREACHABLE)
+    main = next((reason for reason in HURDLES if counts.get(reason)), Reason.UNREACHABLE)
     parts = [f"{counts[r]} {WORDS[r]}" for r in (*COUNTED, Reason.COLLISION) if counts[r]]
     tried = int(evidence.states.tried[row]) // same
     detail = f"{pin}none of {tried} poses can be run ({', '.join(parts)})"
@@ -188,13 +206,34 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
 
 
 def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
-    reason, pair = evidence.step_reason.get(row, (Reason.SINGULAR, -1))
+    found, tag = evidence.breaks[row], int(evidence.tags[row])
+    if not found.reasons:  # poses lead on between those of the grid
+        return _given_up(checker.problem, tag)
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
-    pin = pinned(checker.problem, int(evidence.tags[row]))
-    detail = f"{pin}no cut from tag {before} to here keeps one arm configuration"
-    hint = "" if pin else "lift the tool off here: both tags can be reached, no cut joins them"
+    pin = pinned(checker.problem, tag)
+    parts = [f"{count} {WORDS[reason]}" for reason, count in found.reasons.items()]
+    free = found.count - sum(found.reasons.values())
+    parts += [f"{free} reach a pose between the grid's"] if free else []
+    detail = (
+        f"{pin}no cut from tag {before} to here keeps one arm configuration: of {found.count} "
+        f"poses that lead there as the tool stands {', '.join(parts)}"
+    )
     if other := pinned(checker.problem, int(evidence.tags[row - 1])):
         detail += f"; tag {before} is {other.rstrip(': ')}"
-    if reason is Reason.COLLISION and 0 <= pair < len(checker.pairs):
-        detail += f"; {checker.pairs[pair][0]} hits {checker.pairs[pair][1]}"
-    return failure(checker.problem, int(evidence.tags[row]), reason, detail, hint)
+    if 0 <= found.pair < len(checker.pairs):
+        a, b = checker.pairs[found.pair]
+        detail += f"; most often {a} hits {b}"
+    hint = "" if pin else f"lift the tool off here; or {_nearest(checker, found)}"
+    return failure(checker.problem, tag, found.main, detail, hint)
+
+
+def _nearest(checker: Checker, found: Break) -> str:
+    """Return the nearest change that would let a pose lead on."""
+    ways = []
+    if Reason.JOINT_LIMIT in found.reasons:
+        ways.append(f"gain {np.ceil(10.0 * found.over / DEG) / 10.0:g} deg at A{found.axis + 1}")
+    if Reason.SINGULAR in found.reasons and found.bent < checker.problem.cell.limits.singularity:
+        ways.append(f"allow A5 at {np.floor(10.0 * found.bent / DEG) / 10.0:g} deg")
+    if Reason.COLLISION in found.reasons:
+        ways.append("clear what is hit")
+    return ", ".join([*ways, "move or turn the workpiece"])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
+from postproc.planning.search.breaks import break_at
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
 from postproc.planning.search.fans import fan
@@ -70,7 +71,6 @@ class PoseSearch:
     failures: IndexArray
     hasty: BoolArray
     wanted: set[int] = field(default_factory=set)
-    step_reason: dict[int, tuple[Reason, int]] = field(default_factory=dict)
     cells: IndexArray | None = None
     fanned: dict[int, int] = field(default_factory=dict)
 
@@ -246,10 +246,6 @@ class PoseSearch:
         fine = judged.good(len(rows))
         self.passed[after[rows[fine]]] = before[rows[fine]]
         bad = np.flatnonzero(judged.reason != Reason.NONE)
-        where, at = np.unique(judged.rows.span[bad], return_index=True)
-        for span, row in zip(where.tolist(), bad[at].tolist(), strict=True):
-            found = (Reason(int(judged.reason[row])), int(judged.pair[row]))
-            self.step_reason[int(spans.last[span])] = found
         apart = spans.last - spans.first > 1
         self._want(spans, judged.rows.span[bad], judged.rows.tag[bad])
         good[rows[~fine & ~apart]] = False
@@ -396,17 +392,15 @@ class PoseSearch:
 
     def evidence(self, chosen: Chosen) -> Evidence:
         """Return why tags failed."""
+        good, entry = chosen.good[self.tags], chosen.entry[self.tags]
+        broken = np.flatnonzero(entry & good & (self.ladder.rule == Rule.CHAIN))
+        broken = broken[(broken > 0) & good[broken - 1]]
         return Evidence(
             self.tags,
             self.states,
-            self.ladder.rule,
             self.reason,
             self.pair,
-            {
-                row: self.step_reason[tag]
-                for row, tag in enumerate(self.tags.tolist())
-                if tag in self.step_reason
-            },
+            {row: break_at(self, row) for row in broken.tolist()},
             chosen.at(self.tags),
         )
 
