@@ -2,11 +2,12 @@
 
     python -m tools.bench page [-o docs/benchmark.md] [--only planning holes commands ...]
                                [--peer PYTHON] [--other CHECKOUT] [--cases 100] [--cells 40]
+                               [--points 1000 20000 200000] [--contours 1000]
 
 ``--only`` measures some sections and keeps the others of the page. ``--peer`` names an interpreter
 that has ``tesseract-robotics``. Times are processor time, so that other work on the machine
 matters little; the machine is named by its number of cores only. All sections: about 20 minutes,
-and a minute for each of the crowded ``--cells``.
+a minute for each of the crowded ``--cells``, three seconds for each of the random ``--contours``.
 """
 
 from __future__ import annotations
@@ -194,6 +195,29 @@ def _printed(words: list[str]) -> str:
     return done.stdout
 
 
+def contours(arguments: argparse.Namespace) -> Iterator[str]:
+    """Yield the section on milling: dense contours, and what is refused falsely."""
+    yield "## Milling\n"
+    yield (
+        "`postproc convert` of dense 5-axis contours with the defaults of a cell, a point every "
+        "millimetre, laps of 1.5 m, a KR 500 with an angle head, with a table and a clamp in its "
+        "way or without solids (`python -m tools.bench contours`). *Lost* is stiffness below the "
+        "best that each key tag has by itself, *step* the largest joint step between two points.\n"
+    )
+    points = [str(count) for count in arguments.points]
+    sizes = _printed(["-m", "tools.bench", "contours", "sizes", "--points", *points])
+    yield f"```text\n{sizes.strip()}\n```\n"
+    yield (
+        "Small cuts against dynamic programming over all their steps, each judged along its whole "
+        "inside (*exact*); collisions known beforehand or looked at when asked for (*eager*); "
+        "contours placed and turned anywhere in reach against every spin of a 5 degree grid in "
+        "every branch at every point (*random*). *Other* and *false* are disagreements.\n"
+    )
+    for what, count in (("exact", 200), ("eager", 50), ("random", arguments.contours)):
+        said = _printed(["-m", "tools.bench", "contours", what, "--count", str(count)])
+        yield f"- {what}: {'; '.join(said.split(chr(10))).strip('; ')}"
+
+
 def motions(arguments: argparse.Namespace) -> Iterator[str]:
     """Yield the section on motions: programs executed from outside in random crowded cells."""
     yield "## Motions\n"
@@ -213,6 +237,7 @@ def motions(arguments: argparse.Namespace) -> Iterator[str]:
 SECTIONS = {
     "planning": planning,
     "holes": holes,
+    "contours": contours,
     "commands": commands,
     "paper": paper,
     "diagnosis": diagnosis,
@@ -236,6 +261,8 @@ def main() -> None:
     parser.add_argument("--peer", metavar="PYTHON", help="interpreter with tesseract-robotics")
     parser.add_argument("--other", type=Path, help="checkout to compare whole commands with")
     parser.add_argument("--cells", type=int, default=40, help="crowded cells of the motions")
+    parser.add_argument("--points", type=int, nargs="+", default=[1000, 20000, 200000])
+    parser.add_argument("--contours", type=int, default=1000, help="random contours")
     parser.add_argument("--cases", type=int, default=100, help="campaigns of the diagnosis")
     arguments = parser.parse_args()
     sections = _kept(arguments.output)
