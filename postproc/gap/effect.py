@@ -25,6 +25,15 @@ from postproc.model import ModelFile, Registration, entry
 from postproc.registry import Registry
 from postproc.stiffness import Locate, StiffnessField
 
+CLASSES = {
+    "direction": ("approach",),
+    "qd": ("speed",),
+    "wrench": ("load",),
+    "past": ("load",),
+    "time": ("time",),
+    "temperature": ("temperature", "time"),
+}
+"""What of the rest each column makes, as classes of ``unexplained``."""
 Setting = Mapping[str, Any]
 Table = Mapping[str, Any]
 """An effect's table of a model file: its own keys, values in the unit that ends each key."""
@@ -152,6 +161,13 @@ class Effect(ABC):
     def follows_motion(self) -> bool:
         """Whether it depends on how the joints move: from which side, how fast."""
         return not set(self.needs).isdisjoint(MOTION_COLUMNS)
+
+    @property
+    def classes(self) -> frozenset[str]:
+        """Classes of what is left that are its own: what its columns make, or a joint's angle."""
+        if self.of_own_angle or self.periodic:
+            return frozenset({"joint"})
+        return frozenset(kind for column in self.needs for kind in CLASSES.get(column, ()))
 
     @property
     def unknown_to_programs(self) -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from postproc.gap.choice import (
     assess,
     beaten,
     displaced,
+    elusive,
     fitted,
     named,
     prepare,
@@ -189,6 +190,7 @@ def _chosen(problem: Problem, prepared: Prepared) -> tuple[Regression, Choice, d
 def _refused(problem: Problem, regression: Regression, choice: Choice) -> dict[str, str]:
     """Return the names that do not hold, and why."""
     refused = dict.fromkeys(refusals(problem, regression, choice), _HARM)
+    refused |= elusive(regression, choice)
     if refused:
         return refused
     rivals = beaten(regression, choice.adopted, choice.model)

@@ -16,6 +16,7 @@ from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.where import where
+from postproc.gap.choice import is_overshadowed
 from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
@@ -30,6 +31,9 @@ SUREST = 0.98
 it cannot be excluded better than blind campaigns with unlisted causes show."""
 DOUBTED = 0.9
 """The same of a cause beside which something may be left unexplained, or that others resemble."""
+OVERSHADOWED = 0.5
+"""The same of a cause beside which more is left of its own class than its formula excuses, or more
+than only the cause explains: it is as likely as not."""
 
 
 def document(
@@ -285,8 +289,13 @@ def _probability(diagnosis: Diagnosis, name: str) -> float:
     if name not in diagnosis.adopted:
         return round(min(max(value, 0.0), 0.49), 4)
     key = next(k for k in diagnosis.choice.adopted if diagnosis.regression.name(k) == name)
-    in_doubt = diagnosis.verdict != "explained" or diagnosis.choice.evidence[key].confounded
-    return round(min(max(value, 0.0), DOUBTED if in_doubt else SUREST), 4)
+    choice, rest = diagnosis.choice, diagnosis.unexplained
+    most = SUREST
+    if diagnosis.verdict != "explained" or choice.evidence[key].confounded:
+        most = DOUBTED
+    if is_overshadowed(choice, key, effect_of(name), rest, diagnosis.noise):
+        most = OVERSHADOWED
+    return round(min(max(value, 0.0), most), 4)
 
 
 def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:

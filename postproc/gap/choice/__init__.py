@@ -13,9 +13,15 @@ from postproc.gap.choice.classes import Part as RestPart
 from postproc.gap.choice.confounding import CONFOUNDED
 from postproc.gap.choice.residual import Dependence
 from postproc.gap.choice.search import DECISIVE, PRIOR_LIBRARY
-from postproc.gap.choice.selection import Prepared, prepare, select, without_waves
+from postproc.gap.choice.selection import (
+    Prepared,
+    elusive,
+    prepare,
+    select,
+    without_waves,
+)
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.choice.verdict import Assessment, assess, fitted, named, verdict
+from postproc.gap.choice.verdict import Assessment, assess, fitted, is_overshadowed, named, verdict
 
 __all__ = [
     "CONFOUNDED",
@@ -32,8 +38,10 @@ __all__ = [
     "assess",
     "beaten",
     "displaced",
+    "elusive",
     "fitted",
     "groups_of",
+    "is_overshadowed",
     "named",
     "prepare",
     "select",

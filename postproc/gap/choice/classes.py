@@ -32,7 +32,6 @@ clear, for the class is not exact either."""
 _ENOUGH = 0.9
 """Share of what a class explains from which a formula with fewer numbers is its cause: no formula
 is exact, and a class takes the flaws of the others' formulas, too."""
-_RIVALS = ("joint", "time", "place", "load", "orientation", "condition")
 _FORMULAS = {
     ("joint", "linear"),
     ("joint", "once per turn"),
@@ -41,6 +40,9 @@ _FORMULAS = {
     ("load", "proportional"),
     ("load", "hardening"),
     ("load", "changes over the place"),
+    ("approach", "constant"),
+    ("speed", "proportional"),
+    ("temperature", "proportional"),
 }
 """Class and shape that effects of the library have, or are told from otherwise."""
 _LOUD = 1.5
@@ -80,7 +82,7 @@ class Group:
     @property
     def is_rival(self) -> bool:
         """Whether no effect has this formula."""
-        return (self.kind, self.shape) not in _FORMULAS and self.kind in _RIVALS
+        return (self.kind, self.shape) not in _FORMULAS
 
 
 def unexplained(

@@ -24,6 +24,8 @@ ABSORBED_GAIN = 30.0
 """Nats that an effect must bring which another one of the subset absorbs: how little only it
 explains says nothing of its size. A free geometry imitates the sag of the arm where it was measured
 and is wrong elsewhere."""
+FOLDS_WON, _FOLDS_WON_BY_OTHERS = 0.7, 0.85
+"""Share of the folds that an effect, or a cause outside of the library, must make better."""
 _PLACEBOS = 60
 _PLACEBO_LIMIT = 0.02
 
@@ -115,7 +117,9 @@ def weakest(
             continue
         if item.gain < DECISIVE:
             failing.append((item.gain / DECISIVE, key, "not clear enough"))
-        elif item.wins < (0.85 if regression.block(key).is_alternative else 0.7):
+        elif item.wins < (
+            _FOLDS_WON_BY_OTHERS if regression.block(key).is_alternative else FOLDS_WON
+        ):
             failing.append((1.0 + item.wins, key, "does not help on rows that were not fitted"))
     return min(failing)[1:] if failing else None
 

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.gap.choice.choice import choose
+from postproc.gap.choice.evidence import FOLDS_WON
 from postproc.gap.choice.standing import Choice
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Kind, periodic_effect
@@ -119,6 +120,41 @@ def select(regression: Regression) -> tuple[Regression, Choice]:
         regression = replace(regression, blocks=(*regression.blocks, *more))
         choice = choose(regression)
     return regression, choice
+
+
+def elusive(regression: Regression, choice: Choice) -> dict[str, str]:
+    """Return the named waves that are not found again where rows are left out, and why.
+
+    Joints and orders were sought in all rows, so that a fold says little of them: they are sought
+    anew in the others, and what is found then has to help on the fold.
+    """
+    alone = replace(regression, blocks=tuple(without_waves(regression, choice)))
+    found = {}
+    for block in regression.blocks:
+        if block.key in choice.adopted and block.effect.periodic:
+            most = len(block.setting["waves"])
+            gains = [_gain_of_new(alone, rows, most) for rows in alone.fold_rows()]
+            if np.mean(np.array(gains) > 0.0) < FOLDS_WON or sum(gains) <= 0.0:
+                found[block.name] = "other waves are found where rows are left out"
+    return found
+
+
+def _gain_of_new(regression: Regression, apart: Rows, most: int) -> float:
+    """Return what waves found in all other rows bring on some, half a squared misfit."""
+    rows = np.setdiff1d(np.flatnonzero(regression.weight > 0), apart)
+    known = [b.rows(rows) for b in (*regression.blocks, *regression.memory)]
+    part, y, weight = regression.samples.rows(rows), regression.y[rows], regression.weight[rows]
+    waves = find_waves(part, y, weight, known, at_most=most)
+    if not waves:
+        return 0.0
+    new = wave_block(regression.samples, waves, "new")
+    without = tuple(b.key for b in regression.blocks)
+    regression = replace(regression, blocks=(*regression.blocks, new))
+    told, asked = regression.equations_at(rows), regression.equations_at(apart)
+    before, after = (
+        asked.misfit(keys, told.numbers(keys)) for keys in (without, (*without, new.key))
+    )
+    return 0.5 * (before - after)
 
 
 def _waves_beside(

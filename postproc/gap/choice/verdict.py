@@ -14,7 +14,7 @@ from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.selection import Prepared
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.effect import State
+from postproc.gap.effect import Effect, State
 from postproc.gap.fit import (
     REST,
     Fit,
@@ -112,6 +112,27 @@ def tolerated(choice: Choice, sigma: float) -> float:
     """Return the structured rest, 3D rms [m], up to which the adopted effects explain the gap."""
     largest = max((choice.evidence[k].unique for k in choice.adopted), default=0.0)
     return max(STRUCTURE * sigma, INEXACT * largest)
+
+
+def is_overshadowed(
+    choice: Choice, key: str, effect: Effect, rest: Sequence[Part], sigma: float
+) -> bool:
+    """Return whether a name is no likelier than what is left unexplained beside it.
+
+    So it is where more is left than only the name explains, and where a part of its own class is
+    left that an inexact formula does not excuse: then the formula is not what that class follows.
+
+    Args:
+        choice: what stands.
+        key: block of the name.
+        effect: the name.
+        rest: what is left by its class.
+        sigma: noise [m] per axis.
+    """
+    unique = choice.evidence[key].unique
+    own = sum(part.rms**2 for part in rest if part.kind in effect.classes)
+    whole = sum(part.rms**2 for part in rest)
+    return whole > unique**2 or own > max(STRUCTURE * sigma, INEXACT * unique) ** 2
 
 
 def fitted(

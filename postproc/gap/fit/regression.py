@@ -12,6 +12,9 @@ from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, NormalEquations, Subset
 from postproc.gap.fit.memory import REST
 
+_FEWEST = 3
+"""Rows of a fold or a stretch."""
+
 
 @dataclass(frozen=True, slots=True)
 class Regression:
@@ -64,21 +67,25 @@ class Regression:
         """Return the normal equations of all rows in use."""
         return NormalEquations.of((*self.blocks, *self.memory), self.y, self.weight, self.nuisance)
 
+    def fold_rows(self) -> list[Rows]:
+        """Return the rows in use of each fold of neighbouring poses that has enough of them."""
+        return self._rows_of(self.fold)
+
     def fold_equations(self) -> list[NormalEquations]:
         """Return the normal equations of each fold of neighbouring poses."""
-        return self._parts(self.fold)
+        return [self.equations_at(rows) for rows in self.fold_rows()]
 
     def stretch_equations(self) -> list[NormalEquations]:
         """Return the normal equations of each stretch of time."""
-        return [] if self.stretch is None else self._parts(self.stretch)
+        if self.stretch is None:
+            return []
+        return [self.equations_at(rows) for rows in self._rows_of(self.stretch)]
 
-    def _parts(self, label: IntArray) -> list[NormalEquations]:
-        equations = []
-        for k in range(int(label.max()) + 1):
-            rows = np.flatnonzero((label == k) & (self.weight > 0))
-            if len(rows) >= 3:
-                equations.append(self.equations_at(rows))
-        return equations
+    def _rows_of(self, label: IntArray) -> list[Rows]:
+        found = [
+            np.flatnonzero((label == k) & (self.weight > 0)) for k in range(int(label.max()) + 1)
+        ]
+        return [rows for rows in found if len(rows) >= _FEWEST]
 
     def equations_at(self, rows: Rows) -> NormalEquations:
         """Return the normal equations of some rows, for what holds beyond them.
