@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.choice import Choice, Standing, elusive, groups_of, is_overshadowed
 from postproc.gap.choice.classes import Part, wandering
+from postproc.gap.choice.evidence import Evidence
 from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search
+from postproc.gap.choice.selection import wave_block
 from postproc.gap.data.dataset import FADES
 from postproc.gap.fit.linear import NormalEquations
 from postproc.gap.fit.noise import Noise, Source
 from postproc.gap.fit.problem import pose_problem
+from postproc.gap.fit.regression import Regression
 from postproc.gap.fit.waves import Projection
 from postproc.gap.robot_model import effect_of
 from postproc.measurement.file import read_measurements
@@ -73,3 +77,56 @@ def test_pairs_of_columns_are_weighed_as_one_by_one():
     pairs = rng.normal(size=(120, 5, 2))
     each = [context.gain(pairs[:, k], context.rest) for k in range(5)]
     np.testing.assert_allclose(context.pair_gains(pairs, context.rest), each, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("half_gap", "refused"),
+    [
+        ([-9.0, -5.0, -4.0, 0.0, 1.0, 0.5], True),
+        ([9.0, 5.0, 4.0, 0.0, -1.0, -0.5], False),
+        ([9.0, 5.0, -4.0, 0.0, 0.0, 0.0], False),
+    ],
+)
+def test_play_leaves_joints_behind(samples, half_gap, refused):
+    unit = np.full(6, 2e-5)
+    reason = effect_of("backlash").objection(np.array(half_gap) * unit, unit, samples.arm)
+    assert bool(reason) == refused
+
+
+def test_no_effect_has_the_formula_of_an_approach_that_grows_with_load(samples):
+    rival = {(g.kind, g.shape): g.is_rival for g in groups_of(samples, ())}
+    assert rival["approach", "grows with load"]
+    assert rival["speed", "quadratic"]
+    assert not rival["approach", "constant"]
+    assert not rival["speed", "proportional"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "rms", "told"),
+    [
+        ("approach", 1.5e-5, False),
+        ("approach", 2.5e-5, True),
+        ("place", 9e-5, False),
+        ("place", 1.1e-4, True),
+    ],
+)
+def test_a_name_is_overshadowed_by_its_own_class_or_by_what_is_larger(kind, rms, told):
+    sigma, key = 2e-5, "backlash"
+    choice = Choice({key: Standing.ADOPTED}, {key: Evidence(99.0, 1e-4)}, {key: 1.0}, {})
+    rest = (Part(kind, "joints", "grows with load", rms, 30.0),)
+    assert is_overshadowed(choice, key, effect_of(key), rest, sigma) == told
+    assert not is_overshadowed(choice, key, effect_of(key), (), sigma)
+
+
+@pytest.mark.parametrize(("amplitude", "names"), [(2e-4, []), (0.0, ["transmission_error"])])
+def test_waves_have_to_be_found_again_without_each_fold(world, samples_of_data, amplitude, names):
+    rng, sigma = np.random.default_rng(4), 2e-5
+    samples = samples_of_data(world.campaign(rng, 200, repeats=0))
+    n = len(samples)
+    wave = samples.jacobian[:, :, 1] * np.cos(17.0 * samples.q[:, 1] + 0.3)[:, None]
+    y = amplitude * wave + rng.normal(0.0, sigma, (n, 3))
+    block = wave_block(samples, ((2, 17.0),), "all")
+    label = (np.argsort(np.argsort(samples.q[:, 0])) * 6 // n).astype(np.int32)
+    regression = Regression(samples, y, np.full(n, 1.0 / sigma), label, (block,), ())
+    choice = Choice({block.key: Standing.ADOPTED}, {block.key: Evidence(99.0, 1e-4)}, {}, {})
+    assert list(elusive(regression, choice)) == names

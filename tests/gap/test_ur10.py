@@ -35,6 +35,17 @@ pytestmark = [
 ]
 
 
+def test_an_instrument_that_is_believed_calls_for_no_play(tmp_path):
+    shutil.copy(REAL / "ur10.urdf", tmp_path)
+    (tmp_path / "cell.toml").write_text(CELL + "[measuring]\nsigma_mm = 0.03\n")
+    cell = load_cell(tmp_path / "cell.toml")
+    rows = read_measurements(REAL / "series_A_grid.csv")
+    diagnosis = diagnose(pose_problem(rows, build(cell.robot), cell, None, True))
+    assert diagnosis.verdict == "unexplained"
+    assert "backlash" not in diagnosis.adopted
+    assert "approach" in {part.kind for part in diagnosis.unexplained}
+
+
 @pytest.mark.parametrize(
     ("fitted", "judged", "most_mm"),
     [
