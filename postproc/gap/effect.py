@@ -226,6 +226,16 @@ class Effect(ABC):
         del theta, deviation, arm
         return ""
 
+    def is_unusual(self, theta: FloatArray, deviation: FloatArray) -> bool:
+        """Return whether fitted numbers (p,) are possible for this cause, and seldom.
+
+        Args:
+            theta: fitted numbers.
+            deviation: their standard deviations.
+        """
+        del theta, deviation
+        return False
+
     def ends(self, theta: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both ends (p,) of the intervals of fitted numbers with half widths (p,)."""
         return theta - width, theta + width

@@ -3,8 +3,13 @@
 import re
 from pathlib import Path
 
+import numpy as np
+
 import postproc
 from postproc.gap import EFFECTS
+from postproc.gap.effect import State
+from postproc.gap.robot_model import effect_of
+from postproc.model import ModelFile
 from postproc.registry import part_names
 
 SOURCE = Path(postproc.__file__).parent
@@ -46,3 +51,26 @@ def test_no_other_file_has_the_name_of_an_effect():
     # variables of the program template and a function that have the words of an effect
     others = {"emitters/kuka/setup.py: tool_frame", "emitters/kuka/setup.py: base_frame"}
     assert set(found) <= others | {"stiffness/__init__.py: joint_compliance"}
+
+
+def test_a_fitted_table_of_angles_holds_no_mean_and_no_period_per_turn(samples):
+    effect = effect_of("angle_error")
+    setting = effect.prepare(samples)
+    joint = np.array(setting["joint"]) - 1
+    angle = np.deg2rad(np.array(setting["knot"]) * np.array(setting["step_deg"])[joint])
+    turn = effect.basis(samples, setting).joint
+    low = np.column_stack([np.ones(len(angle)), np.cos(angle), np.sin(angle)])
+    np.testing.assert_allclose(turn @ low, 0.0, atol=1e-12)
+    wave = turn @ np.cos(6.0 * angle)
+    assert np.sqrt(np.mean(wave**2)) > 0.1
+
+
+def test_a_table_of_angles_in_a_file_is_taken_as_it_is(samples):
+    effect = effect_of("angle_error")
+    setting = effect.prepare(samples)
+    theta = np.full(len(setting["knot"]), 1e-3)
+    table = effect.write(State(theta, setting), samples.arm)
+    assert table.pop("periods_left_out") == [0, 1]
+    state = effect.read(ModelFile({effect.name: table}), samples.arm)
+    moved = effect.basis(samples, state.setting).joint @ state.theta
+    np.testing.assert_allclose(moved, 1e-3, rtol=1e-6)

@@ -25,6 +25,7 @@ from postproc.gap.choice import (
     prepare,
     select,
     unexplained,
+    unusual,
     verdict,
     wandering,
     without_waves,
@@ -124,10 +125,13 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     gone = displaced(regression, sizes, (*choice.adopted, *choice.unnamed))
     why = {regression.name(key): reason for key, reason in gone.items()}
     choice = choice.moved(gone, Standing.REJECTED, why)
+    ripple, rest = _left(regression, choice, prepared.noise)
+    strange = unusual(regression, choice, rest, sigma)
+    if strange:
+        why = {regression.name(key): reason for key, reason in strange.items()}
+        choice = choice.moved(strange, Standing.REJECTED, why)
+        ripple, rest = _left(regression, choice, prepared.noise)
     assessed = replace(assessed, choice=choice)
-    ripple = _ripple(regression, choice)
-    rest = unexplained(regression, (*choice.adopted, *choice.unnamed), ripple)
-    rest = wandering(prepared.noise, rest)
     answer = verdict(assessed, prepared.noise, rest)
     say(3, 4, "sealed rows")
     apart = _Apart(problem, regression, assessed, sigma)
@@ -157,6 +161,15 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         ripple=ripple if answer == "unexplained" else (),
         regression=regression,
     )
+
+
+def _left(
+    regression: Regression, choice: Choice, noise: Noise
+) -> tuple[tuple[Wave, ...], tuple[RestPart, ...]]:
+    """Return the waves in what a choice leaves, and what that is a function of."""
+    ripple = _ripple(regression, choice)
+    rest = unexplained(regression, (*choice.adopted, *choice.unnamed), ripple)
+    return ripple, wandering(noise, rest)
 
 
 def _chosen(problem: Problem, prepared: Prepared) -> tuple[Regression, Choice, dict[str, str]]:

@@ -21,7 +21,15 @@ from postproc.gap.choice.selection import (
     without_waves,
 )
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.choice.verdict import Assessment, assess, fitted, is_overshadowed, named, verdict
+from postproc.gap.choice.verdict import (
+    Assessment,
+    assess,
+    fitted,
+    is_overshadowed,
+    named,
+    unusual,
+    verdict,
+)
 
 __all__ = [
     "CONFOUNDED",
@@ -46,6 +54,7 @@ __all__ = [
     "prepare",
     "select",
     "unexplained",
+    "unusual",
     "verdict",
     "wandering",
     "without_waves",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,24 +132,27 @@ def is_absorbed(regression: Regression, best: Subset, key: str) -> bool:
 
 def unphysical(regression: Regression, found: Search, best: Subset) -> tuple[str, str] | None:
     """Return a block of a subset whose fitted numbers are not physical, and why."""
-    keys = (*found.always, *best)
-    theta, covariance = found.equations.solve(keys)
+    arm = regression.samples.arm
+    for key, theta, deviation in numbers(regression, found.equations, (*found.always, *best)):
+        reason = regression.block(key).effect.objection(theta, deviation, arm)
+        if key in best and reason:
+            return key, f"not physical: {reason}"
+    return None
+
+
+def numbers(
+    regression: Regression, equations: NormalEquations, keys: Subset
+) -> Iterator[tuple[str, FloatArray, FloatArray]]:
+    """Yield each block of a subset, its fitted numbers (p,) in SI and their standard deviations."""
+    theta, covariance = equations.solve(keys)
     deviation = np.sqrt(np.diag(covariance))
     start = 0
     for key in keys:
         block = regression.block(key)
         part = slice(start, start + block.X.shape[2])
         start = part.stop
-        if key in best:
-            arm = regression.samples.arm
-            size = block.typical
-            total = theta[part] * size
-            if block.start is not None:
-                total = total + np.nan_to_num(block.start)
-            reason = block.effect.objection(total, deviation[part] * size, arm)
-            if reason:
-                return key, f"not physical: {reason}"
-    return None
+        given = 0.0 if block.start is None else np.nan_to_num(block.start)
+        yield key, theta[part] * block.typical + given, deviation[part] * block.typical
 
 
 def matched_by_placebo(

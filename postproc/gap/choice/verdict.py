@@ -10,7 +10,7 @@ from scipy.special import fdtrc
 
 from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.gap.choice.classes import Part
-from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed
+from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.selection import Prepared
 from postproc.gap.choice.standing import Choice, Standing
@@ -112,6 +112,36 @@ def tolerated(choice: Choice, sigma: float) -> float:
     """Return the structured rest, 3D rms [m], up to which the adopted effects explain the gap."""
     largest = max((choice.evidence[k].unique for k in choice.adopted), default=0.0)
     return max(STRUCTURE * sigma, INEXACT * largest)
+
+
+def unusual(
+    regression: Regression, choice: Choice, rest: Sequence[Part], sigma: float
+) -> dict[str, str]:
+    """Return the named blocks with numbers that are seldom theirs, beside what overshadows them.
+
+    Args:
+        regression: rows and blocks.
+        choice: what stands.
+        rest: what is left by its class.
+        sigma: noise [m] per axis.
+
+    Returns:
+        Why, by key.
+    """
+    keys = [
+        key
+        for key in choice.adopted
+        if is_overshadowed(choice, key, regression.block(key).effect, rest, sigma)
+    ]
+    if not keys:
+        return {}
+    equations = regression.normal_equations()
+    inside = (*regression.always, *choice.adopted, *choice.unnamed)
+    return {
+        key: "its numbers are seldom so, and more is left unexplained than it explains"
+        for key, theta, deviation in numbers(regression, equations, inside)
+        if key in keys and regression.block(key).effect.is_unusual(theta, deviation)
+    }
 
 
 def is_overshadowed(

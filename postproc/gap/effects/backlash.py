@@ -44,17 +44,11 @@ class Backlash(Effect):
         gap: FloatArray = 2.0 * np.abs(theta)
         return gap
 
-    def objection(self, theta: FloatArray, deviation: FloatArray, arm: Arm) -> str:
-        """Refuse what mostly leads: play leaves a joint behind.
-
-        A joint may lead beside others that stay behind; alone it is the controller, or an arm read
-        before it came to rest.
-        """
-        del arm
+    def is_unusual(self, theta: FloatArray, deviation: FloatArray) -> bool:
+        """Return whether more leads than stays behind, as play would leave it."""
         z = theta / deviation
-        leads = float(np.sum(np.minimum(z, 0.0) ** 2))
-        stays = float(np.sum(np.maximum(z, 0.0) ** 2))
-        return "joints lead, and play leaves them behind" if leads > stays else ""
+        leads, stays = (np.sum(np.maximum(side * z, 0.0) ** 2) for side in (-1.0, 1.0))
+        return bool(leads > stays)
 
     def ends(self, theta: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return both ends of the intervals of the sizes; a gap is not below zero."""
