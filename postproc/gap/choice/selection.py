@@ -133,7 +133,7 @@ def elusive(regression: Regression, choice: Choice) -> dict[str, str]:
     for block in regression.blocks:
         if block.key in choice.adopted and block.effect.periodic:
             most = len(block.setting["waves"])
-            gains = [_gain_of_new(alone, rows, most) for rows in alone.fold_rows()]
+            gains = [_gain_of_new(alone, rows, most) for rows in alone.fold_rows()] or [0.0]
             if np.mean(np.array(gains) > 0.0) < FOLDS_WON or sum(gains) <= 0.0:
                 found[block.name] = "other waves are found where rows are left out"
     return found
