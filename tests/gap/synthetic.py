@@ -271,7 +271,7 @@ def _variable(rng):
 def _backlash(rng):
     b = rng.uniform(0.3, 1, 6) * 1.5e-4 * (rng.random(6) < 0.6)
     b[rng.integers(0, 3)] = 2e-4
-    return lambda d, now: -b * d["direction"]
+    return lambda d, now: b * d["direction"]
 
 
 def _encoder(rng):
