@@ -11,7 +11,7 @@ from postproc.cell.cell import MeshPlacement
 from postproc.geometry.frames import transform
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
-from postproc.planning.route import connect
+from postproc.planning.route import connect, tree
 from postproc.planning.route.connect import Ends, free_way
 from postproc.planning.route.tree import ROUNDS, rrt_connect
 from postproc.planning.states.settings import PlanOptions, settle
@@ -110,6 +110,17 @@ def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatc
     asked.clear()
     assert connect._by_trees(checker, swings(60), np.arange(60), connect.GIVE_UP) == {}
     assert len(asked) == connect.GIVE_UP
+
+
+def test_no_tree_grows_from_an_end_that_is_not_free(checker_of, monkeypatch):
+    """What stands in something has no way out; looking at both ends tells it at once."""
+    checker = checker_of(solid(*POST))
+    ends = swings(1)
+    inside = 0.5 * (ends.q_from[0] + ends.q_to[0])
+    assert not checker.free_poses(inside[None], STANDING).any()
+    monkeypatch.setattr(tree, "_Tree", lambda *args: pytest.fail("a tree is grown"))
+    assert rrt_connect(checker, inside, ends.q_to[0], STANDING) is None
+    assert rrt_connect(checker, ends.q_from[0], inside, STANDING) is None
 
 
 def test_a_free_way_needs_no_points(checker_of):

@@ -13,6 +13,7 @@ from postproc.collision import Scene
 from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
+from postproc.planning import planner
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
 from postproc.planning.search.positions import position_grid
@@ -209,6 +210,28 @@ def test_a_slow_rail_slows_the_feed_and_says_so(make_cell, make_path):
     speed = np.abs(np.diff(result.external[:, 0]))[cut - 1] * result.speed[cut] / step
     assert speed.max() <= slow.qd_max
     assert result.speed[cut].min() < 0.04
+
+
+def test_places_where_the_arm_hits_something_are_left_out_at_once(
+    make_cell, make_path, monkeypatch
+):
+    """A wall between arm and hole: the place beside it is found without trying all before it."""
+    T = np.eye(4)
+    T[:3, 3] = [1.0, 0.0, 1.2]
+    wall = MeshPlacement("wall", T, size=np.array([0.2, 1.4, 2.4]))
+    cell = replace(make_cell(), external_axes=(RAIL,), obstacles=(wall,))
+    planned = []
+    own = planner._planned
+
+    def counted(toolpath, here, *args, **more):
+        planned.append(here.robot.T_world_robroot[1, 3])
+        return own(toolpath, here, *args, **more)
+
+    monkeypatch.setattr(planner, "_planned", counted)
+    result = plan(panel(make_path, n=1, width=0.0), cell)
+    assert not result.errors
+    assert abs(result.external[0, 0]) > 0.5
+    assert len(planned) <= 4
 
 
 def test_beyond_the_end_of_the_rail(make_cell, make_path):

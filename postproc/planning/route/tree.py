@@ -73,8 +73,10 @@ def rrt_connect(
 ) -> FloatArray | None:
     """Return the joints (k, 6) between start and goal of a free way, None if none was found.
 
-    The external axes stand at ``external`` (k,) meanwhile.
+    The external axes stand at ``external`` (k,) meanwhile. Where an end is not free no tree grows.
     """
+    if not checker.free_poses(np.stack([start, goal]), external).all():
+        return None
     problem = checker.problem
     margin = problem.cell.limits.joint_margin
     low = np.minimum(start, goal) - _AROUND

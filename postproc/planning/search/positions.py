@@ -121,6 +121,7 @@ class Positions:
     may_move: BoolArray
     closed: BoolArray = field(init=False)
     calm: dict[int, float] = field(init=False, default_factory=dict)
+    looked_at: set[int] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
         """Let cuts move that no single position reaches, as far as any reaches them."""
@@ -136,13 +137,15 @@ class Positions:
         if not self.may_move.any() or high - low < 2 or unit in self.calm:
             return False
         self.calm[unit] = CALM
-        self._avoid_collisions(self.knots_of(unit))
+        self._avoid_collisions(unit)
         return True
 
-    def _avoid_collisions(self, knots: slice) -> None:
-        """Make dear for knots the positions at which no pose of a coarse grid is free."""
-        if self.checker.scene is None:
+    def _avoid_collisions(self, unit: int) -> None:
+        """Make dear for knots of a unit the positions at which no pose of a coarse grid is free."""
+        if self.checker.scene is None or unit in self.looked_at:
             return
+        self.looked_at.add(unit)
+        knots = self.knots_of(unit)
         problem, tags = self.checker.problem, self.knots[knots]
         spins = problem.settings.spins[::_COARSE]
         for g, value in enumerate(self.values):
@@ -274,6 +277,7 @@ class Positions:
                 again |= self._close_knot(unit, tag, position)
             elif not self.closed[unit, position]:
                 self.closed[unit, position] = True
+                self._avoid_collisions(unit)
                 at = self.knots_of(unit)
                 left = ~self.closed[unit] & (self.loss[at] < UNREACHED).all(axis=0)
                 again |= bool(left.any()) or self._set_moving(unit)
