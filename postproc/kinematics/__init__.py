@@ -3,6 +3,7 @@
 from postproc.kinematics.build import build
 from postproc.kinematics.corners import (
     IN_STEP,
+    NEARER,
     Bound,
     Corners,
     Pieces,
@@ -22,6 +23,7 @@ from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 
 __all__ = [
     "IN_STEP",
+    "NEARER",
     "Bound",
     "Corners",
     "Kinematics",

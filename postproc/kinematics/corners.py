@@ -24,6 +24,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import axis_angle, inverse, rotation_from_vector, transform
 from postproc.kinematics.model import Kinematics
+from postproc.kinematics.singular import wrist_distance
 from postproc.units import DEG
 
 PIECE_LENGTH = 0.03
@@ -39,6 +40,9 @@ STRAIGHT = 1.05e-3
 """On sides no longer than this [m] the joints go straight."""
 BULGE = 2e-3
 """Pieces on which the joints leave the straight way by more [rad] are cut again."""
+NEARER = 0.9
+"""The wrist may come to this share of its smallest angle where a corner is approximated: what the
+bound is too wide by, and what a corner between two motions at the limit takes."""
 LARGEST_BULGE = 0.03
 """A corner that cannot be cut into pieces better than this [rad] is given up."""
 _AT_ONCE = 4000
@@ -107,11 +111,14 @@ class Pieces:
 class Bound:
     """Where the arm may go at corners (c,).
 
-    ``lost`` (c,): corners of which a part cannot be reached without leaving the posture.
+    ``lost`` (c,): corners of which a part cannot be reached without leaving the posture. ``wrist``
+    (c,): the least that A5 is off the straight and the folded wrist [rad] wherever the tool point
+    may be led along the triangle of the tool; infinite between joint motions.
     """
 
     pieces: tuple[Pieces, ...]
     lost: BoolArray
+    wrist: FloatArray
 
 
 def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
@@ -164,8 +171,9 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
     is_path = corners.is_path.any(axis=1)
     way, turn = _sides(corners)
     plain = is_path & (way <= STRAIGHT) & (turn <= IN_STEP)
-    one = np.flatnonzero(~lost & (plain | ~corners.is_path.all(axis=1)))
-    found = [_straight(q[one], one)]
+    by_joints = np.flatnonzero(~lost & ~plain & ~corners.is_path.all(axis=1))
+    led = np.flatnonzero(~lost & plain)
+    found = [_straight(q[led], led)]
     if corners.q_middle is not None:
         found += _bent(corners, q, lost)
     rows = np.flatnonzero(~lost & is_path & ~plain)
@@ -185,7 +193,20 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
             found.append(Pieces(pieces.q[good], pieces.slack[good], pieces.corner[good]))
         kept = np.concatenate([np.zeros(0, dtype=np.int64), *again])
         rows, counts = rows[kept], 2 * counts[kept]
-    return Bound(tuple(_joined(found)), lost)
+    wrist = np.full(len(corners), np.inf)
+    for pieces in found:
+        np.minimum.at(wrist, pieces.corner, _off_straight(kinematics, pieces))
+    found.insert(0, _straight(q[by_joints], by_joints))
+    return Bound(tuple(_joined(found)), lost, wrist)
+
+
+def _off_straight(kinematics: Kinematics, pieces: Pieces) -> FloatArray:
+    """Return the least (t,) [rad] that A5 is off the straight and the folded wrist in hulls.
+
+    Within a posture that is a concave function of A5: it is least at a corner of the hull.
+    """
+    at_corners = wrist_distance(kinematics, pieces.q[..., :6]).min(axis=(1, 2), initial=np.inf)
+    return np.asarray(at_corners - pieces.slack[:, 4])
 
 
 def _joined(found: list[Pieces]) -> Iterator[Pieces]:

@@ -12,7 +12,7 @@ from postproc.cell import Cell
 from postproc.errors import RunKind
 from postproc.kinematics import Corners, Kinematics
 from postproc.process import ALONG_AXIS, on_the_way_out
-from postproc.verification.corners import check_corner_collisions
+from postproc.verification.corners import check_corner_ways
 from postproc.verification.report import Result
 
 _LISTED = 20
@@ -63,7 +63,7 @@ def check_collisions(
         corner = np.flatnonzero(own[at] & own[at + 1])
         if len(corner):
             here = corners.rows(corner)
-            check_corner_collisions(result, scene, kinematics, here, at[corner], is_cut)
+            check_corner_ways(result, cell, scene, kinematics, here, at[corner], is_cut)
     return True
 
 

@@ -16,9 +16,9 @@ from postproc.cell import Cell
 from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind, Severity
 from postproc.geometry import inverse
-from postproc.kinematics import Corners, Kinematics, bound_of, corner_miss, joint_share
+from postproc.kinematics import NEARER, Corners, Kinematics, bound_of, corner_miss, joint_share
 from postproc.paths import Paths
-from postproc.units import MM
+from postproc.units import DEG, MM
 from postproc.verification.report import Result
 
 if TYPE_CHECKING:
@@ -141,15 +141,16 @@ def check_corners(
         result.finding(RunKind.CORNER, int(at[row]), text + more)
 
 
-def check_corner_collisions(
+def check_corner_ways(
     result: Result,
+    cell: Cell,
     scene: Scene,
     kinematics: Kinematics,
     corners: Corners,
     at: AnyIntArray,
     is_cut: BoolArray,
 ) -> None:
-    """Search everywhere for collisions where the arm may go at corners.
+    """Search everywhere for collisions and straight wrists where the arm may go at corners.
 
     ``is_cut`` (m,): motions that cut; the cutting solid may touch the workpiece between two such.
     """
@@ -157,6 +158,12 @@ def check_corner_collisions(
     for row in np.flatnonzero(bound.lost)[:_LISTED].tolist():
         text = "where the arm goes at this approximated corner is not known: it leaves its posture"
         result.finding(RunKind.CORNER, int(at[row]), text, Severity.ERROR)
+    limit = cell.limits.singularity
+    for row in np.flatnonzero(~bound.lost & (bound.wrist < NEARER * limit))[:_LISTED].tolist():
+        least, least_allowed = max(bound.wrist[row], 0.0) / DEG, limit / DEG
+        text = f"A5 may come within {least:.3f} deg of the straight wrist at this approximated "
+        text += f"corner, expected at least {least_allowed:g} deg"
+        result.finding(RunKind.CORNER, int(at[row]), text)
     hits = scene.check_corners(bound, is_cut[at] & is_cut[at + 1])
     for row in np.flatnonzero(hits.hit)[:_LISTED].tolist():
         one, two = hits.pairs[int(hits.pair[row])]

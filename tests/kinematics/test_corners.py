@@ -200,3 +200,35 @@ def test_corners_that_leave_the_posture_are_given_up(arm_and_tool):
         np.zeros((1, 3, 0)),
     )
     assert bound_of(arm, corners).lost.all()
+
+
+@pytest.mark.parametrize("a5", [6.0, -8.0, 40.0])
+def test_the_wrist_is_no_straighter_anywhere_than_the_bound_says(arm_and_tool, a5):
+    """Least |A5| of many polynomials: the bound is below it, and not by much."""
+    arm, tool = arm_and_tool
+    rng = np.random.default_rng(int(a5) + 100)
+    q_corner = np.array([10, -80, 100, 15, a5, 20]) * DEG
+    T_corner = arm.fk(q_corner) @ tool
+    q, valid = q_corner[None], False
+    while not valid:
+        ways = rng.normal(size=(2, 3))
+        ways *= 0.02 / np.linalg.norm(ways, axis=1)[:, None]
+        ends = [transform(T_corner[:3, :3], T_corner[:3, 3] + way) for way in ways]
+        T = np.array([ends[0], T_corner, ends[1]])
+        q, valid = near(arm, T @ inverse(tool), q_corner)
+        valid &= bool((np.sign(q[:, 4]) == np.sign(a5)).all())
+    rows = [np.ones((1, 2), bool), np.array([[False, True]]), np.zeros((1, 2), bool)]
+    both, mixed, joint = (
+        bound_of(arm, Corners(q[None], T[None], is_path, tool, np.zeros((1, 3, 0))))
+        for is_path in rows
+    )
+    least = np.inf
+    for _ in range(200):
+        p = polynomial(rng, *T[:, :3, 3], 15)
+        pose = transform(np.repeat(T_corner[None, :3, :3], len(p), axis=0), p)
+        way, _ = near(arm, pose @ inverse(tool), q_corner)
+        least = min(least, np.abs(way[:, 4]).min())
+    for bound in (both, mixed):
+        assert not bound.lost.any()
+        assert least - 0.3 * DEG < bound.wrist[0] <= least
+    assert np.isinf(joint.wrist[0])

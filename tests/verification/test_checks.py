@@ -63,6 +63,19 @@ def moved_to(cell, kinematics, q):
     return ["LIN {" + ",".join(f"{n} {v:.6f}" for n, v in names) + "}"]
 
 
+@pytest.mark.parametrize(("cdis_mm", "expected"), [(5, set()), (300, {"corner"})])
+def test_a_corner_may_not_come_near_the_straight_wrist(tmp_path, cdis_mm, expected):
+    """The joint motion to the corner may pass it, what is cut off behind its middle may not."""
+    cell = cell_in(tmp_path, SOLIDS, **AT_PART)
+    poses = [POSE.format(30, -90, 100, 0, a5, 0) for a5 in (2.5, 6.0)]
+    end = moved_to(cell, build(cell.robot), np.array([30, -90, 100, 0, 9, 0]) * DEG)
+    lines = [poses[0], f"$APO.CDIS={cdis_mm}.0", f"{poses[1]} C_DIS", *end]
+    report = check(cell, *lines, collisions=True)
+    assert kinds(report) - {"setup"} == expected  # the cell asks for no such distance
+    corner = [found.message for found in report.violations if found.code == "corner"]
+    assert all("A5 may come within 2.29" in text for text in corner)
+
+
 def test_a_stretched_arm_is_a_warning(cell):
     kinematics = build(cell.robot)
     stretched = kinematics.branches.elbow_angle(np.zeros(6))

@@ -1,8 +1,9 @@
 """How far corners may be blended: as far as is wished, where all that may come of it is good.
 
 Where the arm may go at an approximated corner is bounded (``kinematics.corners``). The whole of it
-must be free of collision, and at a corner between cuts the tool point must stay within the
-tolerance of the cell. Where it does not, the distance is lowered; at last the corner is exact.
+must be free of collision and keep off the straight wrist, and at a corner between cuts the tool
+point must stay within the tolerance of the cell. Where it does not, the distance is lowered; at
+last the corner is exact.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, stepped
 from postproc.geometry import inverse, rotation_angle
-from postproc.kinematics import IN_STEP, Corners, bound_of, corner_miss, joint_share
+from postproc.kinematics import IN_STEP, NEARER, Corners, bound_of, corner_miss, joint_share
 from postproc.model import MoveRole
 from postproc.planning.checks import RESOLUTION, Checker, Lines, poses_between
 from postproc.planning.states import Moves
@@ -79,7 +80,8 @@ def _free(checker: Checker, legs: _Legs, kept: FloatArray, at: IndexArray, cut: 
         bound = bound_of(checker.problem.kinematics, legs.corners(at, kept[at]))
         contact = cut[at] & cut[at + 1]
         hits = checker.scene.check_corners(bound, contact, RESOLUTION, COARSE)
-        bad = bound.lost | hits.hit
+        straight = bound.wrist < NEARER * checker.problem.cell.limits.singularity
+        bad = bound.lost | straight | hits.hit
         at = at[bad]
         kept[at] = stepped(_LOWER * kept[at]) if again < _ROUNDS else 0.0
 
