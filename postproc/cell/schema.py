@@ -469,7 +469,7 @@ class MotionTable(Table):
         description="points of a list without a depth: touch: each is approached along the tool "
         "axis and left again; path: a line through all; auto: path where they have a feed",
     )
-    chord_mm: Positive = Field(
+    chord_mm: Annotated[float, Field(ge=0.001)] = Field(
         default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
     )
     arcs: Annotated[ArcMotion, _Choice] = Field(

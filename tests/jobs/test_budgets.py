@@ -24,6 +24,15 @@ def test_pecks(tmp_path):
         plan(replace(toolpath, cycles=tuple(small)), cell_in(tmp_path))
 
 
+def test_turns_of_arcs(tmp_path):
+    head = "UNITS/MM\nMULTAX/ON\nFEDRAT/300,MMPM\nGOTO/50,0,0,0,0,1\n"
+    arc = "MOVARC/0,0,0,0,0,1,50,ANGLE,3600000\nGOTO/50,0,100,0,0,1\n"
+    toolpath = apt_in(tmp_path, f"{head}{arc}FINI\n")
+    cell = cell_in(tmp_path, old="[motion]\n", new="[motion]\narcs = 'lin'\nchord_mm = 0.001\n")
+    with pytest.raises(PlanError, match=r"PLN211.*arcs make \d+ pieces, expected at most 1000000"):
+        plan(toolpath, cell)
+
+
 def test_triangles(tmp_path):
     count = MOST_TRIANGLES + 1
     file = tmp_path / "big.stl"
@@ -38,6 +47,7 @@ def test_triangles(tmp_path):
     ("table", "key"),
     [
         ("[optimize]\nstep_deg = 0.0001\n", "step_deg"),
+        ("[motion]\nchord_mm = 1e-9\n", "chord_mm"),
         ("[[obstacles]]\nbox = { size_mm = [1e9, 1, 1] }\n", "size_mm"),
         ("[[obstacles]]\ncylinder = { radius_mm = 1e9, length_mm = 1 }\n", "radius_mm"),
     ],

@@ -181,6 +181,13 @@ def test_coarser_tolerance_gives_fewer_points(fixtures, read_text):
     assert len(coarse) < len(fine) / 2
 
 
+def test_a_spline_of_too_many_pieces_is_refused(fixtures, read_text):
+    text = (fixtures / "nx_nurbs.clsf").read_text()
+    assert "CNTRL/20.0000,20.0000," in text
+    with pytest.raises(ReadError, match=r"APT088: a NURBS takes more than 100000 straight"):
+        read_text(text.replace("CNTRL/20.0000,20.0000,", "CNTRL/2e12,20.0000,"))
+
+
 def test_from_is_where_a_first_arc_starts(read_text):
     text = "UNITS/MM\nFROM/10,0,0\nCIRCLE/0,0,0,0,0,1\nGOTO/0,10,0\nFINI\n"
     toolpath = read_text(text)

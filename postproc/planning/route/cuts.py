@@ -6,6 +6,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import ArcMotion
+from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
 from postproc.model import CUTS, MotionKind, MoveKind, MoveRole
 from postproc.planning.route.drill import ARRIVE
@@ -18,6 +19,10 @@ LARGEST_CIRC = 120.0 * DEG
 _CUT = 200
 _FLAT = 1e-6
 _SAME_AXIS = 1e-6
+MOST_PIECES = 1_000_000
+"""Arcs of a program are cut into no more pieces than this in all."""
+_SMALLEST = 1e-4
+"""Least angle [rad] of a piece of an arc: at 800 m it stays within a thousandth of a millimetre."""
 TILTED_PIECE = 15.0 * DEG
 """Longest piece of an arc on which the tool is tilted: the tilt goes round with the arc, while the
 controller turns the tool about one axis from the start to the end of a piece."""
@@ -66,11 +71,14 @@ def _arcs(
     turned = angle_between(axis(tags - 1), axis(tags))
     circular = (rise < _FLAT) & (turned < _SAME_AXIS) & (problem.cell.motion.arcs is ArcMotion.CIRC)
     chord = 2.0 * np.arccos(np.clip(1.0 - problem.cell.motion.chord / radius, -1.0, 1.0))
-    widest = np.where(circular, LARGEST_CIRC, np.clip(chord, 1e-3, LARGEST_CIRC))
+    widest = np.where(circular, LARGEST_CIRC, np.clip(chord, _SMALLEST, LARGEST_CIRC))
     tilts = tuple(problem.placement.tilts(at, chosen.attitude[at]) for at in (tags - 1, tags))
     tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
     widest = np.where(tilted, np.minimum(widest, TILTED_PIECE), widest)
     pieces = np.maximum(1, np.ceil(sweep / widest - 1e-9)).astype(np.int64)
+    if pieces.sum() > MOST_PIECES:
+        text = f"arcs make {pieces.sum()} pieces, expected at most {MOST_PIECES}"
+        raise PlanError("PLN211", text, toolpath.source(int(tags[pieces.argmax()])))
     row = np.repeat(np.arange(len(tags)), pieces)
     piece = np.arange(len(row)) - (np.cumsum(pieces) - pieces)[row]
     share = (piece + 1) / pieces[row]

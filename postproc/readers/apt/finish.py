@@ -12,7 +12,7 @@ from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
 from postproc.readers.apt.levels import settle_levels
-from postproc.readers.apt.nurbs import discretised
+from postproc.readers.apt.nurbs import MOST_SEGMENTS, discretised
 from postproc.readers.apt.senses import settled_senses
 from postproc.readers.apt.state import AptState, Columns
 from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
@@ -120,6 +120,9 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
                 "APT083", "a NURBS with no point before it to start from", spline.line
             )
         points = discretised(spline, current, state.options.chord_tolerance)
+        if points is None:
+            text = f"a NURBS takes more than {MOST_SEGMENTS} straight pieces within the chord "
+            raise state.faults.error("APT088", text + "tolerance", spline.line)
         current = points[-1]
         shift[i + 1] = shift[i] + len(points)
         axis = table.axes[at - 1] if at else np.array([0.0, 0.0, 1.0])

@@ -13,7 +13,7 @@ from postproc.arrays import FloatArray
 from postproc.readers.apt.state import AptState, SplineDraft, SplineRecord
 from postproc.readers.apt.statement import Statement
 
-_MOST_SEGMENTS = 100_000
+MOST_SEGMENTS = 100_000
 _HIGHEST_DEGREE = 9
 
 
@@ -60,8 +60,10 @@ def close_spline(state: AptState) -> None:
     state.last_point = None
 
 
-def discretised(record: SplineRecord, start: FloatArray, tolerance: float) -> FloatArray:
+def discretised(record: SplineRecord, start: FloatArray, tolerance: float) -> FloatArray | None:
     """Return points (n, 3) [m] of the spline, without the start, with chords within tolerance.
+
+    None where that takes more than ``MOST_SEGMENTS``.
 
     Each knot span is cut into equal parts; a part of parameter length h leaves its chord by at most
     h^2/8 times the largest second derivative, which the control polygon bounds.
@@ -78,7 +80,9 @@ def discretised(record: SplineRecord, start: FloatArray, tolerance: float) -> Fl
     spans = np.unique(knots)
     bound = _second_derivative(control, knots, degree)
     steps = np.diff(spans) * np.sqrt(bound / (8.0 * tolerance))
-    counts = np.clip(np.ceil(steps), 1, _MOST_SEGMENTS // len(steps)).astype(np.int64)
+    if not steps.sum() <= MOST_SEGMENTS:
+        return None
+    counts = np.maximum(np.ceil(steps), 1.0).astype(np.int64)
     parameters = np.concatenate(
         [
             np.linspace(a, b, n + 1)[1:]
