@@ -11,17 +11,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.controller import Blend, EventWord, MotionType, TraceEvent
 from postproc.kinematics import build
 from postproc.krl import parse_files
 from postproc.paths import Paths, durations, joint_paths, run_in_cell
+from postproc.process import ALONG_AXIS, on_the_way_out
 
 NEAR = 1.05e-5
 """Points nearer than this [m] are the same: the tolerance of ``verify`` and rounding."""
@@ -224,28 +224,52 @@ class Effect:
             mine, its = joined(mine), joined(its)
         return len(mine) == len(its) and all(map(Work.is_like, mine, its))
 
-    def is_free(self) -> bool:
+    def _touching(self, motion: AnyIntArray, point: FloatArray, axis: FloatArray) -> BoolArray:
+        """Return the steps (s,) to samples (s + 1) from the one before on which it may touch."""
+        paths, trace = self._paths, self._paths.trace
+        cut = trace.is_cp & (trace.column("speed") <= self._feed)
+        last = np.maximum.accumulate(np.where(cut, np.arange(len(cut)), -1))
+        end, tool = paths.end_point, paths.end_axis
+        way = np.diff(end, axis=0, prepend=np.nan)
+        leaves = np.einsum("mi,mi->m", way, tool) <= -ALONG_AXIS * np.linalg.norm(way, axis=1)
+        # a cut that leaves the part along the tool axis has ended where it began
+        from_ = np.where(leaves, np.arange(len(cut)) - 1, np.arange(len(cut)))[last[motion[1:]]]
+        out = trace.is_cp[motion[1:]] & (last[motion[1:]] >= 0)
+        for at in (slice(None, -1), slice(1, None)):
+            out &= on_the_way_out(end[from_], tool[from_], point[at], axis[at])
+        return np.asarray(cut[motion[1:]] | out)
+
+    def is_free(self, known: Effect) -> bool:
         """Return whether nothing collides, looked at every millimetre of the arm's way.
 
-        The cutter may touch the part in cuts and behind them.
+        The cutter may touch the part in cuts, and on the straight way out of the last one. Steps
+        that a text ``known`` to be free makes as well are not looked at again.
         """
         if not self._cell.solids:
             return True
-        paths, trace = self._paths, self._paths.trace
-        motion, share, q, *_ = paths.in_order()
+        arm = build(self._cell.robot)
+        seen = {step.tobytes() for step in known.steps}
+        scenes = {
+            tool: Scene.shared(self._cell.with_tool(tool), arm)
+            for tool in np.unique(self._paths.station.tool).tolist()
+        }
+        for step in self.steps:
+            if step.tobytes() in seen or not np.isfinite(step).all():
+                continue
+            a, b = step[2:].reshape(2, -1)
+            way = np.abs(b - a)
+            count = int((way[:6].sum() * _REACH + way[6:].sum()) / _STEP) + 2
+            dense = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
+            if scenes[int(step[0])].check(dense, bool(step[1])).hit.any():
+                return False
+        return True
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """The steps (s, 2 + 2 (6 + k)): tool, whether it may touch, joints before and behind."""
+        paths = self._paths
+        motion, share, q, point, axis = paths.in_order()
         external = paths.curves.external_at(motion, share, paths.external)
         q = np.hstack([q, external])
-        cut = trace.is_cp & (trace.column("speed") <= self._feed)
-        touch = cut | (np.r_[False, cut[:-1]] & trace.is_cp)
-        arm = build(self._cell.robot)
-        for tool in np.unique(paths.station.tool).tolist():
-            scene = Scene.shared(self._cell.with_tool(tool), arm)
-            for (a, b), row in zip(pairwise(q), motion[1:], strict=True):
-                if paths.station.tool[row] != tool or not np.isfinite([a, b]).all():
-                    continue
-                way = np.abs(b - a)
-                count = int((way[:6].sum() * _REACH + way[6:].sum()) / _STEP) + 2
-                dense = a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
-                if scene.check(dense, bool(touch[row])).hit.any():
-                    return False
-        return True
+        touch = self._touching(motion, point, axis)
+        return np.column_stack([paths.station.tool[motion[1:]], touch, q[:-1], q[1:]])

@@ -71,7 +71,7 @@ def judge(
             result.harmless["the same ways, slower through the air"] += 1
         elif codes := noticed(mutant.files, cell, toolpath, collisions=True):
             result.caught[min(codes)] += 1
-        elif original.does_the_same_work(effect) and effect.is_free():
+        elif original.does_the_same_work(effect) and effect.is_free(original):
             result.harmless["the same cuts, another free way through the air"] += 1
         else:
             result.missed.append(mutant)
