@@ -21,8 +21,16 @@ SPEED = (
 )
 
 
+HOMES = tuple(
+    f"[{a1}, {a2}, {-a2}, 0, {a5}, 0]"
+    for a2, a5 in ((-100, 20), (-110, 60), (-125, 30))
+    for a1 in (0, 60, -60, 120, -120, 170)
+)
+"""Poses [deg] to begin and end in; the first stands in the cell file, a user takes a free one."""
 _SLOTS = 0.4
 """Share of slots among what is to be done."""
+_LONG = 0.1
+"""Share of slots along a rail that no place of it reaches as a whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +56,7 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
     far, high = ROBOTS[robot]
     size = np.array([rng.uniform(300, 900), rng.uniform(300, 900), rng.uniform(40, 200)])
     if with_rail:
-        size[1] = rng.uniform(5000, 9000)
+        size[1] = rng.uniform(3000, 8000)
     turn = rotation_from_vector(rng.uniform(-0.15, 0.15, 3))
     place = np.array([far, 0.0, high]) + rng.uniform(-0.15, 0.15, 3)
     blend = float(np.exp(rng.uniform(np.log(0.5), np.log(300.0))))
@@ -61,7 +69,7 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
         f"xyz_mm = {_list([0, 0, -0.5 * size[2]])} }}]\n",
         f"[motion]\napproximation_mm = {blend:.3f}\n",
         f"corner_tolerance_mm = {rng.choice([0.2, 1.0, 5.0])}\n",
-        f"approach_mm = {rng.choice([20.0, 50.0])}\nhome_deg = [0, -100, 100, 0, 20, 0]\n",
+        f"approach_mm = {rng.choice([20.0, 50.0])}\nhome_deg = {HOMES[0]}\n",
         "[optimize]\nstep_deg = 30\n[krl]\nmax_points_per_file = 100000\n",
     ]
     if with_rail:
@@ -69,7 +77,7 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
         text.append(f"[[external_axes]]\n{rail}range_mm = [-4500, 4500]\nspeed_mm_s = 1000\n")
     text += _obstacles(rng, place, turn, size)
     if with_rail:
-        text += [_beside_the_rail(rng, number) for number in range(int(rng.integers(0, 3)))]
+        text += [_beside_the_rail(rng, number) for number in range(int(rng.integers(2, 7)))]
     return Job("".join(text), _blocks(rng, size, tags, with_rail=with_rail))
 
 
@@ -121,7 +129,7 @@ def _obstacles(
 
 def _beside_the_rail(rng: np.random.Generator, number: int) -> str:
     """Return a rod between robot and part, where the arm passes when it travels."""
-    at = [rng.uniform(300.0, 1500.0), rng.uniform(-4500.0, 4500.0), rng.uniform(300.0, 2800.0)]
+    at = [rng.uniform(700.0, 1500.0), rng.uniform(-4500.0, 4500.0), rng.uniform(300.0, 2800.0)]
     thick = float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))
     length, tilt = rng.uniform(200.0, 1500.0), rng.uniform(-90.0, 90.0, 3)
     return (
@@ -143,10 +151,11 @@ def _blocks(
         x, y = rng.uniform(-0.42, 0.42, 2) * size[:2]
         kind = rng.uniform()
         if kind < _SLOTS:
-            long = with_rail and kind < 0.5 * _SLOTS
-            found.append(_slot(rng, x, y, size, reach=600.0 if long else 90.0))
+            long = with_rail and kind < _LONG * _SLOTS
+            found.append(_slot(rng, x, y, size, 600.0 if long else 90.0, 8 if with_rail else 24))
         else:
-            found += _holes(rng, x, y, size, rows=1 if with_rail else 3, most=3 if with_rail else 8)
+            rows, most = (2, 5) if with_rail else (3, 8)
+            found += _holes(rng, x, y, size, rows, most)
     return tuple(found)
 
 
@@ -170,14 +179,16 @@ def _holes(
     return found
 
 
-def _slot(rng: np.random.Generator, x: float, y: float, size: FloatArray, reach: float) -> str:
+def _slot(
+    rng: np.random.Generator, x: float, y: float, size: FloatArray, reach: float, most: int
+) -> str:
     """Return an open polygon milled a little into the part, entered and left from above.
 
-    ``reach``: longest side along y [mm].
+    ``reach``: longest side along y [mm]; ``most``: it has fewer sides.
     """
     points = [np.array([x, y])]
     sign = -np.sign(y)
-    for _ in range(int(rng.integers(2, 24 if reach < 100.0 else 20))):
+    for _ in range(int(rng.integers(2, most))):
         way = rng.uniform(-90.0, 90.0), rng.uniform(-90.0, reach) * sign
         points.append(np.clip(points[-1] + way, -0.45 * size[:2], 0.45 * size[:2]))
     depth, top = rng.uniform(0.5, 5.0), rng.uniform(15.0, 60.0)

@@ -3,11 +3,12 @@
     python -m tools.bench executed [--cells 40] [--first 0] [--tags 500] [--programs 3] [--seed 1]
                                    [--log FILE]
 
-Each cell has a big tool, a part, rods of 2 to 60 mm and blocks at random, every third one a rail;
-corners are blended by 0.5 to 300 mm. Holes and slots are converted as a user would, what fails
-being left out; the files are verified as a user would, and the text is executed (``outside``). So
-are programs of random motions that ``verify`` and the planner's checks have judged. A hit in what
-was let pass is a miss; what is refused while nothing comes near is a false refusal.
+Each cell has a big tool, a part, rods of 2 to 60 mm and blocks at random, two of three a rail with
+more rods beside it; corners are blended by 0.5 to 300 mm. Holes and slots are converted as a user
+would, what fails being left out; the files are verified as a user would, and the text is executed
+(``outside``). So are programs of random motions that ``verify`` and the planner's checks have
+judged. A hit in what was let pass is a miss; what is refused while nothing comes near is a false
+refusal.
 """
 
 from __future__ import annotations
@@ -22,12 +23,12 @@ import numpy as np
 import pinocchio as pin
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.cell import load_cell
+from postproc.cell import Cell, load_cell
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.jobs.convert import ConvertRequest, convert, output_paths, read_toolpath
 from postproc.jobs.verify import verify
 from postproc.units import DEG, MM
-from tools.bench.crowded import Job, random_job
+from tools.bench.crowded import HOMES, Job, random_job
 from tools.bench.outside import allowed, moves_of, ways_of
 from tools.bench.programs import judge_programs
 from tools.bench.score import Place, Score, corner_of, kind_of, table
@@ -35,14 +36,45 @@ from tools.bench.score import Place, Score, corner_of, kind_of, table
 FEED = 0.006
 """Path motions up to this speed [m/s] cut."""
 VARIANTS = 6
-RAIL_TAGS = 12
-"""So many times fewer tags on a rail, where the arm travels between most of them."""
+RAIL_TAGS = 2
+"""So many times fewer tags on a rail, where the arm travels between them."""
 SPARE = 4
 """So many times more tags are drawn than are asked for."""
 POSTURES = 4
 """Blocks that can be begun and ended in fewer postures, of 96 at a place, are not asked for."""
 ROUNDS = 4
 """So often blocks that fail are left out of a CAM file before the cell is given up."""
+
+
+def placed(job: Job, folder: Path) -> Place:
+    """Write the cell file with the home that is free at most places of the rail; return its place.
+
+    A user takes one that is free.
+    """
+    place = _with_home(job, folder, HOMES[0])
+    rails, touch = _rails(place.cell, 0.1), np.zeros(1, dtype=np.bool_)
+    hits = []
+    for home in HOMES:
+        q = np.array([float(value) for value in home.strip("[]").split(",")]) * DEG
+        rows = np.hstack([np.repeat(q[None], len(rails), axis=0), rails])
+        hits.append(sum(bool(place.judge.met(row[None], touch)) for row in rows))
+        if not hits[-1]:
+            break
+    return _with_home(job, folder, HOMES[int(np.argmin(hits))])
+
+
+def _with_home(job: Job, folder: Path, home: str) -> Place:
+    path = folder / "cell.toml"
+    path.write_text(job.cell.replace(HOMES[0], home))
+    return Place.of(load_cell(str(path)))
+
+
+def _rails(cell: Cell, step: float) -> FloatArray:
+    """Return where the rail stands, (m, k) every step [m]; once and nothing without one."""
+    if not cell.external_axes:
+        return np.zeros((1, 0))
+    axis = cell.external_axes[0]
+    return np.arange(axis.q_min, axis.q_max + 1e-9, step)[:, None]
 
 
 def reachable(job: Job, place: Place, most: int) -> BoolArray:
@@ -69,10 +101,7 @@ def _stands_free(place: Place, p_base: FloatArray, up: FloatArray) -> bool:
     R = rotation_about(up, np.arange(0.0, 360.0, 30.0) * DEG) @ R
     above = p_base + np.multiply.outer([0.0, 0.03, 0.07], up / np.linalg.norm(up))
     T = transform(R[:, None], above[None])
-    rails = np.zeros((1, len(cell.external_axes)))
-    if cell.external_axes:
-        axis = cell.external_axes[0]
-        rails = np.arange(axis.q_min, axis.q_max + 1e-9, 0.75)[:, None]
+    rails = _rails(cell, 0.75)
     flange = machine.T_robroot_base(rails)[:, None, None] @ T @ inverse(machine.tool)
     q, valid = machine.arm.ik(flange.reshape(-1, 4, 4))
     valid &= ((q > cell.robot.q_min) & (q < cell.robot.q_max)).all(axis=2)
@@ -159,13 +188,12 @@ def judged(number: int, tags: int, seed: int, programs: int) -> Score:
     """Return the score of a random cell."""
     score = Score()
     rng = np.random.default_rng([seed, number])
-    with_rail = number % 3 == 2
+    with_rail = number % 3 > 0
     tags = tags // RAIL_TAGS if with_rail else tags
     job = random_job(rng, SPARE * tags, with_rail=with_rail)
     with tempfile.TemporaryDirectory(prefix=f"cell{number}_") as name:
         folder = Path(name)
-        (folder / "cell.toml").write_text(job.cell)
-        place = Place.of(load_cell(str(folder / "cell.toml")))
+        place = placed(job, folder)
         if programs:
             judge_programs(place, folder, rng, programs, score)
         if tags:

@@ -185,6 +185,8 @@ def _refused(finding: Finding) -> Iterator[tuple[int, str]]:
     at_corner = "corner" in finding.message
     if finding.code in (RunKind.UNREACHABLE, RunKind.TURN):
         yield line, ""
+    elif finding.code == RunKind.CORNER and "straight wrist" in finding.message:
+        yield line, "other"
     elif finding.code == RunKind.CORNER or (finding.code == RunKind.COLLISION and at_corner):
         yield line, "corner"
     elif finding.code == RunKind.COLLISION:
