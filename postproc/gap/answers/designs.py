@@ -25,6 +25,8 @@ from postproc.units import DEG
 HARM = 12.0
 """Nats of harm on one design that refuse an effect, and their share of all it brings."""
 _HARM_SHARE = 0.1
+_CLEAR = 2.0
+"""So many standard deviations an effect is to be expected to bring something."""
 _TIMES = ("first half of the time", "second half of the time")
 FEWEST = 12
 """Rows of a design; a smaller one says nothing of its own."""
@@ -146,7 +148,7 @@ def _merged(label: IntArray, centres: FloatArray) -> IntArray:
 
 
 def transfers(
-    regression: Regression, label: Designs, chosen: Sequence[str]
+    regression: Regression, label: Designs, chosen: Sequence[str], *, only_told: bool = False
 ) -> dict[str, dict[str, float]]:
     """Return what each chosen effect brings on each design when fitted to the others [nats].
 
@@ -154,6 +156,8 @@ def transfers(
         regression: rows with their blocks.
         label: designs of these rows.
         chosen: keys of the model beside the frames that are always in it.
+        only_told: leave out designs on which an effect might bring nothing even if it were as all
+            rows have it: too little of it shows there, or the others hardly tell its numbers.
 
     Returns:
         By effect and design: half the fall of the squared misfit, in units of the noise. Below
@@ -174,13 +178,36 @@ def transfers(
         alone = whole.numbers((*frames, *rest))[len(whole.index(frames)) :]
         found[key] = {}
         for name, part in parts.items():
-            own = _beside(whole, whole.minus(part), frames, rest, key)
+            others = whole.minus(part)
+            if only_told and _is_open(whole, part, others, (*frames, *chosen), key):
+                continue
+            own = _beside(whole, others, frames, rest, key)
             without, with_ = (
                 _left(part, numbers, keys, frames)
                 for numbers, keys in ((alone, rest), (own, (*rest, key)))
             )
             found[key][name] = 0.5 * (without - with_)
     return found
+
+
+def _is_open(
+    whole: NormalEquations,
+    part: NormalEquations,
+    others: NormalEquations,
+    keys: tuple[str, ...],
+    key: str,
+) -> bool:
+    """Return whether a true effect might bring nothing on a part, fitted to the other rows.
+
+    Loads that are put on once are on in one half of the time. What an effect is expected to bring
+    is half of what it is there less half of how unsure it is, in squared noise; the noise of the
+    part scatters that by the root of the former.
+    """
+    i, at = whole.index((key,)), np.isin(whole.index(keys), whole.index((key,)))
+    G = part.reduced()[0][np.ix_(i, i)]
+    theta, C = whole.solve(keys)[0][at], others.solve(keys)[1][np.ix_(at, at)]
+    size = float(theta @ G @ theta)
+    return 0.5 * (size - float(np.sum(C * G))) <= _CLEAR * size**0.5
 
 
 def _beside(
@@ -227,7 +254,8 @@ def refusals(problem: Problem, regression: Regression, choice: Choice) -> tuple[
     keys = (*choice.adopted, *choice.resembled)
     worst: dict[str, float] = {}
     for label, strict in _divisions(problem):
-        for key, by in transfers(regression, label.rows(index), keys).items():
+        told = transfers(regression, label.rows(index), keys, only_told=not strict)
+        for key, by in told.items():
             if key not in choice.adopted or not by:
                 continue
             total, least = sum(by.values()), min(by.values())
