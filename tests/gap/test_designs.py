@@ -158,3 +158,24 @@ def test_a_model_that_holds_on_half_of_the_rows_only_is_worse_than_none(arm):
     flipped = regression.y.copy()
     flipped[60:] *= -1.0
     assert is_worse(replace(regression, fold=fold, y=flipped), choice)
+
+
+def test_a_half_in_which_an_effect_hardly_shows_says_nothing_of_it(arm):
+    regression = bench_of(arm, np.random.default_rng(5), 120)
+    label = Designs(np.repeat([0, 1], 60), ("a", "b"), "layout")
+    off = np.arange(120) < 60
+    blocks, y = list(regression.blocks), regression.y.copy()
+    k = next(i for i, block in enumerate(blocks) if block.key == "joint_offset")
+    X = blocks[k].X.copy()
+    X[off] = 0.0
+    blocks[k] = replace(blocks[k], X=X)
+    y[off] = 2e-5 * np.random.default_rng(6).normal(size=(60, 3))
+    once = replace(regression, y=y, blocks=tuple(blocks))
+    assert transfers(once, label, ("joint_offset",), only_told=True) == {"joint_offset": {}}
+    # what shows in both halves is judged in both, and speaks against itself where it does not hold
+    both = transfers(regression, label, ("joint_offset",), only_told=True)["joint_offset"]
+    assert min(both.values()) > 100.0
+    y = regression.y.copy()
+    y[60:] *= -0.5
+    wrong = transfers(replace(regression, y=y), label, ("joint_offset",), only_told=True)
+    assert max(wrong["joint_offset"].values()) < -100.0

@@ -207,7 +207,7 @@ def _is_open(
     G = part.reduced()[0][np.ix_(i, i)]
     theta, C = whole.solve(keys)[0][at], others.solve(keys)[1][np.ix_(at, at)]
     size = float(theta @ G @ theta)
-    return 0.5 * (size - float(np.sum(C * G))) <= _CLEAR * size**0.5
+    return bool(0.5 * (size - float(np.sum(C * G))) <= _CLEAR * size**0.5)
 
 
 def _beside(
