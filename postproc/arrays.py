@@ -86,6 +86,15 @@ def runs(labels: AnyIntArray) -> list[tuple[int, int]]:
     return list(itertools.pairwise(bounds))
 
 
+def numbered(count: AnyIntArray) -> tuple[IndexArray, IndexArray]:
+    """Return of which owner each item is (s,), and its number there (s,), from 0.
+
+    ``count`` (k,): the items of each of k owners, which stand one behind the other.
+    """
+    owner = np.repeat(np.arange(len(count)), count)
+    return owner, np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
+
+
 def forward_filled(rows: FloatArray) -> FloatArray:
     """Return rows (n, ...) with those that hold NaN or inf replaced by the last before, else 0."""
     known = np.isfinite(rows).all(axis=tuple(range(1, rows.ndim)))

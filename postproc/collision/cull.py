@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Table
+from postproc.arrays import BoolArray, FloatArray, Table, numbered
 from postproc.collision.boxes import box_gap
 from postproc.collision.shape import Shape
 
@@ -215,9 +215,8 @@ class Culler:
     ) -> np.ndarray:
         """Return entries (h,) with a probe of the inner body inside the outer one."""
         entry = np.flatnonzero(self._has_inside[outer])
-        count = self._probe_count[inner[entry]]
-        entry = np.repeat(entry, count)
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        owner, step = numbered(self._probe_count[inner[entry]])
+        entry = entry[owner]
         probe = self._probes[self._probe_start[inner[entry]] + step]
         points = np.einsum("kij,kj->ki", R[entry], probe) + p[entry]
         body = outer[entry]

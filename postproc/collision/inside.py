@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray, IntArray, numbered
 from postproc.collision.mesh import Mesh
 
 MOST_PROBES = 64
@@ -127,15 +127,13 @@ class InsideTest:
 
     def _fill(self, low: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:
         """Return for each grid cell where its faces begin, and the faces (rows of the index)."""
-        count = size.prod(axis=1)
-        face = np.repeat(np.arange(len(size), dtype=np.int32), count)
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        face, step = numbered(size.prod(axis=1))
         x = low[face, 0] + step // size[face, 1]
         y = low[face, 1] + step % size[face, 1]
         cell = x * self._grid + y
         order = np.argsort(cell, kind="stable")
         start = np.searchsorted(cell[order], np.arange(self._grid**2 + 1))
-        return start.astype(np.int32), face[order]
+        return start.astype(np.int32), face[order].astype(np.int32)
 
     def contains(self, points: FloatArray) -> BoolArray:
         """Return (n,) whether each point (n, 3) [m] in the mesh's frame lies inside a closed part.
@@ -158,8 +156,7 @@ class InsideTest:
         xy = np.clip(xy, 0, self._grid - 1)
         cell = xy[:, 0] * self._grid + xy[:, 1]
         count = self._start[cell + 1] - self._start[cell]
-        row = np.repeat(np.arange(len(points)), count)
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        row, step = numbered(count)
         face = self._members[self._start[cell][row] + step]
         above = self._is_above(points[row], face)
         row, face = row[above], face[above]

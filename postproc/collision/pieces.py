@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, numbered
 from postproc.collision.boxes import box_gap
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
@@ -143,9 +143,8 @@ class PieceBounds:
 
     def _all_pieces(self, rows: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return row and number of all pieces of bodies (k,), each at one of ``rows`` (k,)."""
-        count = self._count[body]
-        step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        return np.repeat(rows, count), np.repeat(self._start[body], count) + step
+        owner, step = numbered(self._count[body])
+        return rows[owner], self._start[body[owner]] + step
 
 
 def _inverse(R: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, numbered
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh
 from postproc.units import DEG
@@ -187,9 +187,7 @@ def _corner_normals(
     around = np.bincount(vertex, minlength=vertices)
     start = np.cumsum(around) - around
     # every corner with every corner at the same vertex
-    count = around[vertex]
-    mine = np.repeat(np.arange(len(vertex)), count)
-    step = np.arange(len(mine)) - np.repeat(np.cumsum(count) - count, count)
+    mine, step = numbered(around[vertex])
     other = corner[start[vertex[mine]] + step]
     alike: BoolArray = np.einsum("ki,ki->k", normal[mine // 3], normal[other // 3]) > np.cos(SMOOTH)
     mine, other = mine[alike], other[alike]

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, FloatArray, IntArray, numbered
 from postproc.cell import Cell
 from postproc.geometry import inverse, line_poses, rotation_angle
 from postproc.kinematics import Kinematics
@@ -89,9 +89,8 @@ def _between(
     plan: Plan, cell: Cell, kinematics: Kinematics, moves: AnyIntArray, pieces: AnyIntArray
 ) -> tuple[FloatArray, FloatArray, np.ndarray]:
     """Return T_base_tcp (n, 4, 4) and q (n, 6) at the ends of pieces of moves, and if reached."""
-    row = np.repeat(moves, pieces)
-    number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    share = (number + 1.0) / np.repeat(pieces, pieces)
+    which, number = numbered(pieces)
+    row, share = moves[which], (number + 1.0) / pieces[which]
     T_start, T_end = plan.T_base_tcp[row - 1], plan.T_base_tcp[row]
     T = line_poses(T_start, T_end, share)
     q_end = np.asarray(plan.q)[row]

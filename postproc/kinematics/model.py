@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, numbered
 from postproc.errors import KinematicsError
 from postproc.kinematics.branches import TURN, Branches, wrapped
 from postproc.kinematics.chain import SerialChain
@@ -149,10 +149,9 @@ class Kinematics:
         for joint in range(6):
             low, high = self._turn_range(variants)
             count = np.maximum(high[:, joint] - low[:, joint] + 1.0, 0.0).astype(np.int64)
-            first = np.repeat(np.cumsum(count) - count, count)
-            step = low[:, joint].repeat(count) + (np.arange(count.sum()) - first)
-            variants, rows = variants.repeat(count, axis=0), rows.repeat(count)
-            variants[:, joint] += TURN * step
+            row, step = numbered(count)
+            variants, rows = variants[row], rows[row]
+            variants[:, joint] += TURN * (low[row, joint] + step)
         return variants, rows.astype(np.int32)
 
     def within_limits(self, q: ArrayLike, margin: float = 0.0) -> BoolArray:

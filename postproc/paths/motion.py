@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, numbered
 from postproc.cell import Cell
 from postproc.controller import Trace
 from postproc.errors import Finding, RunKind, Severity, SourceRef
@@ -263,9 +263,8 @@ class _Solver:
         if total > MAX_SAMPLES:
             way *= MAX_SAMPLES / total
         pieces = np.maximum(np.ceil(way - 1e-9), 1.0).astype(np.int64)
-        row = np.repeat(moving, pieces)
-        number = np.arange(len(row)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        return row.astype(np.int32), (number + 1.0) / np.repeat(pieces, pieces)
+        which, number = numbered(pieces)
+        return moving[which].astype(np.int32), (number + 1.0) / pieces[which]
 
     def _external_way(self, step_length: float, step_angle: float) -> FloatArray:
         """Return how many steps (m,) the external axes make in each motion."""

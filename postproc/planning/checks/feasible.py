@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
 from postproc.units import DEG
@@ -31,14 +31,10 @@ RESOLUTION = 0.2e-3
 """Contact grazed on a shorter way [m] may pass a plan."""
 JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
-
-
 LONG = 8
 """A motion of so many checked poses is probed before it is swept ..."""
 PROBES = np.array([0.5, 0.25, 0.75])
 """... at these shares of it."""
-
-
 SAME_POSE = 1e-9
 """Joints that differ by less [rad] are those of one pose: solved twice, rounded differently."""
 
@@ -338,10 +334,8 @@ class Checker:
             size = np.maximum(size, lines.sweep / STEP_SWEEP)
         size -= 1e-9
         pieces = np.ceil(np.maximum(size, np.where(size > SHORT, 2.0, 1.0))).astype(np.int64)
-        row = np.repeat(np.arange(len(lines)), pieces + 1)
-        first = np.cumsum(pieces + 1) - (pieces + 1)
-        share = (np.arange(len(row)) - first[row]) / pieces[row]
-        return row, share
+        row, step = numbered(pieces + 1)
+        return row, step / pieces[row]
 
     def _hits(self, verdict: Verdict, rows: IndexArray, q: FloatArray, contact: BoolArray) -> None:
         if self.scene is None or not len(q):

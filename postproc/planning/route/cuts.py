@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray, numbered
 from postproc.cell import ArcMotion
 from postproc.errors import PlanError
 from postproc.geometry import angle_between, arc_points, arc_poses
@@ -79,8 +79,7 @@ def _arcs(
     if pieces.sum() > MOST_PIECES:
         text = f"arcs make {pieces.sum()} pieces, expected at most {MOST_PIECES}"
         raise PlanError("PLN211", text, toolpath.source(int(tags[pieces.argmax()])))
-    row = np.repeat(np.arange(len(tags)), pieces)
-    piece = np.arange(len(row)) - (np.cumsum(pieces) - pieces)[row]
+    row, piece = numbered(pieces)
     share = (piece + 1) / pieces[row]
     last = piece == pieces[row] - 1
     poses = arc_poses(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.planning.checks import Checker
 
 ROUNDS = 60
@@ -41,13 +41,11 @@ def seem_free(
     """
     count = np.ceil(np.linalg.norm(end - start, axis=1) / _SAMPLE).astype(np.int64)
     inner = np.maximum(count - 1, 1)
-    row = np.repeat(np.arange(len(start)), inner)
-    step = np.arange(len(row)) - np.repeat(np.cumsum(inner) - inner, inner)
+    row, step = numbered(inner)
     share = (step + 1) / (inner[row] + 1)
     q = start[row] + share[:, None] * (end - start)[row]
-    place = external if external.ndim == 1 else external[row]
     free = np.ones(len(start), dtype=np.bool_)
-    free[row[~checker.free_poses(q, place)]] = False
+    free[row[~checker.free_poses(q, _at_each(external, start)[row])]] = False
     return free
 
 
@@ -59,9 +57,14 @@ def free_moves(
     The external axes stand at ``external`` (k,) or (m, k) meanwhile.
     """
     free = seem_free(checker, start, end, external)
-    place = external if external.ndim == 1 else external[free]
+    place = _at_each(external, start)[free]
     free[free] = checker.joint_moves(start[free], end[free], place).good
     return free
+
+
+def _at_each(external: FloatArray, moves: FloatArray) -> FloatArray:
+    """Return where the external axes stand (m, k) at each of moves (m, 6), from (k,) or (m, k)."""
+    return np.broadcast_to(external, (len(moves), external.shape[-1]))
 
 
 def rrt_connect(

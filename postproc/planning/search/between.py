@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.model import MotionKind
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.model import CUTS
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
 
@@ -67,14 +67,14 @@ class Interpolation:
     def of(cls, problem: Problem) -> Interpolation:
         """Return the interpolation along the path of a problem."""
         place = problem.placement
-        is_cut = np.isin(np.asarray(problem.toolpath.kind), (MotionKind.LINEAR, MotionKind.ARC))
+        is_cut = np.isin(np.asarray(problem.toolpath.kind), CUTS)
         return cls(arc_length(problem.toolpath), carried_twist(place), place.may_tilt, is_cut)
 
     def rows(self, first: IndexArray, last: IndexArray) -> Rows:
         """Return the tags behind ``first`` (m,) up to ``last`` (m,) of every span."""
         count = last - first
-        span = np.repeat(np.arange(len(first)), count)
-        place = np.arange(len(span)) - np.repeat(np.cumsum(count) - count, count) + 1
+        span, place = numbered(count)
+        place += 1
         a, b = first[span], last[span]
         tag = a + place
         length = self.way[b] - self.way[a]

@@ -11,7 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Optimize
 from postproc.geometry import angle_between, path_length
-from postproc.model import MotionKind, ToolPath
+from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.planning.states import Problem
 from postproc.units import DEG
 
@@ -24,9 +24,7 @@ KEY_TURN = 5.0 * DEG
 def stretches(toolpath: ToolPath) -> IndexArray:
     """Return the number (n,) of the stretch that each tag belongs to, from 0 upwards."""
     kind = np.asarray(toolpath.kind)
-    sort = np.select(
-        [kind == MotionKind.HOLE, np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))], [1, 2], 0
-    )
+    sort = np.select([kind == MotionKind.HOLE, np.isin(kind, CUTS)], [1, 2], 0)
     # The tag before a cut is where the cut starts: it belongs to the cut.
     sort[:-1] = np.where((sort[:-1] == 0) & (sort[1:] == 2), 2, sort[:-1])
     starts = np.zeros(len(kind), dtype=np.bool_)
@@ -100,7 +98,7 @@ def dense_key_tags(problem: Problem) -> BoolArray:
     """
     toolpath, wishes, place = problem.toolpath, problem.cell.optimize, problem.placement
     n = len(toolpath)
-    is_cut = np.isin(np.asarray(toolpath.kind), (MotionKind.LINEAR, MotionKind.ARC))
+    is_cut = np.isin(np.asarray(toolpath.kind), CUTS)
     keys = spaced(arc_length(toolpath), is_cut, KEY_STEP)
     axis = place.axis_base(np.arange(n))
     turned = np.concatenate([[0.0], np.cumsum(angle_between(axis[:-1], axis[1:]))])

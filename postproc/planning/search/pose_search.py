@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, numbered
 from postproc.planning.checks import Checker, Evidence, Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.breaks import break_at
@@ -309,12 +309,10 @@ class PoseSearch:
         """Return the turn copies of colliding states, with the reason noted for each."""
         of_config = self._first_copy(states)
         ends = np.searchsorted(self.states.config, self.states.config[states], side="right")
-        count = ends - of_config
-        copies = np.repeat(of_config, count) + (
-            np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-        )
+        row, step = numbered(ends - of_config)
+        copies = of_config[row] + step
         self.reason[copies] = Reason.COLLISION
-        self.pair[copies] = np.repeat(self.pair[states], count)
+        self.pair[copies] = self.pair[states[row]]
         return np.asarray(copies)
 
     def _around(self, states: IndexArray, reach: int) -> IndexArray:

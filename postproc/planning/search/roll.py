@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
-from postproc.model import MotionKind
+from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.states import Chosen, cross_axes, strokes_into
 from postproc.units import DEG
@@ -22,7 +22,6 @@ from postproc.units import DEG
 _BRANCHES = 8
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
-_CUTS = (MotionKind.LINEAR, MotionKind.ARC)
 _MOST_LINES = 12
 
 
@@ -120,7 +119,7 @@ def _ends(checker: Checker, chosen: Chosen, tag: int) -> bool:
     toolpath, behind = checker.problem.toolpath, tag + 1
     if toolpath.format == "delmia":
         return True
-    if behind < len(toolpath) and not chosen.entry[behind] and toolpath.kind[behind] in _CUTS:
+    if behind < len(toolpath) and not chosen.entry[behind] and toolpath.kind[behind] in CUTS:
         return False
     return not _is_pinned(checker, tag)
 

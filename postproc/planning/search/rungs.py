@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
-from postproc.model import MotionKind
+from postproc.model import CUTS
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.states import (
@@ -80,7 +80,7 @@ class Wish:
 def step_rules(problem: Problem) -> IndexArray:
     """Return the ``Rule`` (n,) of the step into each tag: cuts keep branch and turns."""
     kind = np.asarray(problem.toolpath.kind)
-    chain = np.isin(kind, (MotionKind.LINEAR, MotionKind.ARC))
+    chain = np.isin(kind, CUTS)
     return np.where(chain, Rule.CHAIN, Rule.FREE).astype(np.int64)
 
 
