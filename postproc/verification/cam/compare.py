@@ -51,13 +51,12 @@ from postproc.verification.cam.matching import (
     wanted_of,
 )
 from postproc.verification.cam.real import RealPaths, real_paths, stands
+from postproc.verification.cam.strokes import check_strokes
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.report import Expectation, Result
 
 BENT = 0.25
 """Share of the turn of the tool axis by which it may be beside the shortest one."""
-ON_TOP = 1e-5
-"""So near [m] to the height where the feed starts a tool is at it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +162,8 @@ def compare(
     _points(result, comparison, claims, cell, tolerances, tilts)
     path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
     feeds = Feeds(result, toolpath, cell)
-    motions = _elements(result, comparison, toolpath, path_tolerance + tolerances.position, feeds)
+    path_tolerance += tolerances.position
+    motions = _elements(result, comparison, toolpath, path_tolerance, feeds)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
     else:
@@ -171,7 +171,8 @@ def compare(
     near, is_cut = tolerances.position, comparison.is_cut
     milled = is_cut.copy()
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
-    _tilted(result, wanted, on_axis, tolerances.axis)
+    limits, shift = (tolerances.axis, path_tolerance), comparison.largest_shift()
+    check_strokes(result, real, wanted, on_axis, limits, shift)
     check_leaving(result, cell, toolpath, served, visits.last, milled)
     _relative(result, comparison.is_cut | (on_axis >= 0))
     feeds.report()
@@ -246,19 +247,6 @@ def _turned_between(
     for place in bad[np.argsort(-off[bad], kind="stable")][:AT_MOST].tolist():
         text = f"the tool axis is {off[place] / DEG:.4f} deg beside those of the cut's ends"
         result.finding(RunKind.AXIS, int(motion[place]), text + _more(len(bad)))
-
-
-def _tilted(result: Result, wanted: Wanted, on_axis: AnyIntArray, limit: float) -> None:
-    """Report where the tool is tilted in a hole, or where the feed into it starts."""
-    paths = result.paths
-    motion = np.flatnonzero(on_axis >= 0)
-    row = on_axis[motion]
-    height = np.einsum("ij,ij->i", wanted.top[row] - paths.end_point[motion], wanted.axis[row])
-    off = angle_between(paths.end_axis[motion], wanted.axis[row])
-    bad = np.flatnonzero((off > limit) & (height < wanted.clear[row] + ON_TOP))
-    for place in bad[np.argsort(-off[bad], kind="stable")][:AT_MOST].tolist():
-        text = f"the tool is tilted by {off[place] / DEG:.4f} deg in the hole" + _more(len(bad))
-        result.finding(RunKind.AXIS, int(motion[place]), text)
 
 
 def _measure_points(result: Result, comparison: Comparison, found: AnyIntArray) -> None:
@@ -401,7 +389,7 @@ def _elements(
     rows = rows[rows > 0]
     rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
     behind_hole = kind[rows - 1] == MotionKind.HOLE
-    comparison.is_cut[served[rows[behind_hole]]] = True  # at feed, wherever it comes from
+    _behind_holes(result, comparison, toolpath, rows[behind_hole], feeds)
     rows = rows[~behind_hole]
     step = served[rows] - served[rows - 1]
     direct = (kind[rows] == MotionKind.LINEAR) & (step == 1)
@@ -434,6 +422,19 @@ def _elements(
     if worst is not None:
         result.measure("path", worst.deviation / MM, "mm", worst.motion)
     return motions
+
+
+def _behind_holes(
+    result: Result, comparison: Comparison, toolpath: ToolPath, rows: AnyIntArray, feeds: Feeds
+) -> None:
+    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from."""
+    motions = comparison.served[rows]
+    comparison.is_cut[motions] = True
+    is_cp = result.paths.trace.is_cp[motions]
+    feeds.expect_rows(rows[is_cp], motions[is_cp])
+    for row in rows[~is_cp][:AT_MOST].tolist():
+        text = f"to tag {_tag(toolpath, row)}: a joint motion, the CAM file asks for a line"
+        result.finding(RunKind.PATH, int(comparison.served[row]), text)
 
 
 def _bent(
