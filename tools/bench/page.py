@@ -250,6 +250,19 @@ def motions(arguments: argparse.Namespace) -> Iterator[str]:
     yield _printed([*words, "--seed", str(MOTION_SEED)]).strip()
 
 
+def mutants(_: argparse.Namespace) -> Iterator[str]:
+    """Yield the section on mutants: programs broken in one place, and who notices it."""
+    yield "## Mutants\n"
+    yield (
+        "Every example's program broken in one place, one mutant of each rule in each file, drawn "
+        "at random: a component moved, a line lost, put in or swapped, a setting changed, a word "
+        "replaced, in the `.src` and in the points of the `.dat` (`python -m tools.mutants "
+        "fixtures --each 1`). What neither `verify`, `lint` nor the reader notices is executed "
+        "beside the program: it does no harm, or it is *missed*.\n"
+    )
+    yield _printed(["-m", "tools.mutants", "fixtures", "--each", "1", "--seed", "101"]).strip()
+
+
 SECTIONS = {
     "planning": planning,
     "holes": holes,
@@ -259,6 +272,7 @@ SECTIONS = {
     "diagnosis": diagnosis,
     "loop": loop,
     "motions": motions,
+    "mutants": mutants,
 }
 
 

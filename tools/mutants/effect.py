@@ -18,6 +18,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.controller import Blend, EventWord, MotionType, TraceEvent
+from postproc.geometry import angle_between
 from postproc.kinematics import build
 from postproc.krl import parse_files
 from postproc.paths import Paths, durations, joint_paths, run_in_cell
@@ -26,7 +27,9 @@ from postproc.process import ALONG_AXIS, on_the_way_out
 NEAR = 1.05e-5
 """Points nearer than this [m] are the same: the tolerance of ``verify`` and rounding."""
 SAME_AXIS = 1e-4
-_SPARE = 3e-5
+BENT = 0.25
+"""Share of the turn of the tool by which it may be beside the shortest one between two points."""
+SPARE = 3e-5
 """How far [m] arcs made of other points may be apart: the path tolerance and the samples."""
 _STEP = 1e-3
 _REACH = 3.5
@@ -34,30 +37,50 @@ _STATES = ("spindle", "coolant")
 
 
 @dataclass(frozen=True, slots=True)
+class Called:
+    """A call or a wait before a cut."""
+
+    word: EventWord
+    name: str
+    value: str
+
+
+@dataclass(frozen=True, slots=True)
 class Work:
     """A cut: points (s, 3) [m] and tool axes (s, 3) in $BASE, speed, and what is on.
 
-    ``tilt``: how far axes may be apart: by the tilt that the cell allows.
+    ``tilt`` (s,): how far axes may be apart: by the tilt that the cell allows, and, between the
+    ends of a motion, by a share of the turn from one to the other.
     """
 
     points: FloatArray
     axes: FloatArray
     speed: float
     calls: tuple[object, ...]
-    tilt: float = SAME_AXIS
+    tilt: FloatArray
 
-    def is_like(self, other: Work) -> bool:
-        """Return whether another cut is the same, or comes to it on its own line."""
+    @property
+    def lasting(self) -> tuple[object, ...]:
+        """What stays as it is behind the cut: what is on, tool and base; no calls before it."""
+        return tuple(one for one in self.calls if not isinstance(one, Called))
+
+    def is_like(self, other: Work, spare: float = SPARE) -> bool:
+        """Return whether another cut is the same, or comes to it on its own line.
+
+        ``spare`` [m]: how far a way made of other points may be off.
+        """
         alike = abs(self.speed - other.speed) <= 1e-3 * self.speed and self.calls == other.calls
         if not alike:
             return False
         if self.points.shape != other.points.shape:
-            return self._is_led_to_by(other) or self._goes_as(other)
-        same = np.abs(self.points - other.points).max(initial=0.0) < NEAR or self._goes_as(other)
-        turned = np.abs(self.axes - other.axes).max(initial=0.0)
-        return bool(same and turned < self.tilt) or self._is_led_to_by(other)
+            return self._is_led_to_by(other) or self._goes_as(other, spare)
+        same = np.abs(self.points - other.points).max(initial=0.0) < NEAR or self._goes_as(
+            other, spare
+        )
+        turned = np.abs(self.axes - other.axes).max(axis=1, initial=0.0)
+        return bool(same and (turned < self.tilt).all()) or self._is_led_to_by(other)
 
-    def _goes_as(self, other: Work) -> bool:
+    def _goes_as(self, other: Work, spare: float) -> bool:
         """Return whether another cut goes the same way, whatever points it is made of."""
         if min(len(self.points), len(other.points)) < 2:
             return False
@@ -67,8 +90,8 @@ class Work:
         ]
         return bool(
             ends[1]
-            and abs(lengths[0] - lengths[1]) < max(_SPARE, 0.01 * lengths[0])
-            and max(self._off(other), other._off(self)) < _SPARE
+            and abs(lengths[0] - lengths[1]) < max(spare, 0.01 * lengths[0])
+            and max(self._off(other), other._off(self)) < spare
         )
 
     def _off(self, other: Work) -> float:
@@ -77,12 +100,13 @@ class Work:
         way = b - a
         square = np.maximum(np.einsum("ij,ij->i", way, way), 1e-18)
         worst = 0.0
-        for point, axis in zip(self.points[1:], self.axes[1:], strict=True):
+        for point, axis, tilt in zip(self.points[1:], self.axes[1:], self.tilt[1:], strict=True):
             share = np.clip(np.einsum("ij,ij->i", point - a, way) / square, 0.0, 1.0)
             gap = np.linalg.norm(point - a - share[:, None] * way, axis=1)
             near = int(gap.argmin())
-            turned = min(np.abs(axis - other.axes[i]).max() for i in (near, near + 1))
-            worst = max(worst, float(gap[near]), np.inf if turned > self.tilt else 0.0)
+            part = float(share[near])
+            turned = np.abs(axis - (1.0 - part) * other.axes[near] - part * other.axes[near + 1])
+            worst = max(worst, float(gap[near]), np.inf if turned.max() > tilt else 0.0)
         return worst
 
     def _is_led_to_by(self, other: Work) -> bool:
@@ -107,11 +131,12 @@ def joined(works: list[Work]) -> list[Work]:
     found: list[Work] = []
     for work in works:
         last = found[-1] if found else None
-        if last is not None and (last.speed, last.calls) == (work.speed, work.calls):
+        if last is not None and (last.speed, last.lasting) == (work.speed, work.calls):
             points, axes = (
                 np.vstack([a, b]) for a, b in ((last.points, work.points), (last.axes, work.axes))
             )
-            found[-1] = replace(last, points=points, axes=axes)
+            tilt = np.concatenate([last.tilt, work.tilt])
+            found[-1] = replace(last, points=points, axes=axes, tilt=tilt)
         else:
             found.append(work)
     return found
@@ -157,7 +182,7 @@ class Effect:
         speed = trace.column("speed")
         cuts = np.flatnonzero(trace.is_cp & (speed <= self._feed) & (paths.curves.length > NEAR))
         allowed = self._cell.optimize.tilt
-        tilt = SAME_AXIS + 2.0 * max(map(abs, (*allowed.lead, *allowed.side)))
+        allowed_tilt = SAME_AXIS + 2.0 * max(map(abs, (*allowed.lead, *allowed.side)))
         found, low = [], 0
         on: dict[str, object] = {}
         events = list(trace.events)
@@ -168,13 +193,15 @@ class Effect:
                 low += 1
             state = (*sorted(on.items()), *calls)
             if cut == len(trace):
-                found.append(Work(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, state, tilt))
+                found.append(Work(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, state, np.zeros(0)))
                 break
             tool = int(paths.station.tool[cut])
             share = np.linspace(0.0, 1.0, 9 if trace.motion_type[cut] == MotionType.LIN else 200)
             T = paths.curves.poses(np.full(len(share), cut), share)
             axes = T[:, :3, :3] @ np.asarray(self._cell.tools[tool].axis)
             state = (*state, tool, int(paths.station.base[cut]))
+            turn = BENT * float(angle_between(axes[0], axes[-1]))
+            tilt = allowed_tilt + np.where((share > 0.0) & (share < 1.0), turn, 0.0)
             found.append(Work(T[:, :3, 3], axes, float(speed[cut]), state, tilt))
         return found
 
@@ -185,11 +212,15 @@ class Effect:
         if event.word is EventWord.HOOK and family:
             on[family] = (name, event.arguments)
         else:
-            calls.append((event.word, name, repr(event.value)))
+            calls.append(Called(event.word, name, repr(event.value)))
 
     def is_same(self, other: Effect) -> bool:
         """Return whether another text makes the machine do the very same."""
-        return self.events == other.events and all(
+        return self.events == other.events and self.moves_as(other)
+
+    def moves_as(self, other: Effect) -> bool:
+        """Return whether another text makes the same motions, whatever happens in between."""
+        return all(
             mine.shape == its.shape and np.allclose(mine, its, rtol=1e-9, atol=1e-9, equal_nan=True)
             for mine, its in zip(self.motions, other.motions, strict=True)
         )
@@ -217,12 +248,14 @@ class Effect:
             and (shares[1] <= shares[0] + 1e-12).all()
         )
 
-    def does_the_same_work(self, other: Effect) -> bool:
-        """Return whether another text makes the same cuts."""
-        mine, its = self.works, other.works
-        if len(mine) != len(its) or not all(map(Work.is_like, mine, its)):
-            mine, its = joined(mine), joined(its)
-        return len(mine) == len(its) and all(map(Work.is_like, mine, its))
+    def does_the_same_work(self, other: Effect, spare: float = SPARE) -> bool:
+        """Return whether another text makes the same cuts, ``spare`` [m] off at most."""
+        both = ((self.works, other.works), (joined(self.works), joined(other.works)))
+        return any(
+            len(mine) == len(its)
+            and all(a.is_like(b, spare) for a, b in zip(mine, its, strict=True))
+            for mine, its in both
+        )
 
     def _touching(self, motion: AnyIntArray, point: FloatArray, axis: FloatArray) -> BoolArray:
         """Return the steps (s,) to samples (s + 1) from the one before on which it may touch."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
-from postproc.cell import Cell
 from postproc.errors import KrlError, Severity
 from postproc.krl import lint, parse_files
 from postproc.model import ToolPath
 from postproc.process import MACHINING_SPEED
 from postproc.verification import verify
-from tools.mutants.effect import Effect
+from tools.mutants.cases import Case
+from tools.mutants.effect import SPARE, Effect
 from tools.mutants.rules import Mutant, mutants
 
 
@@ -31,48 +32,62 @@ class Judgement:
         """How many there were."""
         return self.caught.total() + self.harmless.total() + len(self.missed)
 
+    def add(self, other: Judgement) -> None:
+        """Add what came out for another program."""
+        self.caught.update(other.caught)
+        self.harmless.update(other.harmless)
+        self.missed += other.missed
 
-def noticed(
-    files: Mapping[str, bytes], cell: Cell, toolpath: ToolPath | None, *, collisions: bool
-) -> set[str]:
-    """Return the codes of what stands against a program."""
+
+def noticed(case: Case, files: Mapping[str, bytes], *, collisions: bool) -> set[str]:
+    """Return the codes of what stands against a text in the place of the program of a case."""
     try:
         modules = parse_files(files)
         found = {i.code for i in lint(modules) if i.severity is Severity.ERROR}
-        report = verify(modules, modules[0].name, cell, toolpath, collisions=collisions)
+        report = verify(
+            modules,
+            modules[0].name,
+            case.cell,
+            case.toolpath,
+            collisions=collisions,
+            displacement=case.displacement,
+        )
     except KrlError as error:
         return {error.code}
     return found | {violation.code for violation in report.violations}
 
 
-def judge(
-    files: Mapping[str, bytes], cell: Cell, toolpath: ToolPath | None, every: int = 1
-) -> Judgement:
-    """Judge the mutants of a program.
+def judge(case: Case, each: int | None = None, seed: int = 0) -> Judgement:
+    """Judge the mutants of a program: at most so many of each rule in a file, or all.
 
     Raises:
         ValueError: if the program itself is not good.
     """
-    own = noticed(files, cell, toolpath, collisions=True)
+    own = noticed(case, case.files, collisions=True)
     if own:
         raise ValueError(f"the program itself is not good: {sorted(own)}")
-    feed = _fastest_cut(toolpath)
-    original = Effect(files, cell, feed)
+    cell, feed = case.cell, _fastest_cut(case.toolpath)
+    original = Effect(case.files, cell, feed)
     result = Judgement()
-    for mutant in mutants(files, every):
-        codes = noticed(mutant.files, cell, toolpath, collisions=False)
+    for mutant in mutants(case.files, each, seed):
+        codes = noticed(case, mutant.files, collisions=False)
         if codes:
             result.caught[min(codes)] += 1
             continue
         effect = Effect(mutant.files, cell, feed)
+        is_free = partial(effect.is_free, original)
         if original.is_same(effect):
             result.harmless["the same motions, times and events"] += 1
+        elif case.toolpath is None and original.moves_as(effect):
+            result.harmless["the same motions; without a CAM file nothing asks for calls"] += 1
         elif original.is_slower_in_the_air(effect):
             result.harmless["the same ways, slower through the air"] += 1
-        elif codes := noticed(mutant.files, cell, toolpath, collisions=True):
+        elif codes := noticed(case, mutant.files, collisions=True):
             result.caught[min(codes)] += 1
-        elif original.does_the_same_work(effect) and effect.is_free(original):
+        elif original.does_the_same_work(effect) and is_free():
             result.harmless["the same cuts, another free way through the air"] += 1
+        elif original.does_the_same_work(effect, SPARE + cell.motion.chord) and is_free():
+            result.harmless["the same cuts, as near to the path as the cell asks"] += 1
         else:
             result.missed.append(mutant)
     return result

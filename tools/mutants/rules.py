@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import random
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 _MOTION = re.compile(r"^S?(PTP|LIN|CIRC|SPL)\b")
+_DECLARED = re.compile(r"^\s*(?:GLOBAL\s+)?DECL\s+(?:GLOBAL\s+)?(\w+)\s+[^=]*=\s*\{", re.IGNORECASE)
 _NUMBER = r"(-?\d+(?:\.\d+)?(?:E[-+]?\d+)?)"
 SHIFTS = {
     "X": 0.5, "Y": 0.5, "Z": 0.5, "A": 1.0, "B": 1.0, "C": 1.0,
@@ -90,30 +92,45 @@ class Mutant:
     files: Mapping[str, bytes]
 
 
-def mutants(files: Mapping[str, bytes], every: int = 1) -> Iterator[Mutant]:
-    """Yield the mutants of a program.
+def mutants(files: Mapping[str, bytes], each: int | None = None, seed: int = 0) -> Iterator[Mutant]:
+    """Yield the mutants of a program, file by file.
 
     Args:
         files: content by file name.
-        every: only every so many-th of a rule's mutants in a file; the first is always there.
+        each: at most so many of each rule in a file, drawn at random; None: all.
+        seed: of the draw.
     """
+    rng = random.Random(seed)
     for name, content in files.items():
-        if name.lower().endswith(".src"):
-            lines = content.decode("ascii").split("\r\n")
-            counts: dict[str, int] = {}
-            for rule, number, before, after in _changes(lines):
-                counts[rule] = counts.get(rule, 0) + 1
-                if (counts[rule] - 1) % every == 0:
-                    changed = [*lines[: number - 1], *after, *lines[number - 1 + len(before) :]]
-                    text = "\r\n".join(changed).encode("ascii")
-                    yield Mutant(
-                        rule,
-                        name,
-                        number,
-                        "\n".join(before),
-                        "\n".join(after),
-                        {**files, name: text},
-                    )
+        lines = content.decode("ascii").split("\r\n")
+        is_data = name.lower().endswith(".dat")
+        by_rule: dict[str, list[tuple[int, list[str], list[str]]]] = {}
+        for rule, *change in _data_changes(lines) if is_data else _changes(lines):
+            by_rule.setdefault(rule, []).append(tuple(change))
+        for rule, changes in by_rule.items():
+            few = changes if each is None else rng.sample(changes, min(each, len(changes)))
+            for number, before, after in few:
+                changed = [*lines[: number - 1], *after, *lines[number - 1 + len(before) :]]
+                text = "\r\n".join(changed).encode("ascii")
+                one, other = "\n".join(before), "\n".join(after)
+                yield Mutant(rule, name, number, one, other, {**files, name: text})
+
+
+def _data_changes(lines: list[str]) -> Iterator[tuple[str, int, list[str], list[str]]]:
+    """Yield rule, line, lines before and after of a data list: values changed, lines lost."""
+    for number, line in enumerate(lines, 1):
+        if not (found := _DECLARED.match(line)):
+            continue
+        kind = found[1].upper()
+        yield f"lost: {kind}", number, [line], []
+        for match in re.finditer(rf"([{{,] ?)(\w+) {_NUMBER}", line):
+            value = float(match[3])
+            for change, new in (("+", value + SHIFTS.get(match[2], 1.0)), ("*", 1.5 * value)):
+                if f"{new:.5f}" != f"{value:.5f}":
+                    number_text = f"{new:g}" if new.is_integer() else f"{new:.5f}"
+                    start, end = match.start(), match.end()
+                    text = f"{line[:start]}{match[1]}{match[2]} {number_text}{line[end:]}"
+                    yield f"data: {match[2]} of {kind} {change}", number, [line], [text]
 
 
 def _changes(lines: list[str]) -> Iterator[tuple[str, int, list[str], list[str]]]:
