@@ -11,7 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
-from postproc.units import DEG
+from postproc.units import DEG, MM
 
 if TYPE_CHECKING:
     from postproc.collision import Scene
@@ -305,6 +305,23 @@ class Checker:
         poses, contact = self._standing(q, external), np.zeros(len(q), dtype=np.bool_)
         self._hits(verdict, np.arange(len(q)), poses, contact)
         return verdict.good
+
+    def standing_in(self, q: FloatArray, external: FloatArray) -> str:
+        """Return in words what a pose (6,) collides with, contact included; empty if it is free.
+
+        The external axes stand at ``external`` (k,).
+        """
+        poses = self._standing(q[None], external)
+        hits = None if self.scene is None else self.scene.check(poses)
+        if self.scene is None or hits is None or not hits.hit[0]:
+            return ""
+        distance, nearest = self.scene.nearest(poses)
+        one, two = hits.pairs[int(nearest[0] if distance[0] > 0.0 else hits.pair[0])]
+        if distance[0] > 0.0:
+            return f"{one} stands {distance[0] / MM:.2f} mm from {two}, nearer than allowed"
+        point = self.scene.meeting_point(poses[0], int(hits.pair[0])) / MM
+        place = ", ".join(f"{value:.1f}" for value in point)
+        return f"{one} stands in {two}, about [{place}] mm from the robot root"
 
     def joint_moves(self, q_from: FloatArray, q_to: FloatArray, external: FloatArray) -> Verdict:
         """Check straight joint moves (m, 6) to (m, 6) for collision.

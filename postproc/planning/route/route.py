@@ -119,7 +119,12 @@ def _first_and_last(
     ):
         between = free_way(checker, start, goal, problem.placement.external[tag])
         if between is None:
-            detail = "no free way was found between home and here"
+            place = problem.placement.external[tag]
+            detail = (
+                _walled_in(checker, home, place, "no way leads from home")
+                or _walled_in(checker, goal if order == _HOME else start, place)
+                or "no free way was found between home and here"
+            )
             findings.append(failure(problem, tag, Reason.COLLISION, detail))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
@@ -208,10 +213,22 @@ def _decide(
     for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
         row = int(rest[stuck[i]])
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
-        detail = _blocked(checker, verdict, int(stuck[i]), name)
+        detail = _walled_in(checker, ends.q_to[row], ends.external[row])
+        detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
         hint = _NOT_SEARCHED if count >= GIVE_UP else ""
         findings.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
+
+
+def _walled_in(
+    checker: Checker, q: FloatArray, external: FloatArray, so: str = "the tool cannot come here"
+) -> str:
+    """Return in words that a pose (6,) collides by itself, and what follows; empty if it is free.
+
+    The external axes stand at ``external`` (k,).
+    """
+    what = checker.standing_in(q, external)
+    return f"{so}: {what}" if what else ""
 
 
 def _blocked(checker: Checker, verdict: Verdict, row: int, name: str) -> str:
