@@ -311,13 +311,22 @@ class Process:
 
 
 @dataclass(frozen=True, slots=True)
+class Thin:
+    """How far the tool may pass a point left out: ``chord`` [m], orientation by ``axis`` [rad]."""
+
+    chord: float
+    axis: float
+
+
+@dataclass(frozen=True, slots=True)
 class Motion:
     """Speeds and blending of motions.
 
     Rapids run at the share ``rapid`` of the axis speeds, straight ones at ``rapid_speed`` [m/s].
     ``feed`` [m/s] or NaN where the CAM data gives none; ``approximation`` [m], and how far the tool
     may pass a corner at feed for it, ``corner_tolerance`` [m]; ``home`` (6,) [rad];
-    ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines.
+    ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines;
+    ``thin``: by how much points of cuts may be passed, None: every point is written.
     """
 
     rapid: float
@@ -330,6 +339,7 @@ class Motion:
     points: PointService
     chord: float
     arcs: ArcMotion
+    thin: Thin | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

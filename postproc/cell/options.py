@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, Reading, TiltRange
+from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, Reading, Thin, TiltRange
 from postproc.cell.schema import (
     ImportTable,
     KrlTable,
@@ -68,6 +68,9 @@ def motion_of(table: MotionTable) -> Motion:
         points=table.points,
         chord=table.chord_mm * MM,
         arcs=table.arcs,
+        thin=None
+        if table.thin is None
+        else Thin(table.thin.chord_mm * MM, table.thin.axis_deg * DEG),
     )
 
 

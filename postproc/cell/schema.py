@@ -440,6 +440,17 @@ class MeasuringTable(Table):
     )
 
 
+class ThinTable(Table):
+    """How far the tool may pass points of a cut that are left out of the program."""
+
+    chord_mm: Annotated[float, Field(ge=0.001, le=1.0)] = Field(
+        default=0.01, description="from a point left out to the line that is driven [mm]"
+    )
+    axis_deg: Annotated[float, Field(ge=0.001, le=0.5)] = Field(
+        default=0.05, description="between the orientation there and the one driven [deg]"
+    )
+
+
 class MotionTable(Table):
     """Speeds and blending."""
 
@@ -471,6 +482,11 @@ class MotionTable(Table):
     )
     chord_mm: Annotated[float, Field(ge=0.001)] = Field(
         default=0.01, description="how far the lines that stand in for an arc may leave it [mm]"
+    )
+    thin: ThinTable | None = Field(
+        default=None,
+        description="leave out points of cuts where the lines between the others pass them within "
+        "this; default: every point is written",
     )
     arcs: Annotated[ArcMotion, _Choice] = Field(
         default=ArcMotion.CIRC,

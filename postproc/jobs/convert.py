@@ -326,6 +326,7 @@ def document(conversion: Conversion) -> dict[str, Any]:
         "files": sorted(conversion.files),
         "tags": len(conversion.toolpath),
         "points": len(plan),
+        "left_out": _left_out(plan),
         "failures": failures(conversion),
         "grades": grade_counts(plan, conversion.cell),
         "clearance": smallest_clearance(conversion),
@@ -375,6 +376,18 @@ def smallest_clearance(conversion: Conversion) -> dict[str, Any] | None:
     names = list(scene.pairs[pair]) if pair >= 0 else None
     line = int(plan.toolpath.line[tag])
     return {**entry, "pair": names, "tag": plan.toolpath.tag_name(tag), "line": line}
+
+
+def _left_out(plan: Plan) -> dict[str, Any] | None:
+    """Return how many CAM points the program passes only, and how far off at most."""
+    left = plan.left_out
+    if not left.any():
+        return None
+    return {
+        "points": int(left.sum()),
+        "chord_mm": round(float(np.nanmax(np.asarray(plan.off_chord))) / MM, 6),
+        "axis_deg": round(float(np.nanmax(np.asarray(plan.off_axis))) / DEG, 6),
+    }
 
 
 def _stiffness(conversion: Conversion) -> dict[str, Any] | None:

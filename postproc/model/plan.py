@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import (
+    BoolArray,
     FloatArray,
     IntArray,
     Rows,
@@ -74,6 +75,8 @@ class Plan:
         clearance: (n,) smallest distance per tag [m], NaN where not asked for.
         restart: (n,) 1 where the way from home straight above a hole is free, 0 where it is not,
             NaN where nobody asks; None: nowhere.
+        off_chord: (n,) distance [m] of a tag that has no move from the line that passes it, NaN for
+            tags that have one; off_axis: (n,) [rad] by which the tool is turned there; None: none.
         events: (move index before which it happens, event).
         compensation: (m, 3) shift applied to the commanded position [m], workpiece frame, or None.
         findings: findings; any error among them forbids a program.
@@ -101,6 +104,8 @@ class Plan:
     clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
     restart: FloatArray | None = field(default=None, metadata=column("tag"))
+    off_chord: FloatArray | None = field(default=None, metadata=column("tag"))
+    off_axis: FloatArray | None = field(default=None, metadata=column("tag"))
     tool: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     base: IntArray | None = field(default=None, metadata=column("move", dtype=np.int32))
     orientation_speed: FloatArray | None = field(default=None, metadata=column("move"))
@@ -111,8 +116,9 @@ class Plan:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        if self.restart is None:
-            object.__setattr__(self, "restart", np.full(len(self.toolpath), np.nan))
+        for name in ("restart", "off_chord", "off_axis"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(len(self.toolpath), np.nan))
         freeze_columns(self, move=len(self.kind), tag=len(self.toolpath))
 
     @classmethod
@@ -146,6 +152,12 @@ class Plan:
     def __len__(self) -> int:
         """Return the number of moves."""
         return len(self.kind)
+
+    @property
+    def left_out(self) -> BoolArray:
+        """(n,) tags that a move passes within the tolerances of the cell, none ending there."""
+        left: BoolArray = np.isfinite(np.asarray(self.off_chord))
+        return left
 
     @property
     def tool_of_moves(self) -> IntArray:

@@ -10,10 +10,10 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.errors import Finding, PlanError, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
-from postproc.model import Event, MoveRole, Plan, ToolPath
+from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, tag_clearances
-from postproc.planning.repeats import with_repeats, without_repeats
+from postproc.planning.repeats import with_repeats
 from postproc.planning.route import Route, route, step_rows
 from postproc.planning.search import (
     choose,
@@ -52,6 +52,7 @@ from postproc.process import (
     hole_calls,
     hole_steps,
     holes_served,
+    only,
     peck_count,
     reordered,
     repeats,
@@ -105,7 +106,7 @@ def plan(
     distinct = np.flatnonzero(~repeats(toolpath))
     if len(distinct) < len(toolpath):
         return with_repeats(
-            plan(without_repeats(toolpath, distinct), cell, options, progress), toolpath, distinct
+            plan(only(toolpath, distinct), cell, options, progress), toolpath, distinct
         )
     result = plan_stretches(
         toolpath,
@@ -114,7 +115,21 @@ def plan(
         lambda part, here: _served(part, here, settings, options, progress),
         lambda part, here: checker_of(part, here, settings),
     )
-    return replace(result, findings=(*claims.findings, *result.findings))
+    return replace(result, findings=(*claims.findings, *result.findings, *_left_out_note(result)))
+
+
+def _left_out_note(result: Plan) -> list[Finding]:
+    """Return how many points of cuts are written, and what leaving out the others costs."""
+    left = result.left_out
+    if not left.any():
+        return []
+    cuts = int(np.isin(np.asarray(result.toolpath.kind), CUTS).sum())
+    chord, axis = (np.nanmax(np.asarray(v)) for v in (result.off_chord, result.off_axis))
+    text = (
+        f"{cuts - int(left.sum())} of {cuts} points of cuts are written, the others passed within "
+        f"{chord / MM:.4f} mm and {axis / DEG:.4f} deg"
+    )
+    return [Finding(Severity.NOTE, "PLN309", text)]
 
 
 def _order(
@@ -201,6 +216,8 @@ def _planned(
         result,
         toolpath=toolpath,
         restart=_straight_ways(checker, chosen),
+        off_chord=routed.left.chord,
+        off_axis=routed.left.axis,
         clearance=_clearance(checker, replace(result, toolpath=toolpath)),
         settings={**_as_used(problem), **result.settings},
     )

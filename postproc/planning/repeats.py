@@ -13,18 +13,8 @@ from postproc.arrays import IndexArray
 from postproc.model import Plan, ToolPath
 
 
-def without_repeats(toolpath: ToolPath, distinct: IndexArray) -> ToolPath:
-    """Return the tags ``distinct`` (k,) under their names, with all events of the toolpath."""
-    part = replace(toolpath.named(), events=()).rows(distinct)
-    events = tuple(
-        replace(event, index=int(np.searchsorted(distinct, event.index)))
-        for event in toolpath.events
-    )
-    return replace(part, events=events)
-
-
 def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
-    """Return a plan of ``without_repeats`` as one of the toolpath itself.
+    """Return a plan of the ``distinct`` tags (k,) alone as one of the toolpath itself.
 
     A repeated tag has no move of its own; its numbers are those of the tag that it repeats.
     """
@@ -49,6 +39,8 @@ def with_repeats(plan: Plan, toolpath: ToolPath, distinct: IndexArray) -> Plan:
         stiffness_initial=plan.stiffness_initial[source],
         clearance=plan.clearance[source],
         restart=None if plan.restart is None else plan.restart[source],
+        off_chord=None if plan.off_chord is None else plan.off_chord[source],
+        off_axis=None if plan.off_axis is None else plan.off_axis[source],
         events=events,
         findings=findings,
     )

@@ -23,6 +23,7 @@ from postproc.process.material import (
     rapid_speeds,
 )
 from postproc.process.order import hole_places, hole_runs, reordered
+from postproc.process.passing import may_be_passed, only
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeats
 from postproc.process.spindle import Stretch, may_stand, stretches, switched_off
@@ -78,8 +79,10 @@ __all__ = [
     "load_cases",
     "machining_findings",
     "machining_speeds",
+    "may_be_passed",
     "may_stand",
     "on_the_way_out",
+    "only",
     "operation_loads",
     "peck_count",
     "pecks",

@@ -43,6 +43,8 @@ class Result:
     paths: Paths
     findings: list[Finding] = field(default_factory=list)
     worst: dict[str, Worst] = field(default_factory=dict)
+    passed: int = 0
+    """CAM points that are passed instead of gone to."""
 
     def finding(
         self, kind: RunKind, motion: int, message: str, severity: Severity = Severity.ERROR
@@ -113,7 +115,8 @@ class VerifyReport:
             from where the real tool is expected [m]; axis_error: largest angle of the tool axis
             there beyond the allowed tilt [rad]; tilt: largest that was used of it [rad]; all None
             without a CAM file.
-        tags: CAM points; matched: those that were passed, in order.
+        tags: CAM points; matched: those that were gone to or passed, in order; passed: those that
+            no motion ends at, as ``[motion] thin`` of the cell allows.
         expectation: real and commanded tool beside each other, None without a model.
         run: what was judged.
     """
@@ -129,6 +132,7 @@ class VerifyReport:
     tilt: float | None = None
     tags: int | None = None
     matched: int | None = None
+    passed: int | None = None
     expectation: Expectation | None = None
     collisions_checked: bool = False
     run: Run | None = field(default=None, compare=False, repr=False)
@@ -148,6 +152,7 @@ class VerifyReport:
             "points": self.points,
             "tags": self.tags,
             "matched": self.matched,
+            "passed": self.passed,
             "max_position_error_mm": _in_unit(position, MM),
             "max_axis_error_deg": _in_unit(axis, DEG),
             "max_tilt_deg": _in_unit(self.tilt, DEG),

@@ -172,6 +172,7 @@ def _report(
         tilt=tilt,
         tags=tags,
         matched=matched,
+        passed=None if comparison is None else result.passed,
         expectation=real,
         collisions_checked=checked,
         run=Run(

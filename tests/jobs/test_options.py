@@ -109,9 +109,12 @@ FINI
     "bases.csv": "x,y,z,i,j,k,depth,base\n0,0,0,0,0,1,5,A\n40,0,0,0,0,1,5,B\n",
     "cutter.apt": "UNITS/MM\nLOADTL/1\nCUTTER/6\nFEDRAT/600,MMPM\nGOTO/0,0,0,0,0,1\nGOTO/100,0,0\n"
     "FINI\n",
+    "bent.csv": "x,y,z,i,j,k,feed\n"
+    + "".join(f"{i},{0.001 * i * i},0,0,{0.00002 * i * i},1,600\n" for i in range(40)),
     "two.csv": "x,y,z,i,j,k,feed,operation\n"
     + "".join(f"{30 * i},0,0,0,0,1,600,{'ROUGH' if i < 3 else 'FINE'}\n" for i in range(6)),
 }
+THIN = {"motion.thin": {"chord_mm": 0.5, "axis_deg": 0.5}}
 SMOOTH = {"optimize.strategy": "smooth", "optimize.loss_bound_percent": 100.0}
 BLOCK = {"box": {"size_mm": [300.0, 300.0, 300.0]}, "xyz_mm": [1800.0, 40.0, 760.0]}
 ROD = {"cylinder": {"radius_mm": 150.0, "length_mm": 300.0}, "xyz_mm": [1800.0, 40.0, 760.0]}
@@ -369,6 +372,8 @@ CASES: dict[str, tuple[Any, ...]] = {
     "motion.home_deg": ({}, {"motion.home_deg": [0.0, -90.0, 90.0, 0.0, 30.0, 0.0]}),
     "motion.approach_mm": ({}, {"motion.approach_mm": 20.0}, "points.csv"),
     "motion.points": ({}, {"motion.points": "path"}, "points.csv"),
+    "motion.thin.chord_mm": (THIN, {"motion.thin.chord_mm": 0.001}, "bent.csv"),
+    "motion.thin.axis_deg": (THIN, {"motion.thin.axis_deg": 0.001}, "bent.csv"),
     "motion.chord_mm": ({"motion.arcs": "lin"}, {"motion.chord_mm": 1.0}, MILL),
     "motion.arcs": ({}, {"motion.arcs": "lin"}, MILL),
     "motion.rapid_speed_m_s": ({}, {"motion.rapid_speed_m_s": 0.3}),

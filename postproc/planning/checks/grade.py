@@ -11,7 +11,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from postproc.arrays import IntArray, least_by
+from postproc.arrays import BoolArray, FloatArray, IntArray, least_by
 from postproc.cell import Cell
 from postproc.kinematics import build, wrist_distance
 from postproc.model import Plan
@@ -53,6 +53,7 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     )
     served = result.tag >= 0
     least = least_by(margin[served], result.tag[served], len(result.toolpath))
+    least = _passed(least, result.left_out)
     runs = np.isfinite(least)
     runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
@@ -61,6 +62,16 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     grade[runs & ((least < NEAR) | (spare < NEAR_BY))] = Grade.ACCEPTABLE
     grade[runs & ((least < CLOSE) | (spare < CLOSE_BY))] = Grade.CRITICAL
     return grade
+
+
+def _passed(least: FloatArray, left_out: BoolArray) -> FloatArray:
+    """Return margins (n,) in which tags left out have the smaller one of the two beside them."""
+    known = np.flatnonzero(~left_out)
+    tags = np.flatnonzero(left_out)
+    place = np.searchsorted(known, tags)
+    least = least.copy()
+    least[tags] = np.minimum(least[known[place - 1]], least[known[place]])
+    return least
 
 
 def grade_counts(result: Plan, cell: Cell) -> dict[str, int]:

@@ -29,17 +29,20 @@ def moves_of_tags(plan: Plan) -> IndexArray:
         last[plan.tag[some]] = some
     for tag in np.flatnonzero(repeats(plan.toolpath)):  # planned with the tag before
         last[tag] = max(last[tag], last[tag - 1])
+    left = np.flatnonzero(plan.left_out)  # passed by the move to the next tag that has one
+    own = np.flatnonzero(~plan.left_out)
+    last[left] = last[own[np.searchsorted(own, left)]]
     return last
 
 
 def tag_clearances(plan: Plan, scene: Scene) -> tuple[FloatArray, IndexArray]:
     """Return the smallest distance (n,) [m] where the tool works at each tag, and its pair (n,).
 
-    ``NEAR_SOLIDS`` and -1 where nothing is that near; NaN without a move.
+    ``NEAR_SOLIDS`` and -1 where nothing is that near; NaN without a move that ends there.
     """
     moves = moves_of_tags(plan)
     found, pair = np.full(len(moves), np.nan), np.full(len(moves), -1)
-    tags = np.flatnonzero(moves >= 0)
+    tags = np.flatnonzero((moves >= 0) & ~plan.left_out)
     if len(tags):
         rows = moves[tags]
         contact = np.isin(plan.role[rows], _WORKING)

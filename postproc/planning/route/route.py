@@ -21,7 +21,8 @@ from postproc.planning.route.connect import (
 )
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
-from postproc.planning.route.speeds import Timed, can_be_told, timed
+from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, timed
+from postproc.planning.route.thin import Left, thinned
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import hole_steps, on_the_way_out
 
@@ -36,10 +37,11 @@ _STUCK = "the tool cannot back off along its axis from the end of the cut"
 
 @dataclass(slots=True)
 class Route:
-    """All moves in order with speeds and times, and what was found on the way."""
+    """All moves in order with speeds and times, what is left out, and what was found on the way."""
 
     moves: Moves
     timed: Timed
+    left: Left
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -73,8 +75,18 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
     ]
     if extra:
         table = in_order([table, *extra])
+    table, left = _thinned(checker, table)
     result = timed(checker, table, _stops_before(problem, table), findings)
-    return Route(table, result, findings)
+    return Route(table, result, left, findings)
+
+
+def _thinned(checker: Checker, table: Moves) -> tuple[Moves, Left]:
+    problem = checker.problem
+    if problem.cell.motion.thin is None:
+        return table, Left.none(len(problem))
+    speed = followed_speeds(checker, table)
+    kept, left = thinned(checker, table, speed, _stops_before(problem, table))
+    return table.rows(kept), left
 
 
 def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:

@@ -73,6 +73,17 @@ def timed(
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
 
 
+def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
+    """Return the path speeds (m,) [m/s] of moves, lowered to what the axes follow; NaN for PTP."""
+    is_path = table.kind != MoveKind.PTP
+    is_path[:1] = False
+    rows = np.nonzero(is_path)[0]
+    lines = _lines(table, rows, _branches(checker.problem, table))
+    cap = np.full(len(table), np.inf)
+    cap[rows] = _caps(checker.problem, lines, checker.track(lines, Verdict.clean(len(lines))))[0]
+    return np.where(is_path, _followed(table.speed, cap), np.nan)
+
+
 def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
     return Lines(
         T_from=table.T_base_tcp[rows - 1],

@@ -44,6 +44,7 @@ from postproc.verification.cam.leaving import check_leaving
 from postproc.verification.cam.matching import (
     FAR,
     SAME_AXIS,
+    Visits,
     Wanted,
     bottoms_apart,
     by_frames,
@@ -130,22 +131,11 @@ def compare(
         displacement: of the real tool point against the commanded one; None: as commanded.
     """
     paths = result.paths
-    wanted = wanted_of(toolpath)
+    wanted, claims = wanted_of(toolpath), claimed(toolpath, cell)
     n = len(toolpath)
-    real = RealPaths.nominal(paths, n)
-    if displacement is not None:
-        real = real_paths(paths, cell, toolpath, displacement)
-    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
-    own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
-    own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
-    claims = claimed(toolpath, cell)
-    own[[stretch.low for stretch in claims.stretches()]] = True
-    moving = np.where(stands(paths)[:, None], FAR, _visited(real))
-    visited, case = by_frames(moving, real.case, claims, paths.station)
-    pecks = passed_pecks(paths, tolerances.position)
-    visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
+    real = paths_of(result, cell, toolpath, displacement)
     left = 0.0 if displacement is None else displacement.left
-    visits = match(wanted.point, visited, tolerances.position, own, case, left)
+    visits = visits_of(result, real, wanted, claims, tolerances.position, left)
     served = visits.first
     comparison = Comparison(
         wanted,
@@ -177,6 +167,40 @@ def compare(
     _relative(result, comparison.is_cut | (on_axis >= 0))
     feeds.report()
     return comparison
+
+
+def paths_of(
+    result: Result, cell: Cell, toolpath: ToolPath, displacement: Displacement | None
+) -> RealPaths:
+    """Return the paths of the tool that is compared: arguments as ``compare``."""
+    if displacement is None:
+        return RealPaths.nominal(result.paths, len(toolpath))
+    return real_paths(result.paths, cell, toolpath, displacement)
+
+
+def visits_of(
+    result: Result, real: RealPaths, wanted: Wanted, claims: Claims, tolerance: float, left: float
+) -> Visits:
+    """Return which motions go to the wanted points.
+
+    Args:
+        result: the program.
+        real: paths of the tool that is compared.
+        wanted: what the CAM file asks for.
+        claims: the tool and the base of each tag.
+        tolerance: [m].
+        left: up to this [m] the tolerance is doubled until all points are served.
+    """
+    paths = result.paths
+    own = np.isin(wanted.kind, (MotionKind.ARC, MotionKind.HOLE))
+    own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
+    own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
+    own[[stretch.low for stretch in claims.stretches()]] = True
+    moving = np.where(stands(paths)[:, None], FAR, _visited(real))
+    visited, case = by_frames(moving, real.case, claims, paths.station)
+    pecks = passed_pecks(paths, tolerance)
+    visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)
+    return match(wanted.point, visited, tolerance, own, case, left)
 
 
 def _visited(real: RealPaths) -> FloatArray:

@@ -20,10 +20,11 @@ from postproc.errors import DataError, RunKind
 from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_places, hole_runs, reordered
-from postproc.verification.cam.compare import Comparison, Tolerances, compare
+from postproc.verification.cam.compare import Comparison, Tolerances
 from postproc.verification.cam.holes import passed_pecks
 from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths
+from postproc.verification.cam.thinned import compare_thinned
 from postproc.verification.report import Result
 
 _LISTED = 20
@@ -50,7 +51,7 @@ def compare_served(
     _require_points(toolpath)
     runs = hole_runs(toolpath) if cell.optimize.free_order else []
     if not runs or not len(result.paths):
-        return compare(result, cell, toolpath, tolerances, displacement)
+        return compare_thinned(result, cell, toolpath, tolerances, displacement)
     real = RealPaths.nominal(result.paths, len(toolpath))
     if displacement is not None:
         real = real_paths(result.paths, cell, toolpath, displacement)
@@ -60,7 +61,7 @@ def compare_served(
     places = hole_places(toolpath)
     drilled = _Drilled(wanted_of(toolpath), visited, real.case, tolerances.position, places)
     order = drilled.order(runs)
-    found = compare(result, cell, reordered(toolpath, order), tolerances, displacement)
+    found = compare_thinned(result, cell, reordered(toolpath, order), tolerances, displacement)
     for row, motion, times in drilled.repeated(runs)[:_LISTED]:
         name, line = toolpath.tag_name(row), int(toolpath.line[row])
         text = f"tag {name} (line {line}): drilled {times} times, the CAM file asks for fewer"

@@ -1,0 +1,57 @@
+"""Which points of a CAM file a program may pass beside: those at which nothing is asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, IndexArray
+from postproc.cell import Cell
+from postproc.model import MotionKind, ToolPath
+from postproc.process.feeds import feeds_of
+
+
+def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
+    """Return the tags (n,) that lie within lines of one feed, where nothing else happens.
+
+    The first and the last point of a cut, the ends of arcs and every point at which feed,
+    operation, tool or coordinates change, or an event stands, are none of them. An event stands
+    before a tag, which is at the point of the tag before.
+
+    Args:
+        toolpath: n tags.
+        cell: the feed where the file gives none.
+
+    Returns:
+        A mask; whether any of them is passed is a question of the tolerances in ``[motion] thin``.
+    """
+    if not len(toolpath):
+        return np.zeros(0, dtype=np.bool_)
+    is_line = np.asarray(toolpath.kind) == MotionKind.LINEAR
+    inner = is_line[:-1] & is_line[1:]
+    feed = feeds_of(toolpath, cell)
+    inner &= (feed[:-1] == feed[1:]) | (np.isnan(feed[:-1]) & np.isnan(feed[1:]))
+    for name in ("operation", "tool", "setup_of_tags"):
+        inner &= np.diff(np.asarray(getattr(toolpath, name))) == 0
+    inner = np.append(inner, False)
+    happens = np.array([event.index - 1 for event in toolpath.events], dtype=np.int64)
+    inner[happens[happens >= 0]] = False
+    return inner
+
+
+def only(toolpath: ToolPath, tags: IndexArray) -> ToolPath:
+    """Return the growing ``tags`` (k,) under their names, with all events of the toolpath.
+
+    Args:
+        toolpath: the whole.
+        tags: which of it; an event of another one stands before the next of these.
+
+    Returns:
+        The part; its tables stay whole.
+    """
+    part = replace(toolpath.named(), events=()).rows(tags)
+    events = tuple(
+        replace(event, index=int(np.searchsorted(tags, event.index))) for event in toolpath.events
+    )
+    return replace(part, events=events)

@@ -1,0 +1,150 @@
+"""Programs with points left out: accepted within the tolerance of the cell, and caught beyond."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation, Slerp
+
+from postproc.cell import MotionStyle, parse_cell
+from postproc.jobs.convert import ConvertRequest, convert, document
+from postproc.krl.text.parse import parse_files
+from postproc.model import Event, EventKind, MotionKind
+from postproc.units import DEG, MM
+from postproc.verification.verify import verify
+from tests.cells import STIFFNESS, cell_text
+from tools.bench.contours import contour
+
+CHORD, AXIS, LEAN = 0.05, 0.1, 3.0
+"""[mm], [deg], [deg]"""
+_FROM = 10
+"""The first tag behind the first line, which begins at no line's end."""
+LINE = re.compile(rb"^ *S?LIN \{X (\S+),Y (\S+),Z (\S+),A (\S+),B (\S+),C ([^,}]+).*\r\n", re.M)
+
+
+def cell_of(chord=CHORD, axis=AXIS, *, asked=True, style=MotionStyle.DENSE, part=1000):
+    """Return the cell of the contours, with points left out if that is ``asked`` for."""
+    thin = f"thin = {{ chord_mm = {chord}, axis_deg = {axis} }}\n" if asked else ""
+    text = cell_text("[motion]\n", thin, STIFFNESS, origin=(1900, 0, 700))
+    cell = parse_cell(text.encode(), "contour.toml")
+    return replace(cell, krl=replace(cell.krl, motion=style, max_points_per_file=part))
+
+
+def made(toolpath, cell):
+    return convert(ConvertRequest("contour", "cell"), toolpath=toolpath, cell=cell)
+
+
+def judged(files, cell, toolpath):
+    return verify(parse_files(files), next(iter(files)).removesuffix(".src"), cell, toolpath)
+
+
+def driven(files):
+    """Return the points [mm] and orientations of all lines of a program, read from its text."""
+    found = [line for name in sorted(files) for line in LINE.findall(files[name])]
+    values = np.array(found, dtype=float)
+    return values[:, :3], Rotation.from_euler("ZYX", values[:, 3:], degrees=True)
+
+
+def farthest(files, toolpath):
+    """Return by how much [mm, deg] the lines of a text pass the CAM points; any line counts."""
+    points, turns = driven(files)
+    start, way = points[:-1], np.diff(points, axis=0)
+    square = np.maximum((way**2).sum(axis=1), 1e-18)
+    chord, axis = [], []
+    for point, holder in zip(toolpath.points[_FROM:] / MM, toolpath.axes[_FROM:], strict=True):
+        share = np.clip(((point - start) * way).sum(axis=1) / square, 0.0, 1.0)
+        apart = np.linalg.norm(start + share[:, None] * way - point, axis=1)
+        near = int(apart.argmin())
+        led = Slerp([0.0, 1.0], turns[[near, near + 1]])(share[near]).apply([1.0, 0.0, 0.0])
+        chord.append(apart[near])
+        axis.append(np.degrees(np.arccos(np.clip(-led @ holder, -1.0, 1.0))))
+    return max(chord), max(axis)
+
+
+@pytest.fixture(scope="module", params=["convex", "wavy", "s"])
+def thinned(request):
+    toolpath, cell = contour(request.param, 240, 1.0, LEAN), cell_of()
+    job = made(toolpath, cell)
+    assert job.good, [str(finding) for finding in job.findings]
+    return toolpath, cell, job
+
+
+def test_the_text_passes_every_cam_point_within_the_tolerance(thinned):
+    toolpath, cell, job = thinned
+    report = judged(job.files, cell, toolpath)
+    assert report.ok
+    assert report.matched == report.tags == len(toolpath)
+    assert report.passed == len(toolpath) - 1 - len(driven(job.files)[0]) > 0.3 * len(toolpath)
+    chord, axis = farthest(job.files, toolpath)
+    assert chord <= CHORD + 2e-4
+    assert axis <= AXIS + 1e-4
+    assert chord - 2e-4 <= report.position_error / MM <= CHORD
+    assert axis - 1e-4 <= report.axis_error / DEG <= AXIS
+    said = document(job)["left_out"]
+    assert said["points"] == report.passed
+    assert said["chord_mm"] == pytest.approx(report.position_error / MM, abs=2e-4)
+    assert said["axis_deg"] >= axis - 1e-4  # of the whole orientation, not of the axis alone
+
+
+def test_a_tighter_cell_refuses_what_a_wider_one_left_out(thinned):
+    toolpath, _, job = thinned
+    for tight in (cell_of(chord=0.003, axis=0.02), cell_of(asked=False)):
+        report = judged(job.files, tight, toolpath)
+        assert {item.code for item in report.violations} & {"position", "axis"}
+
+
+def test_a_line_more_left_out_is_caught_where_it_matters(thinned):
+    """Each line taken out of the text in turn: wrong as soon as the sampled way is off by more."""
+    toolpath, cell, job = thinned
+    (name, text), *others = job.files.items()
+    lines = [match.span() for match in LINE.finditer(text)]
+    caught = 0
+    for low, high in lines[5:-2:7]:
+        mutant = {name: text[:low] + text[high:], **dict(others)}
+        chord, axis = farthest(mutant, toolpath)
+        report = judged(mutant, cell, toolpath)
+        if chord > CHORD + 1e-3 or axis > AXIS + 5e-3:
+            assert not report.ok
+            caught += 1
+        elif chord < CHORD - 1e-3 and axis < AXIS - 5e-3:
+            assert report.ok, report.violations
+    assert caught > 3
+
+
+@pytest.mark.parametrize("style", [MotionStyle.SPLINE, MotionStyle.SPLINE_BLOCK])
+def test_spline_motions_and_blocks_are_thinned_alike(style):
+    toolpath = contour("wavy", 200, 1.0, LEAN)
+    cell = cell_of(style=style, part=60)
+    job = made(toolpath, cell)
+    assert job.good
+    assert judged(job.files, cell, toolpath).passed > 60
+    assert farthest(job.files, toolpath)[0] <= CHORD + 2e-4
+
+
+def test_where_something_is_asked_for_the_point_is_written():
+    toolpath = contour("s", 300, 1.0, LEAN)
+    feed = np.asarray(toolpath.feed).copy()
+    feed[100:] = 0.01
+    kind = np.asarray(toolpath.kind).copy()
+    kind[201] = MotionKind.RAPID
+    events = (Event(60, EventKind.COOLANT_ON, 1.0, "", 60), Event(151, EventKind.DWELL, 1.0, "", 1))
+    toolpath = replace(toolpath, feed=feed, kind=kind, events=events)
+    cell = cell_of()
+    job = made(toolpath, cell)
+    assert job.good, [str(finding) for finding in job.findings]
+    gone = set(np.flatnonzero(job.plan.left_out).tolist())
+    assert len(gone) > 100
+    assert not gone & {0, 59, 99, 150, 200, 201, 299}
+    assert judged(job.files, cell, toolpath).ok
+
+
+def test_nothing_changes_without_the_key_and_nothing_is_said():
+    toolpath, cell = contour("wavy", 120, 1.0, LEAN), cell_of(asked=False)
+    job = made(toolpath, cell)
+    assert not job.plan.left_out.any()
+    assert document(job)["left_out"] is None
+    assert "PLN309" not in {finding.code for finding in job.findings}
+    assert judged(job.files, cell, toolpath).passed == 0
