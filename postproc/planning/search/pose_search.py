@@ -40,6 +40,10 @@ _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
+_FLIP = 4
+"""The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
+_THIN = 200
+"""From fewer colliding poses the check spreads farther along the tags: a call has its price."""
 
 
 @dataclass(slots=True)
@@ -278,23 +282,24 @@ class PoseSearch:
     def beside(self, failing: IndexArray) -> IndexArray:
         """Return states that fail along with others: their turn copies, and colliding neighbours.
 
-        From every failing pose the check spreads over the poses around it (spin and tag, same
-        branch), without their strokes, until it has found the whole colliding region and its rim:
-        the next best way would mostly run into the next pose of the same region.
+        From every failing pose the check spreads over the poses around it (spin and tag, wrist
+        turned over), without their strokes, until it has found the whole colliding region and its
+        rim: the next best way would mostly run into the next pose of the same region.
         """
         rows = self.states.tag_of(failing)
         self.failures[rows] += 1
         found = [failing[self.reason[failing] == Reason.COLLISION]]
         reach = min(_WIDEST, int(self.failures[rows].max(initial=1)))
-        front = failing
+        front, along = failing, reach
         while len(front):
-            poses = self._around(front, reach)
+            poses = self._around(front, along, reach)
             poses = poses[~self.seen[poses]]
             self.seen[poses] = True
             rows = self.states.tag_of(poses)
             verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
             fails = ~verdict.good
             front, reach = poses[fails], _RIM
+            along = _RIM if len(front) > _THIN else _WIDEST
             self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
             found.append(front)
         copies = self._copies(np.concatenate(found))
@@ -315,25 +320,28 @@ class PoseSearch:
         self.pair[copies] = self.pair[states[row]]
         return np.asarray(copies)
 
-    def _around(self, states: IndexArray, reach: int) -> IndexArray:
-        """Return one state of every configuration near to states, of the same branch.
+    def _around(self, states: IndexArray, far: int, reach: int) -> IndexArray:
+        """Return one state of every configuration near to states.
 
-        Those with the same tilt, of tags and spins near by, and those of the tilts next to it.
+        Those of the same branch and tilt up to ``far`` tags and ``reach`` spins away, those of the
+        tilts next to it, and that with the wrist turned over.
         """
         width, n = self.states.spins.shape[-1], len(self.tags)
         if self.cells is None:
             self.cells = self._all_cells()
-        along, around = np.arange(-reach, reach + 1), np.arange(-reach, reach + 1) * FINE
-        rung = self.states.tag_of(states)[:, None, None] + along[None, :, None]
-        tilt, spin = np.divmod(self.states.column[states].astype(np.int64)[:, None, None], width)
+        along, around = np.arange(-far, far + 1), np.arange(-reach, reach + 1) * FINE
+        at, own = self.states.tag_of(states), self.states.column[states].astype(np.int64)
+        rung = at[:, None, None] + along[None, :, None]
+        tilt, spin = np.divmod(own[:, None, None], width)
         inside = (rung >= 0) & (rung < n)
         branch = self.states.branch[states].astype(np.int64)[:, None, None]
         column = tilt * width + (spin + around[None, None, :]) % width
         places = self._place(np.clip(rung, 0, n - 1), column, branch)
         near = [places[np.broadcast_to(inside, places.shape)]]
+        near.append(self._place(at, own, branch[:, 0, 0] ^ _FLIP))
         which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt[:, 0, 0]])
-        rung, column = self.states.tag_of(states)[which], other * width + spin[which, 0, 0]
-        near.append(self._place(rung, column, branch[which, 0, 0]))
+        column = other * width + spin[which, 0, 0]
+        near.append(self._place(at[which], column, branch[which, 0, 0]))
         wanted = np.unique(np.concatenate(near))
         found = np.minimum(np.searchsorted(self.cells, wanted), len(self.cells) - 1)
         return np.asarray(found[self.cells[found] == wanted])
