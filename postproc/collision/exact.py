@@ -18,6 +18,9 @@ from postproc.collision.mesh import Mesh
 _CONTACTS = 1000
 """Crossings of triangles that are asked for to say where two surfaces meet."""
 
+_UNASKED = -1.0
+"""Smaller than any distance: fcl does not write down where surfaces are nearest."""
+
 _FLAT = 1e-18
 """Volume [m^3] spanned by a triangle and an edge that lies in its plane."""
 
@@ -86,6 +89,7 @@ class ExactTests:
         import fcl
 
         request, result = fcl.CollisionRequest(num_max_contacts=1), fcl.CollisionResult()
+        how, where = fcl.DistanceRequest(), fcl.DistanceResult(min_distance_=_UNASKED)
         margins = [0.0] * len(first) if margin is None else margin.tolist()
         standing, moving = self._objects(np.concatenate([first, second]))
         found, done = [], -1
@@ -99,7 +103,7 @@ class ExactTests:
             meets = fcl.collide(one, two, request, result) > 0
             if m > 0.0 and not meets:
                 # a distance costs far more, most of all where surfaces meet
-                meets = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult()) <= m
+                meets = fcl.distance(one, two, how, where) <= m
             if meets:
                 found.append(k)
                 done = g
@@ -137,12 +141,13 @@ class ExactTests:
         import fcl
 
         distances = np.empty(len(first))
+        how, where = fcl.DistanceRequest(), fcl.DistanceResult(min_distance_=_UNASKED)
         standing, moving = self._objects(np.concatenate([first, second]))
         for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
             one, two = standing[a], moving[b]
             two.setRotation(R[k])
             two.setTranslation(p[k])
-            distances[k] = fcl.distance(one, two, fcl.DistanceRequest(), fcl.DistanceResult())
+            distances[k] = fcl.distance(one, two, how, where)
         return np.maximum(distances, 0.0)
 
 
