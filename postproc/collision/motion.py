@@ -30,6 +30,8 @@ RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""
 _TOGETHER = 16 * CHUNK
 """Motions whose spans are cut together: the last rounds hold few spans of each thousand."""
+_PIECE = 0.1
+"""Largest joint motion [rad] of a span at first: over more than that most pairs come near."""
 _WORTH = 0.05
 """Share of a span that a cheap bound must prove, else the exact distance is taken."""
 
@@ -188,7 +190,7 @@ class MotionCheck:
     ) -> tuple[IndexArray, FloatArray]:
         """Return pair and share (m,) of motions; ``wanted`` (p, m), ``is_first``: most pairs."""
         m = len(q_from)
-        spans = _Spans(np.arange(m), np.zeros(m), np.ones(m), wanted)
+        spans = _pieces(q_from, q_to, wanted)
         pair, share = np.full(m, NO_PAIR, dtype=np.int64), np.full(m, np.nan)
         while len(spans):
             steps = [
@@ -298,6 +300,15 @@ class MotionCheck:
             open_[pair[mine], place.ravel()] = True
             parts.append(_Spans(spans.motion[rows], low[rows], high[rows], open_))
         return _Spans.joined(parts)
+
+
+def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray) -> _Spans:
+    """Return motions (m,) cut into spans on which no joint moves farther than ``_PIECE``."""
+    way = np.abs(q_to - q_from).max(axis=1, initial=0.0)
+    count = np.maximum(np.ceil(way / _PIECE), 1.0).astype(np.int64)
+    motion = np.repeat(np.arange(len(q_from)), count)
+    step = np.arange(len(motion)) - np.repeat(np.cumsum(count) - count, count)
+    return _Spans(motion, step / count[motion], (step + 1) / count[motion], wanted[:, motion])
 
 
 def _note(pair: IndexArray, share: FloatArray, found: _Found) -> None:
