@@ -190,7 +190,8 @@ def _chunk(
     may = fits & as_given(problem, which[pose[source]], q)
     if not may.all():
         q, source = q[may], source[may]
-    cost, index = _costs(problem, which[pose], attitude[pose, 0], T_base_tcp[pose], q, source)
+    orientation = _Orientation.of(problem, which, T_base_tcp)
+    cost, index = _costs(problem, which, attitude[:, 0], orientation, pose, q, source)
     owner = row[pose[source]]
     _subtract_best(cost, owner)
     return _Part(
@@ -239,13 +240,10 @@ class _StrokeEnds:
             q: (m, 6) joints [rad].
         """
         found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
-        starts = np.diff(pose, prepend=-1) > 0
-        used, place = pose[starts], np.cumsum(starts) - 1
-        for height in problem.strokes.levels(tags[used]):
-            T = problem.placement.backed_off(T_robroot_flange[used], height)
-            slots, valid = problem.kinematics.ik(T)
-            end = slots[place, slot]
-            found.reached[:] &= valid[place, slot]
+        for height in problem.strokes.levels(tags[pose]):
+            T = problem.placement.backed_off(T_robroot_flange[pose], height)
+            end, valid = problem.kinematics.ik_in(T, slot)
+            found.reached[:] &= valid
             found.regular[:] &= problem.regular(end)
             found.way.append(nearest_turn(end, q) - q)
         return found
@@ -321,30 +319,64 @@ def _nearest(problem: Problem, q: FloatArray, q_near: FloatArray) -> tuple[Float
     return moved[kept], kept
 
 
+@dataclass(frozen=True, slots=True)
+class _Orientation:
+    """How the tool stands in poses (m,): R_robroot_tcp (m, 3, 3), tilt (m,) [rad] or None."""
+
+    R_robroot_tcp: FloatArray
+    tilt: FloatArray | None
+
+    @classmethod
+    def of(cls, problem: Problem, tag: IndexArray, T_base_tcp: FloatArray) -> _Orientation:
+        """Return the orientation of the tool in poses (m, 4, 4) at tags (m,)."""
+        place = problem.placement
+        R_robroot_base = place.base(place.external[tag])[..., :3, :3]
+        return cls(R_robroot_base @ T_base_tcp[:, :3, :3], problem.tilt_of(tag, T_base_tcp))
+
+    def rows(self, index: IndexArray) -> _Orientation:
+        """Return some of them."""
+        return _Orientation(
+            self.R_robroot_tcp[index], None if self.tilt is None else self.tilt[index]
+        )
+
+
 def _costs(
     problem: Problem,
     tag: IndexArray,
     spin: FloatArray,
-    T_base_tcp: FloatArray,
+    orientation: _Orientation,
+    pose: IndexArray,
     q: FloatArray,
     source: IndexArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return cost and index of every state; turn copies share what does not depend on the turn."""
+    """Return cost and index of every state; turn copies share what does not depend on the turn.
+
+    Args:
+        problem: what is asked.
+        tag: (k,) of poses.
+        spin: (k,) [rad].
+        orientation: (k,).
+        pose: (m,) of configurations.
+        q: (s, 6) [rad] of states.
+        source: (s,) their configurations, rising.
+    """
     weights = problem.settings.weights
     if not weights.states or not len(q):
         return np.zeros(len(q)), np.full(len(q), np.nan)
+
+    def context(states: IndexArray | slice) -> StateContext:
+        rows = pose[source[states]]
+        return _context(problem, tag[rows], spin[rows], orientation.rows(rows), q[states])
+
     of_pose, of_turn = weights.split()
     cost, index = np.zeros(len(q)), np.full(len(q), np.nan)
     if of_pose.states:
         first = np.flatnonzero(np.diff(source, prepend=-1))
-        rows = source[first]
-        context = context_of(problem, tag[rows], spin[rows], T_base_tcp[rows], q[first])
-        shared = state_costs(of_pose, context)
+        shared = state_costs(of_pose, context(first))
         count = np.diff(np.append(first, len(source)))
         cost, index = np.repeat(shared[0], count), np.repeat(shared[1], count)
     if of_turn.states:
-        context = context_of(problem, tag[source], spin[source], T_base_tcp[source], q)
-        cost = cost + state_costs(of_turn, context)[0]
+        cost = cost + state_costs(of_turn, context(slice(None)))[0]
     return cost, index
 
 
@@ -360,18 +392,22 @@ def context_of(
     problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
 ) -> StateContext:
     """Return what objectives and indices look at, for poses (m,) with known joints."""
-    place = problem.placement
-    R_robroot_base = place.base(place.external[tag])[..., :3, :3]
+    return _context(problem, tag, spin, _Orientation.of(problem, tag, T_base_tcp), q)
+
+
+def _context(
+    problem: Problem, tag: IndexArray, spin: FloatArray, orientation: _Orientation, q: FloatArray
+) -> StateContext:
     return StateContext(
         kinematics=problem.kinematics,
         cell=problem.cell,
         q=q,
         tag=tag,
         spin=spin,
-        R_robroot_tcp=R_robroot_base @ T_base_tcp[:, :3, :3],
+        R_robroot_tcp=orientation.R_robroot_tcp,
         normal=problem.normal[tag],
         c_joint=None if problem.c_joint is None else problem.c_joint(q),
-        tilt=problem.tilt_of(tag, T_base_tcp),
+        tilt=orientation.tilt,
     )
 
 
