@@ -137,12 +137,17 @@ class Track:
 
 @dataclass(slots=True)
 class Checker:
-    """Checks against one problem and one scene (None: no collision check)."""
+    """Checks against one problem and one scene (None: no collision check).
+
+    ``ways``: points (k, 6) between the ends of free ways round something, found for a connection,
+    and how long [rad] a connection by them may be.
+    """
 
     problem: Problem
     scene: Scene | None
     checked: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
+    ways: list[tuple[FloatArray, float]] = field(default_factory=list, init=False)
 
     @property
     def strokes(self) -> Strokes:

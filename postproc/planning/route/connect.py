@@ -114,9 +114,12 @@ def _by_trees(
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
 
     What is in the way of one connection is mostly in the way of many: the points of every way found
-    are offered to the connections that are left, there and back, before the next tree grows.
+    are offered to the connections that are left, there and back, before the next tree grows, and
+    to those of later calls before the first one.
     """
     ways: dict[int, FloatArray] = {}
+    for known in checker.ways:
+        rows = _offered(checker, ends, rows, known, ways)
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
@@ -127,14 +130,27 @@ def _by_trees(
             failures += 1
             continue
         ways[row] = way
-        if not len(way) or not len(rows):
-            continue
-        limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
-        for points in (way, way[::-1]):
-            good = _fit(checker, ends, rows, points, limit)
-            ways.update((taken, points) for taken in rows[good].tolist())
-            rows = rows[~good]
+        if len(way):
+            limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
+            checker.ways.append((way, limit))
+            rows = _offered(checker, ends, rows, checker.ways[-1], ways)
     return ways
+
+
+def _offered(
+    checker: Checker,
+    ends: Ends,
+    rows: IndexArray,
+    known: tuple[FloatArray, float],
+    ways: dict[int, FloatArray],
+) -> IndexArray:
+    """Note in ``ways`` the connections (m,) that a known way serves, and return the others."""
+    way, limit = known
+    for points in (way, way[::-1]):
+        good = _fit(checker, ends, rows, points, limit)
+        ways.update((row, points) for row in rows[good].tolist())
+        rows = rows[~good]
+    return rows
 
 
 def _fit(
