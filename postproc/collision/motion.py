@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
@@ -273,7 +273,7 @@ class MotionCheck:
         moves: FloatArray,
         proven: FloatArray,
     ) -> _Spans:
-        """Return the open remains of spans.
+        """Return the open remains of spans, each in two.
 
         Args:
             spans: the spans.
@@ -287,10 +287,13 @@ class MotionCheck:
         is_short = 2.0 * moves <= self._resolution
         middle = 0.5 * (spans.start + spans.end)
         half = 0.5 * (spans.end - spans.start) * share
+        left, right = 0.5 * (spans.start + middle - half), 0.5 * (middle + half + spans.end)
         parts = []
         for short, low, high in (
-            (False, spans.start, middle - half),
-            (False, middle + half, spans.end),
+            (False, spans.start, left),
+            (False, left, middle - half),
+            (False, middle + half, right),
+            (False, right, spans.end),
             (True, spans.start, spans.start),
             (True, spans.end, spans.end),
         ):
@@ -306,8 +309,7 @@ def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray) -> _Spans:
     """Return motions (m,) cut into spans on which no joint moves farther than ``_PIECE``."""
     way = np.abs(q_to - q_from).max(axis=1, initial=0.0)
     count = np.maximum(np.ceil(way / _PIECE), 1.0).astype(np.int64)
-    motion = np.repeat(np.arange(len(q_from)), count)
-    step = np.arange(len(motion)) - np.repeat(np.cumsum(count) - count, count)
+    motion, step = numbered(count)
     return _Spans(motion, step / count[motion], (step + 1) / count[motion], wanted[:, motion])
 
 
