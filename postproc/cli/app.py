@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -17,6 +18,10 @@ from postproc.version import __version__
 # of cores, the matrices here are small, and parallel work runs in processes.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+
+# A program is half a million objects without a cycle: to look through them again and again costs
+# a fiftieth of the time.
+gc.set_threshold(50_000, 20, 20)
 
 COMMANDS = {
     "convert": "CAM toolpath to a checked KUKA program.",
