@@ -160,21 +160,15 @@ def _chunk(
         kept = np.zeros_like(valid)
         kept[np.arange(len(which)), branch[row]] = True
         valid &= kept
-    pose, slot = np.nonzero(valid)
+    reached = np.flatnonzero(valid)
+    inside = _with_a_turn(problem, slots.reshape(-1, 6), reached)
+    bent = inside[problem.regular(slots.reshape(-1, 6)[inside])]
+    tried = n_of(row, n) * (BRANCHES if branch is None else 1)
+    left = [tried, *(n_of(row[rows // BRANCHES], n) for rows in (reached, inside, bent))]
+    refused = -np.diff(np.stack(left, axis=1), axis=1)
+    pose, slot = np.divmod(bent, BRANCHES)
     q = slots[pose, slot]
     low, high = _turn_range(problem, q)
-    inside = np.asarray((low <= high).all(axis=1))
-    good = inside & problem.regular(q)
-    tried = n_of(row, n) * (BRANCHES if branch is None else 1)
-    refused = np.stack(
-        [
-            tried - n_of(row[pose], n),
-            n_of(row[pose[~inside]], n),
-            n_of(row[pose[inside & ~good]], n),
-        ],
-        axis=1,
-    )
-    pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
     ends = _StrokeEnds.of(problem, which, T_robroot_flange, pose, slot, q)
     for k, bad in ((0, ~ends.reached), (2, ends.reached & ~ends.regular)):
         refused[:, k] += n_of(row[pose[bad]], n)
@@ -275,16 +269,32 @@ def n_of(rows: IndexArray, n: int) -> IndexArray:
     return np.bincount(rows, minlength=n).astype(np.int64)
 
 
-def _turn_range(problem: Problem, q: FloatArray) -> tuple[IndexArray, IndexArray]:
-    """Return the fewest and the most whole turns (m, 6) that bring an angle within its limits."""
+def _turn_range(
+    problem: Problem, q: FloatArray, joint: int | slice = slice(None)
+) -> tuple[FloatArray, FloatArray]:
+    """Return the fewest and the most whole turns that bring angles of joints within their limits.
+
+    Of all joints (m, 6), or of one (m,).
+    """
     margin = problem.cell.limits.joint_margin - 1e-9
-    low = np.ceil((np.asarray(problem.kinematics.q_min) + margin - q) / _FULL_TURN)
-    high = np.floor((np.asarray(problem.kinematics.q_max) - margin - q) / _FULL_TURN)
-    return low.astype(np.int64), high.astype(np.int64)
+    q_min = np.asarray(problem.kinematics.q_min)[joint]
+    q_max = np.asarray(problem.kinematics.q_max)[joint]
+    low = np.ceil((q_min + margin - q) / _FULL_TURN)
+    high = np.floor((q_max - margin - q) / _FULL_TURN)
+    return low, high
+
+
+def _with_a_turn(problem: Problem, q: FloatArray, rows: IndexArray) -> IndexArray:
+    """Return those of ``rows`` (m,) of q (k, 6) of which some turn lies within all limits."""
+    room = np.asarray(problem.kinematics.q_max) - np.asarray(problem.kinematics.q_min)
+    for joint in np.argsort(room, kind="stable").tolist():
+        low, high = _turn_range(problem, q[rows, joint], joint)
+        rows = rows[low <= high]
+    return rows
 
 
 def _copies(
-    q: FloatArray, low: IndexArray, high: IndexArray, *, all_turns: bool
+    q: FloatArray, low: FloatArray, high: FloatArray, *, all_turns: bool
 ) -> tuple[FloatArray, IndexArray]:
     """Return every in-limit turn of configurations (m, 6), and the row each comes from.
 
