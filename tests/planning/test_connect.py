@@ -82,8 +82,18 @@ def test_a_way_found_once_serves_the_connections_beside_it(checker_of, monkeypat
     assert all(len(way) for way in ways.values())
     assert checker.free_poses(legs(ends, ways), STANDING).all()
     assert len(grown) <= 6
+    grown.clear()
     again = connect._by_trees(checker, ends, np.arange(24), connect.GIVE_UP)
     assert all(np.array_equal(again[row], way) for row, way in ways.items())
+    later = ends.rows(np.arange(4, 20))
+    later.q_from[:, 3] += 0.01
+    moved = connect._by_trees(checker, later, np.arange(16), connect.GIVE_UP)
+    assert sorted(moved) == list(range(16))
+    assert checker.free_poses(legs(later, moved), STANDING).all()
+    assert not grown
+    first = connect._by_trees(checker_of(solid(*POST)), ends, np.arange(24), connect.GIVE_UP)
+    assert all(np.array_equal(first[row], way) for row, way in ways.items())
+    assert grown
 
 
 def test_ways_lent_are_not_much_longer(checker_of):

@@ -62,6 +62,28 @@ def test_lazy_equals_eager(make_cell, make_path, seed):
         assert found.checked <= len(every)
 
 
+def test_what_fails_beside_a_pose_collides_and_the_wrist_turned_over_is_among_it(
+    make_cell, make_path
+):
+    turned_over = 0
+    for seed in range(0, 50, 5):
+        checker = crowded(make_cell, make_path, seed)
+        search = PoseSearch.of(checker, np.arange(5))
+        states = search.states
+        rung = states.tag_of(np.arange(len(states.q)))
+        hits = ~checker.poses(rung, states.q.astype(np.float64)).good
+        key = np.column_stack([rung, states.column, states.branch])
+        for one in np.flatnonzero(hits)[:: max(1, hits.sum() // 4)].tolist():
+            search = PoseSearch.of(checker, np.arange(5))
+            assert not search.check_states(np.array([one])).any()
+            gone = search.beside(np.array([one]))
+            assert hits[gone].all()
+            over = hits & (key == [*key[one, :2], key[one, 2] ^ 4]).all(axis=1)
+            assert np.isin(np.flatnonzero(over), gone).all()
+            turned_over += over.any()
+    assert turned_over > 5
+
+
 def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
     """Poses put back on the grid move their neighbours: what was found good may not be any more."""
     check, rounds = moved.failing, []
