@@ -196,8 +196,8 @@ FINI
 """
 
 
-def converted(tmp_path):
-    (tmp_path / "part.apt").write_text(PART)
+def converted(tmp_path, text=PART):
+    (tmp_path / "part.apt").write_text(text)
     cell_in(tmp_path, SOLIDS, **AT_PART)
     request = ConvertRequest(str(tmp_path / "part.apt"), str(tmp_path / "cell.toml"))
     return convert(request)
@@ -215,6 +215,25 @@ def test_the_planner_runs_rapids_out_of_a_cut_as_the_file_does_and_no_others(tmp
     for name, content in done.files.items():
         (tmp_path / name).write_bytes(content)
     assert not verify_job(tmp_path / f"{done.name}.src", cell).violations
+
+
+DEEP = """PARTNO/DEEP
+UNITS/MM
+MULTAX/ON
+SPINDL/3000,RPM,CLW
+CYCLE/DRILL,DEEP,STEP,{step},CLEAR,3.0,FEDTO,8.0,RTRCTO,20.,MMPM,200.
+GOTO/0.,0.,0.,-1.,0.,0.
+CYCLE/OFF
+SPINDL/OFF
+FINI
+"""
+
+
+@pytest.mark.parametrize("last_mm", [0.001, 0.0185, 0.067, 0.3, 4.0])
+def test_the_last_peck_cuts_however_small_it_is(tmp_path, last_mm):
+    """Less than what counts as on the axis; the cutter stands in the part there."""
+    done = converted(tmp_path, DEEP.format(step=(8.0 - last_mm) / (2.0 if last_mm < 1.0 else 1.0)))
+    assert [str(f) for f in done.findings if f.is_error] == []
 
 
 def test_a_rapid_that_an_axis_slows_down_is_no_cut(tmp_path):

@@ -288,10 +288,10 @@ class _Holes:
     ) -> tuple[int, ...]:
         """Return the motions that go deeper than any before, below the clearance height."""
         drilled: list[int] = []
-        deepest = clear
+        deepest = clear - self._near
         before = down[-1][1] if down else 0.0
         for vertex, height in [*reversed(down[:-1]), (bottom, 0.0)]:
-            if height < deepest - self._near and height < before:
+            if height < deepest - LEAST_PECK / 2 and height < before:
                 drilled.append(vertex)
                 deepest = height
                 if not self._is_exact[vertex - 1]:
