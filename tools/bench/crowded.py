@@ -29,8 +29,8 @@ HOMES = tuple(
 """Poses [deg] to begin and end in; the first stands in the cell file, a user takes a free one."""
 _SLOTS = 0.4
 """Share of slots among what is to be done."""
-_LONG = 0.1
-"""Share of slots along a rail that no place of it reaches as a whole."""
+_MILLED = 12
+"""Cuts along a rail to choose from, each longer than the arm reaches from one place of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,13 +50,16 @@ class Job:
         return [block for block, kept in zip(self.blocks, keep, strict=True) if kept]
 
 
-def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
-    """Return a crowded cell with holes and slots in a block."""
+def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool, along: bool = False) -> Job:
+    """Return a crowded cell with holes and slots in a block.
+
+    ``along``: also cuts along the rail, which moves with them; fewer solids are in their way.
+    """
     robot = str(rng.choice(list(ROBOTS)))
     far, high = ROBOTS[robot]
     size = np.array([rng.uniform(300, 900), rng.uniform(300, 900), rng.uniform(40, 200)])
     if with_rail:
-        size[1] = rng.uniform(3000, 8000)
+        size[1] = rng.uniform(5500 if along else 3000, 8000)
     turn = rotation_from_vector(rng.uniform(-0.15, 0.15, 3))
     place = np.array([far, 0.0, high]) + rng.uniform(-0.15, 0.15, 3)
     blend = float(np.exp(rng.uniform(np.log(0.5), np.log(300.0))))
@@ -75,10 +78,13 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool) -> Job:
     if with_rail:
         rail = 'name = "E1"\nkind = "rail"\naxis = "+y"\n'
         text.append(f"[[external_axes]]\n{rail}range_mm = [-4500, 4500]\nspeed_mm_s = 1000\n")
-    text += _obstacles(rng, place, turn, size)
+    text += _obstacles(rng, place, turn, size, 6 if along else 9)
     if with_rail:
-        text += [_beside_the_rail(rng, number) for number in range(int(rng.integers(2, 7)))]
-    return Job("".join(text), _blocks(rng, size, tags, with_rail=with_rail))
+        count = int(rng.integers(2, 7))
+        text += [_beside_the_rail(rng, number, along=along) for number in range(count)]
+    blocks = _blocks(rng, size, tags, with_rail=with_rail)
+    cuts = [_along(rng, size) for _ in range(_MILLED if along else 0)]
+    return Job("".join(text), (*cuts, *blocks))
 
 
 def _tool(rng: np.random.Generator) -> str:
@@ -100,11 +106,14 @@ def _tool(rng: np.random.Generator) -> str:
 
 
 def _obstacles(
-    rng: np.random.Generator, place: FloatArray, turn: FloatArray, size: FloatArray
+    rng: np.random.Generator, place: FloatArray, turn: FloatArray, size: FloatArray, most: int
 ) -> list[str]:
-    """Return rods of 2 to 60 mm and blocks round the part, clear of what is in front of it."""
+    """Return rods of 2 to 60 mm and blocks round the part, fewer than ``most``.
+
+    They are clear of what is in front of the part.
+    """
     found = []
-    for number in range(int(rng.integers(3, 9))):
+    for number in range(int(rng.integers(3, most))):
         side = rng.uniform(-0.5, 0.5, 2) * size[:2]
         edge = int(rng.integers(2))
         side[edge] = rng.choice([-1.0, 1.0]) * (0.5 * size[edge] + rng.uniform(30.0, 350.0))
@@ -127,11 +136,16 @@ def _obstacles(
     return found
 
 
-def _beside_the_rail(rng: np.random.Generator, number: int) -> str:
-    """Return a rod between robot and part, where the arm passes when it travels."""
-    at = [rng.uniform(700.0, 1500.0), rng.uniform(-4500.0, 4500.0), rng.uniform(300.0, 2800.0)]
+def _beside_the_rail(rng: np.random.Generator, number: int, *, along: bool) -> str:
+    """Return a rod between robot and part, where the arm passes when it travels.
+
+    ``along``: below or above most of its ways, so that some cuts are free from end to end.
+    """
+    heights = (300.0, 2800.0) if not along else (0.0, 700.0) if number % 2 else (2500.0, 3300.0)
+    at = [rng.uniform(700.0, 1500.0), rng.uniform(-4500.0, 4500.0), rng.uniform(*heights)]
     thick = float(np.exp(rng.uniform(np.log(2.0), np.log(60.0))))
-    length, tilt = rng.uniform(200.0, 1500.0), rng.uniform(-90.0, 90.0, 3)
+    length = rng.uniform(200.0, 700.0 if along else 1500.0)
+    tilt = rng.uniform(-90.0, 90.0, 3)
     return (
         f'[[obstacles]]\nname = "beside {number}"\n'
         f"cylinder = {{ radius_mm = {0.5 * thick:.3f}, length_mm = {length:.1f} }}\n"
@@ -151,8 +165,7 @@ def _blocks(
         x, y = rng.uniform(-0.42, 0.42, 2) * size[:2]
         kind = rng.uniform()
         if kind < _SLOTS:
-            long = with_rail and kind < _LONG * _SLOTS
-            found.append(_slot(rng, x, y, size, 600.0 if long else 90.0, 8 if with_rail else 24))
+            found.append(_slot(rng, x, y, size, 8 if with_rail else 24))
         else:
             rows, most = (2, 5) if with_rail else (3, 8)
             found += _holes(rng, x, y, size, rows, most)
@@ -179,24 +192,42 @@ def _holes(
     return found
 
 
-def _slot(
-    rng: np.random.Generator, x: float, y: float, size: FloatArray, reach: float, most: int
-) -> str:
-    """Return an open polygon milled a little into the part, entered and left from above.
-
-    ``reach``: longest side along y [mm]; ``most``: it has fewer sides.
-    """
+def _slot(rng: np.random.Generator, x: float, y: float, size: FloatArray, most: int) -> str:
+    """Return an open polygon of fewer than ``most`` sides, entered and left from above."""
     points = [np.array([x, y])]
-    sign = -np.sign(y)
     for _ in range(int(rng.integers(2, most))):
-        way = rng.uniform(-90.0, 90.0), rng.uniform(-90.0, reach) * sign
-        points.append(np.clip(points[-1] + way, -0.45 * size[:2], 0.45 * size[:2]))
+        points.append(_inside(points[-1] + rng.uniform(-90.0, 90.0, 2), size))
+    return _milled(rng, points, np.array([0.0, 0.0, 1.0]))
+
+
+def _along(rng: np.random.Generator, size: FloatArray) -> str:
+    """Return a cut from one end of the part to the other, with the tool leant as in all of it."""
+    half = 0.5 * min(rng.uniform(4500.0, 7000.0), 0.9 * size[1]) * rng.choice([-1.0, 1.0])
+    count = int(rng.integers(6, 40))
+    y = np.sort(np.r_[-1.0, rng.uniform(-1.0, 1.0, count - 2), 1.0]) * half
+    wander = rng.choice([0.0, 60.0])
+    x = rng.uniform(-0.42, 0.2) * size[0] + rng.uniform(-wander, wander, count)
+    axis = np.r_[rng.uniform(-0.1, 0.1, 2), 1.0]
+    points = [_inside(point, size) for point in np.column_stack([x, y])]
+    return _milled(rng, points, axis / np.linalg.norm(axis))
+
+
+def _inside(point: FloatArray, size: FloatArray) -> FloatArray:
+    return np.clip(point, -0.45 * size[:2], 0.45 * size[:2])
+
+
+def _milled(rng: np.random.Generator, points: list[FloatArray], axis: FloatArray) -> str:
+    """Return points (2,) [mm] milled a little into the part, entered and left along the tool."""
     depth, top = rng.uniform(0.5, 5.0), rng.uniform(15.0, 60.0)
-    lines = [f"RAPID\nGOTO/{x:.4f},{y:.4f},{top:.4f},0,0,1\nFEDRAT/300,MMPM\n"]
-    lines += [f"GOTO/{p[0]:.4f},{p[1]:.4f},{-depth:.4f},0,0,1\n" for p in points]
+
+    def goto(point: FloatArray, height: float) -> str:
+        p = np.r_[point, 0.0] + height / axis[2] * axis
+        return "GOTO/" + ",".join(f"{value:.7f}" for value in (*p, *axis)) + "\n"
+
+    lines = ["RAPID\n", goto(points[0], top), "FEDRAT/300,MMPM\n"]
+    lines += [goto(point, -depth) for point in points]
     if rng.uniform() < 0.6:
-        p = points[-1]
-        lines.append(f"RAPID\nGOTO/{p[0]:.4f},{p[1]:.4f},{top:.4f},0,0,1\n")
+        lines += ["RAPID\n", goto(points[-1], top)]
     return "".join(lines)
 
 

@@ -4,7 +4,8 @@
                                    [--log FILE]
 
 Each cell has a big tool, a part, rods of 2 to 60 mm and blocks at random, two of three a rail with
-more rods beside it; corners are blended by 0.5 to 300 mm. Holes and slots are converted as a user
+more rods beside it, one of them cuts along its rail while E1 moves; corners are blended by 0.5 to
+300 mm. Holes and slots are converted as a user
 would, what fails being left out; the files are verified as a user would, and the text is executed
 (``outside``). So are programs of random motions that ``verify`` and the planner's checks have
 judged. A hit in what was let pass is a miss; what is refused while nothing comes near is a false
@@ -38,10 +39,12 @@ FEED = 0.006
 VARIANTS = 6
 RAIL_TAGS = 2
 """So many times fewer tags on a rail, where the arm travels between them."""
+ALONG = 2
+"""Of three cells the one that mills along its rail, which moves during the cut."""
 SPARE = 4
 """So many times more tags are drawn than are asked for."""
 POSTURES = 4
-"""Blocks that can be begun and ended in fewer postures, of 96 at a place, are not asked for."""
+"""Blocks with a tag that fewer postures reach, of 96 at a place, are not asked for."""
 ROUNDS = 4
 """So often blocks that fail are left out of a CAM file before the cell is given up."""
 
@@ -78,7 +81,7 @@ def _rails(cell: Cell, step: float) -> FloatArray:
 
 
 def reachable(job: Job, place: Place, most: int) -> BoolArray:
-    """Return blocks (b,) of so many tags that begin and end where the arm is free somehow.
+    """Return blocks (b,) of so many tags at which the arm is free somehow.
 
     What convert would have to refuse anyway is not asked for.
     """
@@ -86,8 +89,8 @@ def reachable(job: Job, place: Place, most: int) -> BoolArray:
     tags = 0
     for number, block in enumerate(job.blocks):
         numbers = [line[5:].split(",") for line in block.split("\n") if line.startswith("GOTO/")]
-        ends = np.array([numbers[0], numbers[-1]], dtype=np.float64)
-        found[number] = all(_stands_free(place, tag[:3] * MM, tag[3:]) for tag in ends)
+        goals = np.array(numbers, dtype=np.float64)
+        found[number] = all(_stands_free(place, tag[:3] * MM, tag[3:]) for tag in goals)
         tags += len(numbers) * int(found[number])
         if tags >= most:
             break
@@ -190,7 +193,7 @@ def judged(number: int, tags: int, seed: int, programs: int) -> Score:
     rng = np.random.default_rng([seed, number])
     with_rail = number % 3 > 0
     tags = tags // RAIL_TAGS if with_rail else tags
-    job = random_job(rng, SPARE * tags, with_rail=with_rail)
+    job = random_job(rng, SPARE * tags, with_rail=with_rail, along=number % 3 == ALONG)
     with tempfile.TemporaryDirectory(prefix=f"cell{number}_") as name:
         folder = Path(name)
         place = placed(job, folder)
