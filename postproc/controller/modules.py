@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from postproc.errors import KrlError, SourceRef
-from postproc.krl import Call, Interrupt, KrlModule, Statement, Trigger, parse_module
+from postproc.krl import (
+    Call,
+    Interrupt,
+    KrlModule,
+    Statement,
+    Trigger,
+    parse_module,
+    require_sound,
+)
+
+_ROOT = "R1"
+"""Folder of a controller below which every module is known by its name."""
+_OF_THE_MAKER = frozenset({"SYSTEM", "TP", "MADA"})
+"""Folders in it whose routines are not the user's; those of the forms are followed anyway."""
+_CONFIG = "$CONFIG.DAT"
+"""List of what is global on a controller: frames, the data of its home position."""
+_BRACKET = re.compile(rb"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
 
 
-def load_program(src_path: str | Path) -> tuple[KrlModule, ...]:
+def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[KrlModule, ...]:
     """Return a module and those in the same folder that it calls or that set its frames.
+
+    Args:
+        src_path: the module to start.
+        on_controller: with those that it calls elsewhere in the backup of a controller that the
+            file lies in, and the global data there. Where two have a name, none is taken.
 
     Raises:
         KrlError: if a file is no KRL; KRL008 if the file has no routine.
@@ -24,17 +48,67 @@ def load_program(src_path: str | Path) -> tuple[KrlModule, ...]:
         for other in sorted(path.parent.glob("*"))
         if other.suffix.lower() == ".src" and other.is_file()
     }
+    root = next((up for up in path.resolve().parents if up.name.upper() == _ROOT), None)
+    tree = _Tree.of(root) if on_controller and root is not None else _Tree()
+    known = {**tree.sources, **folder}
     found = {main.name.upper(): main}
     waiting = [main]
     while waiting:
-        for name in sorted(called_names(waiting.pop())):
-            if name in folder and name not in found:
-                found[name] = parse_module(folder[name])
+        module = waiting.pop()
+        names = called_names(module) | (_functions(module) if on_controller else set())
+        for name in sorted(names):
+            if name in known and name not in found:
+                found[name] = parse_module(known[name])
                 waiting.append(found[name])
+    for data in filter(None, map(_sound_list, tree.data)):
+        found.setdefault(data.name.upper(), data)
     for name, other in folder.items():
         if name not in found and name.endswith("_SETUP") and _sets_frames(other):
             found[name] = parse_module(other)
     return tuple(found.values())
+
+
+@dataclass(frozen=True, slots=True)
+class _Tree:
+    """Modules of a controller by name, and its lists of global data."""
+
+    sources: Mapping[str, Path] = field(default_factory=dict)
+    data: tuple[Path, ...] = ()
+
+    @classmethod
+    def of(cls, root: Path) -> _Tree:
+        files = sorted(path for path in root.rglob("*") if path.suffix.lower() in (".src", ".dat"))
+        own = [path for path in files if not _is_of_the_maker(path, root)]
+        stems = Counter(path.stem.upper() for path in own if path.suffix.lower() == ".src")
+        by_name = {path.stem.upper(): path for path in own if path.suffix.lower() == ".src"}
+        sources = {name: path for name, path in by_name.items() if stems[name] == 1}
+        lists = [path for path in own if path.stem.upper() not in stems]
+        config = [path for path in files if path.name.upper() == _CONFIG]
+        return cls(sources, tuple([*config[:1], *lists]))
+
+
+def _sound_list(path: Path) -> KrlModule | None:
+    """Return a list of global data, None for one that a controller could not load.
+
+    What it would have declared is not known then; the program may need nothing of it.
+    """
+    try:
+        module = parse_module(path)
+        require_sound([module])
+    except KrlError:
+        return None
+    return module
+
+
+def _is_of_the_maker(path: Path, root: Path) -> bool:
+    folders = path.relative_to(root).parts[:-1]
+    return bool(_OF_THE_MAKER.intersection(folder.upper() for folder in folders))
+
+
+def _functions(module: KrlModule) -> set[str]:
+    """Return the names, in upper case, in front of brackets: of functions and of arrays."""
+    content = Path(module.src_path).read_bytes() if module.src_path else b""
+    return {name.decode("ascii").upper() for name in _BRACKET.findall(content)}
 
 
 def called_names(module: KrlModule) -> set[str]:

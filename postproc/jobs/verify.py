@@ -25,7 +25,8 @@ def verify(
     """Return the report on a program.
 
     Args:
-        program: the .src file to start.
+        program: the .src file to start; in the backup of a controller, what it calls there and
+            the global data are known.
         cell: robot, tool, workpiece, solids, margins.
         toolpath: what it was made from; None: only what the program says by itself.
         tolerances: of the comparison.
@@ -38,7 +39,7 @@ def verify(
         ReadError: if a file is missing.
     """
     displacement = None if model is None else RealArm.of(cell, model).on_runs
-    modules = load_program(program)
+    modules = load_program(program, on_controller=True)
     return verify_text(
         modules,
         modules[0].name,
