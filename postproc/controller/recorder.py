@@ -20,6 +20,10 @@ from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]
+_NOT_FOLLOWED = frozenset(
+    {RunKind.UNJUDGED, RunKind.CONDITION, RunKind.ENDLESS, RunKind.TARGET, RunKind.STRUCTURE}
+)
+"""Where one of these is found, the next motion may come from elsewhere."""
 
 
 @dataclass(slots=True)
@@ -43,6 +47,7 @@ class Recorder:
     events: list[TraceEvent] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
+    unsure: set[int] = field(default_factory=set)
     in_trigger: bool = False
 
     def __len__(self) -> int:
@@ -102,6 +107,8 @@ class Recorder:
         hint: str = "",
     ) -> None:
         """Add a finding; the same one is added once."""
+        if severity is Severity.ERROR and kind in _NOT_FOLLOWED:
+            self.unsure.add(len(self.motion_types))
         source = SourceRef(self.names[place[0]], place[1])
         found = Finding(severity, kind, message, source=source, hint=hint)
         if found not in self.findings[-50:]:
@@ -138,6 +145,7 @@ class Recorder:
             files=tuple(self.names),
             events=tuple(self.events),
             findings=tuple(self.findings),
+            unsure=frozenset(self.unsure),
         )
 
 

@@ -126,6 +126,7 @@ class Trace:
         tools: (t, 4, 4) T_flange_tcp; bases: (b, 4, 4) T_robroot_base [m].
         events: between the motions, in order.
         findings: what could not be run as written.
+        unsure: motions right before which something happens that is not known.
     """
 
     motion_type: IntArray
@@ -148,6 +149,7 @@ class Trace:
     files: tuple[str, ...]
     events: tuple[TraceEvent, ...] = ()
     findings: tuple[Finding, ...] = field(default=())
+    unsure: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         """Return the number of motions."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.units import DEG, MM
+from postproc.verification.coverage import Coverage
 
 if TYPE_CHECKING:
     from postproc.arrays import AnyIntArray, FloatArray
@@ -118,6 +119,7 @@ class VerifyReport:
         tags: CAM points; matched: those that were gone to or passed, in order; passed: those that
             no motion ends at, as ``[motion] thin`` of the cell allows.
         expectation: real and commanded tool beside each other, None without a model.
+        coverage: which motions of the text were judged, and which are not known.
         run: what was judged.
     """
 
@@ -135,6 +137,7 @@ class VerifyReport:
     passed: int | None = None
     expectation: Expectation | None = None
     collisions_checked: bool = False
+    coverage: Coverage | None = None
     run: Run | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -159,6 +162,7 @@ class VerifyReport:
             **({} if self.expectation is None else self.expectation.to_dict()),
             "violations": [_entry(item) for item in self.violations],
             "warnings": [_entry(item) for item in self.warnings],
+            **({} if self.coverage is None else {"motions": self.coverage.to_dict()}),
             "worst": {name: item.to_dict() for name, item in sorted(self.worst.items())},
             "collisions_checked": self.collisions_checked,
             "cycle_time_s": round(self.cycle_time, 3),

@@ -64,6 +64,7 @@ from postproc.verification.checks import (
 )
 from postproc.verification.collisions import check_collisions
 from postproc.verification.corners import blended, check_corners, corners_of
+from postproc.verification.coverage import coverage_of
 from postproc.verification.report import Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
@@ -146,7 +147,9 @@ def verify(
     check_corners(result, cell, corners, at, is_cut)
     slack = 0.0 if comparison is None else comparison.largest_shift()
     checked = collisions and check_collisions(result, cell, kinematics, cuts, slack, corners, at)
-    return _report(name, result, cell, comparison, checked)
+    violations = in_order(result.findings, Severity.ERROR)
+    covered = coverage_of(modules, trace, violations)
+    return replace(_report(name, result, cell, comparison, checked), coverage=covered)
 
 
 def _report(

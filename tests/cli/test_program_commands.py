@@ -101,6 +101,23 @@ def test_verify_names_the_bad_line(part, capsys):
     assert call(capsys, *arguments)[0] == 0  # by itself the program is sound
 
 
+def test_verify_says_what_it_does_not_know(part, capsys):
+    path = part / "demo.src"
+    arguments = ("verify", path, "--cell", part / "cell.toml")
+    plain = json.loads(call(capsys, *arguments, "--json")[1])["motions"]
+    assert plain["judged"] == plain["in_text"]
+    assert plain["unknown"] == []
+    assert "not known" not in call(capsys, *arguments)[1]
+    sub = next(part.glob("demo_001.src"))
+    lines = sub.read_text().split("\n")
+    first = next(i for i, line in enumerate(lines) if line.startswith("LIN"))
+    sub.write_text("\n".join([*lines[:first], "ELSEWHERE()", *lines[first:]]))
+    code, out, _ = call(capsys, *arguments)
+    assert code == 1
+    assert f"not known  {sub}:{first + 2}: what happens right before it is not known" in out
+    assert f"{plain['in_text'] - 1} of {plain['in_text']} motions of the text" in out
+
+
 def test_diff_of_files_and_folders(part, tmp_path, capsys):
     other = tmp_path / "other"
     other.mkdir()

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from postproc.verification.coverage import Coverage, Unknown
 from tests.places import SHARED, snapshot
 from tests.samples import AT_PART, HEAD, START, at, cell_in
 from tools.controllers import verify_table
@@ -57,15 +58,21 @@ def test_the_answer_of_verify_has_one_of_four_names(tmp_path, name):
     cell = cell_in(tmp_path, **AT_PART)
     path = tmp_path / "T.src"
     path.write_text("\r\n".join(["DEF T( )", *PROGRAMS[name], "END", ""]))
-    answer, reasons = verify_table.answer(path, cell)
-    assert answer == name
-    assert bool(reasons) == (name != "good")
+    answer = verify_table.answer(path, cell)
+    assert answer.name == name
+    assert bool(answer.reasons) == (name != "good")
+    assert all("T.src:" in words for _, words in answer.reasons)
 
 
 def test_the_table_of_verify_counts_programs_not_findings():
     table = verify_table.Table()
-    table.add("refused", [("speed", "first"), ("speed", "second"), ("load", "other")])
-    table.add("good", [])
+    reasons = [("speed", "first"), ("speed", "second"), ("load", "other")]
+    unknown = (Unknown("T.src", 9, "not reached"),)
+    table.add("one", verify_table.Answer("refused", reasons, Coverage(5, 3, 1, 1, unknown)))
+    table.add("two", verify_table.Answer("good", [], Coverage(5, 5, 0, 0, ())))
     text = "\n".join(verify_table.lines_of(table))
     assert "| good | 1 | 50% |" in text
     assert "| refused | `speed` | 1 |" in text
+    assert "| judged | 8 | 80% |" in text
+    assert "| not known | 1 | 10% |" in text
+    assert "| one | refused | 3 | 1 | 1 | 1 | other |" in text

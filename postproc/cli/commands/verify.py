@@ -96,6 +96,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     return answer(report.ok)
 
 
+_UNKNOWN = 20
+"""So many motions that are not known are listed one by one."""
+
+
 def _show(session: Session, report: VerifyReport) -> None:
     from postproc.units import MM
 
@@ -117,6 +121,22 @@ def _show(session: Session, report: VerifyReport) -> None:
         )
     if report.tags is not None:
         session.show(f"CAM points {report.tags}, of these {report.matched} passed in order")
+    _show_coverage(session, report)
     session.show(f"motions    {report.points}, about {report.cycle_time:.1f} s")
     checked = "" if report.collisions_checked else " (collisions not searched)"
     session.show(("good" if report.ok else f"{len(report.violations)} violations") + checked)
+
+
+def _show_coverage(session: Session, report: VerifyReport) -> None:
+    """Say which motions of the text are not known, where there are some."""
+    found = report.coverage
+    if found is None or not found.unknown:
+        return
+    for one in found.unknown[:_UNKNOWN]:
+        session.show(f"not known  {one.file}:{one.line}: {one.why}")
+    if len(found.unknown) > _UNKNOWN:
+        session.show(f"not known  {len(found.unknown) - _UNKNOWN} more motions: --json lists them")
+    session.show(
+        f"judged     {found.judged} of {found.in_text} motions of the text, {found.refused} with a "
+        f"violation; {len(found.unknown)} not known, {found.never_run} never run"
+    )
