@@ -8,6 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from postproc.planning.states import ladder as ladder_module
 from postproc.planning.states.ladder import NONE, Ladder, Rule
 
 
@@ -104,6 +105,72 @@ def test_repair_equals_fresh_solve(seed):
         fresh.solve()
         assert ladder.total(ladder.path()) == pytest.approx(fresh.total(fresh.path()), abs=1e-8)
         assert np.array_equal(ladder.broken, fresh.broken)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_was_put_off_is_made_good(monkeypatch, seed):
+    monkeypatch.setattr(ladder_module, "NEAR", 1 + seed % 4)
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=60, most=12, dead=0.1, chain=0.7)
+    fresh = Ladder(
+        ladder.offsets, ladder.position, ladder.cost, ladder.group, ladder.rule, ladder.weight
+    )
+    ladder.solve()
+    put_off = 0
+    for _ in range(12):
+        path = ladder.path()
+        kept = path[path != NONE]
+        out = rng.choice(kept, size=min(2, len(kept)), replace=False)
+        ladder.remove(out)
+        fresh.cost[out] = np.inf
+        meanwhile = ladder.path()
+        assert not np.isin(out, meanwhile).any()
+        for i in np.flatnonzero((meanwhile[1:] != NONE) & ~ladder.broken[1:]) + 1:
+            assert np.isfinite(step_cost(ladder, i, meanwhile[i - 1], meanwhile[i]))
+        if rng.uniform() < 0.5:
+            continue
+        put_off += ladder.settle()
+        assert not ladder.settle()
+        fresh.solve()
+        assert ladder.total(ladder.path()) == pytest.approx(fresh.total(fresh.path()), abs=1e-8)
+        assert np.array_equal(ladder.broken, fresh.broken)
+    assert put_off
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_taken_over_equals_fresh_solve(monkeypatch, seed):
+    monkeypatch.setattr(ladder_module, "NEAR", 1 + seed % 4)
+    rng = np.random.default_rng(seed)
+    every = random_ladder(rng, rungs=60, most=12, dead=0.1, chain=0.7)
+    parts = (every.offsets, every.position, every.cost, every.group, every.rule, every.weight)
+    now, fresh = Ladder(*parts), Ladder(*parts)
+    is_new = rng.uniform(size=60) < 0.2
+    size = np.diff(every.offsets)
+    kept = np.repeat(~is_new, size)
+    cost = every.cost.copy()
+    repriced = np.append(is_new[1:], False) & ~is_new
+    cost[np.repeat(repriced, size)] *= rng.uniform(0.5, 2.0, int(size[repriced].sum()))
+    known = Ladder(
+        np.append(0, np.cumsum(size[~is_new])),
+        every.position[kept],
+        cost[kept],
+        every.group[kept],
+        every.rule[~is_new],
+        every.weight[~is_new],
+    )
+    known.solve()
+    path = known.path()
+    out = path[path != NONE][::7]
+    known.remove(out)
+    moved = np.append(np.flatnonzero(kept), NONE)
+    now.cost[moved[out]] = fresh.cost[moved[out]] = np.inf
+    anew = np.unique(np.minimum(np.flatnonzero(is_new)[:, None] + np.arange(2), 59))
+    now.take_over(known, moved, anew)
+    now.settle()
+    fresh.solve()
+    assert now.value == pytest.approx(fresh.value, abs=1e-8)
+    assert now.total(now.path()) == pytest.approx(fresh.total(fresh.path()), abs=1e-8)
+    assert np.array_equal(now.broken, fresh.broken)
 
 
 def test_forbidden_steps_are_not_taken():

@@ -2,8 +2,9 @@
 
 Checking whether a state collides costs a thousand times more than its place in the search. So
 the search runs as if nothing collided, only the best way is checked, what fails is taken out,
-and the search is repaired; when the best way passes, it is the best of all ways that pass. States
-beside a failing one are checked along with it, because the next best way mostly runs there.
+and the search is repaired, near by first; when the best way passes and nothing is left to repair,
+it is the best of all ways that pass. States beside a failing one are checked along with it, because
+the next best way mostly runs there.
 """
 
 from __future__ import annotations
@@ -69,6 +70,8 @@ def free_path(
             ladder.remove(failing)
             continue
         bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)
+        if not bad and ladder.settle():
+            continue
         if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
         if widen is not None:

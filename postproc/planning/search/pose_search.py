@@ -166,8 +166,8 @@ class PoseSearch:
             self.ladder,
         )
         self.bridges.take_over(known[1], moved, rung)
-        beside = np.flatnonzero(join.is_new)[:, None] + np.arange(-1, 2)
-        self.ladder.take_over(known[0], moved, np.unique(np.clip(beside, 0, len(self.tags) - 1)))
+        anew = np.flatnonzero(join.is_new)[:, None] + np.arange(2)
+        self.ladder.take_over(known[0], moved, np.unique(np.minimum(anew, len(self.tags) - 1)))
 
     def keep_arm(self) -> None:
         """Let the arm change shoulder or elbow between tags only where nothing else can be run."""

@@ -9,7 +9,9 @@ two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the bac
 Removing states (a collision found on the best way) repairs the values from the first changed rung
 on and stops as soon as the values agree again up to a constant. Until then a state whose best way
 changed by no more than any other way into it keeps that way without a look at its steps: behind a
-change few states take another one.
+change few states take another one, and only by states that changed less. Parts of a long chain that
+never meet differ by another constant up to its end, so far behind a change the rest is put off: the
+way found meanwhile can be run, and ``settle`` makes it the best one.
 Between two wide rungs the matrix is worked out in blocks, a chain's group by group, so that memory
 stays bounded.
 """
@@ -34,6 +36,8 @@ _SPLIT = 30_000
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
 _SAME = 1e-11
+NEAR = 80
+"""So many rungs behind a change values are repaired at once, those farther off when asked for."""
 _HALF_TURN = np.pi + 1e-9
 
 
@@ -102,6 +106,7 @@ class Ladder:
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _solved: bool = field(init=False, default=False)
+    _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Allocate the values of the search."""
@@ -126,6 +131,13 @@ class Ladder:
         rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
         return rungs
 
+    def settle(self) -> bool:
+        """Repair what was put off behind changes; return whether anything was."""
+        put_off = bool(self._seen)
+        nothing = np.zeros(0, dtype=np.int64)
+        self._recompute(nothing, nothing, len(self))
+        return put_off
+
     @property
     def solved(self) -> bool:
         """Whether the values are those of the graph as it is."""
@@ -142,8 +154,9 @@ class Ladder:
 
         Args:
             known: the same graph before rungs were added or replaced.
-            moved: (N of ``known`` + 1,) the state that each became here, ``NONE`` if gone.
-            rungs: here, those that differ, and those behind them.
+            moved: (N of ``known`` + 1,) the state that each became here, ``NONE`` if gone; all
+                states of a rung stay or none.
+            rungs: here, those that are new, and those behind them.
         """
         for steps in known._forbidden.values():
             ends = moved[steps]
@@ -156,14 +169,31 @@ class Ladder:
         self.broken[rung_now] = known.broken[rung_before]
         self._least[rung_now] = known._least[rung_before]
         self._solved = True
-        self.value[self._within(rungs)] = np.nan
+        known_rungs, first = np.unique(rung_before, return_index=True)
+        became = dict(zip(known_rungs.tolist(), rung_now[first].tolist(), strict=True))
+        for i, seen in known._seen.items():
+            if became.get(i - 1, NONE) == became.get(i, len(self)) - 1:
+                self._seen[became[i]] = seen
+        self._reprice(moved[old], known.cost[old], rungs)
         self._repair(rungs)
 
-    def _within(self, rungs: IndexArray) -> BoolArray:
-        """Return which states stand on some rungs."""
-        on = np.zeros(len(self), dtype=np.bool_)
-        on[rungs] = True
-        return np.repeat(on, np.diff(self.offsets))
+    def _reprice(self, states: IndexArray, known: FloatArray, anew: IndexArray) -> None:
+        """Bring in that states (m,), rising, had costs (m,), but on rungs to be solved anew.
+
+        The best way into each stays the same.
+        """
+        with np.errstate(invalid="ignore"):
+            more = np.where(self.cost[states] == known, 0.0, self.cost[states] - known)
+        for i in np.setdiff1d(self.rung_of(states[more != 0.0]), anew).tolist():
+            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+            at = slice(*np.searchsorted(states, [low, high]).tolist())
+            if i + 1 < len(self):
+                self._seen.setdefault(i + 1, self.value[low:high].copy())
+            self.value[states[at]] += more[at]
+            lowest = self.value[low:high].min()
+            if lowest < np.inf:
+                self.value[low:high] -= lowest
+                self._least[i] += lowest
 
     def renew(self, rungs: IndexArray) -> None:
         """Repair the values where other steps into rungs (m,) may be done than before."""
@@ -219,32 +249,54 @@ class Ladder:
     def _repair(self, anew: IndexArray, fewer: IndexArray | None = None) -> None:
         """Recompute from every changed rung on until the values agree again.
 
-        Into rungs ``anew`` other steps may be done than before, rungs ``fewer`` lost states.
+        Into rungs ``anew`` other steps may be done than before, rungs ``fewer`` lost states. What
+        is ``NEAR`` rungs behind the last of them is put off, unless a state got lost.
         """
+        self._recompute(anew, fewer, NEAR)
+
+    def _recompute(self, anew: IndexArray, fewer: IndexArray | None, reach: int) -> None:
+        """Recompute up to ``reach`` rungs behind a change; all: what was put off before as well."""
         if not self._solved:
             return
         every = set(anew.tolist())
-        waiting = sorted(every.union([] if fewer is None else fewer.tolist()), reverse=True)
-        i = 0
+        changed = every.union([] if fewer is None else fewer.tolist())
+        waiting = sorted(changed if reach < len(self) else changed.union(self._seen), reverse=True)
+        i = last = 0
         while waiting:
-            i = max(i, waiting[-1])
-            shift = np.zeros(int(self.offsets[i] - self.offsets[i - 1]) if i else 0)
+            i = last = max(i, waiting[-1])
+            before = int(self.offsets[i - 1]) if i else 0
+            shift = self._since(i, self.value[before : int(self.offsets[i])])
             while i < len(self):
-                shift = self._update(i, None if i in every else shift)
+                old = self._update(i, None if i in every else shift)
                 while waiting and waiting[-1] <= i:
-                    waiting.pop()
+                    last = waiting.pop()
                 i += 1
+                shift = self._since(i, old)
                 if (np.abs(shift) <= _SAME).all():
                     break
+                if i < len(self) and i - last > reach and np.isfinite(shift).all():
+                    before = int(self.offsets[i - 1])
+                    self._seen[i] = self.value[before : int(self.offsets[i])] - shift
+                    break
+
+    def _since(self, i: int, known: FloatArray) -> FloatArray:
+        """Return by how much (b,) the values before rung ``i`` changed since it was worked out.
+
+        ``known`` (b,): those it was worked out from unless that was put off.
+        """
+        now = self.value[int(self.offsets[i - 1]) if i else 0 : int(self.offsets[i])]
+        known = self._seen.pop(i, known)
+        with np.errstate(invalid="ignore"):
+            return np.where(known == now, 0.0, now - known)
 
     def _update(self, i: int, shift: FloatArray | None = None) -> FloatArray:
-        """Compute the values of one rung anew, smallest 0; return by how much (m,) they changed.
+        """Compute the values of one rung anew, smallest 0; return those (m,) it had.
 
         ``shift`` (b,): by how much those of the rung before changed, and nothing else but states
         that are out; None: anything may have.
         """
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
-        old = self.value[low:high]
+        old = self.value[low:high].copy()
         value = None if shift is None or self.broken[i] else self._shifted(i, low, high, shift)
         if value is None:
             value = self._step(i, low, high)
@@ -252,16 +304,14 @@ class Ladder:
         if lowest < np.inf:
             value -= lowest
             self._least[i] = lowest
-        with np.errstate(invalid="ignore"):
-            change = np.where(old == value, 0.0, value - old)
-        old[:] = value
-        return change
+        self.value[low:high] = value
+        return old
 
     def _shifted(self, i: int, low: int, high: int, shift: FloatArray) -> FloatArray | None:
         """Return the values (m,) of a rung if those before it changed by ``shift`` (b,) only.
 
         A state whose best way changed by no more than any other that may lead to it keeps that way,
-        and is not looked at; None where there is none.
+        and is not looked at; others may go by states that changed less. None where there is none.
         """
         joined = self._joined(i) if self.rule[i] == _CHAIN else None
         first = int(self.offsets[i - 1]) if i else low
@@ -269,19 +319,19 @@ class Ladder:
         if not len(before) or not len(old):
             return None
         alive = np.flatnonzero(before < np.inf)
-        own = shift.take(self.back[low:high], mode="clip")  # a state that is out leads nowhere
+        own = shift.take(self.back[low:high], mode="clip")
+        own[old == np.inf] = np.inf  # a state that is out leads nowhere
         with np.errstate(invalid="ignore"):
             least = self._least_shift(joined, alive, shift)
             kept = np.where(old < np.inf, own <= least + _SAME, least > -np.inf)
-            value: FloatArray = np.where(kept & (old < np.inf), old + own + self._least[i], np.inf)
         if not kept.any():
             return None
+        value = old + own + self._least[i]
         value[np.isinf(self.cost[low:high])] = np.inf
         todo = np.flatnonzero(~kept & (self.cost[low:high] < np.inf))
-        if joined is None:
-            self._values(i, first + alive, low + todo, value, None)
-        elif len(todo):
-            self._by_class(i, joined, todo, value)
+        if len(todo):
+            less = alive[shift[alive] < own[todo].max()]
+            self._values(i, first + less, low + todo, value, joined)
         return value if value.min() < np.inf else None
 
     @staticmethod
@@ -350,7 +400,7 @@ class Ladder:
     def _values(
         self, i: int, a: IndexArray, b: IndexArray, value: FloatArray, joined: Joined | None
     ) -> None:
-        """Work out the values of states b (m,) reached from states a (k,), in place."""
+        """Lower the values of states b (m,) to those reached from states a (k,), in place."""
         if not len(a) or not len(b):
             return
         before, low, size = int(self.offsets[i - 1]), int(self.offsets[i]), max(1, WIDE // len(a))
@@ -358,8 +408,10 @@ class Ladder:
             now = b[first : first + size]
             steps = self._steps(i, a, now, joined)
             back = steps.argmin(axis=1)
-            self.back[now] = a[back] - before
-            value[now - low] = steps[np.arange(len(now)), back] + self.cost[now]
+            found = steps[np.arange(len(now)), back] + self.cost[now]
+            lower = found < value[now - low] - _SAME
+            self.back[now[lower]] = a[back[lower]] - before
+            value[now[lower] - low] = found[lower]
 
     def _steps(
         self,
