@@ -10,8 +10,10 @@ import pytest
 
 from postproc.model import MoveRole
 from postproc.planning.planner import checker_of, plan
+from postproc.planning.search import moved
 from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.keytags import dense_key_tags
+from postproc.planning.search.moved import failing
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
@@ -89,6 +91,26 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     assert np.isinf(fresh.value).sum() > len(fresh.value) / 10
     assert search.ladder.value == pytest.approx(fresh.value, abs=1e-8)
     assert (search.ladder.broken == fresh.broken).all()
+
+
+def test_poses_that_fail_off_the_grid_leave_those_far_from_them_there(monkeypatch):
+    """However often poses at the start of a cut fail, its end stays off the grid."""
+    kept = []
+
+    def fails(checker, between, poses, free, passed):
+        bad = failing(checker, between, poses, free, passed)
+        if len(kept) < 6:
+            bad[np.flatnonzero(free)[0]] = True
+        kept.append(poses.tags[free & ~bad])
+        return bad
+
+    monkeypatch.setattr(moved, "failing", fails)
+    toolpath, cell = contour("convex", 1200, 1.5), milling_cell(fixture=False)
+    result = plan(toolpath, cell)
+    assert not result.errors
+    assert len(kept) > 6
+    steps = result.spin[np.searchsorted(result.tag, kept[-1])] / cell.optimize.step
+    assert (np.abs(steps - np.round(steps)) > 1e-6).mean() > 0.5
 
 
 @pytest.mark.parametrize("seed", [23, 54, 740])

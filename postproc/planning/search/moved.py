@@ -14,7 +14,6 @@ from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
 
-_REVERTS = 6
 _SPREADS = 6
 _HEAVIER = 8.0
 
@@ -42,20 +41,21 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
     bounds = _bounds(problem, between, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
-    poses, awake, cut = grid, np.ones(len(tags), dtype=np.bool_), _cuts(between, grid)
-    for _ in range(_REVERTS):
-        poses = _slowed(problem, between, refine(problem, poses, bounds, awake), bounds)
+    poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
+    while True:
+        poses = refine(problem, poses, bounds, awake)
+        poses = _slowed(problem, between, poses, bounds, _HEAVIER**_SPREADS * linked)
         passed &= (poses.attitude == known.attitude).all(axis=1)
         passed &= (poses.q == known.q).all(axis=1)
-        bad = failing(checker, between, poses, np.asarray(bounds.free.any(axis=1)), passed)
+        free = np.asarray(bounds.free.any(axis=1))
+        bad = failing(checker, between, poses, free, passed)
+        bad |= free & _faster(problem, between, poses, grid)
         if not bad.any():
             break
-        bounds.free &= ~bad[:, None]
         known, passed = poses, ~bad
-        again = np.isin(cut, cut[bad])
-        poses, awake = poses.standing_as(grid, again), beside(again)
-    else:
-        poses = grid
+        bad = _around(bad, reach, _cuts(between, grid))
+        bounds.free &= ~bad[:, None]
+        poses, awake, reach = poses.standing_as(grid, bad), beside(bad), 2 * reach + 1
     return _filled(checker, between, poses, chosen)
 
 
@@ -139,22 +139,45 @@ def _cuts(between: Interpolation, poses: TagPoses) -> IndexArray:
     return np.cumsum(~(between.is_cut[poses.tags] & (poses.weight > 0.0)))
 
 
-def _slowed(problem: Problem, between: Interpolation, poses: TagPoses, bounds: Bounds) -> TagPoses:
+def _around(rows: BoolArray, reach: int, cut: IndexArray) -> BoolArray:
+    """Return tags (n,) with up to ``reach`` of those to each side on the same cut (n,)."""
+    every = np.arange(len(rows))
+    low = np.maximum(every - reach, np.searchsorted(cut, cut, side="left"))
+    high = np.minimum(every + reach + 1, np.searchsorted(cut, cut, side="right"))
+    count = np.append(0, np.cumsum(rows))
+    return np.asarray(count[high] > count[low])
+
+
+def _slowed(
+    problem: Problem, between: Interpolation, poses: TagPoses, bounds: Bounds, most: FloatArray
+) -> TagPoses:
     """Return the poses with their spins spread where an axis would be too fast at the feed.
 
-    The weight of travel is raised on the steps that are too fast, so that the spin spreads over
-    the tags around them.
+    The weight of travel is raised on the steps that are too fast, up to ``most`` (n,), so that the
+    spin spreads over the tags around them.
     """
     time = _feed_times(problem, between, poses)
-    speed = np.asarray(problem.cell.robot.qd_max)
     for _ in range(_SPREADS):
-        need = np.abs(np.diff(poses.q, axis=0) / speed).max(axis=1, initial=0.0)
-        fast = np.append(False, need > time)
+        fast = np.append(False, _least_times(problem, poses) > time) & (poses.weight < most)
         if not fast.any():
             break
         heavier = np.where(fast, _HEAVIER * poses.weight, poses.weight)
-        poses = refine(problem, poses.weighted(heavier), bounds)
+        poses = refine(problem, poses.weighted(heavier), bounds, beside(fast))
     return poses
+
+
+def _faster(problem: Problem, between: Interpolation, poses: TagPoses, grid: TagPoses) -> BoolArray:
+    """Return the tags (n,) at steps too fast for an axis at the feed, more so than on the grid."""
+    need, known = _least_times(problem, poses), _least_times(problem, grid)
+    fast = (need > _feed_times(problem, between, poses)) & (need > known + 1e-9)
+    return np.asarray(np.append(False, fast) | np.append(fast, False))
+
+
+def _least_times(problem: Problem, poses: TagPoses) -> FloatArray:
+    """Return how long (n-1,) the axes take at least for the steps between tags [s]."""
+    speed = np.asarray(problem.cell.robot.qd_max)
+    need: FloatArray = np.abs(np.diff(poses.q, axis=0) / speed).max(axis=1, initial=0.0)
+    return need
 
 
 def _feed_times(problem: Problem, between: Interpolation, poses: TagPoses) -> FloatArray:

@@ -138,28 +138,29 @@ def _refined(
     """Return the poses with one angle of the attitudes moved to a local optimum."""
     attitude, q, at = poses.attitude.copy(), poses.q.copy(), angle.column
     free, low, high = bounds.free[:, at], bounds.low[:, at], bounds.high[:, at]
-    every = np.arange(len(poses.tags))
-    T_base_tcp = problem.placement.tcp(poses.tags, attitude)
-    now = _Now(attitude, q, _costs(problem, poses, every, T_base_tcp, attitude, q))
+    now, met = _Now(attitude, q, np.zeros(len(q))), np.zeros(len(q), dtype=np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(awake & free)
         if not len(rows):
             break
-        step = np.zeros(len(every))
+        new = rows[~met[rows]]
+        T_base_tcp = problem.placement.tcp(poses.tags[new], attitude[new])
+        now.cost[new] = _costs(problem, poses, new, T_base_tcp, attitude[new], q[new])
+        met[new] = True
+        step = np.zeros(len(q))
         step[rows] = _newton(problem, poses, angle, now, rows)
         step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
         step[np.abs(step) < REFINED_GRID] = 0.0
         awake = beside(_descend(problem, poses, angle, now, step))
-    rounded = poses.attitude.copy()
-    fine = np.where(free, np.round(attitude[:, at] / REFINED_GRID) * REFINED_GRID, rounded[:, at])
-    rounded[:, at] = np.clip(fine, low, high)
-    T_base_tcp = problem.placement.tcp(poses.tags, rounded)
-    solved, good = _joints(problem, poses, every, T_base_tcp, q, with_strokes=True)
-    return replace(
-        poses,
-        attitude=np.where(good[:, None], rounded, poses.attitude),
-        q=np.where(good[:, None], solved, poses.q),
-    )
+    rows = np.flatnonzero(met)
+    rounded = poses.attitude[rows]
+    fine = np.round(attitude[rows, at] / REFINED_GRID) * REFINED_GRID
+    rounded[:, at] = np.clip(fine, low[rows], high[rows])
+    T_base_tcp = problem.placement.tcp(poses.tags[rows], rounded)
+    solved, good = _joints(problem, poses, rows, T_base_tcp, q[rows], with_strokes=True)
+    attitude[rows] = np.where(good[:, None], rounded, poses.attitude[rows])
+    q[rows] = np.where(good[:, None], solved, poses.q[rows])
+    return replace(poses, attitude=attitude, q=q)
 
 
 def _descend(
