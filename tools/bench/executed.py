@@ -4,12 +4,11 @@
                                    [--log FILE]
 
 Each cell has a big tool, a part, rods of 2 to 60 mm and blocks at random, two of three a rail with
-more rods beside it, one of them cuts along its rail while E1 moves; corners are blended by 0.5 to
-300 mm. Holes and slots are converted as a user
-would, what fails being left out; the files are verified as a user would, and the text is executed
-(``outside``). So are programs of random motions that ``verify`` and the planner's checks have
-judged. A hit in what was let pass is a miss; what is refused while nothing comes near is a false
-refusal.
+more rods beside it, one of them also cuts along its rail while E1 moves; corners are blended by 0.5
+to 300 mm. Holes and slots are converted as a user would, what fails being left out; the files are
+verified as a user would, and the text is executed (``outside``). So are programs of random motions
+that ``verify`` and the planner's checks have judged. A hit in what was let pass is a miss; what is
+refused while nothing comes near is a false refusal.
 """
 
 from __future__ import annotations
