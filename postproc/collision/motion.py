@@ -306,9 +306,13 @@ class MotionCheck:
 
 
 def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray) -> _Spans:
-    """Return motions (m,) cut into spans on which no joint moves farther than ``_PIECE``."""
+    """Return motions (m,) cut into spans on which no joint moves farther than ``_PIECE``.
+
+    As far as all spans are looked at together: with many motions most are better proven whole.
+    """
     way = np.abs(q_to - q_from).max(axis=1, initial=0.0)
-    count = np.maximum(np.ceil(way / _PIECE), 1.0).astype(np.int64)
+    most = max(1, CHUNK // max(1, len(way)))
+    count = np.clip(np.ceil(way / _PIECE), 1, most).astype(np.int64)
     motion, step = numbered(count)
     return _Spans(motion, step / count[motion], (step + 1) / count[motion], wanted[:, motion])
 

@@ -119,7 +119,8 @@ def _by_trees(
     """
     ways: dict[int, FloatArray] = {}
     for known in checker.ways:
-        rows = _offered(checker, ends, rows, known, ways)
+        if len(rows):
+            rows = _offered(checker, ends, rows, known, ways)
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
