@@ -13,6 +13,7 @@ from postproc.kinematics import build
 from postproc.paths import joint_paths, run_in_cell
 from postproc.units import MM
 from tests import wing
+from tests.jobs import emitted as text
 from tests.kinematics.test_forward import pinocchio_arm
 
 SETUP = "[krl]\nsetup = true\n"
@@ -564,3 +565,34 @@ def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
         assert bottom == pytest.approx(-wing.DEPTHS[1], abs=0.01), number
     verify = ("verify", program, "--cell", cell, "--against", cam, "--json", "--dialect", "nx")
     assert run(*verify)[0] == 0
+
+
+def test_a_cut_behind_a_hole_and_a_change_of_tool_begins_by_a_joint_motion(tmp_path):
+    cell = """schema = "postproc.cell/1"
+name = "two"
+[robot]
+model = "kuka_kr500_r2830"
+[[tools]]
+number = 1
+cam = ["1"]
+frame = { xyz_mm = [150, 0, 300], abc_deg = [0, 0, 0] }
+axis = "+x"
+[[tools]]
+number = 2
+cam = ["2"]
+frame = { xyz_mm = [180, 0, 300], abc_deg = [0, 0, 0] }
+axis = "+x"
+[workpiece]
+frame = { xyz_mm = [1700, 0, 700], abc_deg = [0, 0, 0] }
+[optimize]
+step_deg = 60
+refine = false
+[motion]
+home_deg = [0, -90, 90, 0, 30, 0]
+"""
+    hole = "CYCLE/DRILL,FEDTO,9,MMPM,60,RAPTO,3,RTRCTO,20\nGOTO/20,90,0,0,0,1\nCYCLE/OFF\n"
+    cut = "FEDRAT/600,MMPM\nGOTO/60,90,10\nGOTO/90,90,10\n"
+    on = "SPINDL/1000,RPM,CLW\n"
+    cam = f"UNITS/MM\nLOADTL/1\n{on}{hole}LOADTL/2\n{on}{cut}SPINDL/OFF\nFINI\n"
+    job = text.converted(tmp_path, cam, cell=cell)
+    assert job.good, [str(finding) for finding in job.findings]

@@ -451,12 +451,19 @@ def _elements(
 def _behind_holes(
     result: Result, comparison: Comparison, toolpath: ToolPath, rows: AnyIntArray, feeds: Feeds
 ) -> None:
-    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from."""
-    motions = comparison.served[rows]
+    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from.
+
+    Behind a change of tool or base any way will do: it does not come from the hole.
+    """
+    motions, before = comparison.served[rows], comparison.served[rows - 1]
+    station = result.paths.station
+    same = (station.tool[motions] == station.tool[before]) & (
+        station.base[motions] == station.base[before]
+    )
     comparison.is_cut[motions] = True
     is_cp = result.paths.trace.is_cp[motions]
-    feeds.expect_rows(rows[is_cp], motions[is_cp])
-    for row in rows[~is_cp][:AT_MOST].tolist():
+    feeds.expect_rows(rows[is_cp & same], motions[is_cp & same])
+    for row in rows[~is_cp & same][:AT_MOST].tolist():
         text = f"to tag {_tag(toolpath, row)}: a joint motion, the CAM file asks for a line"
         result.finding(RunKind.PATH, int(comparison.served[row]), text)
 
