@@ -64,3 +64,29 @@ def test_repeats_and_an_instrument_that_agree_are_taken_together(poses, told, be
         assert both == pytest.approx(np.sqrt(square), rel=0.02)
     else:
         assert both == alone
+
+
+@pytest.mark.slow
+def test_conditions_that_take_freedom_do_not_make_readings_alike(samples):
+    """Few poses, many conditions: what they leave is small, and no reading's noise is."""
+    six = samples.rows(np.repeat(np.arange(6), 5))
+    rng = np.random.default_rng(7)
+    logged = replace(
+        six,
+        qd=rng.uniform(-1.0, 1.0, (30, 6)),
+        wrench=0.0 * six.wrench,
+        direction=rng.choice([-1.0, 1.0], (30, 6)),
+        temperature=rng.uniform(15.0, 30.0, 30),
+    )
+    every = np.ones(30, bool), np.zeros(30, np.int32)
+    told = [revisits(logged, rng.normal(0, SIGMA, (30, 3)), *every).noise for _ in range(300)]
+    assert min(told) > 0.5 * SIGMA
+    assert np.median(told) == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_sides_that_nobody_logged_make_two_scatters(poses):
+    rng = np.random.default_rng(7)
+    side = 10.0 * SIGMA * rng.choice([-1.0, 1.0], (60, 1)) * np.ones(3)
+    unlogged = replace(poses, direction=None)
+    found = noise(unlogged, rng.normal(0, SIGMA, (60, 3)) + side)
+    assert found.sigma < 2.0 * SIGMA

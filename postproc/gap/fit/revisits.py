@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import null_space
+from scipy.special import pdtrc
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
@@ -34,11 +35,10 @@ _USUAL = 2e-4
 _FIRST = 2e-5
 """Noise [m] that weighs this prior before there is an estimate."""
 _NEIGHBOURS = 6
-_CLOSE = 0.35
-"""Distance of two readings over their scatter below which 1 of 100 lies; and where more than this
-share of them do (but not fewer than so many), there are two scatters."""
-_MANY = 0.05
-_FEW_PAIRS = 5
+_CLOSE, _USUALLY_CLOSE = 0.35, 0.0114
+"""Distance of two readings over their scatter (per axis), and the share of noise that lies below:
+where many more do than chance lets them, and at least this share, there are two scatters."""
+_MANY, _CHANCE = 0.05, 1e-5
 _ROUNDS = 8
 _FAULT = 6.0
 _MOST_FAULTS = 0.15
@@ -158,18 +158,19 @@ def _scatter(
         keep &= ~bad
     rows, group, rest = rows[keep], group[keep], rest[keep]
     group = np.unique(group, return_inverse=True)[1].astype(np.int32)
-    pure, pairs = _among_alike(rest, group, sigma)
+    pure, pairs = _among_alike(rest, group)
     if pairs:
         return Revisits(rows, group, rest, pure, 3.0 * pairs, pure)
     course = _course(samples.rows(rows), rest, group, unit[rows], sigma)
     return Revisits(rows, group, rest, sigma, freedom, *course)
 
 
-def _among_alike(rest: FloatArray, group: IntArray, sigma: float) -> tuple[float, int]:
+def _among_alike(rest: FloatArray, group: IntArray) -> tuple[float, int]:
     """Return the noise [m] of readings that are alike where many of the others are not, and pairs.
 
     A condition that nobody logged (side, load) parts the readings of a pose: then far more of them
     lie close together than noise of their whole scatter lets them. No pairs: there is one scatter.
+    What the conditions take from every reading brings all of them together, and says nothing.
     """
     order = np.argsort(group, kind="stable")
     apart = []
@@ -178,9 +179,11 @@ def _among_alike(rest: FloatArray, group: IntArray, sigma: float) -> tuple[float
         between = rest[order[step:]] - rest[order[:-step]]
         apart.append(np.linalg.norm(between[same], axis=1))
     distance = np.concatenate(apart)
-    close = distance[distance < _CLOSE * np.sqrt(2.0) * sigma]
-    if len(close) < max(_FEW_PAIRS, _MANY * len(distance)):
-        return sigma, 0
+    scatter = float(np.sqrt(np.mean(distance**2) / 3.0))
+    close = distance[distance < _CLOSE * scatter]
+    by_chance = float(pdtrc(len(close) - 1.0, _USUALLY_CLOSE * len(distance)))
+    if by_chance > _CHANCE or len(close) < _MANY * len(distance):
+        return float("nan"), 0
     return robust_sigma(close) / float(np.sqrt(2.0)), len(close)
 
 
