@@ -35,32 +35,21 @@ pytestmark = [
 ]
 
 
-def test_an_instrument_that_is_believed_calls_for_no_play(tmp_path):
-    shutil.copy(REAL / "ur10.urdf", tmp_path)
-    (tmp_path / "cell.toml").write_text(CELL + "[measuring]\nsigma_mm = 0.03\n")
-    cell = load_cell(tmp_path / "cell.toml")
-    rows = read_measurements(REAL / "series_A_grid.csv")
-    diagnosis = diagnose(pose_problem(rows, build(cell.robot), cell, None, True))
-    assert diagnosis.verdict == "unexplained"
-    assert "backlash" not in diagnosis.adopted
-    assert "approach" in {part.kind for part in diagnosis.unexplained}
-
-
+@pytest.mark.parametrize("sigma_mm", [None, 0.01, 0.03])
 @pytest.mark.parametrize(
-    ("fitted", "judged", "most_mm"),
-    [
-        ("series_C_random", "series_A_grid", 0.46),
-        ("series_A_grid", "series_C_random", 0.46),
-    ],
+    ("fitted", "judged"),
+    [("series_C_random", "series_A_grid"), ("series_A_grid", "series_C_random")],
 )
-def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, most_mm):
+def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, sigma_mm):
+    """What the instrument is said to scatter by says nothing of the arm, and changes no cause."""
     shutil.copy(REAL / "ur10.urdf", tmp_path)
-    (tmp_path / "cell.toml").write_text(CELL)
+    stated = "" if sigma_mm is None else f"[measuring]\nsigma_mm = {sigma_mm}\n"
+    (tmp_path / "cell.toml").write_text(CELL + stated)
     cell = load_cell(tmp_path / "cell.toml")
     kinematics = build(cell.robot)
     rows, others = (read_measurements(REAL / f"{name}.csv") for name in (fitted, judged))
     diagnosis = diagnose(pose_problem(rows, kinematics, cell, None, True))
-    assert diagnosis.verdict in ("unexplained", "undetermined")
+    assert diagnosis.verdict == ("undetermined" if sigma_mm is None else "unexplained")
     assert "backlash" not in diagnosis.adopted
     assert not {"base_frame", "tool_frame"} & set(diagnosis.adopted)
     assert {"link_geometry", "gravity_sag", "angle_error"} == set(diagnosis.adopted)
@@ -70,5 +59,5 @@ def test_the_diagnosis_holds_on_poses_of_another_kind(tmp_path, fitted, judged, 
     for known in (None, model):
         got = predict(others, kinematics, cell, known, True)
         rms.append(np.sqrt(np.mean(np.sum((got.points - others.position) ** 2, axis=1))) * 1e3)
-    assert rms[1] < most_mm
+    assert rms[1] < 0.46
     assert rms[1] < 0.7 * rms[0]

@@ -134,11 +134,11 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
     assessed = replace(assessed, choice=choice)
     answer = verdict(assessed, prepared.noise, rest)
     say(3, 4, "sealed rows")
-    apart = _Apart(problem, regression, assessed, sigma)
+    apart = _Apart(problem, regression, assessed, prepared.scatter)
     steps, total = apart.steps()
     whole = _thinned(~assessed.outlier)
-    final = named(problem, regression, choice, sigma, whole)
-    base = fitted(problem, regression, (), sigma, whole)
+    final = named(problem, regression, choice, prepared.scatter, whole)
+    base = fitted(problem, regression, (), prepared.scatter, whole)
     return Diagnosis(
         problem=problem,
         verdict=answer,

@@ -50,6 +50,11 @@ class Prepared:
     saturated: Saturated
     memory: Memory
 
+    @property
+    def scatter(self) -> float:
+        """How far rows scatter per axis [m] beside everything that is fitted to them."""
+        return max(self.noise.sigma, self.memory.sigma)
+
 
 def prepare(problem: Problem) -> Prepared:
     """Return the regression of a problem, with its noise, memory and measuring faults."""
@@ -83,7 +88,7 @@ def prepare(problem: Problem) -> Prepared:
             wander=memory.wander,
             correlation=memory.correlation,
         )
-    weight = _weights(rest, white if memory.blocks else max(rest.sigma, white), relative)
+    weight = _weights(rest, memory.sigma, relative)
     frames = [b for b in blocks if b.effect.kind == Kind.REGISTRATION]
     plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
     if is_gear_error(plain) and plain != waves:

@@ -66,7 +66,7 @@ def assess(
     outlier = _outliers(problem, regression, choice.model, prepared)
     rows = problem.searchable & ~outlier
     index = np.flatnonzero(problem.searchable)
-    full = fitted(problem, regression, choice.model, level.sigma, rows, index)
+    full = fitted(problem, regression, choice.model, prepared.scatter, rows, index)
     rest = problem.measured[index] - full.point
     tests, structure = _tested(problem, regression, choice.model, rest, level, outlier)
     gone = [k for k in choice.adopted if not _outweighs(regression, choice, k, structure)]
@@ -75,7 +75,7 @@ def assess(
     if gone or choice.resembled:
         reasons = {regression.name(k): "what is left may be imitating it" for k in gone}
         choice = choice.moved(gone, Standing.REJECTED, reasons)
-        full = fitted(problem, regression, choice.model, level.sigma, rows, index)
+        full = fitted(problem, regression, choice.model, prepared.scatter, rows, index)
         rest = problem.measured[index] - _point_without(problem, full, choice.resembled, index)
         known = (*choice.adopted, *choice.unnamed)
         tests, left = _tested(problem, regression, known, rest, level, outlier)
@@ -288,7 +288,10 @@ def _tested(
         equations = NormalEquations.of(wander, rest, weight, tuple(b.key for b in wander))
         rest = rest - predicted(wander, equations.noise_of(()))
     tests = dependences(regression.samples, rest, weight, context)
-    return tests, _structure(residual[weight > 0], tests, level)
+    # a wander that repeats have shown is noise, one that only the rows ask for is not
+    if level.freedom:
+        return tests, _structure(residual[weight > 0], tests, level.sigma, level)
+    return tests, _structure(rest[weight > 0], tests, level.white, level)
 
 
 def _outweighs(regression: Regression, choice: Choice, key: str, structure: float) -> bool:
@@ -299,14 +302,16 @@ def _outweighs(regression: Regression, choice: Choice, key: str, structure: floa
     return choice.evidence[key].unique > ratio * structure
 
 
-def _structure(residual: FloatArray, tests: tuple[Dependence, ...], level: Noise) -> float:
-    """Return the 3D rms [m] of what follows some condition or exceeds the repeats."""
+def _structure(
+    residual: FloatArray, tests: tuple[Dependence, ...], sigma: float, level: Noise
+) -> float:
+    """Return the 3D rms [m] of what follows some condition or exceeds a noise [m] per axis."""
     limit = _SURE / max(len(tests), 1)
     found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
     if level.known:
         square = float(np.mean(residual**2))
-        ratio = square / level.sigma**2
+        ratio = square / sigma**2
         freedom, most = (level.freedom, _F_RATIO) if level.freedom else (_DEVICE, _DEVICE_RATIO)
         if ratio > most and fdtrc(residual.size, freedom, ratio) < 1e-3:
-            found = max(found, float(np.sqrt(3.0 * (square - level.sigma**2))))
+            found = max(found, float(np.sqrt(3.0 * (square - sigma**2))))
     return found

@@ -37,6 +37,7 @@ _SCALES = (0.02, 0.06, 0.2)
 """Correlation times tried, over the length of the campaign."""
 _SURE = 5.0
 """Nats that a process must bring to be there."""
+_ROUNDS, _SETTLED = 4, 0.02
 _SEED = 23
 
 
@@ -60,11 +61,16 @@ class _Process(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """The processes of a campaign: sizes per axis [m], correlation time [s] and their blocks."""
+    """The processes of a campaign: sizes per axis [m], correlation time [s] and their blocks.
+
+    sigma: [m] per axis that rows scatter by beside all candidates and processes, and at least by
+    the noise: what no candidate has the form of is seen in it, and is no noise.
+    """
 
     wander: float
     correlation: float
     rest: float
+    sigma: float
     blocks: tuple[Block, ...]
 
 
@@ -95,29 +101,45 @@ def memory_of(
     Args:
         parts: processes of unit size, as ``processes`` gives them.
         y: (n, 3) gap [m].
-        weight: (n,) 1/sigma [1/m].
+        weight: (n,) 1/sigma [1/m] by the white noise.
         blocks: all candidates.
         noise: of the campaign; its wander counts where the revisited poses tell it.
     """
-    waves = [b for b in parts if b.key != REST]
+    white = noise.white if np.isfinite(noise.white) else noise.sigma
     equations = NormalEquations.of((*blocks, *parts), y, weight)
     compare = _Comparison(equations, [b.key for b in blocks])
-    white = noise.white if np.isfinite(noise.white) else noise.sigma
-    best, found = compare.evidence({}), dict[str, float]()
-    if noise.wander > 0.0 and waves:
-        near = min(waves, key=lambda b: abs(np.log(b.setting["scale"] / noise.correlation)))
-        found = {near.key: noise.wander}
-        best = compare.evidence(found)
-    for key in [REST, *(() if found else (b.key for b in waves))]:
-        best, found = _grown(compare, key, white, best, found)
+    sigma, found = white, dict[str, float]()
+    for _ in range(_ROUNDS):
+        before = sigma
+        compare.scatter = before / white
+        found = _sizes(compare, parts, noise, sigma)
+        sigma = max(white, compare.left(found) * white)
+        if abs(sigma / before - 1.0) < _SETTLED:
+            break
     chosen = [b for b in parts if found.get(b.key)]
     wander = next((b for b in chosen if b.key != REST), None)
     return Memory(
         found.get(wander.key, 0.0) if wander else 0.0,
         float(wander.setting["scale"]) if wander else float("nan"),
         found.get(REST, 0.0),
+        sigma,
         tuple(_scaled(b, found[b.key]) for b in chosen),
     )
+
+
+def _sizes(
+    compare: _Comparison, parts: Sequence[Block], noise: Noise, sigma: float
+) -> dict[str, float]:
+    """Return the sizes [m] of the processes that rows ask for where they scatter by ``sigma``."""
+    waves = [b for b in parts if b.key != REST]
+    best, found = compare.evidence({}), dict[str, float]()
+    if noise.wander > 0.0 and waves:
+        near = min(waves, key=lambda b: abs(np.log(b.setting["scale"] / noise.correlation)))
+        found = {near.key: noise.wander}
+        best = compare.evidence(found)
+    for key in [REST, *(() if found else (b.key for b in waves))]:
+        best, found = _grown(compare, key, sigma, best, found)
+    return found
 
 
 def _grown(
@@ -137,23 +159,39 @@ def _grown(
 
 @dataclass(slots=True)
 class _Comparison:
-    """Evidence of all candidates beside processes of given sizes, from one set of products."""
+    """Evidence of all candidates beside processes of given sizes, from one set of products.
+
+    scatter: of the rows, over the noise that the products are in units of.
+    """
 
     equations: NormalEquations
     candidates: Sequence[str]
+    scatter: float = 1.0
 
     def evidence(self, sizes: dict[str, float]) -> float:
         """Return it [nats]; ``sizes`` per axis [m], by key."""
-        keys = [*self.candidates, *sizes]
-        i = self.equations.index(keys)
+        G, b = self._products(sizes)
+        L = np.linalg.cholesky(G + np.eye(len(b)))
+        z = np.linalg.solve(L, b)
+        return float(0.5 * z @ z - np.sum(np.log(np.diag(L))))
+
+    def left(self, sizes: dict[str, float]) -> float:
+        """Return what all leave together, root mean square per degree of freedom."""
+        G, b = self._products(sizes)
+        inverse = np.linalg.inv(G + np.eye(len(b)))
+        theta = inverse @ b
+        explained = float(theta @ (2.0 * b - G @ theta))
+        square = self.equations.total / self.scatter**2 - explained
+        free = 3.0 * self.equations.rows - len(b) + float(np.trace(inverse))
+        return self.scatter * float(np.sqrt(max(square, 0.0) / max(free, 1.0)))
+
+    def _products(self, sizes: dict[str, float]) -> tuple[FloatArray, FloatArray]:
         scale = np.ones(len(self.equations.b))
         for key, size in sizes.items():
             scale[self.equations.index([key])] = size
-        scale = scale[i]
-        G = self.equations.G[np.ix_(i, i)] * np.outer(scale, scale)
-        L = np.linalg.cholesky(G + np.eye(len(i)))
-        z = np.linalg.solve(L, self.equations.b[i] * scale)
-        return float(0.5 * z @ z - np.sum(np.log(np.diag(L))))
+        i = self.equations.index([*self.candidates, *sizes])
+        G = self.equations.G[np.ix_(i, i)] * np.outer(scale[i], scale[i])
+        return G / self.scatter**2, self.equations.b[i] * scale[i] / self.scatter**2
 
 
 def _block(key: str, X: FloatArray, setting: Setting | None = None) -> Block:
