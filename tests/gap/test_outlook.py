@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.stats import ncx2
 
 from postproc.gap import act, effect_of, outlook
-from postproc.gap.answers.outlook import _told, _View
+from postproc.gap.answers.outlook import _Bench, _called
 from postproc.gap.robot_model import State
 
 SIGMA = 2e-5
@@ -21,11 +21,12 @@ def test_one_number_is_seen_from_the_size_of_the_closed_form():
     rows, length = 100, 40.0
     X = np.zeros((3 * rows, 1))
     X[::3, 0] = length / np.sqrt(rows)
-    told = _told(_View.of("one", X, np.zeros((3 * rows, 1)), rows), SIGMA, least=9.0)
+    bench = _Bench.of(np.zeros((3 * rows, 1)), SIGMA, ())
     g = length**2
     limit = 2.0 * (9.0 + 0.5 * np.log1p(g)) * (1.0 + g) / g
-    needed = brentq(lambda d: ncx2.sf(limit, 1, d**2) - 0.9, 0.1, 50.0)
-    assert told.smallest == pytest.approx(SIGMA * needed / np.sqrt(rows), rel=0.12)
+    needed = brentq(lambda d: ncx2.sf(limit, 1, d**2) - 0.95, 0.1, 50.0)
+    promised = _called(X, bench, 9.0)
+    assert promised == pytest.approx(SIGMA * needed / np.sqrt(rows), rel=0.12)
 
 
 def test_what_frames_imitate_is_never_seen(samples):
@@ -37,6 +38,7 @@ def test_what_frames_imitate_is_never_seen(samples):
     assert found["joint_offset"].smallest < 1e-3
 
 
+@pytest.mark.slow
 def test_less_noise_and_more_rows_show_smaller_effects(samples):
     def sizes(rows, sigma):
         return {one.name: one.smallest for one in outlook(rows, sigma).effects}
@@ -45,7 +47,16 @@ def test_less_noise_and_more_rows_show_smaller_effects(samples):
     quiet, few = sizes(samples, 0.5 * SIGMA), sizes(samples.rows(np.arange(30)), SIGMA)
     for name in ("backlash", "joint_offset", "servo_lag"):
         assert quiet[name] == pytest.approx(0.5 * usual[name], rel=0.25)
-        assert few[name] > 1.2 * usual[name]
+        # NaN: at no size; what follows the pose alone is bounded by the noise of a reading
+        assert not few[name] <= (1.0 if name == "joint_offset" else 1.2) * usual[name]
+
+
+def test_what_follows_the_pose_alone_is_promised_from_the_noise_of_a_reading(samples):
+    """No number of readings parts it from all else that follows the pose a little."""
+    many = samples.rows(np.tile(np.arange(len(samples)), 4))
+    found = {one.name: one.smallest for one in outlook(many, SIGMA).effects}
+    assert found["joint_offset"] > SIGMA
+    assert found["backlash"] < SIGMA
 
 
 def test_a_column_that_is_not_logged_is_said(samples):
@@ -54,9 +65,13 @@ def test_a_column_that_is_not_logged_is_said(samples):
     assert "backlash" not in {one.name for one in blind.effects}
 
 
-@pytest.mark.parametrize("name", ["backlash", "joint_offset"])
-def test_nine_of_ten_campaigns_show_the_promised_size(name, samples):
-    """Likelihood ratios of the exact effect, frames free, against the size that is promised."""
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "silent"), [("backlash", 0.4), ("joint_offset", 0.2)])
+def test_nine_of_ten_campaigns_show_the_promised_size(name, silent, samples):
+    """Likelihood ratios of the exact effect, frames free, against the size that is promised.
+
+    A joint offset needs more than to be seen: it follows the pose alone, as much else does.
+    """
     promised = next(one for one in outlook(samples, SIGMA).effects if one.name == name).smallest
     effect = effect_of(name)
     rng = np.random.default_rng(5)
@@ -78,4 +93,4 @@ def test_nine_of_ten_campaigns_show_the_promised_size(name, samples):
         return 0.5 * (left[0] - left[1]) / SIGMA**2 > 3.0 + np.log(1e4) + 6.0
 
     assert np.mean([shown(2.0 * promised) for _ in range(40)]) > 0.85
-    assert np.mean([shown(0.4 * promised) for _ in range(40)]) < 0.6
+    assert np.mean([shown(silent * promised) for _ in range(40)]) < 0.6

@@ -205,7 +205,7 @@ def _is_open(
     """
     i, at = whole.index((key,)), np.isin(whole.index(keys), whole.index((key,)))
     G = part.reduced()[0][np.ix_(i, i)]
-    theta, C = whole.solve(keys)[0][at], others.solve(keys)[1][np.ix_(at, at)]
+    theta, C = whole.numbers(keys)[at], others.solve(keys)[1][np.ix_(at, at)]
     size = float(theta @ G @ theta)
     return bool(0.5 * (size - float(np.sum(C * G))) <= _CLEAR * size**0.5)
 

@@ -11,8 +11,9 @@ from postproc.gap.choice.classes import (
 )
 from postproc.gap.choice.classes import Part as RestPart
 from postproc.gap.choice.confounding import CONFOUNDED
+from postproc.gap.choice.evidence import FOLDS_WON, smallest_of
 from postproc.gap.choice.residual import Dependence
-from postproc.gap.choice.search import DECISIVE, PRIOR_LIBRARY
+from postproc.gap.choice.search import DECISIVE, price_of
 from postproc.gap.choice.selection import (
     Prepared,
     elusive,
@@ -34,7 +35,7 @@ from postproc.gap.choice.verdict import (
 __all__ = [
     "CONFOUNDED",
     "DECISIVE",
-    "PRIOR_LIBRARY",
+    "FOLDS_WON",
     "SURE",
     "Assessment",
     "Choice",
@@ -52,7 +53,9 @@ __all__ = [
     "is_overshadowed",
     "named",
     "prepare",
+    "price_of",
     "select",
+    "smallest_of",
     "unexplained",
     "unusual",
     "verdict",

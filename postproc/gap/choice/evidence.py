@@ -9,6 +9,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.gap.choice.search import DECISIVE, Search
+from postproc.gap.effect import Effect
 from postproc.gap.fit import NormalEquations, Projection, Regression, Subset, block_of
 
 SMALLEST = 0.5
@@ -100,10 +101,15 @@ def smallest_part(
 ) -> float:
     """Return the unique part from which a block of a subset is named, 3D rms [m]."""
     largest = max(evidence[k].unique for k in best)
-    block = regression.block(key)
-    smallest = SMALLEST if block.effect.needs else SMALLEST_POSE
-    smallest = SMALLEST_ALTERNATIVE if block.is_alternative else smallest
+    smallest = smallest_of(regression.block(key).effect)
     return max(smallest * regression.sigma, SMALLEST_SHARE * largest)
+
+
+def smallest_of(effect: Effect) -> float:
+    """Return the unique part of an effect alone from which it is named, 3D rms in sigma."""
+    if effect.is_alternative:
+        return SMALLEST_ALTERNATIVE
+    return SMALLEST if effect.needs else SMALLEST_POSE
 
 
 def weakest(

@@ -63,13 +63,11 @@ class Search:
 
     def with_candidate(self, block: Block) -> Search:
         """Return the same search with one more block that it may score."""
-        price = PRIOR_RARE if block.effect.is_rare else PRIOR_LIBRARY
-        price = PRIOR_ALTERNATIVE if block.is_alternative else price + searched(block)
         return replace(
             self,
             scores=dict(self.scores),
             names=self.names | {block.key: block.name},
-            price=self.price | {block.key: price},
+            price=self.price | {block.key: price_of(block)},
         )
 
     def is_admissible(self, subset: Iterable[str]) -> bool:
@@ -88,6 +86,13 @@ class Search:
             for key in subset:
                 found[self.names[key]] += float(share)
         return found
+
+
+def price_of(block: Block) -> float:
+    """Return the price [nats] of calling for a block."""
+    if block.is_alternative:
+        return PRIOR_ALTERNATIVE
+    return (PRIOR_RARE if block.effect.is_rare else PRIOR_LIBRARY) + searched(block)
 
 
 def searched(block: Block) -> float:
