@@ -293,13 +293,14 @@ class Process:
 
     ``operations``: the wrench (6,) of single operations of the CAM file, by name. ``hole``: names
     of the routines called at each hole, in order; ``unit_feeds``: the end effector drills while the
-    robot stands.
+    robot stands; ``least_feed``: lowest share of a feed that the process takes, 0 for any.
     """
 
     wrench_tcp: FloatArray
     operations: Mapping[str, FloatArray] = field(default_factory=dict)
     hole: tuple[str, ...] = ()
     unit_feeds: bool = False
+    least_feed: float = 0.0
 
     def wrench_of(self, operation: str) -> FloatArray:
         """Return the wrench (6,) of an operation of the CAM file."""

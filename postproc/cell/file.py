@@ -53,7 +53,7 @@ from postproc.files import read_bytes
 from postproc.geometry import transform, transform_from_kuka
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
-from postproc.units import DEG, MM, NMM_PER_RAD
+from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT
 
 _AXES = {
     f"{sign}{name}": direction * np.eye(3)[place]
@@ -352,6 +352,7 @@ def _process(file: CellFile) -> Process:
         {load.name: np.array([*load.force_N, *load.moment_Nm]) for load in table.operations},
         hole_steps(table),
         table.feed_by == "unit",
+        0.0 if table.least_feed_percent is None else table.least_feed_percent * PERCENT,
     )
 
 

@@ -412,6 +412,11 @@ class ProcessTable(Table):
     operations: list[OperationLoadTable] = Field(
         default=[], description="loads of single operations; all others take the load above"
     )
+    least_feed_percent: Annotated[float, Field(gt=0.0, le=100.0)] | None = Field(
+        default=None,
+        description="lowest share of the feed asked for that the process takes where an axis "
+        "cannot follow; cuts that need less are led another way, else refused [%]; default: any",
+    )
     feed_by: Literal["robot", "unit"] = Field(
         default="robot",
         description="who feeds the tool into a hole: robot, or unit: the robot stands where the "

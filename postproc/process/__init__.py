@@ -10,7 +10,14 @@ from postproc.process.claims import (
     words_settled,
 )
 from postproc.process.coolant import COOLANTS, coolant_mode
-from postproc.process.feeds import AXIS_SHARE, LOWERED_FROM, LOWERED_TO, feed_findings, feeds_of
+from postproc.process.feeds import (
+    AXIS_SHARE,
+    LOWERED_FROM,
+    LOWERED_TO,
+    feed_findings,
+    feeds_of,
+    least_feeds,
+)
 from postproc.process.loads import load_cases, operation_loads, weight_wrench
 from postproc.process.machining import machining_findings
 from postproc.process.material import (
@@ -76,6 +83,7 @@ __all__ = [
     "hole_steps",
     "holes_served",
     "in_material",
+    "least_feeds",
     "load_cases",
     "machining_findings",
     "machining_speeds",

@@ -29,6 +29,12 @@ def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:
     return np.where(is_hole & np.isfinite(cycle), cycle, feed)
 
 
+def least_feeds(toolpath: ToolPath, cell: Cell) -> FloatArray:
+    """Return the lowest feed (n,) [m/s] that the process takes at each tag, 0 where any will do."""
+    least = np.nan_to_num(cell.process.least_feed * feeds_of(toolpath, cell))
+    return np.where(np.isin(toolpath.kind, WORKING), least, 0.0)
+
+
 def feed_findings(toolpath: ToolPath, cell: Cell) -> list[Finding]:
     """Return one error (PRC003) for each feed that no program may ask for, at its first tag."""
     most = cell.krl.path_speed_max

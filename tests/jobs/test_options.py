@@ -111,6 +111,8 @@ FINI
     "FINI\n",
     "bent.csv": "x,y,z,i,j,k,feed\n"
     + "".join(f"{i},{0.001 * i * i},0,0,{0.00002 * i * i},1,600\n" for i in range(40)),
+    "turn.csv": "x,y,z,i,j,k,feed\n"
+    + "".join(f"{i},0,0,{0.28 * (i % 2)},0,{1.0 - 0.04 * (i % 2)},6000\n" for i in range(6)),
     "two.csv": "x,y,z,i,j,k,feed,operation\n"
     + "".join(f"{30 * i},0,0,0,0,1,600,{'ROUGH' if i < 3 else 'FINE'}\n" for i in range(6)),
 }
@@ -361,6 +363,7 @@ CASES: dict[str, tuple[Any, ...]] = {
         "two.csv",
         WITH_MODEL,
     ),
+    "process.least_feed_percent": ({}, {"process.least_feed_percent": 100.0}, "turn.csv"),
     "stiffness.joint_Nmm_per_rad": (
         {},
         {"stiffness.joint_Nmm_per_rad": [1e10, 1e9, 1e10, 1e8, 1e9, 1e8]},

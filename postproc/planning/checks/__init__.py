@@ -1,6 +1,6 @@
 """Which states and motions are allowed, and why not."""
 
-from postproc.planning.checks.explain import Break, Evidence, explained, failure, gave_up
+from postproc.planning.checks.explain import LOWER, Break, Evidence, explained, failure, gave_up
 from postproc.planning.checks.feasible import (
     MORE_CLEARANCE,
     PROBES,
@@ -17,6 +17,7 @@ from postproc.planning.checks.working import NEAR_SOLIDS, moves_of_tags, tag_cle
 
 __all__ = [
     "CLOSE",
+    "LOWER",
     "MORE_CLEARANCE",
     "NEAR",
     "NEAR_SOLIDS",

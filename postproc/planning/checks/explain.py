@@ -22,6 +22,8 @@ WORDS = {
     Reason.COLLISION: "collision",
     Reason.SPEED: "speed",
 }
+LOWER = "let the feed be lowered more ([process] least_feed_percent)"
+"""What frees a cut on which an axis cannot follow the lowest feed of the process."""
 HELPED = 20
 """At so many failing tags a remedy is looked for."""
 ALIKE = 50
@@ -236,4 +238,6 @@ def _nearest(checker: Checker, found: Break) -> str:
         ways.append(f"allow A5 at {np.floor(10.0 * found.bent / DEG) / 10.0:g} deg")
     if Reason.COLLISION in found.reasons:
         ways.append("clear what is hit")
+    if Reason.SPEED in found.reasons:
+        ways.append(LOWER)
     return ", ".join([*ways, "move or turn the workpiece"])

@@ -2,15 +2,18 @@
 
 from postproc.planning.route.drill import step_rows
 from postproc.planning.route.route import Route, has_ways, route
+from postproc.planning.route.speeds import ON_THE_SPOT, speed_caps
 from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
 
 __all__ = [
+    "ON_THE_SPOT",
     "MakeChecker",
     "Route",
     "Travel",
     "cell_at",
     "has_ways",
     "route",
+    "speed_caps",
     "step_rows",
     "travel_between",
 ]

@@ -10,10 +10,10 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
-from postproc.planning.checks import Checker, Lines, Reason, Track, Verdict, failure
+from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
-from postproc.process import AXIS_SHARE, TAPS, machining_speeds
+from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
     ORIENTATION_SPEED,
     axis_speed_cap,
@@ -28,7 +28,7 @@ BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take."""
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
-_ON_THE_SPOT = 1e-5
+ON_THE_SPOT = 1e-5
 """On a way [m] as short as this the speed of the orientation counts: what program text rounds
 would shift the one of the path."""
 
@@ -64,13 +64,19 @@ def timed(
     length[rows] = lines.length
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
     track = checker.track(lines, Verdict.clean(len(lines)))
-    cap[rows], orientation[rows] = _caps(problem, lines, track)
+    cap[rows], orientation[rows] = speed_caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, replace(table, speed=speed), length, stops_before)
     blend = lowered_blends(checker, table, lines, rows, blend)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     duration = _durations(problem, table, length, np.minimum(speed, cap), blend, orientation)
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
+
+
+def least_of_moves(problem: Problem, table: Moves) -> FloatArray:
+    """Return the lowest path speed (m,) [m/s] that the process takes at each move."""
+    works = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE))
+    return np.where(works, least_feeds(problem.toolpath, problem.cell)[table.tag], 0.0)
 
 
 def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
@@ -80,8 +86,10 @@ def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
     rows = np.nonzero(is_path)[0]
     lines = _lines(table, rows, _branches(checker.problem, table))
     cap = np.full(len(table), np.inf)
-    cap[rows] = _caps(checker.problem, lines, checker.track(lines, Verdict.clean(len(lines))))[0]
-    return np.where(is_path, _followed(table.speed, cap), np.nan)
+    track = checker.track(lines, Verdict.clean(len(lines)))
+    cap[rows] = speed_caps(checker.problem, lines, track)[0]
+    least = least_of_moves(checker.problem, table)
+    return np.where(is_path, _followed(table.speed, cap, least), np.nan)
 
 
 def _lines(table: Moves, rows: IndexArray, branch: IndexArray) -> Lines:
@@ -104,7 +112,7 @@ def _branches(problem: Problem, table: Moves) -> IndexArray:
     return np.asarray(problem.kinematics.slot(table.q), dtype=np.int64)
 
 
-def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
+def speed_caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
     """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
 
     A move that turns the tool on the spot, or nearly so, has no useful path speed: there it is the
@@ -124,7 +132,7 @@ def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, Flo
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
     turning = np.full(len(lines), np.inf)
     np.minimum.at(turning, row, axis_speed_cap(dq, np.diff(track.share)[same] * angle[row], speed))
-    on_the_spot = (angle > _SHORT) & ((lines.length <= _ON_THE_SPOT) | (cap < SLOWEST))
+    on_the_spot = (angle > _SHORT) & ((lines.length <= ON_THE_SPOT) | (cap < SLOWEST))
     slow = on_the_spot & (turning < problem.cell.krl.orientation_speed)
     orientation[slow] = turning[slow]
     cap[on_the_spot] = np.inf
@@ -137,8 +145,10 @@ def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
     ``track``: the joint paths of the lines.
     """
     cell = problem.cell
-    cap = _caps(problem, lines, track)[0]
-    return ~machining_speeds(_followed(np.full(len(lines), cell.motion.rapid_speed), cap), cell)
+    cap = speed_caps(problem, lines, track)[0]
+    return ~machining_speeds(
+        _followed(np.full(len(lines), cell.motion.rapid_speed), cap, 0.0), cell
+    )
 
 
 def _axis_speeds(problem: Problem) -> FloatArray:
@@ -173,14 +183,24 @@ def _capped(
         )
     findings += _crawls(problem, table, rows[speed[rows] < SLOWEST])
     speed[missing] = np.inf
-    cap = _followed(speed, cap)
+    least = least_of_moves(problem, table)
+    cap = _followed(speed, cap, least)
     fast = rows[np.isfinite(speed[rows]) & (speed[rows] > cap[rows])]
     tapped = _is_tapped(problem, table)
     for row in fast.tolist():
         tag = int(table.tag[row])
         if cap[row] < SLOWEST or tapped[row]:
             findings.append(failure(problem, tag, Reason.SPEED, _too_slow(problem, table, row)))
-    cuts = fast[np.isin(table.role[fast], (MoveRole.CUT, MoveRole.PLUNGE)) & (cap[fast] >= SLOWEST)]
+        elif cap[row] < least[row]:
+            axis = _busiest(problem, table, row)
+            text = (
+                f"{axis} follows the path at {cap[row] / MM_PER_MIN:.0f} mm/min at most, the "
+                f"process takes no less than {least[row] / MM_PER_MIN:.0f}"
+            )
+            findings.append(failure(problem, tag, Reason.SPEED, text, LOWER))
+    slow = np.maximum(least, SLOWEST)
+    cuts = fast[np.isin(table.role[fast], (MoveRole.CUT, MoveRole.PLUNGE))]
+    cuts = cuts[cap[cuts] >= slow[cuts]]
     for asked in np.unique(speed[cuts]).tolist():
         findings.append(_slower(problem, table, cuts[speed[cuts] == asked], asked, cap))
     speed[fast] = cap[fast]
@@ -208,11 +228,15 @@ def _is_tapped(problem: Problem, table: Moves) -> BoolArray:
     return np.asarray(own & (table.speed < problem.cell.motion.rapid_speed))
 
 
-def _followed(speed: FloatArray, cap: FloatArray) -> FloatArray:
-    """Return the speeds (m,) [m/s], lowered to even ones where they are above what axes follow."""
+def _followed(speed: FloatArray, cap: FloatArray, least: FloatArray | float) -> FloatArray:
+    """Return the speeds (m,) [m/s], lowered to even ones where they are above what axes follow.
+
+    No speed that axes follow becomes less than ``least`` for being even.
+    """
     fast = speed > cap * (1.0 + 1e-9)
     result = speed.copy()
-    result[fast] = _even(cap[fast])
+    even = _even(cap[fast])
+    result[fast] = np.maximum(even, np.where(least <= cap, least, 0.0)[fast])
     return result
 
 

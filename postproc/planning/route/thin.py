@@ -21,6 +21,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
+from postproc.planning.route.speeds import speed_caps
 from postproc.process import may_be_passed
 from postproc.units import DEG, MM
 
@@ -196,6 +197,8 @@ def _runnable(checker: Checker, table: Moves, kept: IndexArray) -> IndexArray:
         np.ones(len(long), dtype=np.bool_),
         (table.external[first], table.external[last]),
     )
-    bad = np.flatnonzero(~checker.lines(lines, np.arange(len(long)) // _TOGETHER)[0].good)
+    verdict, track = checker.lines(lines, np.arange(len(long)) // _TOGETHER)
+    least = checker.problem.least_feeds[table.tag[last]]
+    bad = np.flatnonzero(~verdict.good | (speed_caps(checker.problem, lines, track)[0] < least))
     back = [np.arange(first[row] + 1, last[row]) for row in bad.tolist()]
     return np.sort(np.concatenate([kept, *back]))

@@ -16,6 +16,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.geometry import angle_between, rotation_angle
 from postproc.model import MotionKind
 from postproc.planning.checks import PROBES, Checker, Lines, Reason, poses_between
+from postproc.planning.route import speed_caps
 from postproc.planning.search.between import Interpolation, Rows
 from postproc.planning.states import BETWEEN, Chosen, Problem, leaves_tilt_range
 
@@ -258,9 +259,13 @@ def _check_motions(
     )
     _as_arcs(checker.problem, tags[1], lines)
     leaves = _leaves_tilt_range(checker.problem, tags, (a_from, judged.attitude[open_]), lines)
-    verdict = checker.lines(lines, span)[0]
+    verdict, track = checker.lines(lines, span)
     # As for a turn that could go either way round: the tool cannot turn so on this way.
     verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
+    least = checker.problem.least_feeds
+    if least.any():
+        cap, _ = speed_caps(checker.problem, lines, track)
+        verdict.refuse(np.flatnonzero(cap < least[tags[1]]), Reason.SPEED)
     judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
 
 

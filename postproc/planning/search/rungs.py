@@ -9,8 +9,10 @@ import numpy as np
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.model import CUTS
+from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
+from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
@@ -22,6 +24,7 @@ from postproc.planning.states import (
     sample_on,
     spin_values,
 )
+from postproc.process import AXIS_SHARE
 from postproc.units import DEG
 
 TIE_TRAVEL = 1e-7
@@ -179,7 +182,29 @@ def ladder_of(
                 cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
             if wish.steady:
                 cost[at] += CHANGE * (_arm(states.branch[at]) != arm).sum(axis=1)
-    return Ladder(states.offsets, position, cost, states.branch, rule, weight), weight, share
+    ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
+    ladder.reach = _reach(problem, tags, position.shape[1])
+    return ladder, weight, share
+
+
+def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
+    """Return by how much (n, count) the axes can move from tag to tag at the lowest feed [rad].
+
+    None where any feed will do. What is turned on the spot takes the time that it takes.
+    """
+    least = problem.least_feeds
+    if not least.any():
+        return None
+    way = np.diff(arc_length(problem.toolpath), prepend=0.0)
+    is_path = (least > 0.0) & (way > ON_THE_SPOT)
+    seconds = np.where(is_path, way / np.maximum(least, 1e-12), np.inf)
+    until = np.cumsum(np.where(is_path, seconds, 0.0))
+    free = np.cumsum(~is_path)
+    time = np.diff(until[tags], prepend=0.0)
+    time[np.diff(free[tags], prepend=-1) > 0] = np.inf
+    reach = np.full((len(tags), count), np.inf)
+    reach[:, :6] = 1.001 * AXIS_SHARE * time[:, None] * np.asarray(problem.cell.robot.qd_max)
+    return reach
 
 
 def _arm(branch: AnyIntArray) -> BoolArray:

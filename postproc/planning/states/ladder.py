@@ -90,6 +90,8 @@ class Ladder:
         rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
         weight: (n,) weight of the squared distance of that step.
         joins: which of them a chain may join, within a group; None: all.
+        reach: (n, d) by how much each coordinate may move in a chain's step into each rung, half a
+            turn at most; None: so much.
     """
 
     offsets: IndexArray
@@ -99,6 +101,7 @@ class Ladder:
     rule: IndexArray
     weight: FloatArray
     joins: Joins | None = None
+    reach: FloatArray | None = None
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
@@ -468,9 +471,12 @@ class Ladder:
                 np.putmask(steps, barred, np.inf)
         a, b = self.position[before], self.position[now]
         reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
-        for j in np.nonzero(reach > _HALF_TURN)[0]:
+        most = np.full(len(reach), _HALF_TURN)
+        if self.reach is not None:
+            most = np.minimum(most, self.reach[i])
+        for j in np.nonzero(reach > most)[0]:
             gap = np.subtract.outer(b[:, j], a[:, j])
-            np.putmask(steps, np.abs(gap, out=gap) > _HALF_TURN, np.inf)
+            np.putmask(steps, np.abs(gap, out=gap) > most[j], np.inf)
 
 
 def _is_sparse(joined: Joined) -> bool:

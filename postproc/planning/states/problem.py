@@ -17,7 +17,7 @@ from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
-from postproc.process import back_off, in_material
+from postproc.process import back_off, in_material, least_feeds
 from postproc.stiffness import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]
@@ -51,6 +51,11 @@ class Problem:
         """(n,) tags where the tool may touch the workpiece."""
         kind = np.asarray(self.toolpath.kind)
         return np.isin(kind, WORKING)
+
+    @cached_property
+    def least_feeds(self) -> FloatArray:
+        """(n,) lowest feed [m/s] that the process takes at each tag, 0 where any will do."""
+        return least_feeds(self.toolpath, self.cell)
 
     @cached_property
     def strokes(self) -> Strokes:

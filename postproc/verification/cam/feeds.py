@@ -59,7 +59,9 @@ class Feeds:
         row = int(error.argmax())
         self._result.measure("feed", float(error[row] * 100.0), "%", int(motions[row]))
         bad = np.flatnonzero(error > FEED_TOLERANCE)
-        forced = self._forced(motions[bad], have[bad] / wanted[bad]) & ~bound[bad]
+        share = have[bad] / wanted[bad]
+        forced = self._forced(motions[bad], share) & ~bound[bad]
+        forced &= share >= self._cell.process.least_feed * (1.0 - FEED_TOLERANCE)
         self._list(motions, have, wanted, bad[forced], Severity.WARNING)
         self._list(motions, have, wanted, bad[~forced], Severity.ERROR)
 
