@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.cell import load_robot
+from postproc.cell import load_cell, load_robot
 from postproc.cli import app
+from postproc.collision import Scene
 from postproc.collision.outlines import is_measured, upright_solids
+from postproc.kinematics import build
 from tests.cells import cell_text
 
 
@@ -44,3 +46,23 @@ def test_check_says_where_an_outline_is_that_of_a_size(name, told, tmp_path, cap
     app.run(["check", str(tmp_path / "cell.toml"), "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert [f["code"] for f in findings].count("CEL144") == told
+
+
+@pytest.mark.parametrize(
+    ("name", "solids", "told"),
+    [
+        ("kuka_kr500_r2830", "outline", 0),
+        ("kuka_kr6_r900_sixx", "outline", 1),
+        ("kuka_kr6_r900_sixx", "simple", 0),
+    ],
+)
+def test_check_names_the_pair_that_light_arms_leave_out(name, solids, told, tmp_path, capsys):
+    speeds = f'model = "{name}"\nspeed_deg_s = {[50] * 6}\nsolids = "{solids}"\n'
+    text = cell_text(robot=name).replace(f'model = "{name}"\n', speeds)
+    (tmp_path / "cell.toml").write_text(text)
+    cell = load_cell(tmp_path / "cell.toml")
+    pairs = Scene.build(cell, build(cell.robot)).pairs
+    assert (("link 0", "link 2") in pairs) == (solids == "simple")
+    app.run(["check", str(tmp_path / "cell.toml"), "--json"])
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert [f["code"] for f in findings].count("CEL145") == told
