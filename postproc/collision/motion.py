@@ -168,9 +168,8 @@ class MotionCheck:
         """
         m = len(q_from)
         count = np.diff(np.append(starts, m))
-        owner = np.repeat(np.arange(len(starts)), count)
+        owner, step = numbered(count)
         a, b = q_from[starts], q_to[starts + count - 1]
-        step = np.arange(m) - starts[owner]
         off = np.zeros((m, q_from.shape[1]))
         for q, done in ((q_from, step), (q_to, step + 1)):
             chord = a[owner] + (done / count[owner])[:, None] * (b - a)[owner]

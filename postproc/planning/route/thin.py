@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
@@ -76,9 +76,8 @@ class Course:
             the angle (p,) [rad] by which the tool is turned there against its own; infinite where
             the line goes back, goes nowhere, or turns too far to be told.
         """
-        count = last - first - 1
-        span = np.repeat(np.arange(len(first)), count)
-        row = np.arange(len(span)) - (np.cumsum(count) - count)[span] + first[span] + 1
+        span, between = numbered(last - first - 1)
+        row = first[span] + 1 + between
         start, end = self.T[first], self.T[last]
         way = end[:, :3, 3] - start[:, :3, 3]
         square = np.einsum("ij,ij->i", way, way)
