@@ -283,6 +283,8 @@ def test_pecks_may_go_back_fast_where_it_is_drilled(cell):
         return [*lines, at(-30, y, 0)]
 
     assert kinds(drilled(cell, *deep(0), *deep(40), cycle=cycle)) == set()
+    # fast onto the bottom of the last peck
+    assert kinds(drilled(cell, *deep(0), *deep(40, back=0.0), cycle=cycle)) == {"feed"}
     # fast into the material: half a millimetre beyond what is drilled
     assert kinds(drilled(cell, *deep(0), *deep(40, back=-0.5), cycle=cycle)) == {"feed", "peck"}
     # a peck left out, and one behind which the tool stays down

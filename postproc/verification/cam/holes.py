@@ -81,7 +81,8 @@ def check_holes(
         drilled = checker.check(row)
         is_cut[list(drilled)] = True
         cycle = toolpath.cycles[int(toolpath.cycle[row])]
-        feeds.expect(row, (*drilled, *(checker.feed_out(row) if cycle.kind in FEED_OUT else ())))
+        fed = (*drilled, *checker.bottomed)
+        feeds.expect(row, (*fed, *(checker.feed_out(row) if cycle.kind in FEED_OUT else ())))
         checker.dwell(row, dwells.get(int(served[row]), 0.0))
     on_axis[list(checker.along)] = list(checker.along.values())
     return on_axis
@@ -114,6 +115,8 @@ class _Holes:
         self._reported: dict[RunKind, int] = {}
         self.along: dict[int, int] = {}
         """Path motions that begin and end on the axis of a hole, to the row of the hole."""
+        self.bottomed: list[int] = []
+        """Motions of the last hole that go back in as far as it is drilled, no deeper."""
         self._left: dict[int, int] = {}
         """Vertex at which the tool is out of a hole, to the row of the hole."""
         self._holes = frozenset(np.flatnonzero(wanted.is_hole & (served >= 0)).tolist())
@@ -288,6 +291,7 @@ class _Holes:
     ) -> tuple[int, ...]:
         """Return the motions that go deeper than any before, below the clearance height."""
         drilled: list[int] = []
+        self.bottomed = []
         deepest = clear - self._near
         before = down[-1][1] if down else 0.0
         for vertex, height in [*reversed(down[:-1]), (bottom, 0.0)]:
@@ -298,6 +302,8 @@ class _Holes:
                     self._tell(
                         RunKind.BLENDED_PLUNGE, vertex - 1, "the point before a plunge is blended"
                     )
+            elif drilled and height < before and height < deepest + LEAST_PECK / 2:
+                self.bottomed.append(vertex)
             before = height
         return tuple(drilled)
 
