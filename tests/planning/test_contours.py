@@ -84,6 +84,7 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     for tag in (200, 633, 634, 1120):
         search.grow(np.array([tag]), np.array([search.base_stride]))
         search.run()
+    search.ladder.settle()
     fresh, runs = copy(search.ladder), search.bridges
     fresh.__post_init__()
     fresh.joins = replace(runs)

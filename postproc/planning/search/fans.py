@@ -33,12 +33,15 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
 
     Those that leave or enter the same states; where steps into a tag failed before, all that
     turn the tool by less than ``_TURN``. Of long ones many fail half way, and few are checked.
+    None along with a cut over tags between: it costs too much.
     """
     more: set[tuple[int, int]] = set()
     known: Steps = []
     for a, b in steps:
         rung = int(search.states.tag_of(np.array([b]))[0])
         tag = int(search.tags[rung])
+        if tag - search.tags[rung - 1] > 1:
+            continue
         search.fanned[tag] = search.fanned.get(tag, 0) + 1
         before = np.arange(search.states.offsets[rung - 1], search.states.offsets[rung])
         now = np.arange(search.states.offsets[rung], search.states.offsets[rung + 1])

@@ -22,6 +22,7 @@ CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
 Beside = Callable[[IndexArray], IndexArray]
 Steps = list[tuple[int, int]]
 Widen = Callable[[Steps], tuple[Steps, Steps]]
+Weigh = Callable[[IndexArray, IndexArray], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +41,8 @@ def free_path(
     check_steps: CheckSteps | None = None,
     beside: Beside | None = None,
     widen: Widen | None = None,
+    weigh: Weigh | None = None,
+    is_passing: Callable[[], bool] | None = None,
 ) -> Found:
     """Return the cheapest way of which every state and every step passes its check.
 
@@ -50,6 +53,8 @@ def free_path(
             unbroken steps of ways whose states all pass, once for each.
         beside: failing states (m,) -> further states known to fail, in any order.
         widen: failing steps -> steps worth a check along with them, and steps known to fail.
+        weigh: told of the way (n,) before steps of it were taken out, and of that found instead.
+        is_passing: whether the way that passes need not be the best, as the graph will change.
 
     Every round takes states or steps out, so there is an end; a rung into which no step is left is
     cut off from those before (``ladder.broken``).
@@ -70,7 +75,8 @@ def free_path(
             ladder.remove(failing)
             continue
         bad = [] if check_steps is None else _bad_steps(ladder, path, passed, check_steps)
-        if not bad and ladder.settle():
+        is_final = is_passing is None or not is_passing()
+        if not bad and is_final and ladder.settle():
             continue
         if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
@@ -80,6 +86,8 @@ def free_path(
             bad = sorted({*bad, *refuted, *_failing_steps(more, passed, check_steps)})
         forbidden += len(bad)
         ladder.forbid(bad)
+        if weigh is not None:
+            weigh(path, ladder.path())
 
 
 def _check(states: IndexArray, known: BoolArray, check: CheckStates) -> IndexArray:

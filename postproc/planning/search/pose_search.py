@@ -15,6 +15,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.breaks import break_at
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
+from postproc.planning.search.failing_cuts import FailingCuts
 from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
@@ -34,8 +35,6 @@ from postproc.planning.states import (
     merged,
 )
 
-_ALL = 8
-"""All tags inside a cut of no more become key tags where it fails."""
 _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
@@ -52,7 +51,7 @@ class PoseSearch:
 
     Tags between key tags follow by interpolation. ``stride`` (n,): every how many of the finest
     spins a tag has; ``passed`` (N,): the state before from which the step into a state was found
-    good; ``wanted``: tags that would have to be key tags for a cut to be run.
+    good; ``failing``: what became of cuts that failed between key tags.
     """
 
     checker: Checker
@@ -74,7 +73,7 @@ class PoseSearch:
     out: BoolArray
     failures: IndexArray
     hasty: BoolArray
-    wanted: set[int] = field(default_factory=set)
+    failing: FailingCuts
     cells: IndexArray | None = None
     fanned: dict[int, int] = field(default_factory=dict)
 
@@ -123,6 +122,7 @@ class PoseSearch:
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
             hasty=hasty,
+            failing=FailingCuts(between),
         )
 
     def grow(self, tags: IndexArray, stride: IndexArray) -> None:
@@ -181,6 +181,11 @@ class PoseSearch:
         self.ladder.take_over(known, same, np.arange(len(self.tags)))
 
     @property
+    def wanted(self) -> set[int]:
+        """Tags that would have to be key tags for a cut to be run."""
+        return self.failing.wanted
+
+    @property
     def base_stride(self) -> int:
         """Every how many of the finest spins are in the cell's grid."""
         return FINE if self.states.spins.shape[-1] > 1 else 1
@@ -188,13 +193,19 @@ class PoseSearch:
     def run(self, *, steps: bool = True) -> Found:
         """Search; without ``steps`` only states are checked, not the motions between them.
 
-        Cuts that cannot be run between key tags are not taken out: ``wanted`` names tags to make
-        key instead.
+        Of cuts between key tags apart from each other that cannot be run some stay in: ``wanted``
+        names tags to make key instead.
         """
-        self.wanted.clear()
+        self.failing.begin()
         check_steps = self.check_steps if steps else None
         found = free_path(
-            self.ladder, self.check_states, check_steps, self.beside, partial(fan, self)
+            self.ladder,
+            self.check_states,
+            check_steps,
+            self.beside,
+            partial(fan, self),
+            self._weigh,
+            lambda: bool(self.wanted),
         )
         self.out |= ~np.isfinite(self.ladder.cost) & np.isfinite(self.states.cost)
         return found
@@ -234,9 +245,9 @@ class PoseSearch:
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
         """Return whether steps (m,) are to be kept.
 
-        A cut from one tag to the next that cannot be run is not. One between key tags apart from
-        each other is, but the tags at which it fails are noted as ``wanted``. Joint moves always
-        can be run; tags between them stand where they are checked like cuts.
+        A cut that cannot be run is not, but for those between key tags that get more of them
+        (``FailingCuts``). Joint moves always can be run; tags between them stand where they are
+        checked like cuts.
         """
         good = np.ones(len(after), dtype=np.bool_)
         rungs = self.states.tag_of(after)
@@ -249,22 +260,11 @@ class PoseSearch:
         judged = judge(self.checker, self.between, spans)
         fine = judged.good(len(rows))
         self.passed[after[rows[fine]]] = before[rows[fine]]
-        bad = np.flatnonzero(judged.reason != Reason.NONE)
-        apart = spans.last - spans.first > 1
-        self._want(spans, judged.rows.span[bad], judged.rows.tag[bad])
-        good[rows[~fine & ~apart]] = False
+        good[rows] = ~self.failing.taken_out(spans, judged)
         return good
 
-    def _want(self, spans: Spans, span: IndexArray, tag: IndexArray) -> None:
-        """Note for every span that fails at tags (k,) some of them, or tags beside them."""
-        for i in np.unique(span[(spans.last - spans.first)[span] > 1]).tolist():
-            first, last, bad = int(spans.first[i]), int(spans.last[i]), tag[span == i]
-            if last - first <= _ALL:
-                self.wanted |= set(range(first + 1, last))
-                continue
-            wish = {int(bad[0]) - 1, int(bad[0]), int(bad[len(bad) // 2]), int(bad[-1])}
-            inside = {at for at in wish if first < at < last}
-            self.wanted |= inside or {(first + last) // 2}
+    def _weigh(self, before: IndexArray, after: IndexArray) -> None:
+        self.failing.weigh(self.ladder, self.tags, before, after)
 
     def spans(self, before: IndexArray, after: IndexArray) -> Spans:
         """Return the steps (m,) between states as spans."""

@@ -36,7 +36,7 @@ _SPLIT = 30_000
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
 _SAME = 1e-11
-NEAR = 80
+NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
 _HALF_TURN = np.pi + 1e-9
 
@@ -243,11 +243,16 @@ class Ladder:
 
     def total(self, path: IndexArray) -> float:
         """Return the cost of a way: its states and its steps; broken steps are free."""
-        kept = path[path != NONE]
-        states = float(self.cost[kept].sum())
-        joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~self.broken[1:]
-        leap = self.position[path[1:][joined]] - self.position[path[:-1][joined]]
-        return states + float((self.weight[1:][joined] * (leap**2).sum(axis=1)).sum())
+        return float(self.costs(path).sum())
+
+    def costs(self, path: IndexArray) -> FloatArray:
+        """Return what each rung (n,) of a way costs: its state and the step into it."""
+        costs = np.where(path != NONE, self.cost[path], 0.0)
+        joined = np.append(False, (path[1:] != NONE) & (path[:-1] != NONE) & ~self.broken[1:])
+        at = np.flatnonzero(joined)
+        leap = self.position[path[at]] - self.position[path[at - 1]]
+        costs[at] += self.weight[at] * (leap**2).sum(axis=1)
+        return costs
 
     def _repair(self, anew: IndexArray, fewer: IndexArray | None = None) -> None:
         """Recompute from every changed rung on until the values agree again.
