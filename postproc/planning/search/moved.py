@@ -14,8 +14,11 @@ from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
 
-_SPREADS = 6
-_HEAVIER = 8.0
+_SPREADS = 12
+_HEAVIER = (1.5, 8.0)
+"""By how much the weight of travel on a step that is too fast is raised at once: by more than it is
+too fast, and the tool turns on a long way where the pose is far from the best."""
+_HEAVIEST = 3e5
 
 
 def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
@@ -44,7 +47,7 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
     while True:
         poses = refine(problem, poses, bounds, awake)
-        poses = _slowed(problem, between, poses, bounds, _HEAVIER**_SPREADS * linked)
+        poses = _slowed(problem, between, poses, bounds, _HEAVIEST * linked)
         passed &= (poses.attitude == known.attitude).all(axis=1)
         passed &= (poses.q == known.q).all(axis=1)
         free = np.asarray(bounds.free.any(axis=1))
@@ -158,10 +161,11 @@ def _slowed(
     """
     time = _feed_times(problem, between, poses)
     for _ in range(_SPREADS):
-        fast = np.append(False, _least_times(problem, poses) > time) & (poses.weight < most)
+        share = np.append(0.0, _least_times(problem, poses) / np.maximum(time, 1e-12))
+        fast = (share > 1.0) & (poses.weight < most)
         if not fast.any():
             break
-        heavier = np.where(fast, _HEAVIER * poses.weight, poses.weight)
+        heavier = np.where(fast, np.clip(share, *_HEAVIER), 1.0) * poses.weight
         poses = refine(problem, poses.weighted(heavier), bounds, beside(fast))
     return poses
 
