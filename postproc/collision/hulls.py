@@ -119,13 +119,9 @@ class HullCheck(MotionCheck):
         found: Candidates,
     ) -> FloatArray:
         """Return how far the pairs (k,) can approach on the ways (t, v, 6 + k) from the middle."""
-        pair, row = found.near.pair, found.near.row
-        frames = self._engine.frames(middle)
-        most = np.zeros(len(pair))
-        for vertex in range(ways.shape[1]):
-            sway = Sway(turn + slack, ways[:, vertex], slack)
-            np.maximum(most, self._engine.sweep.of_entries(frames, pair, row, sway), out=most)
-        return most
+        near, frames = found.near, self._engine.frames(middle)
+        sway = Sway(turn + slack, ways, slack)
+        return self._engine.sweep.of_entries(frames, near.pair, near.row, sway)
 
 
 def _open(count: int, pair: IndexArray, row: IndexArray) -> tuple[IndexArray, BoolArray]:

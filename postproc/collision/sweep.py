@@ -41,9 +41,9 @@ class Sway(NamedTuple):
     together; ``way`` (n, 6 + k) the part that all axes go at once, None: each as it likes;
     ``rest`` (n, 6 + k) how far axes may be beside it, None: what is left of their turn.
 
-    Of several ways from one configuration, each with the same turn and rest, the largest bound
-    holds for everything between them: the velocity is linear in the way, and the rest of the bound
-    is that of the turn.
+    Of several ways from one configuration, ``way`` (n, v, 6 + k), each with the same turn and rest,
+    the largest bound holds for everything between them: the velocity is linear in the way, and the
+    rest of the bound is that of the turn.
     """
 
     turn: FloatArray
@@ -51,11 +51,11 @@ class Sway(NamedTuple):
     rest: FloatArray | None = None
 
     def joints(self, spread: Callable[[FloatArray], FloatArray]) -> _Turns:
-        """Return turn, way and rest of the joints, (6, n) spread over bodies."""
+        """Return turn, way and rest of the joints, (6, n), ways (6, n, v), spread over bodies."""
         turn = spread(self.turn[:, :JOINTS].T)
         if self.way is None:
             return turn, None, None
-        way = spread(self.way[:, :JOINTS].T)
+        way = spread(np.moveaxis(self.way[..., :JOINTS], -1, 0))
         rest = turn - np.abs(way) if self.rest is None else spread(self.rest[:, :JOINTS].T)
         return turn, way, rest
 
@@ -153,7 +153,7 @@ class SweepBound:
                 axis[:, :, rows, None],
                 point[:, :, rows, None],
                 centre[:, :, None],
-                sway.joints(lambda turn: turn[:, rows, None]),
+                sway.joints(lambda turn: turn[:, rows].reshape(JOINTS, len(rows), -1)),
             )
             changed[order] = by_base[self._base[pair[order]], np.arange(len(order)), 0]
         if len(self._external):
@@ -182,7 +182,7 @@ class SweepBound:
             axis: (6, 3, b, n) directions of the joint axes.
             point: (6, 3, b, n) a point of each [m].
             centre: (3, b, n) [m] of the bodies' boxes.
-            sway: turn, way and rest of the joints (6, b, n).
+            sway: turn, way and rest of the joints (6, b, n); several ways (6, b, v) where n is 1.
         """
         shape = centre.shape[1:]
         turns, ways, rests = sway
@@ -190,7 +190,7 @@ class SweepBound:
         reach, own_radius = self._reach[body, None], self._own_radius[body, None]
         result = np.zeros((JOINTS, *shape))
         path = np.zeros(shape)
-        course = _Course(shape)
+        course = _Course(shape, shape if ways is None else ways.shape[1:])
         for joint in range(JOINTS - 1, -1, -1):
             tail, own = slice(starts[joint], None), slice(starts[joint], starts[joint + 1])
             u = _cross(axis[joint][:, tail], centre[:, tail] - point[joint][:, tail])
@@ -222,8 +222,8 @@ class SweepBound:
 class _Course:
     """Velocity and Taylor's rest of bodies of which one joint after the other turns, 6 first."""
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self._velocity, self._spin = np.zeros((3, *shape)), np.zeros((3, *shape))
+    def __init__(self, shape: tuple[int, ...], ways: tuple[int, ...]) -> None:
+        self._velocity, self._spin = np.zeros((3, *ways)), np.zeros((3, *ways))
         self._lever, self._rest = np.zeros(shape), np.zeros(shape)
 
     def add(
@@ -250,8 +250,10 @@ class _Course:
         """Return how far any point of the bodies ``tail`` can have moved [m]."""
         speed = np.einsum("ibn,ibn->bn", self._velocity[:, tail], self._velocity[:, tail])
         rate = np.einsum("ibn,ibn->bn", self._spin[:, tail], self._spin[:, tail])
-        bound: FloatArray = np.sqrt(speed) + np.sqrt(rate) * reach[tail] + self._rest[tail]
-        return bound
+        course: FloatArray = np.sqrt(speed) + np.sqrt(rate) * reach[tail]
+        if course.shape != self._rest[tail].shape:
+            course = course.max(axis=1, keepdims=True)
+        return course + self._rest[tail]
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
