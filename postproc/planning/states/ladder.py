@@ -416,6 +416,8 @@ class Ladder:
             now = b[first : first + size]
             steps = self._steps(i, a, now, joined)
             back = steps.argmin(axis=1)
+            if self.rule[i] == _CHAIN:
+                self._reach_again(i, steps, a, now, back)
             found = steps[np.arange(len(now)), back] + self.cost[now]
             lower = found < value[now - low] - _SAME
             self.back[now[lower]] = a[back[lower]] - before
@@ -474,14 +476,26 @@ class Ladder:
             barred = self.joins.barred(i, before, now)
             if barred is not None:
                 np.putmask(steps, barred, np.inf)
-        a, b = self.position[before], self.position[now]
-        reach = np.maximum(b.max(axis=0) - a.min(axis=0), a.max(axis=0) - b.min(axis=0))
-        most = np.full(len(reach), _HALF_TURN)
-        if self.reach is not None:
-            most = np.minimum(most, self.reach[i])
-        for j in np.nonzero(reach > most)[0]:
-            gap = np.subtract.outer(b[:, j], a[:, j])
-            np.putmask(steps, np.abs(gap, out=gap) > most[j], np.inf)
+
+    def _reach_again(
+        self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray, back: IndexArray
+    ) -> None:
+        """Correct the best steps ``back`` (m,) where a coordinate moves too far, in place.
+
+        Such steps are dear, and few are the best: they are taken out of the rows of those alone.
+        """
+        most = _HALF_TURN if self.reach is None else np.minimum(_HALF_TURN, self.reach[i])
+        gap = np.abs(self.position[now] - self.position[before[back]])
+        rows = np.flatnonzero((gap > most).any(axis=1))
+        if not len(rows):
+            return
+        a, b = self.position[before], self.position[now[rows]]
+        limit = np.broadcast_to(most, a.shape[1:])
+        some = steps[rows]
+        for j in range(a.shape[1]):
+            gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
+            np.putmask(some, gap > limit[j], np.inf)
+        steps[rows], back[rows] = some, some.argmin(axis=1)
 
 
 def _is_sparse(joined: Joined) -> bool:
