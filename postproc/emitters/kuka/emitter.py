@@ -225,8 +225,13 @@ class _Program:
 
     def _numbers(self, index: int) -> tuple[int, int]:
         """Return the numbers of tool and base of a move."""
-        tool, base = self.plan.tool_of_moves[index], self.plan.base_of_moves[index]
+        tool, base = self._frames[index]
         return self.cell.tools[tool].number, self.cell.bases[base].number
+
+    @cached_property
+    def _frames(self) -> list[tuple[int, int]]:
+        tools, bases = self.plan.tool_of_moves.tolist(), self.plan.base_of_moves.tolist()
+        return list(zip(tools, bases, strict=True))
 
     def _values(self, index: int) -> dict[str, object]:
         """Return what the frame templates get at a move."""

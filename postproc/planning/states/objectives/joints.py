@@ -41,8 +41,8 @@ def margin(context: StateContext) -> FloatArray:
 def wrist(context: StateContext) -> FloatArray:
     """Return the squares of A4 and A6 off the middle of their limits, in half turns."""
     middle = 0.5 * (np.asarray(context.kinematics.q_min) + np.asarray(context.kinematics.q_max))
-    off = (context.q - middle)[:, [3, 5]] / np.pi
-    return np.asarray((off**2).sum(axis=1))
+    a4, a6 = ((context.q[:, axis] - middle[axis]) / np.pi for axis in (3, 5))
+    return np.asarray(a4**2 + a6**2)
 
 
 @objective("singularity")
