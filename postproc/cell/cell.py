@@ -327,7 +327,8 @@ class Motion:
     ``feed`` [m/s] or NaN where the CAM data gives none; ``approximation`` [m], and how far the tool
     may pass a corner at feed for it, ``corner_tolerance`` [m]; ``home`` (6,) [rad];
     ``approach`` [m] above a point without a depth; ``chord`` [m] between an arc and its lines;
-    ``thin``: by how much points of cuts may be passed, None: every point is written.
+    ``thin``: by how much points of cuts may be passed, None: every point is written;
+    ``retract_in_cuts``: whether a cut that no arm configuration serves is left and entered again.
     """
 
     rapid: float
@@ -341,6 +342,7 @@ class Motion:
     chord: float
     arcs: ArcMotion
     thin: Thin | None = None
+    retract_in_cuts: bool = False
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""

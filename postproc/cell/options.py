@@ -71,6 +71,7 @@ def motion_of(table: MotionTable) -> Motion:
         thin=None
         if table.thin is None
         else Thin(table.thin.chord_mm * MM, table.thin.axis_deg * DEG),
+        retract_in_cuts=table.retract_in_cuts,
     )
 
 

@@ -452,7 +452,9 @@ class ThinTable(Table):
         default=0.01, description="from a point left out to the line that is driven [mm]"
     )
     axis_deg: Annotated[float, Field(ge=0.001, le=0.5)] = Field(
-        default=0.05, description="between the orientation there and the one driven [deg]"
+        default=0.05,
+        description="between the tool axis there and the one driven, or between the orientations "
+        "where the file gives whole ones [deg]",
     )
 
 
@@ -500,6 +502,17 @@ class MotionTable(Table):
     rapid_speed_m_s: Annotated[float, Field(gt=0.0, le=3.0)] = Field(
         default=2.0, description="path speed of straight rapid moves at rapid_percent = 100 [m/s]"
     )
+    retract_in_cuts: bool = Field(
+        default=False,
+        description="leave a cut that no single arm configuration serves by approach_mm along the "
+        "tool axis, and enter it there again in another one, with a warning; false: refuse it",
+    )
+
+    @model_validator(mode="after")
+    def _room_to_retract(self) -> MotionTable:
+        if self.retract_in_cuts and not self.approach_mm:
+            raise ValueError("retract_in_cuts: needs an approach_mm above 0")
+        return self
 
 
 class ImportTable(Table):

@@ -14,6 +14,7 @@ from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, tag_clearances
 from postproc.planning.repeats import with_repeats
+from postproc.planning.retracts import changes_between, with_retracts
 from postproc.planning.route import Route, route, step_rows
 from postproc.planning.search import (
     choose,
@@ -112,7 +113,9 @@ def plan(
         toolpath,
         cell,
         stretches,
-        lambda part, here: _served(part, here, settings, options, progress),
+        lambda part, here: with_retracts(
+            part, here, lambda path: _served(path, here, settings, options, progress)
+        ),
         lambda part, here: checker_of(part, here, settings),
     )
     return replace(result, findings=(*claims.findings, *result.findings, *_left_out_note(result)))
@@ -205,6 +208,7 @@ def _planned(
     findings = [
         *_notes(checker),
         *_tilt_note(problem, chosen),
+        *changes_between(problem, chosen),
         *findings,
         *dropped,
         *routed.findings,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import functools
 import json
+import math
 import typing
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,11 @@ FINI
     + "".join(f"{i},{0.001 * i * i},0,0,{0.00002 * i * i},1,600\n" for i in range(40)),
     "turn.csv": "x,y,z,i,j,k,feed\n"
     + "".join(f"{i},0,0,{0.28 * (i % 2)},0,{1.0 - 0.04 * (i % 2)},6000\n" for i in range(6)),
+    "round.csv": "x,y,z,i,j,k,feed\n"
+    + "".join(
+        f"{1800 * math.cos(0.1 * i) - 1700:.3f},{1800 * math.sin(0.1 * i):.3f},-700,0,0,1,600\n"
+        for i in range(18, 46)
+    ),
     "two.csv": "x,y,z,i,j,k,feed,operation\n"
     + "".join(f"{30 * i},0,0,0,0,1,600,{'ROUGH' if i < 3 else 'FINE'}\n" for i in range(6)),
 }
@@ -379,6 +385,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "motion.thin.axis_deg": (THIN, {"motion.thin.axis_deg": 0.001}, "bent.csv"),
     "motion.chord_mm": ({"motion.arcs": "lin"}, {"motion.chord_mm": 1.0}, MILL),
     "motion.arcs": ({}, {"motion.arcs": "lin"}, MILL),
+    "motion.retract_in_cuts": ({}, {"motion.retract_in_cuts": True}, "round.csv"),
     "motion.rapid_speed_m_s": ({}, {"motion.rapid_speed_m_s": 0.3}),
     "import.format": ({}, {"import.format": "apt"}),
     "import.dialect": ({}, {"import.dialect": "nx"}, MILL),

@@ -22,6 +22,7 @@ WORDS = {
     Reason.COLLISION: "collision",
     Reason.SPEED: "speed",
 }
+LEAVE = "let it be lifted off ([motion] retract_in_cuts),"
 LOWER = "let the feed be lowered more ([process] least_feed_percent)"
 """What frees a cut on which an axis cannot follow the lowest feed of the process."""
 HELPED = 20
@@ -114,7 +115,7 @@ def _given_up(problem: Problem, tag: int) -> Finding:
         "not every one is refuted",
         tag,
         problem.toolpath.source(tag),
-        hint="lift the tool off before this tag, or split the cut",
+        hint=f"lift the tool off before this tag, {LEAVE} or split the cut",
     )
 
 
@@ -225,7 +226,7 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     if 0 <= found.pair < len(checker.pairs):
         a, b = checker.pairs[found.pair]
         detail += f"; most often {a} hits {b}"
-    hint = "" if pin else f"lift the tool off here; or {_nearest(checker, found)}"
+    hint = "" if pin else f"lift the tool off here, {LEAVE} or {_nearest(checker, found)}"
     return failure(checker.problem, tag, found.main, detail, hint)
 
 

@@ -44,7 +44,8 @@ def without_roll(checker: Checker, chosen: Chosen) -> list[Finding]:
         ways = _ways(checker, chosen, tags, spins)
         if any(_turned(checker, chosen, tags, offset + s, *way) for s, *way in ways):
             continue
-        rolling.append((roll, low))
+        if not _is_left(chosen, tags):
+            rolling.append((roll, low))
         if toolpath.format == "delmia":
             text = "no single turn about the tool axis serves this straight stroke"
             findings.append(failure(checker.problem, low, Reason.COLLISION, text))
@@ -69,6 +70,12 @@ def _strokes(checker: Checker, chosen: Chosen) -> Iterator[IndexArray]:
         bound = not (_may_turn(checker, chosen, low - 1) or _ends(checker, chosen, high - 1))
         pieces = np.split(tags, between[:1]) if bound else [tags]
         yield from (piece for piece in pieces if len(piece) > 1)
+
+
+def _is_left(chosen: Chosen, tags: IndexArray) -> bool:
+    """Return whether the arm leaves a stroke on its way, out of the part, for another posture."""
+    leap = np.abs(np.diff(chosen.q[tags], axis=0)).max() > np.pi
+    return bool(leap or np.ptp(chosen.branch[tags]))
 
 
 def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:

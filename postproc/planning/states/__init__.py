@@ -25,6 +25,7 @@ from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes
 from postproc.planning.states.tilt import (
     BETWEEN,
+    REENTRY,
     UPRIGHT,
     beside_in_grid,
     feed_directions,
@@ -37,6 +38,7 @@ __all__ = [
     "NONE",
     "NO_POSE",
     "OBJECTIVES",
+    "REENTRY",
     "TRAVEL",
     "TRAVEL_UNIT",
     "UPRIGHT",

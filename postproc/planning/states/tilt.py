@@ -21,6 +21,8 @@ UPRIGHT: FloatArray = np.zeros((1, 2))
 BETWEEN = 0.4 * DEG
 """By so much [rad] lead and side tilt may leave their range between two tags: the controller turns
 the tool about one axis, while the feed direction goes from that of one tag to that of the next."""
+REENTRY = "reentry"
+"""Extra column of a toolpath: tags at which a cut is entered anew, straight along the CAM axis."""
 MOST_TILTS = 25
 MOST_COLUMNS = 2000
 """Most spins times tilts at a tag: 32 arm configurations each must fit into one rung."""
@@ -49,6 +51,7 @@ def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     total = np.where(has_before[:, None], before, 0.0) + np.where(has_behind[:, None], behind, 0.0)
     able = (has_before | has_behind) & ~(both & turns_back)
     able &= np.isin(kind, (MotionKind.RAPID, *CUTS))
+    able &= ~np.asarray(toolpath.extra.get(REENTRY, False), dtype=np.bool_)
     size = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(able[:, None], total / np.maximum(size, 1e-12), np.nan)
 

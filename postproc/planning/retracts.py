@@ -1,0 +1,124 @@
+"""Cuts that no single arm configuration serves, left and entered again where the cell allows it.
+
+The tool backs off along its axis, the arm goes round to the other configuration clear of
+collisions, and the tool comes down along its axis at the feed to the point that it left. Where the
+cut can go on at all it can from there, so that no other place need be tried.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import IndexArray
+from postproc.cell import Cell
+from postproc.errors import Finding, Severity
+from postproc.model import CUTS, MotionKind, Plan, ToolPath
+from postproc.planning.repeats import as_of
+from postproc.planning.states import REENTRY, Chosen, Problem
+from postproc.process import back_off
+from postproc.units import DEG
+
+_LISTED = 12
+_ROUNDS = 10
+"""So many times at most more places are found once the cut has been left at the known ones."""
+
+
+def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath], Plan]) -> Plan:
+    """Return the plan of a toolpath, its cuts left and entered again where nothing else helps.
+
+    Args:
+        toolpath: what is asked for.
+        cell: says whether cuts may be left.
+        plan_here: a toolpath to its plan, errors at tags that no cut enters.
+    """
+    refused = result = plan_here(toolpath)
+    if not cell.motion.retract_in_cuts:
+        return result
+    places = np.zeros(0, dtype=np.int64)
+    for _ in range(_ROUNDS):
+        if not result.errors:
+            return result
+        more = _broken(result)
+        if more is None or np.isin(more, places).any():
+            return refused
+        places = np.union1d(places, more)
+        result = _left_at(toolpath, places, back_off(cell), plan_here)
+    return refused
+
+
+def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
+    """Return the note of cuts that begin in another arm configuration than the one before ended."""
+    toolpath = problem.toolpath
+    cuts = np.flatnonzero(np.isin(np.asarray(toolpath.kind), CUTS) & chosen.good)
+    first = cuts[np.append(True, np.diff(cuts) > 1)[: len(cuts)]][1:] - 1
+    last = cuts[np.searchsorted(cuts, first) - 1]
+    leap = np.abs(chosen.q[first] - chosen.q[last]).max(axis=1, initial=0.0) > np.pi
+    leap |= chosen.branch[first] != chosen.branch[last]
+    leap &= ~np.asarray(toolpath.extra.get(REENTRY, np.zeros(len(toolpath))), np.bool_)[first]
+    new = first[leap]
+    if not len(new):
+        return []
+    lines = toolpath.line[new].tolist()
+    more = f" and {len(lines) - _LISTED} more" if len(lines) > _LISTED else ""
+    text = (
+        "between cuts the tool is lifted off and the arm goes on in another configuration, or an "
+        f"axis by more than half a turn: lines {', '.join(map(str, lines[:_LISTED]))}{more}"
+    )
+    source = toolpath.source(int(new[0]))
+    return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]
+
+
+def _broken(plan: Plan) -> IndexArray | None:
+    """Return the tags (k,) of cuts at which errors stand, None if others stand elsewhere."""
+    tags = [-1 if error.tag_index is None else error.tag_index for error in plan.errors]
+    found = np.unique(np.array(tags, dtype=np.int64))
+    kind = np.asarray(plan.toolpath.kind)
+    if found[0] < 1 or not np.isin(kind[found], CUTS).all():
+        return None
+    return found
+
+
+def _left_at(
+    toolpath: ToolPath, places: IndexArray, height: float, plan_here: Callable[[ToolPath], Plan]
+) -> Plan:
+    """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again."""
+    n, named = len(toolpath), toolpath.named()
+    source = np.sort(np.concatenate([np.arange(n), np.repeat(places - 1, 2)]))
+    row = np.searchsorted(source, np.arange(n))
+    above = row[places - 1] + 1
+    longer = named.rows(source)
+    points, kind = longer.points.copy(), np.asarray(longer.kind).copy()
+    feed, joints = np.asarray(longer.feed).copy(), longer.joints
+    points[above] += height * longer.axes[above]
+    kind[above], kind[above + 1] = MotionKind.RAPID, MotionKind.LINEAR
+    feed[above], feed[above + 1] = np.nan, np.asarray(toolpath.feed)[places]
+    anew = np.zeros(len(source), dtype=np.bool_)
+    anew[above] = anew[above + 1] = True
+    if joints is not None:
+        joints = np.where(anew[:, None], np.nan, joints)
+    extra = {**longer.extra, REENTRY: anew}
+    longer = replace(longer, points=points, kind=kind, feed=feed, joints=joints, extra=extra)
+    found = plan_here(longer)
+    tag = source + anew
+    result = as_of(found, toolpath, tag, row)
+    if result.errors:
+        return result
+    told = (_told(found, toolpath, int(place), int(row[place])) for place in places)
+    return replace(result, findings=(*result.findings, *told))
+
+
+def _told(found: Plan, toolpath: ToolPath, place: int, row: int) -> Finding:
+    """Return the warning of a cut that is left before a tag, planned as ``row``."""
+    last, down = (int(np.flatnonzero(found.tag == tag)[-1]) for tag in (row - 3, row - 1))
+    turned = (found.q[down] - found.q[last]) / DEG
+    axis = int(np.argmax(np.abs(turned)))
+    text = (
+        f"no arm configuration serves this cut: it is left at tag {toolpath.tag_name(place - 1)} "
+        f"and entered there again, A{axis + 1} at {found.q[down, axis] / DEG:.0f} instead of "
+        f"{found.q[last, axis] / DEG:.0f} deg"
+    )
+    source = toolpath.source(place)
+    return Finding(Severity.WARNING, "PLN310", text, place, source)
