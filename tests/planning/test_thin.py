@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from postproc.planning.route.thin import LONGEST, Course, keep
+from postproc.planning.route.thin import LONGEST, ROLL, Course, keep
 from postproc.units import DEG, MM
 
 
-def course(points, turns=None, chord=0.01, axis=0.05, external=None, turning=()):
+def course(points, turns=None, chord=0.01, axis=0.05, external=None, turning=(), tool_axis=None):
     """Return a course of points [mm] with rotation vectors [deg]."""
     n = len(points)
     T = np.tile(np.eye(4), (n, 1, 1))
@@ -20,7 +21,8 @@ def course(points, turns=None, chord=0.01, axis=0.05, external=None, turning=())
     if turns is not None:
         T[:, :3, :3] = Rotation.from_rotvec(np.asarray(turns), degrees=True).as_matrix()
     external = np.zeros((n, 0)) if external is None else np.asarray(external, dtype=float)
-    return Course(T, external, chord * MM, axis * DEG, np.array(turning, dtype=bool))
+    turning = np.array(turning, dtype=bool)
+    return Course(T, external, chord * MM, axis * DEG, turning, tool_axis)
 
 
 def kept_of(course):
@@ -38,18 +40,24 @@ def free_form(seed, n=400):
 
 
 def farthest(course, first, last, samples=4001):
-    """Return by how much [mm, deg] a line passes the points between, found by dense sampling."""
+    """Return by how much a line passes the points between, found by dense sampling.
+
+    Distance [mm], turn of the tool [deg], and that of its axis [deg].
+    """
     p, R = course.T[:, :3, 3] / MM, Rotation.from_matrix(course.T[:, :3, :3])
     share = np.linspace(0.0, 1.0, samples)
     line = p[first] + share[:, None] * (p[last] - p[first])
     led = Slerp([0.0, 1.0], R[[first, last]])(share)
-    chord = axis = 0.0
+    chord = turn = axis = 0.0
+    own = np.array([1.0, 0.0, 0.0]) if course.tool_axis is None else course.tool_axis
     for row in range(first + 1, last):
         apart = np.linalg.norm(line - p[row], axis=1)
         near = int(apart.argmin())
         chord = max(chord, float(apart[near]))
-        axis = max(axis, np.degrees((led[near].inv() * R[row]).magnitude()))
-    return chord, axis
+        turn = max(turn, np.degrees((led[near].inv() * R[row]).magnitude()))
+        apart = np.linalg.norm(led[near].apply(own) - R[row].apply(own))
+        axis = max(axis, np.degrees(2.0 * np.arcsin(0.5 * apart)))
+    return chord, turn, axis
 
 
 @pytest.mark.parametrize("chord", [0.002, 0.01, 0.1])
@@ -90,6 +98,30 @@ def test_every_point_left_out_is_passed_within_the_tolerances(seed):
     _, _, chord, axis = path.off(kept[:-1], kept[1:])
     assert chord.max() / MM == pytest.approx(worst[:, 0].max(), abs=5e-5)
     assert axis.max() / DEG == pytest.approx(worst[:, 1].max(), abs=1e-3)
+
+
+@pytest.mark.parametrize(("limit", "roll"), [(0.01, ROLL / DEG), (0.3, ROLL / DEG)])
+def test_a_turn_about_the_tool_axis_alone_is_held_to_the_roll(limit, roll):
+    """The parabola of the turn is about the tool's own axis, which it does not move."""
+    s, a = np.arange(480.0), 2e-4
+    points, turns = np.stack([s, 0 * s, 0 * s], axis=1), np.stack([0 * s, a * s**2, 0 * s], axis=1)
+    count = np.arange(1, 480)
+    middle = a * (count // 2) * ((count + 1) // 2)
+    for axis, most in ((np.array([0.0, 1.0, 0.0]), roll), (np.array([0.0, 0.0, 1.0]), limit)):
+        spans = np.diff(kept_of(course(points, turns, axis=limit, tool_axis=axis)))
+        assert set(spans[:-1]) == {int(count[middle <= most].max())}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_tool_axis_is_within_the_tolerance_where_the_tool_may_roll(seed):
+    path = replace(free_form(seed), axis=0.005 * DEG)
+    free = replace(path, tool_axis=np.array([0.6, 0.0, 0.8]))
+    kept = kept_of(free)
+    assert len(kept) < len(kept_of(path))
+    worst = np.array([farthest(free, a, b) for a, b in pairwise(kept)])
+    assert worst[:, 0].max() <= 0.01 + 5e-5
+    assert worst[:, 1].max() <= ROLL / DEG + 1e-3
+    assert worst[:, 2].max() <= 0.005 + 1e-3
 
 
 @pytest.mark.parametrize("seed", range(4))

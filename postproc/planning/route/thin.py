@@ -1,8 +1,10 @@
 """Leaves points of cuts out that the lines between the others pass closely enough.
 
 A line leads the tool point straight, and its orientation about one axis in step with the way. What
-is left out lies within the chord tolerance of that way, and there the tool is turned as planned
-within the axis tolerance; from the one to the next it only goes forward. Kept are the first and the
+is left out lies within the chord tolerance of that way, and there the tool axis points as planned
+within the axis tolerance; from the one to the next it only goes forward. Of the turn about the tool
+axis, which a cut does not show, the stiffness and margins planned ask less; a file that gives whole
+orientations is held to the axis tolerance in all of them. Kept are the first and the
 last point of a cut, ends of arcs, points at which the feed changes or something happens, and all
 points of a stretch whose long line the arm cannot run.
 
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
-from postproc.geometry import axis_angle, rotation_about, rotation_angle
+from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
 from postproc.planning.route.speeds import speed_caps
@@ -34,6 +36,8 @@ DIGITS = 2e-4 * MM
 """By so much [m] the digits of a text may move a line."""
 DIGITS_OF_TURN = 1e-4 * DEG
 """By so much [rad] the digits of a text may turn the tool."""
+ROLL = 1.0 * DEG
+"""By so much [rad] the tool may be turned about its axis against the turn that was planned."""
 _WIDEST = 90.0 * DEG
 _SHORTEST = 1e-6
 _TOGETHER = 16
@@ -57,7 +61,8 @@ class Course:
     """Points in a row: poses (k, 4, 4) and external axes (k, e), and how far each may be passed.
 
     ``chord`` [m] for points and rails, ``axis`` [rad] for the orientation and turning axes;
-    ``turns`` (e,) which external axes turn.
+    ``turns`` (e,) which external axes turn. ``tool_axis`` (3,) in the TCP: of the orientation it
+    alone is held to ``axis``, the turn about it to ``ROLL``; None: the whole orientation is.
     """
 
     T: FloatArray
@@ -65,6 +70,7 @@ class Course:
     chord: float
     axis: float
     turns: BoolArray
+    tool_axis: FloatArray | None = None
 
     def off(
         self, first: IndexArray, last: IndexArray
@@ -73,8 +79,9 @@ class Course:
 
         Returns:
             span (p,) and row (p,) of each point between, its distance (p,) [m] from the line and
-            the angle (p,) [rad] by which the tool is turned there against its own; infinite where
-            the line goes back, goes nowhere, or turns too far to be told.
+            the angle (p,) [rad] by which the tool is turned there against its own, that of its axis
+            alone where this makes the line pass; infinite where the line goes back, goes nowhere,
+            or turns too far.
         """
         span, between = numbered(last - first - 1)
         row = first[span] + 1 + between
@@ -91,6 +98,11 @@ class Course:
         wrong[span[back]] = True
         turned = start[span, :3, :3] @ rotation_about(axis[span], angle[span] * share)
         off = rotation_angle(turned, self.T[row, :3, :3])
+        if self.tool_axis is not None:
+            more = np.flatnonzero((off > self.axis) & (off <= ROLL))
+            both = turned[more], self.T[row[more], :3, :3]
+            off[more] = angle_between(*(R @ self.tool_axis for R in both))
+            off[off > ROLL] = np.inf
         if self.external.shape[1]:
             moved = self.external[first][span]
             moved = moved + share[:, None] * (self.external[last][span] - moved)
@@ -160,6 +172,7 @@ def thinned(
         thin.chord - DIGITS,
         thin.axis - DIGITS_OF_TURN,
         np.array([axis.kind != "rail" for axis in axes], dtype=np.bool_),
+        problem.placement.tool_axis if problem.toolpath.rotations is None else None,
     )
     may_go = _may_go(problem, table, speed, stops_before)
     kept = np.flatnonzero(keep(course, may_go))
