@@ -313,7 +313,7 @@ class Process:
 
 @dataclass(frozen=True, slots=True)
 class Thin:
-    """How far the tool may pass a point left out: ``chord`` [m], orientation by ``axis`` [rad]."""
+    """How far the tool may pass a point left out: ``chord`` [m], its axis by ``axis`` [rad]."""
 
     chord: float
     axis: float
