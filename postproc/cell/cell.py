@@ -130,8 +130,9 @@ class Robot:
 
     ``link_mass`` (6,) [kg] and ``link_com`` (6, 3) [m] (each in its link frame at the joint, axes
     of robroot in the zero pose) are NaN where no source gives them. ``joint_stiffness`` (6,)
-    [N*m/rad] or None. Limits and speeds that no source gives are NaN. ``origins`` maps field names
-    to where the numbers come from, ``doubts`` to what speaks against them.
+    [N*m/rad] or None. Limits and speeds that no source gives are NaN; ``qddd_max`` (6,) [rad/s^3]
+    is the jerk, None where nobody has said it. ``origins`` maps field names to where the numbers
+    come from, ``doubts`` to what speaks against them.
     """
 
     name: str
@@ -144,6 +145,7 @@ class Robot:
     payload: float = float("nan")
     mass: float = float("nan")
     repeatability: float = float("nan")
+    qddd_max: FloatArray | None = None
     joint_stiffness: FloatArray | None = None
     link_mass: FloatArray | None = None
     link_com: FloatArray | None = None
@@ -154,10 +156,17 @@ class Robot:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        for name in ("q_min", "q_max", "qd_max", "qdd_max", "joint_stiffness", "link_mass"):
+        joints = ("q_min", "q_max", "qd_max", "qdd_max", "qddd_max", "joint_stiffness", "link_mass")
+        for name in joints:
             frozen_floats(self, name, (6,))
         frozen_floats(self, "link_com", (6, 3))
         frozen_floats(self, "T_world_robroot", (4, 4))
+
+    @property
+    def has_acceleration(self) -> bool:
+        """Whether somebody has said the accelerations; else they are assumed."""
+        origin = self.origins.get("qdd_max")
+        return origin is not None and origin.provenance is not Provenance.ASSUMED
 
     @property
     def gravity(self) -> FloatArray:

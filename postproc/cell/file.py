@@ -313,6 +313,8 @@ def _robot_changes(table: RobotTable, robot: Robot) -> dict[str, Any]:
         changes["qd_max"] = np.array(table.speed_deg_s) * DEG
     if table.accel_deg_s2 is not None:
         changes["qdd_max"] = np.array(table.accel_deg_s2) * DEG
+    if table.jerk_deg_s3 is not None:
+        changes["qddd_max"] = np.array(table.jerk_deg_s3) * DEG
     if table.payload_kg is not None:
         changes["payload"] = table.payload_kg
     return changes

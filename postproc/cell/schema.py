@@ -179,7 +179,14 @@ class RobotTable(Table):
         default=None, description="largest speed of A1..A6 [deg/s]; default: of the robot"
     )
     accel_deg_s2: SixPositive | None = Field(
-        default=None, description="largest acceleration of A1..A6 [deg/s^2]; default: of the robot"
+        default=None,
+        description="largest acceleration of A1..A6 [deg/s^2], which times of path motions keep as "
+        "well; default: of the robot, or full speed in half a second in joint motions",
+    )
+    jerk_deg_s3: SixPositive | None = Field(
+        default=None,
+        description="largest jerk of A1..A6 [deg/s^3], for times; default: full acceleration in "
+        "a tenth of a second",
     )
     payload_kg: Positive | None = Field(
         default=None, description="rated payload [kg]; default: of the robot"

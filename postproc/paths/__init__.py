@@ -9,6 +9,8 @@ from postproc.paths.times import (
     cycle_time,
     durations,
     feed_shares,
+    jerk_ramps,
+    joint_path,
     motion_times,
     speed_shares,
 )
@@ -28,6 +30,8 @@ __all__ = [
     "directions",
     "durations",
     "feed_shares",
+    "jerk_ramps",
+    "joint_path",
     "joint_paths",
     "moments_of",
     "motion_times",

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray
-from postproc.cell import Cell
+from postproc.cell import Cell, Robot
 from postproc.controller import Blend, EventWord
 from postproc.paths.motion import Paths
-from postproc.timing import SPEED_UP_TIME, joint_move_time, path_times
+from postproc.timing import RAMP, SPEED_UP_TIME, JointPath, joint_move_time, path_times
 
 SLOWEST = 1e-7
 """A path speed [m/s] below this is none; times are finite with it."""
@@ -73,6 +73,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
         chains(paths)[cp],
         np.nan_to_num(turning[cp]),
         trace.column("acceleration")[cp],
+        _joints_along(paths, cell.robot, cp),
     )
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
@@ -80,10 +81,50 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     share = np.hstack([share, np.tile(share[:, :1], (1, len(cell.external_axes)))])
     places = np.nan_to_num(np.hstack([paths.q, paths.external]))
     speed = _top_speeds(cell)
-    ramps = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
+    push = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
     top = np.maximum(speed * share, _SLOWEST_AXIS)
-    times[joint] = joint_move_time(places[joint - 1], places[joint], top, ramps)
+    ramps = np.append(jerk_ramps(cell.robot), np.full(len(speed) - 6, RAMP))
+    times[joint] = joint_move_time(places[joint - 1], places[joint], top, push, ramps)
     return times
+
+
+def jerk_ramps(robot: Robot) -> FloatArray:
+    """Return the time (6,) [s] in which each axis builds its acceleration up."""
+    return np.full(6, RAMP) if robot.qddd_max is None else robot.qdd_max / robot.qddd_max
+
+
+def joint_path(
+    robot: Robot,
+    row: AnyIntArray,
+    share: FloatArray,
+    q: FloatArray,
+    q_start: FloatArray,
+    blend: FloatArray,
+) -> JointPath | None:
+    """Return what bounds the axes along path motions, None where nobody has said accelerations.
+
+    Args:
+        robot: the arm.
+        row: (s,) motion of each sample.
+        share: (s,) place on it [0, 1].
+        q: (s, 6) [rad] there.
+        q_start: (m, 6) where each motion starts.
+        blend: (m,) distance [m] at the end of each, infinite for half the way.
+    """
+    if not robot.has_acceleration:
+        return None
+    inner = share > 0.0
+    ramp = float(jerk_ramps(robot).max())
+    return JointPath(row[inner], share[inner], q[inner], q_start, blend, robot.qdd_max, ramp)
+
+
+def _joints_along(paths: Paths, robot: Robot, cp: AnyIntArray) -> JointPath | None:
+    mine = paths.trace.is_cp[paths.row]
+    row = np.searchsorted(cp, paths.row[mine])
+    q, start = np.nan_to_num(paths.q_sample[mine]), np.nan_to_num(paths.q)[np.maximum(cp - 1, 0)]
+    trace = paths.trace
+    blend = np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf)[cp]
+    return joint_path(robot, row, paths.share[mine], q, start, blend)
 
 
 def feed_shares(paths: Paths, cell: Cell) -> FloatArray:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, FloatArray, runs
+from postproc.timing.bounded import JointPath, bounded_times, segment_times
 
 RAMP = 0.1
 """Time [s] in which acceleration is built up; assumed."""
@@ -38,7 +39,7 @@ def joint_move_time(
     q_to: ArrayLike,
     speed: ArrayLike,
     acceleration: ArrayLike,
-    ramp: float = RAMP,
+    ramp: ArrayLike = RAMP,
 ) -> FloatArray:
     """Return the time (m,) [s] of rest-to-rest joint moves whose axes share one phase profile.
 
@@ -47,7 +48,8 @@ def joint_move_time(
         q_to: (m, d) likewise.
         speed: (d,) or (m, d) limits [rad/s].
         acceleration: (d,) limits [rad/s^2].
-        ramp: time in which full acceleration is built up [s]; jerk = acceleration / ramp.
+        ramp: one or (d,), time in which full acceleration is built up [s]; the jerk of an axis is
+            its acceleration / ramp.
     """
     way = np.abs(np.atleast_2d(np.asarray(q_to, dtype=np.float64) - np.asarray(q_from)))
     top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
@@ -57,9 +59,11 @@ def joint_move_time(
     with np.errstate(divide="ignore"):
         speeds = (top / share).min(axis=1, initial=np.inf)
         pushes = (push / share).min(axis=1, initial=np.inf)
+        jerks = (push / np.asarray(ramp) / share).min(axis=1, initial=np.inf)
     times = np.zeros(len(way))
     for row in np.flatnonzero(longest > _TINY).tolist():
-        times[row] = _RestToRest.time(longest[row], speeds[row], pushes[row], ramp)
+        ramp_here = pushes[row] / jerks[row]
+        times[row] = _RestToRest.time(longest[row], speeds[row], pushes[row], ramp_here)
     return times
 
 
@@ -129,7 +133,7 @@ def chain_profile(
     for i in range(len(step) - 1, -1, -1):
         square[i] = min(square[i], square[i + 1] + gain[i])
     speed = np.sqrt(np.array(square))
-    duration = _segment_times(step, speed, top, push)
+    duration = segment_times(step, speed, top, push)
     if len(step):
         total = float(duration.sum())
         duration = duration * (1.0 + ramp / total) if total > _TINY else duration
@@ -142,6 +146,7 @@ def path_times(
     chain: AnyIntArray,
     turning: FloatArray,
     acceleration: ArrayLike = PATH_ACCELERATION,
+    joints: JointPath | None = None,
 ) -> FloatArray:
     """Return the time (m,) [s] of path motions in order.
 
@@ -151,16 +156,22 @@ def path_times(
         chain: (m,) equal from one stop to the next.
         turning: (m,) time that the orientation needs at least [s].
         acceleration: one or (m,) along the path [m/s^2].
+        joints: of the motions, where the axes bound the acceleration as well.
     """
     push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), length.shape)
     times = np.zeros(len(length))
     bounds = runs(chain)
+    ramp = RAMP if joints is None else joints.ramp
     alone = np.array([low for low, high in bounds if high - low == 1], dtype=np.int64)
-    times[alone] = line_time(length[alone], speed[alone], push[alone])
+    times[alone] = line_time(length[alone], speed[alone], push[alone], ramp)
     for low, high in bounds:
         if high - low > 1:
             way = np.concatenate([[0.0], np.cumsum(length[low:high])])
-            times[low:high] = chain_profile(way, speed[low:high], push[low:high]).duration
+            times[low:high] = chain_profile(way, speed[low:high], push[low:high], ramp).duration
+        if joints is not None:
+            times[low:high] = np.maximum(
+                times[low:high], bounded_times(length, speed, push, joints, (low, high))
+            )
     return np.maximum(times, turning)
 
 
@@ -191,20 +202,6 @@ def axis_speed_cap(
     best[1:] = np.minimum(best[1:], curve)
     best[:-1] = np.minimum(best[:-1], curve)
     return np.asarray(best)
-
-
-def _segment_times(
-    step: FloatArray, speed: FloatArray, top: FloatArray, push: FloatArray
-) -> FloatArray:
-    """Return the time of each segment: speed up, keep, slow down between the knots' speeds."""
-    start, end = speed[:-1], speed[1:]
-    peak = np.sqrt(np.minimum(top**2, push * step + 0.5 * (start**2 + end**2)))
-    peak = np.maximum(peak, np.maximum(start, end))
-    ramps = (2.0 * peak - start - end) / push
-    covered = (2.0 * peak**2 - start**2 - end**2) / (2.0 * push)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cruise = np.where(step > _TINY, (step - covered) / peak, 0.0)
-    return np.where(step > _TINY, ramps + np.maximum(cruise, 0.0), 0.0)
 
 
 class _RestToRest:

@@ -265,6 +265,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "robot.limits_deg": ({}, {"robot.limits_deg": [[-5.0, 5.0]] + [[-120.0, 120.0]] * 5}),
     "robot.speed_deg_s": ({}, {"robot.speed_deg_s": [1.0] * 6}),
     "robot.accel_deg_s2": ({}, {"robot.accel_deg_s2": [1.0] * 6}),
+    "robot.jerk_deg_s3": ({}, {"robot.jerk_deg_s3": [10.0] * 6}),
     "robot.cable": ({}, {"robot.cable": {"A5": [-40.0, 40.0]}}),
     "robot.payload_kg": ({"tool.mass_kg": 50.0}, {"robot.payload_kg": 20.0}, CHECK),
     **solids("robot.link_meshes", WRIST, {"obstacles": [ABOVE]}, link=6),

@@ -10,12 +10,14 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
+from postproc.paths import jerk_ramps, joint_path
 from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
     ORIENTATION_SPEED,
+    JointPath,
     axis_speed_cap,
     joint_move_time,
     path_times,
@@ -69,7 +71,12 @@ def timed(
     blend = _blends(problem, replace(table, speed=speed), length, stops_before)
     blend = lowered_blends(checker, table, lines, rows, blend)
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
-    duration = _durations(problem, table, length, np.minimum(speed, cap), blend, orientation)
+    joints = joint_path(
+        problem.cell.robot, track.row, track.share, track.q, lines.q_from, blend[rows]
+    )
+    duration = _durations(
+        problem, table, length, np.minimum(speed, cap), blend, orientation, joints
+    )
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
 
 
@@ -327,6 +334,7 @@ def _durations(
     speed: FloatArray,
     blend: FloatArray,
     orientation: FloatArray,
+    joints: JointPath | None,
 ) -> FloatArray:
     """Return the estimated time (m,) [s] of each move, without its dwell."""
     robot = problem.cell.robot
@@ -338,6 +346,7 @@ def _durations(
         table.q[later],
         np.asarray(robot.qd_max) * problem.cell.motion.rapid,
         robot.qdd_max,
+        jerk_ramps(robot),
     )
     path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
     stop = blend[path] == 0.0
@@ -348,5 +357,5 @@ def _durations(
     turning = turned / np.where(np.isfinite(orientation), orientation, ORIENTATION_SPEED)
     chain = np.cumsum(np.r_[True, stop[:-1]][: len(path)])
     top = np.maximum(speed[path], SLOWEST)
-    duration[path] = path_times(length[path], top, chain, turning[path])
+    duration[path] = path_times(length[path], top, chain, turning[path], joints=joints)
     return duration

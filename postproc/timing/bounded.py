@@ -1,0 +1,229 @@
+"""The fastest way along a path whose axes are bounded, by reachability analysis (TOPP-RA).
+
+Along a path q(s) everything that bounds an axis is linear in the acceleration u along the path and
+the square x of the speed: that of an axis is q'(s) u + q''(s) x. From the end backward, the largest
+x from which the end can be reached; from the start forward, the largest u that stays below it.
+
+Source:
+    Pham and Pham 2018, "A new approach to time-optimal path parameterization based on reachability
+    analysis", IEEE Transactions on Robotics 34 (3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IndexArray
+
+_TINY = 1e-12
+_WITHIN = 0.95
+"""Share of the blending distance by which a knot stands for the corner within it."""
+_SHORT = 1e-9
+_STANDS = 1e-9
+"""A speed [m/s] that is held at least, so that times are finite."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointPath:
+    """Sampled joints of path motions, and what their axes can do.
+
+    Args:
+        row: (s,) number of the motion; share: (s,) place on it (0, 1], its end among them.
+        q: (s, d) [rad] there; q_start: (m, d) where each motion starts.
+        blend: (m,) distance [m] at the end of each from which on the next one is approached;
+            infinite for half the way.
+        acceleration: (d,) limits [rad/s^2].
+        ramp: time in which the axes build their acceleration up [s].
+    """
+
+    row: IndexArray
+    share: FloatArray
+    q: FloatArray
+    q_start: FloatArray
+    blend: FloatArray
+    acceleration: FloatArray
+    ramp: float
+
+
+def bounded_times(
+    length: FloatArray,
+    speed: FloatArray,
+    push: FloatArray,
+    joints: JointPath,
+    chain: tuple[int, int],
+) -> FloatArray:
+    """Return the times (high - low,) [s] of the motions ``low`` to ``high`` from stop to stop.
+
+    At a corner the slope of the joints goes from that of the one motion to that of the next within
+    the blending distances. The ramp of the jerk is spread over all, as in ``chain_profile``.
+
+    Args:
+        length: (m,) of all motions [m].
+        speed: (m,) largest [m/s].
+        push: (m,) largest acceleration along the path [m/s^2].
+        joints: of all motions.
+        chain: low, high.
+    """
+    low, high = chain
+    rows = low + np.flatnonzero(length[low:high] > _SHORT)
+    if not len(rows):
+        return np.zeros(high - low)
+    row, way, first, second = _knots(length, joints, rows)
+    segment, step = row[1:], np.diff(way)
+    found = bounded_speed(step, speed[segment], push[segment], first, second, joints.acceleration)
+    times = segment_times(step, *found)
+    times *= 1.0 + joints.ramp / times.sum()
+    return np.asarray(np.bincount(segment - low, times, minlength=high - low), np.float64)
+
+
+def _knots(
+    length: FloatArray, joints: JointPath, rows: IndexArray
+) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray]:
+    """Return the knots of a chain of motions ``rows`` (n,) in order.
+
+    The motion to each (k,), the way there (k,) [m], and q' and q'' there (k, d).
+    """
+    mine = np.flatnonzero(np.isin(joints.row, rows))
+    row = np.concatenate([rows, joints.row[mine]])
+    at = np.concatenate([np.zeros(len(rows)), joints.share[mine]]) * length[row]
+    q = np.vstack([joints.q_start[rows], joints.q[mine]])
+    order = np.lexsort((at, row))
+    row, at, q = row[order], at[order], q[order]
+    first, second = slopes(row, at, q)
+    begins, ends = np.searchsorted(row, rows), np.searchsorted(row, rows, "right") - 1
+    size = length[rows]
+    blend = np.minimum(joints.blend[rows[:-1]], 0.5 * np.minimum(size[:-1], size[1:]))
+    turn = (first[begins[1:]] - first[ends[:-1]]) / (2.0 * np.maximum(blend, _SHORT))[:, None]
+    before, behind = np.insert(blend, 0, 0.0), np.append(blend, 0.0)
+    number = np.searchsorted(rows, row)
+    inner = (at > before[number] + _SHORT) & (at < (size - behind)[number] - _SHORT)
+    middle = 0.5 * (first[ends[:-1]] + first[begins[1:]])
+    parts = (
+        (row[inner], at[inner], first[inner], second[inner]),
+        (rows, before, first[begins], second[begins]),
+        (rows, size - behind, first[ends], second[ends]),
+        (rows[:-1], size[:-1] - _WITHIN * blend, first[ends[:-1]], turn),
+        (rows[:-1], size[:-1], middle, turn),
+        (rows[1:], _WITHIN * blend, first[begins[1:]], turn),
+    )
+    row, at, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
+    way = (np.cumsum(size) - size)[np.searchsorted(rows, row)] + at
+    order = np.lexsort((np.arange(len(way)), way))
+    order = order[np.append(True, np.diff(way[order]) > _SHORT)]
+    return row[order], way[order], first[order], second[order]
+
+
+def slopes(row: IndexArray, at: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return q' and q'' (k, d) at places on motions, one-sided where a motion begins and ends.
+
+    Args:
+        row: (k,) motion, rising.
+        at: (k,) place on it [m], rising.
+        q: (k, d) joints there.
+    """
+    step = np.maximum(np.diff(at), _SHORT)[:, None]
+    chord = np.diff(q, axis=0) / step
+    first, second = np.zeros_like(q), np.zeros_like(q)
+    same = np.diff(row) == 0
+    first[:-1][same], first[1:][same] = chord[same], chord[same]
+    inner = np.flatnonzero(same[1:] & same[:-1]) + 1
+    before, behind = step[inner - 1], step[inner]
+    first[inner] = (before * chord[inner] + behind * chord[inner - 1]) / (before + behind)
+    second[inner] = 2.0 * (chord[inner] - chord[inner - 1]) / (before + behind)
+    starts = inner[~np.isin(inner - 1, inner)]
+    ends = inner[~np.isin(inner + 1, inner)]
+    for at_end, beside, half in ((starts - 1, starts, -0.5), (ends + 1, ends, 0.5)):
+        second[at_end] = second[beside]
+        first[at_end] += half * step[np.minimum(at_end, beside)] * second[beside]
+    return first, second
+
+
+def bounded_speed(
+    step: FloatArray,
+    cap: FloatArray,
+    push: FloatArray,
+    first: FloatArray,
+    second: FloatArray,
+    acceleration: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the fastest way along a chain from rest to rest.
+
+    Args:
+        step: (k-1,) lengths of the segments [m], above 0.
+        cap: (k-1,) largest speed on each [m/s].
+        push: (k-1,) largest acceleration along each [m/s^2].
+        first: (k, d) q' at the knots [rad/m].
+        second: (k, d) q'' [rad/m^2].
+        acceleration: (d,) limits of the axes [rad/s^2].
+
+    Returns:
+        The speed (k,) at the knots [m/s], and on each segment the largest speed (k-1,) and the
+        acceleration (k-1,) that is left at it [m/s^2].
+    """
+    # what bounds the axes at both ends of a segment bounds u and the x it begins with
+    slope = np.stack([first[:-1], first[1:] + 2.0 * step[:, None] * second[1:]], axis=1)
+    curve = np.stack([second[:-1], second[1:]], axis=1)
+    slope, curve = (rows.reshape(len(step), -1) for rows in (slope, curve))
+    size, limits = np.abs(slope), np.tile(acceleration, 2)
+    moves = size > _TINY
+    with np.errstate(divide="ignore", invalid="ignore"):
+        most = np.where(moves, limits / size, np.inf)
+        bend = np.where(moves, curve / slope, 0.0)
+        still = np.where(moves, np.inf, limits / np.abs(curve)).min(axis=1)
+    most, bend = np.column_stack([most, push]), np.column_stack([bend, np.zeros(len(step))])
+    limit = np.minimum(_largest(most, bend), still)
+    square = np.minimum(limit[1:], np.minimum(cap[1:], cap[:-1]) ** 2)
+    square = _passes(step, np.concatenate([[0.0], square, [0.0]]), most, bend)
+    highest = np.maximum(square[1:], square[:-1])
+    left = (most - np.abs(bend) * highest[:, None]).min(axis=1)
+    needed = np.abs(np.diff(square)) / (2.0 * step)
+    top = np.maximum(np.minimum(cap**2, limit), highest)
+    return np.sqrt(square), np.sqrt(top), np.maximum(np.maximum(left, needed), _STANDS)
+
+
+def _largest(most: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return the largest x (k,) for which some u keeps ``|u + bend x| <= most`` of all (k, n)."""
+    best = np.full(len(most), np.inf)
+    for j in range(most.shape[1]):
+        apart = np.abs(bend - bend[:, j : j + 1])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bound = np.where(apart > _TINY, (most + most[:, j : j + 1]) / apart, np.inf)
+        best = np.minimum(best, bound.min(axis=1))
+    return best
+
+
+def _passes(step: FloatArray, square: FloatArray, most: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return the squares (k,) of the speeds, none above ``square``, after both passes."""
+    found = square.copy()
+    for i in range(len(step) - 1, -1, -1):
+        slope, gain = 1.0 - 2.0 * step[i] * bend[i], 2.0 * step[i] * most[i]
+        room = np.where(slope > 0.0, gain + found[i + 1], gain)  # the next x is 0 at least
+        found[i] = min(found[i], (room / np.maximum(np.abs(slope), _TINY)).min())
+    for i in range(len(step)):
+        push = (most[i] - bend[i] * found[i]).min()
+        reached = max(found[i] + 2.0 * step[i] * push, _STANDS**2)
+        found[i + 1] = min(found[i + 1], reached)
+    return found
+
+
+def segment_times(
+    step: FloatArray, speed: FloatArray, top: FloatArray, push: FloatArray
+) -> FloatArray:
+    """Return the time (k-1,) [s] of each segment: speed up, keep, slow down between the knots.
+
+    Args:
+        step: (k-1,) lengths [m].
+        speed: (k,) at the knots [m/s].
+        top: (k-1,) largest speed [m/s].
+        push: (k-1,) largest acceleration [m/s^2].
+    """
+    start, end = speed[:-1], speed[1:]
+    peak = np.sqrt(np.minimum(top**2, push * step + 0.5 * (start**2 + end**2)))
+    peak = np.maximum(peak, np.maximum(start, end))
+    ramps = (2.0 * peak - start - end) / push
+    covered = (2.0 * peak**2 - start**2 - end**2) / (2.0 * push)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        cruise = np.where(step > _TINY, (step - covered) / peak, 0.0)
+    return np.where(step > _TINY, ramps + np.maximum(cruise, 0.0), 0.0)
