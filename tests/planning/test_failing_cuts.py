@@ -44,6 +44,12 @@ def test_a_long_cut_stays_and_wants_key_tags_where_it_fails(failing):
     assert failing.wanted == {59, 60, 61}
 
 
+def test_where_key_tags_are_to_stay_as_they_are_none_is_taken_out(failing):
+    named = FailingCuts(failing.between, longest=0.0)
+    assert not named.taken_out(*spans_of(failing.between, [(0, 20)], [10])).any()
+    assert named.wanted
+
+
 def test_a_step_from_tag_to_tag_is_always_taken_out(failing):
     for tag in range(1, 40):
         assert failing.taken_out(*spans_of(failing.between, [(tag - 1, tag)], [tag])).all()

@@ -20,7 +20,7 @@ from postproc.planning.states import Ladder
 
 _ALL = 8
 """All tags inside a cut of no more become key tags."""
-_SHORT = 0.05
+SHORT = 0.05
 """A longer cut [m] is not taken out: its key tags are to stay as they are."""
 _DEAR = 3.0
 """A way round that costs more is dear: 10 % of stiffness over 0.3 m of cut, say."""
@@ -32,11 +32,13 @@ _TRIES, _NEAR = 8, 0.06
 class FailingCuts:
     """Cuts between key tags that failed inside.
 
-    ``wanted``: tags that would have to be key tags for a cut to be run; ``out``: the tags at which
-    cuts were taken out, to the tags that would have to be; ``places`` [m]: where that was.
+    ``longest`` [m]: no longer ones are taken out. ``wanted``: tags that would have to be key tags
+    for a cut to be run; ``out``: the tags at which cuts were taken out, to the tags that would have
+    to be; ``places`` [m]: where that was.
     """
 
     between: Interpolation
+    longest: float = SHORT
     wanted: set[int] = field(default_factory=set)
     out: dict[int, set[int]] = field(default_factory=dict)
     places: list[float] = field(default_factory=list)
@@ -56,7 +58,7 @@ class FailingCuts:
             rows = bad[slice(*np.searchsorted(judged.rows.span[bad], [i, i + 1]))]
             tags = _inside(first, last, judged.rows.tag[rows])
             near = np.abs(places - way[last]) < _NEAR
-            is_short = way[last] - way[first] <= _SHORT and self.between.is_cut[last]
+            is_short = way[last] - way[first] <= self.longest and self.between.is_cut[last]
             if is_short and near.sum() < _TRIES:
                 self.out[last] = self.out.get(last, set()) | tags
                 self.places.append(float(way[last]))

@@ -1,9 +1,9 @@
 """Where a search must look closer before it may say that something cannot be run.
 
-A cut that fails between key tags gets key tags where it fails. Where no way is left on the grid,
-all tags around the break become key tags and their spins are searched in finer steps, farther and
-farther out, up to the whole cut. What is still without a way then is refuted: every spin of the
-finest grid, in every branch, at every tag.
+A cut that fails between key tags and cannot be gone round gets key tags where it fails. Where no
+way is left on the grid, all tags around the break become key tags and their spins are searched in
+finer steps, farther and farther out, up to the whole cut. What is still without a way then is
+refuted: every spin of the finest grid, in every branch, at every tag.
 """
 
 from __future__ import annotations

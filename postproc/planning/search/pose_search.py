@@ -15,7 +15,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.breaks import break_at
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
-from postproc.planning.search.failing_cuts import FailingCuts
+from postproc.planning.search.failing_cuts import SHORT, FailingCuts
 from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
@@ -122,7 +122,7 @@ class PoseSearch:
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
             hasty=hasty,
-            failing=FailingCuts(between),
+            failing=FailingCuts(between, SHORT if wish.stretch is None else 0.0),
         )
 
     def grow(self, tags: IndexArray, stride: IndexArray) -> None:

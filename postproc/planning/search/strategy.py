@@ -2,8 +2,8 @@
 
 They differ in which tags are key tags at first and in what travel weighs. Key tags take states of
 the grid, the best sequence of all; the tags between follow by interpolation, each with its own tip
-and axis. Key tags are added where a cut between two of them cannot be run or loses too much
-stiffness; then the poses leave the grid.
+and axis. Where a cut between two of them cannot be run another is taken, or key tags are added, as
+where it loses too much stiffness; then the poses leave the grid.
 
 ``smooth`` is the smoothing of Jiao et al. 2022: few key tags, as the cell names or spaces them.
 With ``refine`` off these take the best spin of the grid each, as in the paper; with it they are
