@@ -50,7 +50,7 @@ class Columns:
 
     ``wanted_mm``: the approximation as planned, before the segments cut it short. ``auxiliary``:
     pose of a CIRC's point on the way, or None. ``line``: CAM line, 0 without one; ``operation``:
-    index, -1 without one.
+    index, -1 without one. ``is_reframed``: tool or base are not those of the move before.
     """
 
     kind: list[int]
@@ -67,6 +67,7 @@ class Columns:
     dwell_s: list[float]
     line: list[int]
     operation: list[int]
+    is_reframed: list[bool]
 
     def __len__(self) -> int:
         """Return the number of moves."""
@@ -105,7 +106,14 @@ def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -
         dwell_s=np.nan_to_num(plan.dwell).tolist(),
         line=np.where(has_tag, plan.toolpath.line[tags], 0).tolist(),
         operation=np.where(has_tag, plan.toolpath.operation[tags], -1).tolist(),
+        is_reframed=_reframed(plan).tolist(),
     )
+
+
+def _reframed(plan: Plan) -> BoolArray:
+    """Return (m,) whether tool or base are not those of the move before."""
+    frames = np.stack([plan.tool_of_moves, plan.base_of_moves])
+    return np.asarray((np.diff(frames, axis=1, prepend=frames[:, :1]) != 0).any(axis=0))
 
 
 def border_quality(plan: Plan) -> FloatArray:

@@ -222,10 +222,10 @@ class PartWriter:
         """
         if index == self.part.first:
             return False
-        columns = (self.plan.tool_of_moves, self.plan.base_of_moves)
-        changed = any(int(column[index]) != int(column[index - 1]) for column in columns)
         events = self.by_index.get(index, ())
-        return changed and all(event.kind is not EventKind.TOOL_CHANGE for event in events)
+        return self.table.is_reframed[index] and all(
+            event.kind is not EventKind.TOOL_CHANGE for event in events
+        )
 
     def _open_operation(self, operation: int) -> None:
         self._operation = operation
