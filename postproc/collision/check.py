@@ -47,6 +47,7 @@ def check(
     contact: BoolArray | None,
     tally: Tally | None = None,
     only: BoolArray | None = None,
+    likely: IndexArray | None = None,
 ) -> Hits:
     """Return for each configuration (n, 6) [rad] whether it collides.
 
@@ -56,17 +57,36 @@ def check(
         contact: (n,) where cutting solids may touch the workpiece; None: nowhere.
         tally: counts the work.
         only: (p,) the pairs to look at; None: all.
+        likely: (n,) the pair that each probably collides by, -1 for none: where it does the others
+            are not looked at, and it is the one that is told.
     """
     pair = np.full(len(q), NO_PAIR, dtype=np.int64)
-    for rows in chunks(len(q)):
+    if likely is not None:
+        _note_likely(engine, q, contact, likely, pair)
+    todo = np.flatnonzero(pair == NO_PAIR)
+    for part in chunks(len(todo)):
+        rows = todo[part]
         touch = None if contact is None else contact[rows]
         found = _candidates(engine, q[rows], touch, only)
         entries = first_hits(engine, found)
-        pair[rows.start + found.near.row[entries]] = found.near.pair[entries]
+        pair[rows[found.near.row[entries]]] = found.near.pair[entries]
         if tally is not None:
-            tally.pairs += len(engine.table) * (rows.stop - rows.start)
+            tally.pairs += len(engine.table) * len(rows)
             tally.exact += len(found)
     return Hits(pair != NO_PAIR, pair, engine.names)
+
+
+def _note_likely(
+    engine: Engine, q: FloatArray, contact: BoolArray | None, likely: IndexArray, pair: IndexArray
+) -> None:
+    """Set ``pair`` (n,) where the surfaces of the likely one meet and may not."""
+    wanted = engine.wanted(contact)
+    known = np.flatnonzero(likely != NO_PAIR)
+    known = known[wanted[likely[known], known if wanted.shape[1] > 1 else 0]]
+    for part in chunks(len(known)):
+        rows = known[part]
+        met = rows[engine.met(q[rows], likely[rows])]
+        pair[met] = likely[met]
 
 
 def chunks(count: int, size: int = CHUNK) -> Iterator[slice]:

@@ -227,6 +227,14 @@ class Engine:
         kept = np.union1d(kept, np.flatnonzero(nested))
         return Candidates(near.rows(kept), R[kept], p[kept], nested[kept])
 
+    def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:
+        """Return (n,) whether the surfaces of one pair each meet at configurations (n, 6 + k)."""
+        near = Near(pair, np.arange(len(q)), np.zeros(len(q)))
+        R, p = self._culler.relative(self.frames(q), near)
+        met = np.zeros(len(q), dtype=np.bool_)
+        met[self.exact.collide(*self.bodies(near), R, p, near.row)] = True
+        return met
+
     def distances(self, found: Candidates, which: np.ndarray) -> FloatArray:
         """Return exact distances [m] of the given entries; 0 where they meet or are nested."""
         first, second = self.bodies(found.near)

@@ -150,7 +150,11 @@ class Scene:
         return found
 
     def check(
-        self, q: ArrayLike, contact: ArrayLike | None = None, tally: Tally | None = None
+        self,
+        q: ArrayLike,
+        contact: ArrayLike | None = None,
+        tally: Tally | None = None,
+        likely: IndexArray | None = None,
     ) -> Hits:
         """Return for each configuration whether it collides, and the first pair that does.
 
@@ -158,9 +162,12 @@ class Scene:
             q: (n, 6) [rad].
             contact: (n,) or bool, where cutting solids may touch the workpiece; None: nowhere.
             tally: counts the work done.
+            likely: (n,) index into ``pairs`` of one to look at before all others, which is told
+                where it collides; -1: none.
         """
         joints = self._rows(q)
-        return check(self._engine, joints, _contact(contact, len(joints)), tally)
+        touch = _contact(contact, len(joints))
+        return check(self._engine, joints, touch, tally, likely=likely)
 
     def clearance(
         self, q: ArrayLike, contact: ArrayLike | None = None, most: float = np.inf

@@ -113,6 +113,22 @@ def test_answers_do_not_depend_on_the_batch(busy_cell, arm_of, random_q):
     assert len(scene.clearance(np.zeros((0, 6)))) == 0
 
 
+@pytest.mark.parametrize("contact", [None, True])
+def test_a_pair_said_to_be_likely_changes_no_answer(busy_cell, arm_of, random_q, contact):
+    """It is looked at first: right, wrong, or one that may touch where contact is allowed."""
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    q = random_q(200, seed=17)
+    plain = scene.check(q, contact)
+    guess = np.random.default_rng(3).integers(-1, len(scene.pairs), len(q))
+    guess[::2] = plain.pair[::2]
+    guided = scene.check(q, contact, likely=guess)
+    assert np.array_equal(guided.hit, plain.hit)
+    told = guided.pair == guess
+    assert told[::2].all()
+    assert np.array_equal(guided.pair[~told], plain.pair[~told])
+    assert np.array_equal(scene.check(q, contact, likely=plain.pair).pair, plain.pair)
+
+
 def test_a_scene_travels_to_another_process(busy_cell, arm_of, random_q):
     scene = Scene.build(busy_cell, arm_of(busy_cell))
     q = random_q(50, seed=9)

@@ -194,12 +194,16 @@ class Checker:
         bad = part.reason == Reason.COLLISION
         verdict.collide(rows[kept[bad]], part.pair[bad])
 
-    def poses(self, tags: IndexArray, q: FloatArray) -> Verdict:
-        """Check poses (m, 6) at tags (m,) for collision, without strokes."""
+    def poses(self, tags: IndexArray, q: FloatArray, likely: IndexArray | None = None) -> Verdict:
+        """Check poses (m, 6) at tags (m,) for collision, without strokes.
+
+        ``likely`` (m,): the pair that each probably collides by, -1 where nobody knows.
+        """
         verdict = Verdict.clean(len(tags))
         verdict.refuse(~self.problem.placement.given[tags], Reason.UNREACHABLE)
         poses = self._standing(q, self.problem.placement.external[tags])
-        self._hits(verdict, np.arange(len(tags)), poses, self.problem.is_contact[tags])
+        contact = self.problem.is_contact[tags]
+        self._hits(verdict, np.arange(len(tags)), poses, contact, likely)
         return verdict
 
     def _stroke(
@@ -359,10 +363,17 @@ class Checker:
         row, step = numbered(pieces + 1)
         return row, step / pieces[row]
 
-    def _hits(self, verdict: Verdict, rows: IndexArray, q: FloatArray, contact: BoolArray) -> None:
+    def _hits(
+        self,
+        verdict: Verdict,
+        rows: IndexArray,
+        q: FloatArray,
+        contact: BoolArray,
+        likely: IndexArray | None = None,
+    ) -> None:
         if self.scene is None or not len(q):
             return
-        hits = self.scene.check(np.asarray(q, dtype=np.float64), contact=contact)
+        hits = self.scene.check(np.asarray(q, dtype=np.float64), contact, likely=likely)
         self.checked += len(q)
         self.pairs = hits.pairs
         verdict.collide(rows[hits.hit], hits.pair[hits.hit])

@@ -292,11 +292,12 @@ class PoseSearch:
         reach = min(_WIDEST, int(self.failures[rows].max(initial=1)))
         front, along = failing, reach
         while len(front):
-            poses = self._around(front, along, reach)
-            poses = poses[~self.seen[poses]]
+            poses, likely = self._around(front, along, reach)
+            fresh = ~self.seen[poses]
+            poses, likely = poses[fresh], likely[fresh]
             self.seen[poses] = True
-            rows = self.states.tag_of(poses)
-            verdict = self.checker.poses(self.tags[rows], self.states.q[poses].astype(np.float64))
+            tags, q = self.tags[self.states.tag_of(poses)], self.states.q[poses]
+            verdict = self.checker.poses(tags, q.astype(np.float64), likely)
             fails = ~verdict.good
             front, reach = poses[fails], _RIM
             along = _RIM if len(front) > _THIN else _WIDEST
@@ -320,8 +321,8 @@ class PoseSearch:
         self.pair[copies] = self.pair[states[row]]
         return np.asarray(copies)
 
-    def _around(self, states: IndexArray, far: int, reach: int) -> IndexArray:
-        """Return one state of every configuration near to states.
+    def _around(self, states: IndexArray, far: int, reach: int) -> tuple[IndexArray, IndexArray]:
+        """Return one state (k,) of every configuration near to states, and by what one collides.
 
         Those of the same branch and tilt up to ``far`` tags and ``reach`` spins away, those of the
         tilts next to it, and that with the wrist turned over.
@@ -337,14 +338,23 @@ class PoseSearch:
         branch = self.states.branch[states].astype(np.int64)[:, None, None]
         column = tilt * width + (spin + around[None, None, :]) % width
         places = self._place(np.clip(rung, 0, n - 1), column, branch)
-        near = [places[np.broadcast_to(inside, places.shape)]]
+        pair = self.pair[states].astype(np.int64) + 1
+        inside = np.broadcast_to(inside, places.shape)
+        near, by = [places[inside]], [np.broadcast_to(pair[:, None, None], places.shape)[inside]]
         near.append(self._place(at, own, branch[:, 0, 0] ^ _FLIP))
+        by.append(pair)
         which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt[:, 0, 0]])
         column = other * width + spin[which, 0, 0]
         near.append(self._place(at[which], column, branch[which, 0, 0]))
-        wanted = np.unique(np.concatenate(near))
+        by.append(pair[which])
+        kinds = int(pair.max(initial=0)) + 1
+        both = np.sort(np.concatenate(near) * kinds + np.concatenate(by))
+        wanted, likely = np.divmod(both, kinds)
+        last = np.append(wanted[1:] != wanted[:-1], True)
+        wanted, likely = wanted[last], likely[last] - 1
         found = np.minimum(np.searchsorted(self.cells, wanted), len(self.cells) - 1)
-        return np.asarray(found[self.cells[found] == wanted])
+        known = self.cells[found] == wanted
+        return found[known], likely[known]
 
     def _all_cells(self) -> IndexArray:
         """Return ``_place`` (N,) of all states, in place: there are millions."""
