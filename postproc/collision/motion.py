@@ -6,9 +6,10 @@ whole span. Cheap lower bounds of the distance settle most pairs, exact distance
 neither settles, the span is cut on both sides of the stretch that is proven, down to spans on
 which nothing moves farther than the resolution; there the ends are checked and decide.
 
-Motions that follow each other, as the samples of a LIN or CIRC do, are first looked at as a whole:
-all of them stay near the straight motion from the first start to the last end, by less than their
-largest deviation from it. Pairs that are free over all of that need no further look.
+Motions that follow each other, as the samples of a LIN or CIRC do, are first looked at as a whole,
+and with them those of a LIN that goes back the same way: all of them stay near the straight motion
+from the first start to the last end, by less than their largest deviation from it. Pairs that are
+free over all of that need no further look.
 
 So a motion said to be free is free at every sample taken and at its ends, and between them nothing
 is touched but by grazing contact in which no point moves farther than the resolution.
@@ -32,6 +33,9 @@ _TOGETHER = 16 * CHUNK
 """Motions whose spans are cut together: the last rounds hold few spans of each thousand."""
 _PIECE = 0.1
 """Largest joint motion [rad] of a span at first: over more than that most pairs come near."""
+_NEAR = 1e-5
+"""A track that begins and ends so near [rad or m] to the end and the start of the one before may
+run back along it; the two are looked at as one then, and what they deviate by counts."""
 _WORTH = 0.05
 """Share of a span that a cheap bound must prove, else the exact distance is taken."""
 
@@ -135,14 +139,21 @@ class MotionCheck:
                 pair[rows], share[rows] = found
             return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
         starts = np.flatnonzero(np.diff(track, prepend=track[:1] - 1))
-        ends = np.append(starts[1:], len(track))
+        turns, share_at = _there_and_back(q_from, q_to, starts)
+        starts = starts[turns >= 0]
+        turns, ends = turns[turns >= 0], np.append(starts[1:], len(track))
         for together in chunks(len(starts), _TOGETHER):
             parts = []
             for tracks in chunks(together.stop - together.start):
                 first = starts[together][tracks]
                 part = slice(int(first[0]), int(ends[together][tracks][-1]))
                 open_ = self._open_pieces(
-                    q_from[part], q_to[part], contact[part], first - part.start
+                    q_from[part],
+                    q_to[part],
+                    contact[part],
+                    first - part.start,
+                    turns[together][tracks] - part.start,
+                    share_at[:, part],
                 )
                 left = np.flatnonzero(open_.any(axis=0))
                 parts.append((part.start + left, open_[:, left]))
@@ -157,6 +168,8 @@ class MotionCheck:
         q_to: FloatArray,
         contact: BoolArray,
         starts: IndexArray,
+        turns: IndexArray,
+        share: FloatArray,
     ) -> BoolArray:
         """Return pairs (p, m) of motions that are not free over the whole track.
 
@@ -165,14 +178,15 @@ class MotionCheck:
             q_to: (m, 6) [rad].
             contact: (m,) cutting solids may touch.
             starts: (t,) first motion of each track.
+            turns: (t,) its last before it runs back.
+            share: (2, m) how far along the track each motion begins and ends.
         """
         m = len(q_from)
-        count = np.diff(np.append(starts, m))
-        owner, step = numbered(count)
-        a, b = q_from[starts], q_to[starts + count - 1]
+        owner, _ = numbered(np.diff(np.append(starts, m)))
+        a, b = q_from[starts], q_to[turns]
         off = np.zeros((m, q_from.shape[1]))
-        for q, done in ((q_from, step), (q_to, step + 1)):
-            chord = a[owner] + (done / count[owner])[:, None] * (b - a)[owner]
+        for q, done in zip((q_from, q_to), share, strict=True):
+            chord = a[owner] + done[:, None] * (b - a)[owner]
             np.maximum(off, np.abs(q - chord), out=off)
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
@@ -302,6 +316,37 @@ class MotionCheck:
             open_[pair[mine], place.ravel()] = True
             parts.append(_Spans(spans.motion[rows], low[rows], high[rows], open_))
         return _Spans.joined(parts)
+
+
+def _there_and_back(
+    q_from: FloatArray, q_to: FloatArray, starts: IndexArray
+) -> tuple[IndexArray, FloatArray]:
+    """Join tracks that run back to where the one before began, as a drill does.
+
+    Args:
+        q_from: (m, 6) [rad].
+        q_to: (m, 6) [rad].
+        starts: (t,) first motion of each track.
+
+    Returns:
+        The last motion (t,) of each track before it runs back, -1 for one that runs back along the
+        one before; how far along its track (2, m) each motion begins and ends.
+    """
+    count = np.diff(np.append(starts, len(q_from)))
+    owner, step = numbered(count)
+    share = np.stack([step, step + 1]) / count[owner]
+    turns = starts + count - 1
+    is_back = np.zeros(len(starts), dtype=np.bool_)
+    is_back[1:] = count[1:] == count[:-1]
+    for one, other in (
+        (q_from[starts[1:]], q_to[turns[:-1]]),
+        (q_to[turns[1:]], q_from[starts[:-1]]),
+    ):
+        is_back[1:] &= (np.abs(one - other) < _NEAR).all(axis=1)
+    every = np.arange(len(starts))
+    is_back &= (every - np.maximum.accumulate(np.where(is_back, 0, every))) % 2 == 1
+    share[:, is_back[owner]] = 1.0 - share[:, is_back[owner]]
+    return np.where(is_back, -1, turns), share
 
 
 def _pieces(q_from: FloatArray, q_to: FloatArray, wanted: BoolArray) -> _Spans:

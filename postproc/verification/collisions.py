@@ -53,7 +53,7 @@ def check_collisions(
     steps = _touching(result, is_cut, motion, pose, slack)
     reported = _Reported(result)
     frames = np.stack([paths.station.tool, paths.station.base], axis=1)
-    for pair in np.unique(frames[motion[1:]], axis=0):
+    for pair in np.unique(frames[np.unique(motion[1:])], axis=0):
         own = (frames == pair).all(axis=1)
         rows = np.flatnonzero(own[motion[1:]])
         scene = Scene.shared(cell.with_tool(*pair.tolist()), kinematics)

@@ -185,6 +185,25 @@ def test_motions_looked_at_together_give_the_same_answer(busy_cell, arm_of, cont
     assert 0.1 < alone.hit.mean() < 0.9
 
 
+@pytest.mark.parametrize("beside", [0.0, 1e-8, 0.9e-5])
+def test_ways_back_give_the_same_answer(busy_cell, arm_of, beside):
+    scene = Scene.build(busy_cell, arm_of(busy_cell))
+    start, end, _ = polylines(150, seed=14)
+    there = start.reshape(-1, 5, 6), end.reshape(-1, 5, 6)
+    off = beside * np.random.default_rng(5).uniform(-1.0, 1.0, there[0].shape)
+    back = there[1][:, ::-1] + off, there[0][:, ::-1] + off
+    a, b = (
+        np.stack([one, other, one], axis=1).reshape(-1, 6)
+        for one, other in zip(there, back, strict=True)
+    )
+    track = np.repeat(np.arange(450), 5)
+    touch = (track % 4 == 0) | (track % 7 == 0)  # another one on the way back
+    alone = scene.check_paths(a, b, touch)
+    together = scene.check_paths(a, b, touch, track=track)
+    assert np.array_equal(together.hit, alone.hit)
+    assert 0.1 < alone.hit.mean() < 0.9
+
+
 def test_motions_with_one_number_need_not_join(busy_cell, arm_of):
     """The whole is wide enough for them wherever they are."""
     scene = Scene.build(busy_cell, arm_of(busy_cell))
