@@ -35,6 +35,8 @@ _SPLIT = 30_000
 """From so many steps on those of a chain are worked out group by group."""
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
+_KEPT = 100_000
+"""Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _SAME = 1e-11
 NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
@@ -110,6 +112,7 @@ class Ladder:
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _solved: bool = field(init=False, default=False)
     _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
+    _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Allocate the values of the search."""
@@ -165,6 +168,9 @@ class Ladder:
             ends = moved[steps]
             self._forbid(ends[(ends != NONE).all(axis=1)])
         if not known._solved:
+            return
+        if len(rungs) == len(self):
+            self.solve()
             return
         old = np.flatnonzero(moved[:-1] != NONE)
         self.value[moved[old]], self.back[moved[old]] = known.value[old], known.back[old]
@@ -432,21 +438,25 @@ class Ladder:
     ) -> FloatArray:
         """Return value + step cost (m now, m before) of states, both rising.
 
-        With ``joined`` those that it does not join are taken out.
+        With ``joined`` those that it does not join are taken out. Good until the next call.
         """
         w = float(self.weight[i])
-        a, b = self.position[before], self.position[now]
+        (a, square_a), (b, square_b) = self._at(before), self._at(now)
         d = a.shape[1]
         left = np.empty((len(b), d + 2))
         right = np.empty((len(a), d + 2))
         np.multiply(b, -2.0 * w, out=left[:, :d])
         left[:, d] = 1.0
-        left[:, d + 1] = self._square[now]
+        left[:, d + 1] = square_b
         right[:, :d] = a
-        np.multiply(self._square[before], w, out=right[:, d])
+        np.multiply(square_a, w, out=right[:, d])
         right[:, d] += self.value[before]
         right[:, d + 1] = w
-        steps: FloatArray = left @ right.T
+        size = len(b) * len(a)
+        if self._scratch.size < size <= _KEPT:
+            self._scratch = np.empty(_KEPT)
+        out = self._scratch[:size].reshape(len(b), len(a)) if size <= _KEPT else None
+        steps: FloatArray = np.matmul(left, right.T, out=out)
         forbidden = self._forbidden.get(i)
         if self.rule[i] == _CHAIN or forbidden is not None:
             start, to = (
@@ -458,6 +468,12 @@ class Ladder:
             if forbidden is not None:
                 _take_out(steps, start, to, forbidden)
         return steps
+
+    def _at(self, states: IndexArray | slice) -> tuple[NDArray[np.floating[Any]], FloatArray]:
+        """Return positions (m, d) of states and their squares (m,)."""
+        if isinstance(states, slice):
+            return self.position[states], self._square[states]
+        return self.position.take(states, axis=0), self._square.take(states)
 
     def _keep_chain(
         self,
