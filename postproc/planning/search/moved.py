@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
@@ -9,7 +11,7 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.refine import Bounds, TagPoses, beside, refine
+from postproc.planning.search.refine import Bounds, TagPoses, beside, refine, within
 from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
@@ -19,6 +21,9 @@ _HEAVIER = (1.5, 8.0)
 """By how much the weight of travel on a step that is too fast is raised at once: by more than it is
 too fast, and the tool turns on a long way where the pose is far from the best."""
 _HEAVIEST = 3e5
+_PATIENT = 5
+"""After so many rounds tags that fail take those linked to them back to the grid as well, one more
+to each side every round: else each lets the next one move, and fail, in a round of its own."""
 
 
 def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
@@ -40,12 +45,12 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         search.share[kept],
         best_of(search.states)[kept],
     )
-    names = problem.toolpath.tag_name
+    names, runs = problem.toolpath.tag_name, np.cumsum(linked == 0.0)
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
     bounds = _bounds(problem, between, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
-    while True:
+    for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)
         poses = _slowed(problem, between, poses, bounds, _HEAVIEST * linked)
         passed &= (poses.attitude == known.attitude).all(axis=1)
@@ -56,7 +61,7 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         if not bad.any():
             break
         known, passed = poses, ~bad
-        bad = _around(bad, reach, _cuts(between, grid))
+        bad = within(bad, reach, _cuts(between, grid)) | within(bad, count - _PATIENT, runs)
         bounds.free &= ~bad[:, None]
         poses, awake, reach = poses.standing_as(grid, bad), beside(bad), 2 * reach + 1
     return _filled(checker, between, poses, chosen)
@@ -140,15 +145,6 @@ def _bounds(problem: Problem, between: Interpolation, grid: TagPoses, free: Bool
 def _cuts(between: Interpolation, poses: TagPoses) -> IndexArray:
     """Return the number (n,) of the cut that each tag belongs to; a hole is one by itself."""
     return np.cumsum(~(between.is_cut[poses.tags] & (poses.weight > 0.0)))
-
-
-def _around(rows: BoolArray, reach: int, cut: IndexArray) -> BoolArray:
-    """Return tags (n,) with up to ``reach`` of those to each side on the same cut (n,)."""
-    every = np.arange(len(rows))
-    low = np.maximum(every - reach, np.searchsorted(cut, cut, side="left"))
-    high = np.minimum(every + reach + 1, np.searchsorted(cut, cut, side="right"))
-    count = np.append(0, np.cumsum(rows))
-    return np.asarray(count[high] > count[low])
 
 
 def _slowed(

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.states import Problem, evaluate
 from postproc.units import DEG
 
@@ -27,7 +27,7 @@ _SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
 
 
 @dataclass(slots=True)
-class TagPoses:
+class TagPoses(Table):
     """An attitude and a branch for each of n tags, with the joints that follow [rad].
 
     ``attitude`` (n, 3): spin, lead, side tilt. ``weight`` (n,): of the squared joint change into
@@ -59,7 +59,7 @@ class TagPoses:
 
 
 @dataclass(slots=True)
-class Bounds:
+class Bounds(Table):
     """Where the poses of tags may move: ``free`` (n, 3), ``low`` and ``high`` (n, 3) [rad].
 
     One column for each angle of the attitude.
@@ -119,9 +119,14 @@ def refine(
     angles = [_Angle(column, 0.5 * step) for column, step in enumerate(steps)]
     awake = np.ones(len(poses.tags), dtype=np.bool_) if awake is None else awake
     tilts = [angle for angle in angles[1:] if bounds.free[:, angle.column].any()]
+    rows = np.flatnonzero(within(awake, _ROUNDS + 1))  # nothing moves farther off than that
+    part, own, awake = poses.rows(rows), bounds.rows(rows), awake[rows]
+    part.weight[1:][np.diff(rows) > 1] = 0.0
     for angle in [*tilts, angles[0]]:
-        poses = _refined(problem, poses, bounds, angle, awake)
-    return poses
+        part = _refined(problem, part, own, angle, awake)
+    attitude, q = poses.attitude.copy(), poses.q.copy()
+    attitude[rows], q[rows] = part.attitude, part.q
+    return replace(poses, attitude=attitude, q=q)
 
 
 def beside(rows: BoolArray) -> BoolArray:
@@ -130,6 +135,19 @@ def beside(rows: BoolArray) -> BoolArray:
     found[1:] |= rows[:-1]
     found[:-1] |= rows[1:]
     return found
+
+
+def within(rows: BoolArray, reach: int, run: IndexArray | None = None) -> BoolArray:
+    """Return tags (n,) with up to ``reach`` to each side, of the same run (n,) if that is given."""
+    if reach < 0:
+        return np.zeros_like(rows)
+    every = np.arange(len(rows))
+    low, high = np.maximum(every - reach, 0), np.minimum(every + reach + 1, len(rows))
+    if run is not None:
+        low = np.maximum(low, np.searchsorted(run, run, side="left"))
+        high = np.minimum(high, np.searchsorted(run, run, side="right"))
+    count = np.append(0, np.cumsum(rows))
+    return np.asarray(count[high] > count[low])
 
 
 def _refined(
