@@ -37,6 +37,10 @@ DEFAULT_CORI = 5.0
 """$APO.CORI [deg]."""
 
 
+_MOST_KNOWN = 4096
+"""So many answers are remembered at most."""
+
+
 @dataclass(slots=True)
 class FrameTable:
     """Distinct frames by row; equal poses share a row."""
@@ -107,15 +111,17 @@ class MotionState:
         self.unjudged: list[tuple[str, str]] = []
         """What was set to something that is not known: its name and what is wrong with it."""
         self._rows: dict[Settings, int] = {}
-        self._last: tuple[Values | None, int] = (None, 0)
+        self._known: dict[object, Any] = {}
+        """What was asked of values before: programs go to and fro between a few settings."""
 
     # -------------------------------------------------------------------- what a motion is run with
 
     def row(self) -> int:
         """Return the row of the present settings in the table of all."""
-        if self._last[0] is self.values:
-            return self._last[1]
         v = self.values
+        source, known = self._known.get(id(v), (None, 0))
+        if source is v:
+            return int(known)
         settings = Settings(
             tool=v.tool,
             base=v.base,
@@ -139,7 +145,7 @@ class MotionState:
             done=v.done,
         )
         row = self._rows.setdefault(settings, len(self._rows))
-        self._last = (v, row)
+        self._remember(id(v), row)
         return row
 
     @property
@@ -162,9 +168,21 @@ class MotionState:
 
     def _set(self, done: str = "", **changes: Any) -> None:  # noqa: ANN401 - fields of Values
         """Change values; ``done``: what the program has set by that."""
-        if done and done not in self.values.done:
-            changes["done"] = self.values.done | {done}
-        self.values = replace(self.values, **changes)
+        key = (id(self.values), done, *changes.items())
+        source, after = self._known.get(key, (None, None))
+        if source is not self.values:
+            if done and done not in self.values.done:
+                changes["done"] = self.values.done | {done}
+            after = replace(self.values, **changes)
+            after = self._known.setdefault(after, (after, after))[0]
+            self._remember(key, after)
+        self.values = after
+
+    def _remember(self, key: object, answer: object) -> None:
+        """Keep an answer for the present values, which are kept as well: else ids come again."""
+        if len(self._known) > _MOST_KNOWN:
+            self._known.clear()
+        self._known[key] = (self.values, answer)
 
     def note(self, what: str, *, on: bool = True) -> None:
         """Note that something was done, or undone, that later motions rely on."""

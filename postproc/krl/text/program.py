@@ -149,22 +149,22 @@ class MoveWord(StrEnum):
     @property
     def is_spline(self) -> bool:
         """Whether this is one of the newer motions, which do not blend with the classic ones."""
-        return self.value.startswith("S")
+        return self.startswith("S")
 
     @property
     def is_axis_motion(self) -> bool:
         """Whether the robot moves point to point, free of a path."""
-        return "PTP" in self.value
+        return "PTP" in self
 
     @property
     def is_circular(self) -> bool:
         """Whether the motion has an auxiliary point."""
-        return "CIRC" in self.value
+        return "CIRC" in self
 
     @property
     def is_relative(self) -> bool:
         """Whether the target is a shift from where the robot is."""
-        return self.value.endswith("_REL")
+        return self.endswith("_REL")
 
 
 @dataclass(frozen=True, slots=True)
