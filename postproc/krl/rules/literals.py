@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
 from postproc.krl.text import (
@@ -103,6 +104,7 @@ def _move_values(statement: Move) -> Iterator[tuple[Value, str]]:
         yield setting.value, ""
 
 
+@lru_cache(maxsize=1024)
 def _type_of_target(target: str) -> str:
     upper = target.upper()
     for name in ("FDAT", "PDAT", "LDAT", "LOAD"):

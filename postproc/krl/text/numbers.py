@@ -8,6 +8,7 @@ text of a number that was read from our text is that text again.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from postproc.errors import KrlError
 
@@ -65,6 +66,7 @@ def speed(metres_per_second: float) -> str:
     return significant(metres_per_second)
 
 
+@lru_cache(maxsize=1024)
 def significant(value: float) -> str:
     """Return six significant digits in fixed point, at least ``SPEED_DIGITS`` decimals.
 

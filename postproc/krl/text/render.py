@@ -216,6 +216,8 @@ def _braces(parts: list[str], external: tuple[float, ...], type_name: str) -> st
 
 
 def _external(values: tuple[float, ...]) -> str:
+    if not values:
+        return ""
     return "".join(
         f",E{number} {numbers.real(value, numbers.ANGLE_DIGITS)}"
         for number, value in enumerate(values, 1)
