@@ -253,8 +253,10 @@ class Ladder:
 
     def costs(self, path: IndexArray) -> FloatArray:
         """Return what each rung (n,) of a way costs: its state and the step into it."""
-        costs = np.where(path != NONE, self.cost[path], 0.0)
-        joined = np.append(False, (path[1:] != NONE) & (path[:-1] != NONE) & ~self.broken[1:])
+        has = path != NONE
+        costs = np.zeros(len(path))
+        costs[has] = self.cost[path[has]]
+        joined = np.append(False, has[1:] & has[:-1] & ~self.broken[1:])
         at = np.flatnonzero(joined)
         leap = self.position[path[at]] - self.position[path[at - 1]]
         costs[at] += self.weight[at] * (leap**2).sum(axis=1)
