@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -32,6 +32,8 @@ class Activation:
     """FOR line to end value and step."""
     unknown_before: dict[int, int] = field(default_factory=dict)
     """LOOP line to the number of unknown conditions when its pass began."""
+    doubtful: dict[int, tuple[Statement, ...]] = field(default_factory=dict)
+    """Last line of a block to what may have run in it, or not."""
 
 
 class ControlFlow:
@@ -43,6 +45,7 @@ class ControlFlow:
         finding: reports (kind, message, severity) at the line that runs.
         is_idle: whether a statement neither moves the arm nor changes how it moves.
         is_accepted: whether a condition that is not known is taken on trust.
+        forget: takes what statements assign as not known.
     """
 
     def __init__(
@@ -52,11 +55,12 @@ class ControlFlow:
         finding: Callable[[RunKind, str, Severity], None],
         is_idle: Callable[[Statement], bool],
         is_accepted: Callable[[str], bool],
+        forget: Callable[[Sequence[Statement]], None],
     ) -> None:
         self._evaluator = evaluator
         self._assign = assign
         self._finding = finding
-        self._is_idle, self._is_accepted = is_idle, is_accepted
+        self._is_idle, self._is_accepted, self._forget = is_idle, is_accepted, forget
         self._unknown = 0
         self._jumps = 0
         self._steps: dict[str, Callable[[Activation, int, Control], int | None]] = {
@@ -75,10 +79,13 @@ class ControlFlow:
             "EXIT": self._exit,
             "GOTO": self._goto,
             "RETURN": self._return,
+            "BRAKE": self._interrupted,
+            "RESUME": self._interrupted,
         }
 
     def step(self, run: Activation, index: int, statement: Control) -> int | None:
         """Return the index of the line to go to, None for the next one."""
+        self._leave_doubtful(run, index)
         handler = self._steps.get(statement.word)
         target = handler(run, index, statement) if handler is not None else None
         if target is not None and target <= index:
@@ -103,9 +110,17 @@ class ControlFlow:
     def _unsure(self, message: str, text: str, run: Activation, start: int, stop: int) -> None:
         """Report a way that is not known: an error where it decides about motions."""
         between = run.routine.statements[start + 1 : stop]
+        run.doubtful[stop] = between
+        self._forget(between)
         trusted = self._is_accepted(text) or all(map(self._is_idle, between))
         severity = Severity.WARNING if trusted else Severity.ERROR
         self._finding(RunKind.CONDITION, message, severity)
+
+    def _leave_doubtful(self, run: Activation, stop: int) -> None:
+        """Forget what a block assigns at its end: another branch may have run."""
+        between = run.doubtful.pop(stop, None)
+        if between is not None:
+            self._forget(between)
 
     def _endless(self, message: str, text: str) -> None:
         severity = Severity.WARNING if self._is_accepted(text) else Severity.ERROR
@@ -118,7 +133,9 @@ class ControlFlow:
         return (branches[0] if branches else run.flow.end[index]) + 1
 
     def _leave(self, run: Activation, index: int, _statement: Control) -> int | None:
-        return run.flow.end[run.flow.owner[index]] + 1
+        stop = run.flow.end[run.flow.owner[index]]
+        self._leave_doubtful(run, stop)
+        return stop + 1
 
     def _for(self, run: Activation, index: int, statement: Control) -> int | None:
         match = _FOR.match(statement.text)
@@ -205,6 +222,10 @@ class ControlFlow:
         if target is None:
             self._finding(RunKind.STRUCTURE, f"no label {statement.text}", Severity.ERROR)
         return target
+
+    def _interrupted(self, _run: Activation, _index: int, statement: Control) -> None:
+        text = f"{statement.word} outside an interrupt: the controller stops with an error"
+        self._finding(RunKind.STRUCTURE, text, Severity.ERROR)
 
     def _return(self, run: Activation, _index: int, statement: Control) -> int | None:
         if statement.text.strip():

@@ -14,7 +14,7 @@ decides about more than waiting, a loop without a way out. The world may accept 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +23,12 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
-from postproc.controller.library import SILENT, NumberedFrame, is_harmless, predefined
+from postproc.controller.library import (
+    SILENT,
+    NumberedFrame,
+    is_harmless,
+    predefined,
+)
 from postproc.controller.motions import Motions
 from postproc.controller.recorder import Recorder
 from postproc.controller.runtime import (
@@ -38,7 +43,7 @@ from postproc.controller.runtime import (
 from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
-from postproc.controller.trust import Trust
+from postproc.controller.trust import Trust, is_command, is_quiet, reading
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
@@ -55,6 +60,7 @@ from postproc.krl import (
     Move,
     Node,
     Pose,
+    Raw,
     Reference,
     Routine,
     SplineBegin,
@@ -133,6 +139,7 @@ class Interpreter:
             self.finding,
             self._trust.is_idle,
             self._trust.accepts,
+            lambda statements: self._forget(map(_node, self._trust.assigned(statements))),
         )
         self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
@@ -153,6 +160,7 @@ class Interpreter:
             Declaration: self._declare,
             Trigger: self._trigger,
             Interrupt: self._interrupt,
+            Raw: self._instruction,
             SplineBegin: self._motions.begin_spline,
             SplineEnd: self._motions.end_spline,
         }
@@ -360,9 +368,20 @@ class Interpreter:
         if node.name not in ("TOOL_DATA", "BASE_DATA"):
             return
         data = self.state.tool_data if node.name == "TOOL_DATA" else self.state.base_data
+        known = self._world.tools if node.name == "TOOL_DATA" else self._world.bases
+        if node.name not in scope.arrays:
+            data.clear()  # which one is written to is not known
         for indices, pose in scope.arrays.get(node.name, {}).items():
-            if isinstance(pose, Pose) and len(indices) == 1:
-                data[indices[0]] = pose
+            number = indices[0]
+            if len(indices) != 1 or data.get(number) == pose:
+                continue
+            if isinstance(pose, Pose):
+                data[number] = pose
+            else:
+                data.pop(number, None)
+            if self._stack and pose != known.get(number):
+                name = f"{node.name}[{number}]"
+                self.unjudged(name, f"{name} is changed: so it stays for all programs that follow")
 
     # ------------------------------------------------------------------------------------- calls
 
@@ -377,7 +396,11 @@ class Interpreter:
             self._run_routine(*found, nodes)
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
-        elif name not in SILENT:
+        elif name in SILENT:
+            if is_command(statement):
+                self.unjudged(name, f"{name} gives a command to the controller")
+            self._forget(map(_node, statement.arguments))
+        else:
             if not self._trust.is_hook(statement):
                 self.unjudged(name, f"{name} is not in these files: it may move the arm")
             values = tuple(self.evaluator.value(value) for value in statement.arguments)
@@ -430,8 +453,22 @@ class Interpreter:
         if known is None:
             if name.upper() not in SILENT:
                 self.unjudged(name, f"{name} is not in these files: it may move the arm")
+            self._forget(arguments)
             return UNKNOWN
         return known([UNKNOWN if a is None else self.evaluator.node(a) for a in arguments])
+
+    def _instruction(self, statement: Raw) -> None:
+        """Pass an instruction that is kept as written, unless it may move the arm."""
+        word = statement.text.upper().replace("(", " ").split()[0]
+        if not is_quiet(statement):
+            self.unjudged(word, f"{word} is not judged: it may move the arm or change how it moves")
+        self._forget(map(_node, reading(statement)))
+
+    def _forget(self, nodes: Iterable[Node | None]) -> None:
+        """Take the variables that something unknown may have written as not known."""
+        for node in nodes:
+            if isinstance(node, Reference) and not node.name.startswith("$"):
+                self._assign_node(node, UNKNOWN)
 
     def _trigger(self, statement: Trigger) -> None:
         action = statement.action
@@ -454,7 +491,7 @@ class Interpreter:
                 self.state.note(f"{STOPMESS} DECL")
             elif action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
                 self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
-        elif number == 3:
+        elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
             is_on = statement.word in ("ON", "ENABLE")
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
@@ -499,6 +536,7 @@ def _put(scope: Variables, node: Reference, value: Any, evaluator: Evaluator) ->
         return
     indices = evaluator.indices(index)
     if indices is None:
+        scope.arrays.pop(node.name, None)
         return
     elements = scope.arrays.setdefault(node.name, {})
     old = elements.get(indices, UNKNOWN)

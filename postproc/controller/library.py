@@ -29,6 +29,30 @@ SILENT = frozenset(
 """Routines of the controller that neither move the robot nor belong to the process."""
 
 
+QUIET = frozenset(
+    {
+        "SIGNAL",
+        "STRUC",
+        "ENUM",
+        "IMPORT",
+        "CHANNEL",
+        "ANOUT",
+        "DIGIN",
+        "CONFIRM",
+        "COPEN",
+        "CCLOSE",
+        "CREAD",
+        "CWRITE",
+        "SREAD",
+        "SWRITE",
+    }
+)
+"""Instructions without brackets, by their first word, that neither move the robot nor change how
+it moves: declarations, outputs, channels."""
+READING = frozenset({"COPEN", "CREAD", "CWRITE", "SREAD", "SWRITE"})
+"""Instructions that write into the variables they are given."""
+COMMAND_CHANNEL = "$CMD"
+"""Who writes to this channel gives commands to the controller, such as to run a program."""
 HARMLESS = frozenset(
     {
         "$OUT",

@@ -2,26 +2,55 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 
-from postproc.controller.library import SILENT, is_harmless, is_integrators
+from postproc.controller.library import (
+    COMMAND_CHANNEL,
+    QUIET,
+    READING,
+    SILENT,
+    is_harmless,
+    is_integrators,
+)
 from postproc.krl import (
     Assign,
     Call,
     Control,
+    Expr,
     Interrupt,
     KrlModule,
     Move,
+    Raw,
     Routine,
     SplineBegin,
     Statement,
     Trigger,
+    Value,
 )
 
 _MAX_DEPTH = 5
 """Calls within calls that are looked into for whether they do nothing."""
 _DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
-_JUMPS = ("GOTO", "EXIT", "RETURN")
+_JUMPS = ("GOTO", "EXIT", "RETURN", "RESUME")
+
+
+def is_quiet(statement: Raw) -> bool:
+    """Return whether an instruction that is kept as written has nothing to do with motion."""
+    text = statement.text.upper()
+    return text.replace("(", " ").split()[0] in QUIET and COMMAND_CHANNEL not in text
+
+
+def reading(statement: Raw) -> Iterator[Value | None]:
+    """Yield what an instruction that is kept as written may write into."""
+    if statement.text.upper().replace("(", " ").split()[0] in READING:
+        _, _, arguments = statement.text.partition("(")
+        yield from (Expr(text.strip()) for text in arguments.rstrip(") ").split(","))
+
+
+def is_command(statement: Call) -> bool:
+    """Return whether a call gives a command to the controller, which may run any program."""
+    arguments = (value.text.upper() for value in statement.arguments if isinstance(value, Expr))
+    return any(COMMAND_CHANNEL in text for text in arguments)
 
 
 class Trust:
@@ -61,10 +90,27 @@ class Trust:
             target = statement.target.upper()
             return is_harmless(target) if target.startswith("$") else target not in _DATA
         if isinstance(statement, Call):
-            return self._is_idle_call(statement.name.upper(), depth)
+            return not is_command(statement) and self._is_idle_call(statement.name.upper(), depth)
         if isinstance(statement, Control):
             return statement.word not in _JUMPS
+        if isinstance(statement, Raw):
+            return is_quiet(statement)
         return not isinstance(statement, Move | SplineBegin | Interrupt | Trigger)
+
+    def assigned(self, statements: Iterable[Statement], depth: int = 0) -> Iterator[Value | None]:
+        """Yield the variables that statements may write into, as they are written."""
+        for statement in statements:
+            if isinstance(statement, Assign):
+                yield Expr(statement.target)
+            elif isinstance(statement, Call):
+                name = statement.name.upper()
+                found = None if name in self._hooks else self._resolve(name)
+                if found is not None and depth < _MAX_DEPTH:
+                    yield from self.assigned(found[1].statements, depth + 1)
+                elif found is not None or name in SILENT:
+                    yield from statement.arguments
+            elif isinstance(statement, Raw):
+                yield from reading(statement)
 
     def _is_idle_call(self, name: str, depth: int) -> bool:
         if name == "PULSE" or name in SILENT or self.accepts(name):

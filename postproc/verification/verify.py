@@ -133,7 +133,7 @@ def verify(
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
-        check_events(result, cell, toolpath, comparison.served, comparison.latest)
+        check_events(result, cell, toolpath, comparison)
         check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut

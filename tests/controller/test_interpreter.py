@@ -372,7 +372,10 @@ def test_forms_up_to_8_5():
 
 
 def test_forms_of_8_6_and_spline_blocks():
-    result = run(load_modules([FIXTURES / "forms86"]), "TRIMMER", KINEMATICS, WORLD)
+    timed = replace(WORLD, accept=frozenset({"TIME_BLOCK"}))
+    files = load_modules([FIXTURES / "forms86"])
+    assert kinds(run(files, "TRIMMER", KINEMATICS, WORLD)) == ["unjudged"]
+    result = run(files, "TRIMMER", KINEMATICS, timed)
     assert not result.findings
     assert list(result.motion_type) == [0, 1, 1, 3, 3, 1, 2, 0]
     first = result.settings[result.setting[0]]
@@ -388,7 +391,7 @@ def test_forms_of_8_6_and_spline_blocks():
 
 def test_a_milling_job():
     files = load_modules([FIXTURES / "milling"])
-    trusted = replace(WORLD, accept=frozenset({"SPINDLE_RUN", "SPINDLE_STOP"}))
+    trusted = replace(WORLD, accept=frozenset({"SPINDLE_RUN", "SPINDLE_STOP", "INTERRUPT"}))
     result = run(files, "POCKETS", KINEMATICS, trusted)
     assert {f.code for f in run(files, "POCKETS", KINEMATICS, WORLD).findings} == {"unjudged"}
     assert not [f for f in result.findings if f.severity == "error"]
@@ -408,3 +411,60 @@ def test_names_are_found_whatever_their_case():
     }
     result = run(parse_files(files), "t", KINEMATICS, WORLD)
     assert xs(result) == [1.0, 1.0]
+
+
+class TestWhatMayHaveChanged:
+    """What something unknown may have written is not known, and no old value stands in for it."""
+
+    UNSURE = ("INT N", "N=5")
+
+    @pytest.mark.parametrize(
+        "lines",
+        [
+            ["IF $IN[1] THEN", "N=7", "ENDIF"],
+            ["IF $IN[1] THEN", "N=7", "ELSE", "N=6", "ENDIF"],
+            ["SWITCH $IN[1]", "CASE TRUE", "N=7", "DEFAULT", "N=6", "ENDSWITCH"],
+            ["WHILE $IN[1]", "N=N+1", "ENDWHILE"],
+            ["REPEAT", "N=N+1", "UNTIL $IN[1]"],
+            ['CREAD(1,2,3,4,5,"%d",N)'],
+            ['SREAD("12","%d",N)'],
+        ],
+    )
+    def test_a_motion_to_it_has_no_target(self, lines):
+        result = trace(*self.UNSURE, *lines, "LIN {X 1.0,Y N}")
+        assert "target" in kinds(result)
+
+    def test_what_is_known_again_has_one(self):
+        lines = ["IF $IN[1] THEN", "N=7", "ENDIF", "N=8"]
+        result = trace(*self.UNSURE, *lines, "LIN " + FULL.format("N"))
+        assert "target" not in kinds(result)
+        assert xs(result)[-1] == 8.0
+
+
+@pytest.mark.parametrize(
+    ("line", "kind"),
+    [
+        ("ASYPTP {E1 0}", "unjudged"),
+        ("ANIN ON FACTOR=1.0*$ANIN[1]+0.0", "unjudged"),
+        ('CWRITE($CMD,1,2,"RUN/R1/OTHER()")', "unjudged"),
+        ("TIME_BLOCK START", "unjudged"),
+        ("BRAKE", "structure"),
+        ("RESUME", "structure"),
+        ("BASE_DATA[1].Z=10.0", "unjudged"),
+        ("TOOL_DATA[2]=TOOL_DATA[1]", "unjudged"),
+        ("TOOL_DATA[2].Z=1.0*$ANIN[1]", "unjudged"),
+        ("ANOUT ON OUT1=1.0", None),
+        ("CHANNEL(:A,B,C)", None),
+        ("BASE_DATA[1]={X 1500.0,Y 0.0,Z 800.0,A 0.0,B 0.0,C 0.0}", None),
+    ],
+)
+def test_instructions_that_are_not_followed(line, kind):
+    assert kinds(trace(line)) == ([kind] if kind else [])
+
+
+def test_an_interrupt_that_resumes_leaves_the_path():
+    lines = ["INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO BACK()", "INTERRUPT ON 9"]
+    quiet = trace(*lines, BACK="DEF BACK( )\n$OUT[1]=TRUE\nEND\n")
+    leaving = trace(*lines, BACK="DEF BACK( )\nBRAKE\nRESUME\nEND\n")
+    assert kinds(quiet) == []
+    assert kinds(leaving) == ["unjudged"]

@@ -64,6 +64,11 @@ INSERTED = (
     "LOOP\nWAIT SEC 0.1\nENDLOOP",
     "WHILE TRUE\nWAIT SEC 0.1\nENDWHILE",
     "PP_SPINDLE_OFF()",
+    "PP_SPINDLE_ON(1200)",
+    "PP_COOLANT_OFF()",
+    "PP_TOOL_CHANGE(4)",
+    "INTERRUPT OFF",
+    "ASYPTP {E1 0.0}",
 )
 """Lines that are put in."""
 WORDS = (
@@ -198,6 +203,8 @@ MUST_CATCH = tuple(
         "$ROBROOT=$NULLFRAME",
         "WAIT SEC 1000000000",
         "INTERRUPT OFF 3",
+        "INTERRUPT OFF",
+        "ASYPTP {E1 0.0}",
         "INTERRUPT DECL 9 WHEN $IN[1]==TRUE DO ELSEWHERE()",
         "ELSEWHERE()",
         "TRIGGER WHEN DISTANCE=0 DELAY=0 DO $VEL.CP=2.0",

@@ -35,6 +35,7 @@ _PARTNERS = {
 _INSIDE = {"ELSE": "IF", "CASE": "SWITCH", "DEFAULT": "SWITCH"}
 _LOOPS = frozenset({"FOR", "LOOP", "WHILE", "REPEAT"})
 _QUIET = (Comment, Blank, FoldBegin, FoldEnd)
+_DECLARING = frozenset({"SIGNAL", "STRUC", "ENUM", "CHANNEL", "IMPORT"})
 _DATA = (Declaration, External, Raw, Assign)
 
 
@@ -116,11 +117,11 @@ def declarations(subject: Subject) -> None:
 def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine) -> None:
     first: Statement | None = None
     for statement in routine.statements:
-        if isinstance(statement, Declaration):
+        if _declares(statement):
             if first is not None:
                 message = f"a declaration behind the first instruction (line {first.line})"
                 subject.add(6, ERROR, module.src_path, statement.line, message)
-            for variable in statement.variables:
+            for variable in statement.variables if isinstance(statement, Declaration) else ():
                 if variable.value is not None:
                     subject.add(
                         6,
@@ -130,8 +131,14 @@ def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine)
                         f"{variable.name} is given a value in a .src declaration",
                         hint="declare it in the .dat with its value, or assign it behind INI",
                     )
-        elif first is None and not isinstance(statement, (*_QUIET, External, Raw)):
+        elif first is None and not isinstance(statement, _QUIET):
             first = statement
+
+
+def _declares(statement: Statement) -> bool:
+    if isinstance(statement, Raw):
+        return statement.text.upper().replace("(", " ").split()[0] in _DECLARING
+    return isinstance(statement, (Declaration, External))
 
 
 def _data_lines(subject: Subject, module: KrlModule, data: DataList) -> None:

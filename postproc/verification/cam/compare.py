@@ -78,7 +78,8 @@ class Comparison:
     """What the comparison found.
 
     ``served`` (n,): motion that goes to each tag, -1 for none; ``latest`` (n,): the last one that
-    may be meant; ``is_cut`` (m,): motions that cut;
+    may be meant; ``is_cut`` (m,): motions that cut; ``milled`` (m,): those
+    that serve lines and arcs;
     ``position_error`` (n,) [m], ``axis_error`` (n,) [rad] beyond the allowed tilt; ``tilt`` (n,)
     [rad] that was used of it; ``real``: the paths that were compared; ``nominal_error`` (n,) [m] of
     the commanded point, None without a model of the arm.
@@ -88,6 +89,7 @@ class Comparison:
     served: AnyIntArray
     latest: AnyIntArray
     is_cut: BoolArray
+    milled: BoolArray
     position_error: FloatArray
     axis_error: FloatArray
     tilt: FloatArray
@@ -142,6 +144,7 @@ def compare(
         served,
         visits.last,
         np.zeros(len(paths), dtype=np.bool_),
+        np.zeros(len(paths), dtype=np.bool_),
         np.zeros(n),
         np.zeros(n),
         np.zeros(n),
@@ -159,7 +162,8 @@ def compare(
     else:
         _turned_between(result, wanted, motions, tolerances.axis)
     near, is_cut = tolerances.position, comparison.is_cut
-    milled = is_cut.copy()
+    milled = comparison.milled
+    milled[:] = is_cut
     on_axis = check_holes(result, real, wanted, toolpath, served, is_cut, near, feeds)
     limits, shift = (tolerances.axis, path_tolerance), comparison.largest_shift()
     check_strokes(result, real, wanted, on_axis, limits, shift)

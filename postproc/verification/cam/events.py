@@ -12,13 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray
+from postproc.arrays import AnyIntArray, BoolArray
 from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
+from postproc.verification.cam.compare import Comparison
+from postproc.verification.cam.surplus import check_surplus, place_of
 from postproc.verification.report import Result
 
 _COUNTED = (
@@ -33,6 +35,7 @@ _COUNTED = (
     EventKind.SPINDLE_ORIENT,
 )
 _SIGNALS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
+_STANDS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
 _LISTED = 20
 
 
@@ -44,8 +47,14 @@ class _Span:
     last: int
 
 
+_Asked = tuple[Event, _Span]
+
+
 def check_events(
-    result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntArray, latest: AnyIntArray
+    result: Result,
+    cell: Cell,
+    toolpath: ToolPath,
+    found: Comparison,
 ) -> None:
     """Compare the events of a program with those of its CAM file.
 
@@ -53,22 +62,26 @@ def check_events(
         result: the program; collects the findings.
         cell: names of the routines.
         toolpath: what was asked for.
-        served: (n,) motion that goes to each tag, -1 for none.
-        latest: (n,) the last one that may be meant.
+        found: which motions go to which tags, and which of them cut.
     """
-    spans = _Spans(served, latest, len(result.paths))
+    spans = _Spans(found.served, found.latest, len(result.paths))
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
     everything = _asked(toolpath, cell, spans)
+    calls: dict[EventKind, list[TraceEvent]] = {}
+    surplus: dict[EventKind, list[TraceEvent]] = {}
     for kind in _COUNTED:
         name = names.get(str(kind), "")
         asked = [(event, span) for event, span in everything if event.kind is kind]
         if name:
-            _compare_kind(result, kind, name, asked, _calls(result, kind, name))
+            calls[kind] = _calls(result, kind, name)
+            surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
+    check_surplus(result, calls, surplus, found.is_cut)
     _compare_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
+    _check_standing(result, everything, found.milled)
 
 
-def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[tuple[Event, _Span]]:
+def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[_Asked]:
     """Return the events of the file and of its holes in their order, and where each belongs."""
     found = [(event.index, 0, event, spans.of(event)) for event in toolpath.events]
     for tag, below, behind in hole_calls(toolpath, cell):
@@ -115,26 +128,27 @@ class _Spans:
 
 
 def _compare_kind(
-    result: Result,
-    kind: EventKind,
-    name: str,
-    asked: list[tuple[Event, _Span]],
-    have: list[TraceEvent],
-) -> None:
+    result: Result, kind: EventKind, name: str, asked: list[_Asked], have: list[TraceEvent]
+) -> list[TraceEvent]:
+    """Compare the calls of one kind with what is asked for; returns those beyond that."""
     words = str(kind).replace("_", " ")
-    text = _count(words, name, have, [event for event, _ in asked])
     if len(have) < len(asked):
+        text = _count(words, name, have, [event for event, _ in asked])
         _tell(result, have[-1] if have else None, text, Severity.ERROR)
-        return
-    if len(have) > len(asked):
-        _tell(result, have[-1], text, Severity.WARNING)
-        return
-    faults = 0
-    for (event, span), call in zip(asked, have, strict=True):
+        return []
+    surplus: list[TraceEvent] = []
+    faults, rest = 0, list(have)
+    for number, (event, span) in enumerate(asked):
+        spare = len(rest) - (len(asked) - number)
+        fits = (not _difference(kind, words, event, call, span) for call in rest[: spare + 1])
+        skipped = next((k for k, fit in enumerate(fits) if fit), 0)
+        surplus += rest[:skipped]
+        call, rest = rest[skipped], rest[skipped + 1 :]
         text = _difference(kind, words, event, call, span)
         faults += bool(text)
         if text and faults <= _LISTED:
             _tell(result, call, text, Severity.ERROR)
+    return surplus + rest
 
 
 def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) -> str:
@@ -163,7 +177,7 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
     return ""
 
 
-def _compare_signals(result: Result, cell: Cell, everything: list[tuple[Event, _Span]]) -> None:
+def _compare_signals(result: Result, cell: Cell, everything: list[_Asked]) -> None:
     """Compare the signals and waits that the cell does not map, all of them in their order."""
     names = {cell.krl.hooks[str(kind)].upper(): kind for kind in _SIGNALS}
     mapped = {EventKind.SIGNAL: cell.krl.outputs, EventKind.WAIT_SIGNAL: cell.krl.inputs}
@@ -214,6 +228,21 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
             result.finding(RunKind.DWELL, min(span.first, last), text, severity)
 
 
+def _check_standing(result: Result, everything: list[_Asked], milled: BoolArray) -> None:
+    """Check that the tool never stands in the material where the file has nothing to wait for."""
+    inside = np.r_[False, milled[:-1] & milled[1:], False]
+    for _, span in everything:
+        inside[span.first : span.last + 1] = False
+    standing = [
+        event
+        for event in result.paths.trace.events
+        if event.word in _STANDS and not event.on_the_way and event.value != 0.0
+    ]
+    for event in [event for event in standing if inside[event.motion]][:_LISTED]:
+        text = f"{event.name} in the middle of a cut: the tool stands in the material"
+        result.finding_at(RunKind.DWELL, place_of(result, event), text)
+
+
 def _tell(result: Result, call: TraceEvent | None, text: str, severity: Severity) -> None:
-    place = (result.paths.trace.files[call.file], call.line) if call else None
+    place = place_of(result, call) if call else None
     result.finding_at(RunKind.EVENT, place, text, severity)

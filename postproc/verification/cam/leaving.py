@@ -61,6 +61,8 @@ def _as_asked(
     """Return (m,) lines from one point of the CAM file straight to one that it says RAPID to."""
     asked = np.zeros(len(result.paths), dtype=np.bool_)
     rows = np.flatnonzero(np.asarray(toolpath.kind)[1:] == MotionKind.RAPID) + 1
+    if not len(asked):
+        return asked
     before = np.maximum(served, latest)[rows - 1]
     straight = (served[rows] > before) & (before >= 0)
     moved = np.cumsum(~stands(result.paths))

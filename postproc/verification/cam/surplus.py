@@ -1,0 +1,88 @@
+"""Calls that the CAM file does not ask for: what do the motions behind them run with?
+
+To turn off what is off changes nothing; one more tool, spindle speed or coolant does, as far as
+something cuts with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import BoolArray
+from postproc.controller import TraceEvent
+from postproc.errors import RunKind, Severity
+from postproc.model import EventKind
+from postproc.verification.report import Result
+
+_SPINDLE = (
+    EventKind.SPINDLE_ON,
+    EventKind.SPINDLE_OFF,
+    EventKind.TAP_REVERSE,
+    EventKind.SPINDLE_ORIENT,
+)
+_COOLANT = (EventKind.COOLANT_ON, EventKind.COOLANT_OFF)
+_OFF = (EventKind.SPINDLE_OFF, EventKind.SPINDLE_ORIENT, EventKind.COOLANT_OFF)
+_LISTED = 20
+
+Calls = Mapping[EventKind, Sequence[TraceEvent]]
+
+
+def check_surplus(result: Result, calls: Calls, surplus: Calls, is_cut: BoolArray) -> None:
+    """Report calls beyond those of the CAM file.
+
+    Errors are changes of the tool, and what makes a cut run with another spindle or coolant.
+
+    Args:
+        result: the program; collects the findings.
+        calls: of the integrator's routines by what they stand for, in the order of the program.
+        surplus: those of them that the file does not ask for.
+        is_cut: (m,) motions that cut.
+    """
+    harmful: set[int] = set()
+    for kinds in (_SPINDLE, _COOLANT):
+        extra = _in_order(result, surplus, kinds)
+        if extra:
+            have = _in_order(result, calls, kinds)
+            beyond = {id(event) for _, event in extra}
+            asked = [(kind, event) for kind, event in have if id(event) not in beyond]
+            differs = is_cut & (_states(have, len(is_cut)) != _states(asked, len(is_cut)))
+            motions = np.array([event.motion for _, event in extra])
+            causes = np.searchsorted(motions, np.flatnonzero(differs), side="right") - 1
+            harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
+    harmful |= {id(event) for event in surplus.get(EventKind.TOOL_CHANGE, ())}
+    listed = [event for _, event in _in_order(result, surplus, surplus)]
+    for event in sorted(listed, key=lambda event: id(event) not in harmful)[:_LISTED]:
+        text = f"{event.name} is called, and the CAM file does not ask for it"
+        severity = Severity.WARNING
+        if id(event) in harmful:
+            text += ": tool, spindle or coolant are not as in the file behind it"
+            severity = Severity.ERROR
+        result.finding_at(RunKind.EVENT, place_of(result, event), text, severity)
+
+
+def place_of(result: Result, event: TraceEvent) -> tuple[str, int]:
+    """Return file and line of an event."""
+    return result.paths.trace.files[event.file], event.line
+
+
+def _in_order(
+    result: Result, calls: Calls, kinds: Iterable[EventKind]
+) -> list[tuple[EventKind, TraceEvent]]:
+    """Return calls of several kinds in the order of the program."""
+    kind_of = {id(event): kind for kind in kinds for event in calls.get(kind, ())}
+    events = result.paths.trace.events
+    return [(kind_of[id(event)], event) for event in events if id(event) in kind_of]
+
+
+def _states(calls: Sequence[tuple[EventKind, TraceEvent]], count: int) -> NDArray[np.object_]:
+    """Return what is on at each of so many motions, None where nothing is."""
+    states: list[object] = [None]
+    for kind, event in calls:
+        value = None if math.isnan(event.value) else event.value
+        states.append(None if kind in _OFF else f"{kind} {value}")
+    behind = np.searchsorted([event.motion for _, event in calls], np.arange(count), side="right")
+    return np.array(states, dtype=np.object_)[behind]
