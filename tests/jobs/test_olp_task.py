@@ -201,6 +201,27 @@ def test_verify_misses_a_signal(converted, run):
     for wrong in (
         re.sub(r"PP_SIGNAL\(\"CLAMP\",12,TRUE\).*\n", "", text),
         text.replace('PP_SIGNAL("CLAMP",12,TRUE)', 'PP_SIGNAL("CLAMP",12,FALSE)'),
+        text.replace('PP_SIGNAL("CLAMP",12,TRUE)', 'PP_SIGNAL("CLAMP",13,TRUE)'),
+        text.replace('PP_SIGNAL("CLAMP",12,TRUE)', 'PP_SIGNAL("VACUUM",12,TRUE)'),
+    ):
+        assert wrong != text
+        program.write_text(wrong, newline="")
+        code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
+        assert (code, {item["kind"] for item in report["violations"]}) == (1, {"event"})
+
+
+def test_verify_misses_a_signal_that_the_cell_maps(converted, run):
+    keys = "[krl]\noutputs = { CLAMP = 33 }\ninputs = { CLAMPED = 34 }\n"
+    cam, cell, program, _ = converted(cell_of(keys))
+    text = program.read_text()
+    for wrong in (
+        re.sub(r"\$OUT\[33\]=TRUE.*\n", "", text),
+        text.replace("$OUT[33]=TRUE", "$OUT[33]=FALSE"),
+        text.replace("$OUT[33]=TRUE", "$OUT[32]=TRUE"),
+        text.replace("\nPTP", "\n$OUT[33]=FALSE\nPTP", 1),
+        re.sub(r"WAIT FOR \$IN.*\n", "", text),
+        text.replace("$IN[34]==TRUE", "$IN[34]==FALSE"),
+        text.replace("$IN[34]==TRUE", "$IN[35]==TRUE"),
     ):
         assert wrong != text
         program.write_text(wrong, newline="")

@@ -8,7 +8,6 @@ motion to the tag it stands before.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from postproc.model import Event, EventKind, ToolPath
 from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
 from postproc.verification.cam.compare import Comparison
+from postproc.verification.cam.signals import Asked, Span, check_signals
 from postproc.verification.cam.surplus import check_surplus, place_of
 from postproc.verification.report import Result
 
@@ -34,20 +34,8 @@ _COUNTED = (
     EventKind.TAP_REVERSE,
     EventKind.SPINDLE_ORIENT,
 )
-_SIGNALS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
 _STANDS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
 _LISTED = 20
-
-
-@dataclass(frozen=True, slots=True)
-class _Span:
-    """First and last motion before which an event of the file may happen."""
-
-    first: int
-    last: int
-
-
-_Asked = tuple[Event, _Span]
 
 
 def check_events(
@@ -76,12 +64,12 @@ def check_events(
             calls[kind] = _calls(result, kind, name)
             surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
     check_surplus(result, calls, surplus, found.is_cut)
-    _compare_signals(result, cell, everything)
+    check_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
     _check_standing(result, everything, found.milled)
 
 
-def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[_Asked]:
+def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[Asked]:
     """Return the events of the file and of its holes in their order, and where each belongs."""
     found = [(event.index, 0, event, spans.of(event)) for event in toolpath.events]
     for tag, below, behind in hole_calls(toolpath, cell):
@@ -113,22 +101,22 @@ class _Spans:
         self._behind = np.r_[behind, count]
         self._served, self._latest = served, latest
 
-    def of(self, event: Event) -> _Span:
+    def of(self, event: Event) -> Span:
         """Return the span of an event."""
         index = min(max(event.index, 0), len(self._behind) - 1)
-        return _Span(int(self._before[index]), int(self._behind[index]))
+        return Span(int(self._before[index]), int(self._behind[index]))
 
-    def at_bottom(self, tag: int) -> _Span:
+    def at_bottom(self, tag: int) -> Span:
         """Return the span between the bottom of a hole and the way out."""
-        return _Span(int(self._served[tag]) + 1, int(self._latest[tag]) + 1)
+        return Span(int(self._served[tag]) + 1, int(self._latest[tag]) + 1)
 
-    def behind(self, tag: int) -> _Span:
+    def behind(self, tag: int) -> Span:
         """Return the span from the first motion out of a hole to the next tag."""
-        return _Span(int(self._served[tag]) + 2, int(self._behind[tag + 1]))
+        return Span(int(self._served[tag]) + 2, int(self._behind[tag + 1]))
 
 
 def _compare_kind(
-    result: Result, kind: EventKind, name: str, asked: list[_Asked], have: list[TraceEvent]
+    result: Result, kind: EventKind, name: str, asked: list[Asked], have: list[TraceEvent]
 ) -> list[TraceEvent]:
     """Compare the calls of one kind with what is asked for; returns those beyond that."""
     words = str(kind).replace("_", " ")
@@ -157,7 +145,7 @@ def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) ->
     return f"{words}: {len(have)} calls of {name}, the CAM file asks for {len(asked)}{where}"
 
 
-def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: _Span) -> str:
+def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: Span) -> str:
     if kind is EventKind.COOLANT_ON and call.value != coolant_mode(event.text):
         asked = coolant_mode(event.text)
         return f"coolant {call.value:g}, line {event.line} asks for {asked} ({event.text})"
@@ -177,42 +165,13 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
     return ""
 
 
-def _compare_signals(result: Result, cell: Cell, everything: list[_Asked]) -> None:
-    """Compare the signals and waits that the cell does not map, all of them in their order."""
-    names = {cell.krl.hooks[str(kind)].upper(): kind for kind in _SIGNALS}
-    mapped = {EventKind.SIGNAL: cell.krl.outputs, EventKind.WAIT_SIGNAL: cell.krl.inputs}
-    asked = [
-        (event, span)
-        for event, span in everything
-        if event.kind in _SIGNALS and event.text not in mapped[event.kind]
-    ]
-    have = [
-        event
-        for event in result.paths.trace.events
-        if event.word is EventWord.HOOK and event.name in names
-    ]
-    if len(have) != len(asked):
-        text = _count("signals", " and ".join(names), have, [event for event, _ in asked])
-        _tell(result, have[-1] if have else None, text, Severity.ERROR)
-        return
-    for (event, span), call in zip(asked, have, strict=True):
-        value = call.arguments[2] if len(call.arguments) > 2 else None
-        text = ""
-        if names[call.name] is not event.kind or value is not bool(event.value):
-            text = f"{call.name} sets {value}, line {event.line} has {event.kind} {event.text}"
-        elif not span.first <= call.motion <= span.last:
-            text = f"{call.name} of {event.text} comes elsewhere than in line {event.line}"
-        if text:
-            _tell(result, call, text, Severity.ERROR)
-
-
 def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
     """Compare the dwells that stand between tags (those of cycles belong to the holes)."""
     waits = [event for event in result.paths.trace.events if event.word is EventWord.DWELL]
     motions = np.array([event.motion for event in waits], dtype=np.int64)
     seconds = np.array([event.value for event in waits])
-    asked: dict[_Span, float] = {}
-    lines: dict[_Span, int] = {}
+    asked: dict[Span, float] = {}
+    lines: dict[Span, int] = {}
     for event in toolpath.events:
         if event.kind is EventKind.DWELL:
             span = spans.of(event)
@@ -228,7 +187,7 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
             result.finding(RunKind.DWELL, min(span.first, last), text, severity)
 
 
-def _check_standing(result: Result, everything: list[_Asked], milled: BoolArray) -> None:
+def _check_standing(result: Result, everything: list[Asked], milled: BoolArray) -> None:
     """Check that the tool never stands in the material where the file has nothing to wait for."""
     inside = np.r_[False, milled[:-1] & milled[1:], False]
     for _, span in everything:

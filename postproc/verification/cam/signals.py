@@ -1,0 +1,120 @@
+"""Signals of the CAM file: set and waited for with their value, where the file has them.
+
+A signal that the cell maps is an output or input of the controller, any other one a call of the
+integrator's routine with its name, its port and its value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from postproc.cell import Cell
+from postproc.controller import EventWord, TraceEvent
+from postproc.errors import RunKind
+from postproc.model import Event, EventKind
+from postproc.verification.cam.surplus import place_of
+from postproc.verification.report import Result
+
+_KINDS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
+_LISTED = 20
+
+
+class Span(NamedTuple):
+    """First and last motion before which an event of the file may happen."""
+
+    first: int
+    last: int
+
+
+Asked = tuple[Event, Span]
+
+
+def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> None:
+    """Compare signals and waits for them with those of the CAM file, in their order.
+
+    Args:
+        result: the program; collects the findings.
+        cell: which signals are outputs and inputs, and the names of the routines for the others.
+        everything: the events of the file and where each belongs.
+    """
+    ports: Mapping[EventKind, Mapping[str, int]] = {
+        EventKind.SIGNAL: cell.krl.outputs,
+        EventKind.WAIT_SIGNAL: cell.krl.inputs,
+    }
+    asked = [(event, span) for event, span in everything if event.kind in _KINDS]
+    mapped = [ports[event.kind].get(event.text, 0) for event, _ in asked]
+    routines = {cell.krl.hooks[str(kind)].upper() for kind in _KINDS}
+    outputs = {f"$OUT[{number}]" for number in cell.krl.outputs.values()}
+    inputs = {_condition(n, value) for n in cell.krl.inputs.values() for value in (True, False)}
+    events = result.paths.trace.events
+    groups = (
+        (
+            "signals of the routines",
+            [item for item, port in zip(asked, mapped, strict=True) if not port],
+            [e for e in events if e.word is EventWord.HOOK and e.name in routines],
+        ),
+        (
+            "outputs and inputs",
+            [item for item, port in zip(asked, mapped, strict=True) if port],
+            [
+                e
+                for e in events
+                if (e.word is EventWord.OUTPUT and e.name in outputs)
+                or (e.word is EventWord.WAIT_FOR and _plain(e.name) in inputs)
+            ],
+        ),
+    )
+    for words, wanted, have in groups:
+        if len(wanted) != len(have):
+            lines = ", ".join(str(event.line) for event, _ in wanted[:5])
+            text = f"{words}: {len(have)}, the CAM file asks for {len(wanted)}"
+            text += f" (lines {lines})" if lines else ""
+            result.finding_at(RunKind.EVENT, place_of(result, have[-1]) if have else None, text)
+            continue
+        faults = [
+            (call, text)
+            for (event, span), call in zip(wanted, have, strict=True)
+            if (text := _difference(cell, ports, event, span, call))
+        ]
+        for call, text in faults[:_LISTED]:
+            result.finding_at(RunKind.EVENT, place_of(result, call), text)
+
+
+def _difference(
+    cell: Cell,
+    ports: Mapping[EventKind, Mapping[str, int]],
+    event: Event,
+    span: Span,
+    call: TraceEvent,
+) -> str:
+    port = ports[event.kind].get(event.text, 0)
+    value = bool(event.value)
+    if not port:
+        number = int(event.arguments[0]) if event.arguments else 0
+        name = cell.krl.hooks[str(event.kind)].upper()
+        same = (call.name, *call.arguments[1:]) == (name, number, value)
+        same &= bool(call.arguments) and _letters(str(call.arguments[0])) == _letters(event.text)
+    elif event.kind is EventKind.SIGNAL:
+        same = (call.name, call.value) == (f"$OUT[{port}]", float(value))
+    else:
+        same = _plain(call.name) == _condition(port, value)
+    if not same:
+        values = ", ".join(str(item) for item in call.arguments) or f"{call.value:g}"
+        return f"{call.name} ({values}): line {event.line} has {event.kind} {event.text} {value}"
+    if not span.first <= call.motion <= span.last:
+        return f"{call.name} comes elsewhere than {event.text} in line {event.line}"
+    return ""
+
+
+def _condition(port: int, value: bool) -> str:
+    return f"$IN[{port}]=={value}".upper()
+
+
+def _plain(condition: str) -> str:
+    return "".join(condition.upper().split())
+
+
+def _letters(name: str) -> str:
+    """Return a name without the characters that no KRL text can hold."""
+    return "".join(c for c in name if c.isascii() and c.isalnum())
