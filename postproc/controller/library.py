@@ -69,18 +69,11 @@ HARMLESS = frozenset(
     }
 )
 """System variables that neither move the robot nor change how it moves."""
-INTEGRATORS = "PP_"
-"""Routines whose names begin so are hooks of the integrator: the process, never the arm."""
 
 
 def is_harmless(name: str) -> bool:
     """Return whether setting a system variable says nothing of the motion, whatever its index."""
     return name.upper().partition("[")[0].partition(".")[0] in HARMLESS
-
-
-def is_integrators(name: str) -> bool:
-    """Return whether a routine is a hook by its name."""
-    return name.upper().startswith(INTEGRATORS)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,6 @@ from postproc.controller.library import (
     READING,
     SILENT,
     is_harmless,
-    is_integrators,
 )
 from postproc.krl import (
     Assign,
@@ -82,7 +81,7 @@ class Trust:
         if not isinstance(action, Call):
             return False
         name = action.name.upper()
-        return name in self._hooks or is_integrators(name) or self.accepts(name)
+        return name in self._hooks or self.accepts(name)
 
     def is_idle(self, statement: Statement, depth: int = 0) -> bool:
         """Return whether a statement neither moves the arm nor changes how it moves."""

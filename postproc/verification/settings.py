@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray
 from postproc.cell import Cell, Tool
-from postproc.controller import INITMOV, STOPMESS, Blend, EventWord, MotionType, Settings
+from postproc.controller import INITMOV, STOPMESS, Blend, MotionType, Settings
 from postproc.errors import RunKind, Severity
 from postproc.krl import Aggregate, Assign, KrlModule
 from postproc.units import DEG, MM, PERCENT
@@ -52,21 +52,7 @@ def check_settings(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> 
             for kind, motion, text in _faults(result, cell, settings, motions):
                 result.finding(kind, motion, text)
     _unset(result)
-    _other_hooks(result, cell)
     _load_data(result, cell, modules)
-
-
-def _other_hooks(result: Result, cell: Cell) -> None:
-    """Report calls of routines that other cells have for what this one calls otherwise."""
-    names = {name.upper() for name in cell.krl.hooks.values()}
-    others = {f"PP_{key.upper()}": key for key in cell.krl.hooks}
-    trace = result.paths.trace
-    for event in trace.events:
-        if event.word is EventWord.HOOK and event.name in others and event.name not in names:
-            name = cell.krl.hooks[others[event.name]]
-            text = f"{event.name} is no routine of this cell: its {others[event.name]} is {name}"
-            place = (trace.files[event.file], event.line)
-            result.finding_at(RunKind.UNJUDGED, place, text)
 
 
 def check_rapids(result: Result, cell: Cell, is_cut: BoolArray) -> None:

@@ -338,6 +338,7 @@ def test_events_between_motions():
         "LIN " + FULL.format(2),
         "PULSE($OUT[2],TRUE,0.5)",
         "HALT",
+        world=replace(WORLD, hooks=frozenset({"PP_SPINDLE_ON", "PP_BLOW"})),
     )
     got = [(e.motion, e.word, e.name) for e in result.events]
     assert got == [

@@ -31,6 +31,7 @@ HARMFUL = {
     "INTERRUPT OFF 3": "setup",
     "BRAKE": "structure",
     "RESUME": "structure",
+    "PP_SPINDLE_ORIENT(90)": "unjudged",
     "ASYPTP {E1 0}": "unjudged",
     "TIME_BLOCK START": "unjudged",
     "CONST_VEL START=1": "unjudged",
