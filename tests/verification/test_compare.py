@@ -383,6 +383,16 @@ def test_more_events_than_asked_for_are_a_warning(cell):
     report = check(cell, path_of(SQUARE), FIRST, *calls)
     assert kinds(report) == set()
     assert [w.code for w in report.warnings] == ["event", "event"]
+    again = check(cell, with_events(ON, OFF), FIRST, calls[0], *calls)
+    assert (kinds(again), [w.code for w in again.warnings]) == (set(), ["event"])
+
+
+def test_no_cut_runs_with_what_the_file_does_not_say(cell):
+    begin, *rest, end = "PP_SPINDLE_ON(3000)", *REST, "PP_SPINDLE_OFF()"
+    slower = [FIRST, begin, "PP_SPINDLE_ON(300)", *rest, end]
+    back = [FIRST, begin, "PP_SPINDLE_ON(300)", begin, *rest, end]
+    assert kinds(check(cell, with_events(ON, OFF), *slower)) == {"event"}
+    assert kinds(check(cell, with_events(ON, OFF), *back)) == set()
 
 
 def test_stops_may_be_halts(cell):

@@ -66,7 +66,7 @@ def check_events(
     check_surplus(result, calls, surplus, found.is_cut)
     check_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
-    _check_standing(result, everything, found.milled)
+    _check_standing(result, everything, found.milled, names[EventKind.TOOL_CHANGE])
 
 
 def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[Asked]:
@@ -187,7 +187,9 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
             result.finding(RunKind.DWELL, min(span.first, last), text, severity)
 
 
-def _check_standing(result: Result, everything: list[Asked], milled: BoolArray) -> None:
+def _check_standing(
+    result: Result, everything: list[Asked], milled: BoolArray, change: str
+) -> None:
     """Check that the tool never stands in the material where the file has nothing to wait for."""
     inside = np.r_[False, milled[:-1] & milled[1:], False]
     for _, span in everything:
@@ -195,7 +197,9 @@ def _check_standing(result: Result, everything: list[Asked], milled: BoolArray) 
     standing = [
         event
         for event in result.paths.trace.events
-        if event.word in _STANDS and not event.on_the_way and event.value != 0.0
+        if (event.word in _STANDS or (event.word, event.name) == (EventWord.HOOK, change))
+        and not event.on_the_way
+        and event.value != 0.0
     ]
     for event in [event for event in standing if inside[event.motion]][:_LISTED]:
         text = f"{event.name} in the middle of a cut: the tool stands in the material"

@@ -1,7 +1,8 @@
 """Calls that the CAM file does not ask for: what do the motions behind them run with?
 
 To turn off what is off changes nothing; one more tool, spindle speed or coolant does, as far as
-something cuts with it.
+something cuts with it. A file that says nothing at all of the spindle, of coolant or of tools
+leaves them to the program.
 """
 
 from __future__ import annotations
@@ -45,15 +46,17 @@ def check_surplus(result: Result, calls: Calls, surplus: Calls, is_cut: BoolArra
     harmful: set[int] = set()
     for kinds in (_SPINDLE, _COOLANT):
         extra = _in_order(result, surplus, kinds)
-        if extra:
-            have = _in_order(result, calls, kinds)
+        have = _in_order(result, calls, kinds)
+        if extra and len(extra) < len(have):
             beyond = {id(event) for _, event in extra}
             asked = [(kind, event) for kind, event in have if id(event) not in beyond]
             differs = is_cut & (_states(have, len(is_cut)) != _states(asked, len(is_cut)))
             motions = np.array([event.motion for _, event in extra])
             causes = np.searchsorted(motions, np.flatnonzero(differs), side="right") - 1
             harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
-    harmful |= {id(event) for event in surplus.get(EventKind.TOOL_CHANGE, ())}
+    changes = surplus.get(EventKind.TOOL_CHANGE, ())
+    if len(changes) < len(calls.get(EventKind.TOOL_CHANGE, ())):
+        harmful |= {id(event) for event in changes}
     listed = [event for _, event in _in_order(result, surplus, surplus)]
     for event in sorted(listed, key=lambda event: id(event) not in harmful)[:_LISTED]:
         text = f"{event.name} is called, and the CAM file does not ask for it"
