@@ -16,6 +16,8 @@ from postproc.collision.exact import ExactTests
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
 from postproc.collision.mesh import Mesh
 from postproc.collision.pairs import (
+    TOOL,
+    Pair,
     PairTable,
     candidate_pairs,
     neutral_poses,
@@ -59,6 +61,10 @@ class Engine:
         clearance: smallest allowed distance [m].
         limits: q_min (6,) and q_max (6,) [rad], to find links that touch by construction.
         thin: as ``candidate_pairs``.
+
+    Attributes:
+        stuck: pairs that touch by construction because their solids are too thick: a tool and the
+            wrist, two outlines of links.
     """
 
     def __init__(
@@ -69,7 +75,7 @@ class Engine:
         external: ExternalAxes,
         clearance: float,
         limits: tuple[FloatArray, FloatArray],
-        thin: Mapping[tuple[int, int], int] | None = None,
+        thin: Mapping[Pair, Pair] | None = None,
     ) -> None:
         self.arm = arm
         self.external = external
@@ -79,14 +85,12 @@ class Engine:
         self.exact = ExactTests(meshes)
         self._use(candidate_pairs(bodies, stand_ins, clearance, thin or {}))
         by_construction = self._touching(*limits)
-        real = {number: pair[0] for pair, number in (thin or {}).items()}
+        stands_for = {new: pair for pair, new in (thin or {}).items()}
+        touching = [stands_for.get(self.both[i], self.both[i]) for i in by_construction]
         self.stuck = tuple(
-            (
-                real.get(int(self.table.first[i]), int(self.table.first[i])),
-                int(self.table.second[i]),
-            )
-            for i in by_construction
-            if self.table.is_wrist[i]
+            (a, b)
+            for a, b in touching
+            if bodies[b].kind in TOOL or (bodies[a].is_outline and bodies[b].is_outline)
         )
         self.excluded = tuple(
             (bodies[self.table.first[i]].name, bodies[self.table.second[i]].name)

@@ -21,6 +21,7 @@ from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.hulls import COARSE, HullCheck
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
+from postproc.collision.pairs import OUTLINE_SHARE, TOOL, Pair, outlines_that_meet
 from postproc.collision.surface import Surface, SurfacePoints
 from postproc.errors import CellError, DataError, Finding, Severity
 from postproc.geometry import inverse
@@ -55,7 +56,7 @@ class Scene:
         self._cell = cell
         self._arm = arm
         self._engine_: Engine | None = None
-        self._thin: dict[tuple[int, int], float] = {}
+        self._thin: dict[Pair, float] = {}
         self._pair_bodies: tuple[tuple[Body, Body], ...] = ()
         self._surface_: Surface | None = None
 
@@ -140,13 +141,19 @@ class Scene:
         return (*self._issues, *open_, *left_out, *self._thinned())
 
     def _thinned(self) -> list[Finding]:
-        """Return what stands in for pairs of tool and wrist that overlap in every pose."""
-        hint = "check the flange frame of the tool's meshes, or give [robot] link_meshes"
+        """Return what stands in for pairs that overlap in every pose or by construction."""
         found = []
-        for (link, tool), share in self._thin.items():
-            one, two = self.bodies[link].name, self.bodies[tool].name
-            text = f"{one} and {two} overlap in every pose: tested with {one} at {share:.0%} of it"
-            found.append(Finding(Severity.WARNING, "COL105", text, hint=hint))
+        for (a, b), share in self._thin.items():
+            one, two = self.bodies[a].name, self.bodies[b].name
+            if self.bodies[b].kind in TOOL:
+                text = f"{one} and {two} overlap in every pose: tested with {one} at {share:.0%}"
+                hint = "check the flange frame of the tool's meshes, or give [robot] link_meshes"
+                found.append(Finding(Severity.WARNING, "COL105", f"{text} of it", hint=hint))
+            elif share < OUTLINE_SHARE:
+                text = f"the outlines of {one} and {two} touch by construction"
+                hint = "give [robot] link_meshes or a URDF with collision meshes"
+                text += f": tested at {share:.0%} of them"
+                found.append(Finding(Severity.NOTE, "COL105", text, hint=hint))
         return found
 
     def check(
@@ -323,21 +330,34 @@ class Scene:
             behind = [pulled_back(b, cell, arm) for b in self.bodies if b.kind == "cutting"]
         external = ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot))
         limits = (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max))
-        thin: dict[tuple[int, int], int] = {}
-        stand_ins, first = behind, len(self.bodies) + len(behind)
-        for share in (*THINNER, None):
-            bodies = (*self.bodies, *stand_ins)
-            clearance = cell.limits.clearance
-            engine = Engine(arm, bodies, len(stand_ins), external, clearance, limits, thin)
-            if not engine.stuck or share is None:
+        rounds = dict.fromkeys(outlines_that_meet(self.bodies), 0)
+        while True:
+            self._thin = {pair: (OUTLINE_SHARE, *THINNER)[n] for pair, n in rounds.items()}
+            stand_ins, thin = self._thinner(len(self.bodies) + len(behind))
+            bodies = (*self.bodies, *behind, *stand_ins)
+            more = len(behind) + len(stand_ins)
+            engine = Engine(arm, bodies, more, external, cell.limits.clearance, limits, thin)
+            again = [pair for pair in engine.stuck if rounds.get(pair, 0) < len(THINNER)]
+            if not again:
                 break
-            links = sorted({link for link, _ in engine.stuck} | {link for link, _ in thin})
-            place = {link: first + number for number, link in enumerate(links)}
-            stand_ins = [*behind, *(thinner(self.bodies[link], share) for link in links)]
-            thin = {pair: place[pair[0]] for pair in sorted({*engine.stuck, *thin})}
-            self._thin = {pair: share for pair in thin}
+            rounds |= {pair: rounds.get(pair, 0) + 1 for pair in again}
         self._pair_bodies = tuple((bodies[a], bodies[b]) for a, b in engine.both)
         return engine
+
+    def _thinner(self, first: int) -> tuple[list[Body], dict[Pair, Pair]]:
+        """Return the thinner solids, numbered from ``first`` on, and the pairs they make up."""
+        wanted = [
+            (number, share)
+            for pair, share in self._thin.items()
+            for number in pair
+            if self.bodies[number].kind == "link"
+        ]
+        place = {one: first + n for n, one in enumerate(sorted(set(wanted)))}
+        thin = {
+            (a, b): (place[a, share], place.get((b, share), b))
+            for (a, b), share in self._thin.items()
+        }
+        return [thinner(self.bodies[number], share) for number, share in place], thin
 
     @property
     def _surface(self) -> Surface:

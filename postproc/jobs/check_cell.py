@@ -21,7 +21,7 @@ from postproc.cell import (
     Workpiece,
     missing_numbers,
 )
-from postproc.collision import Scene, is_measured
+from postproc.collision import OUTLINE_SHARE, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
@@ -30,8 +30,6 @@ from postproc.planning import PlanOptions, settle
 from postproc.toml import Location, TomlText, load_toml
 from postproc.units import DEG, MM, NMM_PER_RAD
 
-_UPRIGHT = 120.0
-"""Arms that carry so much [kg] keep links 0 and 2 apart: all 15 whose meshes were looked at."""
 _SOFTEST_USUAL = 1e4
 """Joint stiffness [N*m/rad] below which an industrial arm's value looks like a wrong unit."""
 _SAME_ZERO_DEG = 0.1
@@ -277,12 +275,11 @@ def _outline(context: _Context) -> Iterator[Finding]:
     is_outline = robot.solids is RobotSolids.OUTLINE and isinstance(robot.geometry, OpwGeometry)
     if not is_outline or robot.link_meshes:
         return
-    if not robot.payload >= _UPRIGHT:
-        text = (
-            f"links 0 and 2 of {robot.name} are not tested against each other: their outlines meet "
-            "where the arm does not; light arms can reach their own base (A1 far round, A2 forward)"
-        )
-        yield context.finding(Severity.WARNING, "CEL145", text, "robot")
+    text = (
+        f"links 0 and 2, and 2 and 4, of {robot.name} are tested against each other at "
+        f"{OUTLINE_SHARE:.0%} of their outlines, which meet where the arm does not"
+    )
+    yield context.finding(Severity.NOTE, "CEL145", text, "robot")
     if not is_measured(robot):
         text = (
             f"the outline of {robot.name} is that of its size: of other arms that were held out, "

@@ -6,12 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from postproc.cell import load_cell, load_robot
+from postproc.cell import RobotSolids, load_cell, load_robot, robot_names
 from postproc.cli import app
 from postproc.collision import Scene
 from postproc.collision.outlines import is_measured, upright_solids
+from postproc.collision.pairs import neutral_poses
 from postproc.kinematics import build
 from tests.cells import cell_text
+from tests.collision.conftest import cell_of
+from tests.places import snapshot
+from tools.outlines.meeting import meeting
+from tools.outlines.meshes import real_arms
 
 
 def sizes(robot):
@@ -51,18 +56,46 @@ def test_check_says_where_an_outline_is_that_of_a_size(name, told, tmp_path, cap
 @pytest.mark.parametrize(
     ("name", "solids", "told"),
     [
-        ("kuka_kr500_r2830", "outline", 0),
+        ("kuka_kr500_r2830", "outline", 1),
         ("kuka_kr6_r900_sixx", "outline", 1),
         ("kuka_kr6_r900_sixx", "simple", 0),
     ],
 )
-def test_check_names_the_pair_that_light_arms_leave_out(name, solids, told, tmp_path, capsys):
+def test_outlines_that_meet_where_the_arm_does_not_are_tested_smaller(
+    name, solids, told, tmp_path, capsys
+):
     speeds = f'model = "{name}"\nspeed_deg_s = {[50] * 6}\nsolids = "{solids}"\n'
     text = cell_text(robot=name).replace(f'model = "{name}"\n', speeds)
     (tmp_path / "cell.toml").write_text(text)
     cell = load_cell(tmp_path / "cell.toml")
-    pairs = Scene.build(cell, build(cell.robot)).pairs
-    assert (("link 0", "link 2") in pairs) == (solids == "simple")
+    scene = Scene.build(cell, build(cell.robot))
+    tested = dict(zip(scene.pairs, scene.pair_bodies, strict=True))
+    for names in (("link 0", "link 2"), ("link 2", "link 4")):
+        for body in tested[names]:
+            full = next(one for one in scene.bodies if one.name == body.name)
+            share = np.ptp(body.vertices, axis=0) / np.ptp(full.vertices, axis=0)
+            np.testing.assert_allclose(share, 0.9 if told else 1.0)
     app.run(["check", str(tmp_path / "cell.toml"), "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert [f["code"] for f in findings].count("CEL145") == told
+
+
+@pytest.mark.slow
+def test_no_built_in_arm_has_links_that_are_not_tested():
+    for name in robot_names():
+        robot = load_robot(name)
+        scene = Scene.build(replace(cell_of(), robot=robot), build(robot))
+        assert robot.solids is RobotSolids.OUTLINE
+        assert scene.excluded == (), name
+        neutral = neutral_poses(robot.q_min, robot.q_max)
+        assert not np.isfinite(neutral).all() or not scene.check(neutral).hit.any(), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["kuka_kr6_r900_2", "kuka_kr10_r900_2", "kuka_kr16_r1610_2"])
+def test_light_arms_that_meet_themselves_are_seen(name):
+    """Against the real bodies, by coal, over all of A1 and A2, and of A3 and A4."""
+    arms = dict(real_arms(snapshot("kroshu/kuka_robot_descriptions")))
+    for pair, ours, real in meeting(name, arms[name], 19):
+        assert (real & ~ours).mean() < 0.003, pair
+        assert (ours & ~real).mean() < 0.04, pair

@@ -1,4 +1,4 @@
-"""``measure|table|held-out PACKAGES [MORE]``, ``picture PACKAGES FILE.png NAME...``."""
+"""``measure|table|held-out|meeting PACKAGES [MORE]``, ``picture PACKAGES FILE.png NAME...``."""
 
 from __future__ import annotations
 
@@ -14,8 +14,11 @@ from postproc.cell import LENGTHS, OpwGeometry, load_robot
 from postproc.collision.outlines import Outline, read_outlines, upright_solids
 from postproc.geometry import apply
 from postproc.kinematics import build
-from tools.outlines import measure, picture
+from tools.outlines import measure, meeting, picture
 from tools.outlines.meshes import Triangles, real_arms
+
+_POSES = 37
+"""So many poses of each of two joints are asked whether links meet."""
 
 
 def stands_out(
@@ -93,6 +96,10 @@ def main(command: str, packages: str, *more: str) -> None:
     others = _others(more)
     if command == "measure":
         measure.write(Path(packages), {**others, **arms})
+        return
+    if command == "meeting":
+        for line in meeting.table({**others, **arms}, _POSES):
+            print(line, flush=True)
         return
     print(f"{'mm outside of links 0..6':<42} | our volume by that of the hull of the real link")
     rows = ((name, *stands_out(name, links)) for name, links in {**others, **arms}.items())
