@@ -153,7 +153,7 @@ class Scene:
                 text = f"the outlines of {one} and {two} touch by construction"
                 hint = "give [robot] link_meshes or a URDF with collision meshes"
                 text += f": tested at {share:.0%} of them"
-                found.append(Finding(Severity.NOTE, "COL105", text, hint=hint))
+                found.append(Finding(Severity.NOTE, "COL108", text, hint=hint))
         return found
 
     def check(

@@ -50,6 +50,7 @@ _AT_ONCE = 4000
 _RESERVE = 1.7
 """What is seen in the middle of sides, times 4/3, holds all over a parabola; the rest is spare."""
 _WIDER = 1.25
+_HALVINGS = 8
 _TURN = 2.0 * np.pi
 _LEAP = 40.0 * DEG
 _HALF = 0.5
@@ -111,9 +112,11 @@ class Pieces:
 class Bound:
     """Where the arm may go at corners (c,).
 
-    ``lost`` (c,): corners of which a part cannot be reached without leaving the posture. ``wrist``
-    (c,): the least that A5 is off the straight and the folded wrist [rad] wherever the tool point
-    may be led along the triangle of the tool; infinite between joint motions.
+    ``lost`` (c,): corners at which the posture may be left: out of reach with point and orientation
+    in step, or near a straight wrist. Where only what is not in step is out of reach the hulls end
+    at the edge of it. ``wrist`` (c,): the least that A5 is off the straight and the folded wrist
+    [rad] wherever the tool point may be led along the triangle of the tool; infinite between joint
+    motions.
     """
 
     pieces: tuple[Pieces, ...]
@@ -248,48 +251,98 @@ def _cells(
     """Return the pieces of corners (r,), which are lost (r,), and the largest bulge (r,) [rad].
 
     The triangle of the point has its sides cut into ``points``, that of the orientation into
-    ``turns``; 0: point and orientation are in step.
+    ``turns``; 0: point and orientation are in step. A leap is an infinite bulge.
     """
     weight, nodes = _grid(points)
-    T = corners.T_robroot_tcp[rows]
-    turn = _turns(T)
-    at = T[..., :3, 3]
+    at = corners.T_robroot_tcp[rows][..., :3, 3]
     p = at[:, [1]] + np.einsum("ne,rei->rni", weight, at[:, [0, 2]] - at[:, [1]])
-    if turns:
-        other, other_nodes = _grid(turns)
-        rotation = np.einsum("me,rei->rmi", other, turn)[:, None]
-    else:
-        other_nodes = np.zeros((1, 1), dtype=np.int64)
-        rotation = np.einsum("ne,rei->rni", weight, turn)[:, :, None]
-    R = T[:, None, None, 1, :3, :3] @ rotation_from_vector(rotation)
-    tool = np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows]
-    shape = (len(rows), len(weight), rotation.shape[2])
-    poses = transform(
-        np.broadcast_to(R, (*shape, 3, 3)), np.broadcast_to(p[:, :, None], (*shape, 3))
-    )
-    flange = poses @ inverse(tool)[:, None, None]
-    q_corner = np.repeat(corners.q[rows, 1], shape[1] * shape[2], axis=0)
-    q, valid = _near(kinematics, flange.reshape(-1, 4, 4), q_corner)
+    other, other_nodes = _grid(turns) if turns else (weight[:, None], np.zeros((1, 1), np.int64))
+    shape = (len(rows), len(weight), other.shape[-2])
+    mixed = np.broadcast_to(other, (*shape, 2))
+    q, reached = _posed(kinematics, corners, rows, p, mixed)
+    edge = np.zeros((len(rows), *nodes.shape[:1], *other_nodes.shape[:1]), dtype=np.bool_)
+    gone = np.asarray(~reached.all(axis=(1, 2)))
+    if turns and gone.any():
+        out = np.flatnonzero(gone)
+        q[out], gone[out] = _to_reach(
+            kinematics, corners, rows[out], p[out], mixed[out], weight, q[out], reached[out]
+        )
+        edge = np.asarray(~reached[:, nodes][..., other_nodes].all(axis=(2, 4)))
     ends = corners.external[rows][:, [0, 2]] - corners.external[rows][:, [1]]
     external = corners.external[rows][:, [1]] + np.einsum("ne,rek->rnk", weight, ends)
     external = np.repeat(external[:, :, None], shape[2], axis=2)
-    every = np.concatenate([q.reshape(*shape, 6), external], axis=3)
+    every = np.concatenate([q, external], axis=3)
     every = every[:, nodes][:, :, :, other_nodes]
     # (r, f, 6, g, 1 or 6, 6 + k) to (r, f, g, 6, 1 or 6, 6 + k)
     every = np.swapaxes(every, 2, 3)
     n = 3 if turns else 1
     hulls = every[:, :, :, :3, :n]
-    mixed = np.einsum("ai,rfgijd,bj->rfgabd", _MIDDLES, hulls, _MIDDLES if turns else np.eye(1))
-    bulge = _RESERVE * np.abs(every - mixed).max(axis=(3, 4))
+    middles = np.einsum("ai,rfgijd,bj->rfgabd", _MIDDLES, hulls, _MIDDLES if turns else np.eye(1))
+    bulge = _RESERVE * np.abs(every - middles).max(axis=(3, 4))
     leaps = np.ptp(hulls[..., :6], axis=(3, 4)).max(axis=(1, 2, 3)) > _LEAP
-    gone = ~valid.reshape(len(rows), -1).all(axis=1) | leaps
-    count = bulge.shape[1] * bulge.shape[2]
+    slack = np.where(edge[..., None], np.ptp(every, axis=(3, 4)), bulge)
+    largest = np.where(edge, 0.0, bulge.max(axis=3)).max(axis=(1, 2))
+    count = slack.shape[1] * slack.shape[2]
     pieces = Pieces(
         hulls.reshape(len(rows) * count, 3, n, -1),
-        bulge.reshape(len(rows) * count, -1),
+        slack.reshape(len(rows) * count, -1),
         np.repeat(rows, count),
     )
-    return pieces, gone, bulge.max(axis=(1, 2, 3))
+    return pieces, gone, np.where(leaps, np.inf, largest)
+
+
+def _posed(
+    kinematics: Kinematics, corners: Corners, rows: IndexArray, p: FloatArray, mixed: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Return the joints (r, n, m, 6) at points and orientations, and which are within reach.
+
+    Args:
+        kinematics: the arm.
+        corners: the corners.
+        rows: (r,) of them.
+        p: (r, n, 3) [m] in robroot.
+        mixed: (r, n, m, 2) orientations at each point, as weights of both ends.
+    """
+    T = corners.T_robroot_tcp[rows]
+    rotation = np.einsum("rnme,rei->rnmi", mixed, _turns(T))
+    R = T[:, None, None, 1, :3, :3] @ rotation_from_vector(rotation)
+    poses = transform(R, np.broadcast_to(p[:, :, None], rotation.shape))
+    tool = np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows]
+    flange = poses @ inverse(tool)[:, None, None]
+    q_corner = np.repeat(corners.q[rows, 1], mixed.shape[1] * mixed.shape[2], axis=0)
+    q, valid = _near(kinematics, flange.reshape(-1, 4, 4), q_corner)
+    return q.reshape(*mixed.shape[:3], 6), valid.reshape(mixed.shape[:3])
+
+
+def _to_reach(
+    kinematics: Kinematics,
+    corners: Corners,
+    rows: IndexArray,
+    p: FloatArray,
+    mixed: FloatArray,
+    in_step: FloatArray,
+    q: FloatArray,
+    reached: BoolArray,
+) -> tuple[FloatArray, BoolArray]:
+    """Return the joints with what is out of reach put at the edge of it, and what is lost (r,).
+
+    Where the orientation is not in step with the point it is led to where it is, (n, 2) weights,
+    until the arm can follow: beyond that edge it is nowhere. Lost: corners that are out of reach in
+    step.
+    """
+    wanted = np.broadcast_to(in_step[None, :, None], mixed.shape)
+    found, valid = _posed(kinematics, corners, rows, p, wanted[:, :, :1])
+    lost = np.asarray(~valid.all(axis=(1, 2)))
+    q = np.where(reached[..., None], q, found)
+    low, high = np.zeros(reached.shape), np.ones(reached.shape)
+    for _ in range(_HALVINGS):
+        share = 0.5 * (low + high)
+        between = mixed + share[..., None] * (wanted - mixed)
+        found, valid = _posed(kinematics, corners, rows, p, between)
+        nearer = valid & ~reached
+        q = np.where(nearer[..., None], found, q)
+        low, high = np.where(nearer, low, share), np.where(nearer, share, high)
+    return q, lost
 
 
 def _near(

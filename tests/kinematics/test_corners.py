@@ -202,6 +202,75 @@ def test_corners_that_leave_the_posture_are_given_up(arm_and_tool):
     assert bound_of(arm, corners).lost.all()
 
 
+def random_corner(rng, arm, tool, q_corner, distance, turn):
+    """A corner between two straight motions, and its three poses; None out of reach."""
+    T_corner = arm.fk(q_corner) @ tool
+    ways, turns = rng.normal(size=(2, 2, 3))
+    ways *= distance / np.linalg.norm(ways, axis=1)[:, None]
+    turns *= turn / np.linalg.norm(turns, axis=1)[:, None]
+    ends = [
+        transform(T_corner[:3, :3] @ rotation_from_vector(turn), T_corner[:3, 3] + way)
+        for way, turn in zip(ways, turns, strict=True)
+    ]
+    T = np.array([ends[0], T_corner, ends[1]])
+    q, valid = near(arm, T @ inverse(tool), q_corner)
+    corners = Corners(q[None], T[None], np.ones((1, 2), bool), tool, np.zeros((1, 3, 0)))
+    return (T, corners) if valid else None
+
+
+def test_what_is_out_of_reach_out_of_step_ends_the_bound_at_its_edge(arm_and_tool):
+    """Near the stretched arm: the bound holds every polynomial that the arm can follow."""
+    arm, tool = arm_and_tool
+    rng = np.random.default_rng(7)
+    q_corner = np.array([30, -50, 1.5, 80, -55, -35]) * DEG
+    followed = 0
+    for _ in range(150):
+        made = random_corner(rng, arm, tool, q_corner, 0.012, 1.5 * DEG)
+        if made is None:
+            continue
+        T, corners = made
+        every = [transform(R[:3, :3], p[:3, 3]) for R in T for p in T]
+        if near(arm, np.array(every) @ inverse(tool), q_corner)[1]:
+            continue
+        bound = bound_of(arm, corners)
+        for _ in range(2):
+            p = polynomial(rng, *T[:, :3, 3], 9)
+            pose = transform(turned_along(rng, T, len(p)), p)
+            q, valid = arm.ik_in(pose @ inverse(tool), np.full(9, int(arm.slot(q_corner))))
+            q = q + 2 * np.pi * np.round((q_corner - q) / (2 * np.pi))
+            if not bound.lost[0]:
+                followed += 1
+                assert off_hulls(q[valid], bound).max() < 1e-9
+        if followed >= 10:
+            return
+    raise AssertionError(f"only {followed} polynomials were followed")
+
+
+def test_a_wrist_that_turns_far_is_cut_into_pieces_and_not_given_up(arm_and_tool):
+    """Seven degrees off the straight wrist A4 turns by half a turn over little ways."""
+    arm, tool = arm_and_tool
+    rng = np.random.default_rng(8)
+    q_corner = np.array([-26, -59, 80, -70, 7.5, 44]) * DEG
+    found = 0
+    for _ in range(40):
+        made = random_corner(rng, arm, tool, q_corner, 0.05, 3.0 * DEG)
+        if made is None or np.ptp(made[1].q[0], axis=0).max() < 25 * DEG:
+            continue
+        T, corners = made
+        if np.abs(corners.q[0, :, 4]).min() < 6.5 * DEG or (corners.q[0, :, 4] < 0).any():
+            continue
+        bound = bound_of(arm, corners)
+        assert not bound.lost[0]
+        found += 1
+        p = polynomial(rng, *T[:, :3, 3], 9)
+        way, valid = near(arm, transform(turned_along(rng, T, 9), p) @ inverse(tool), q_corner)
+        if valid:
+            assert off_hulls(way, bound).max() < 1e-9
+        if found == 2:
+            break
+    assert found
+
+
 @pytest.mark.parametrize("a5", [6.0, -8.0, 40.0])
 def test_the_wrist_is_no_straighter_anywhere_than_the_bound_says(arm_and_tool, a5):
     """Least |A5| of many polynomials: the bound is below it, and not by much."""
