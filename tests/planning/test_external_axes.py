@@ -60,6 +60,22 @@ def test_a_panel_of_six_metres(make_cell, make_path):
     assert at == {EventKind.SPINDLE_ON: 0, EventKind.SPINDLE_OFF: len(result)}
 
 
+def test_the_pose_to_travel_in_is_gone_to_once(make_cell, make_path):
+    """With a home the arm goes there, the axes move, and it goes on: no motion leads nowhere."""
+    cell = make_cell()
+    home = np.array([0.0, -90.0, 90.0, 0.0, 30.0, 0.0]) * DEG
+    motion = replace(cell.motion, home=home)
+    result = plan(panel(make_path), replace(cell, external_axes=(RAIL,), motion=motion))
+    assert not result.errors
+    rows = np.hstack([result.q, result.external])
+    assert (np.abs(np.diff(rows, axis=0)).max(axis=1) > 0.0).all()
+    slides = np.flatnonzero(np.diff(result.external[:, 0])) + 1
+    assert len(slides)
+    assert np.allclose(result.q[slides], home)
+    away = np.abs(np.diff(result.external[:, 0]))[slides - 1]
+    assert (result.duration[slides] >= away / RAIL.qd_max).all()
+
+
 def test_cuts_keep_their_station(make_cell, make_path):
     n = 21
     points = np.stack([np.full(n, 1.9), np.linspace(-0.4, 0.4, n), np.full(n, 1.0)], axis=1)

@@ -138,12 +138,21 @@ def _joined(
         if before is not None and len(here):
             between = travel_moves(cell, before, here, make_checker)
             findings += between.findings
+            if _ends_where(between, here):  # the first move is that of the axes
+                here = replace(here, duration=np.r_[between.duration[-1:], here.duration[1:]])
+                between = between.rows(np.arange(len(between) - 1))
             pieces.append(between)
         pieces.append(here)
         before = here if len(here) else before
     whole = Plan.concat(pieces)
     settings = {**whole.settings, "stations": len(plans)}
     return replace(whole, findings=tuple(dict.fromkeys(findings)), settings=settings)
+
+
+def _ends_where(between: Plan, after: Plan) -> bool:
+    """Return whether a travel ends in the very joint pose to which the moves behind it go first."""
+    same = np.array_equal(between.q[-1], after.q[0])
+    return same and bool(after.kind[0] == MoveKind.PTP)
 
 
 def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecker) -> Plan:
@@ -167,8 +176,11 @@ def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecke
             )
         )
         travel = Travel(np.zeros((0, 6)), q_from, np.zeros((0, 6)))
-    q = np.concatenate([travel.leave, [travel.pose, travel.pose], travel.arrive])
-    k, at_start = len(q), len(travel.leave) + 1
+    leave = np.vstack([travel.leave, travel.pose[None]])
+    if np.array_equal(leave[0], q_from):  # it stands there
+        leave = leave[1:]
+    q = np.vstack([leave, travel.pose[None], travel.arrive])
+    k, at_start = len(q), len(leave)
     where = np.concatenate(
         [np.tile(places[0], (at_start, 1)), np.tile(places[1], (k - at_start, 1))]
     )
