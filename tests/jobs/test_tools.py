@@ -567,7 +567,14 @@ def test_work_offsets_by_number_are_bases(job, run, tmp_path, claims):
     assert run(*verify)[0] == 0
 
 
-def test_a_cut_behind_a_hole_and_a_change_of_tool_begins_by_a_joint_motion(tmp_path):
+HOLE = "CYCLE/DRILL,FEDTO,9,MMPM,60,RAPTO,3,RTRCTO,20\nGOTO/20,90,0,0,0,1\nCYCLE/OFF\n"
+SLOT = "RAPID\nGOTO/20,20,50,0,0,1\nFEDRAT/600,MMPM\nGOTO/20,20,10\nGOTO/50,20,10\n"
+
+
+@pytest.mark.parametrize("before", [HOLE, SLOT], ids=["hole", "cut"])
+@pytest.mark.parametrize("start", ["60,90,10", "50,20,10"], ids=["elsewhere", "same place"])
+def test_a_cut_behind_a_change_of_tool_begins_by_a_joint_motion(before, start, tmp_path):
+    """From home, where the tool is changed: what lies before is cut by another tool."""
     cell = """schema = "postproc.cell/1"
 name = "two"
 [robot]
@@ -590,9 +597,8 @@ refine = false
 [motion]
 home_deg = [0, -90, 90, 0, 30, 0]
 """
-    hole = "CYCLE/DRILL,FEDTO,9,MMPM,60,RAPTO,3,RTRCTO,20\nGOTO/20,90,0,0,0,1\nCYCLE/OFF\n"
-    cut = "FEDRAT/600,MMPM\nGOTO/60,90,10\nGOTO/90,90,10\n"
+    cut = f"FEDRAT/600,MMPM\nGOTO/{start}\nGOTO/90,90,10\n"
     on = "SPINDL/1000,RPM,CLW\n"
-    cam = f"UNITS/MM\nLOADTL/1\n{on}{hole}LOADTL/2\n{on}{cut}SPINDL/OFF\nFINI\n"
+    cam = f"UNITS/MM\nLOADTL/1\n{on}{before}LOADTL/2\n{on}{cut}SPINDL/OFF\nFINI\n"
     job = text.converted(tmp_path, cam, cell=cell)
     assert job.good, [str(finding) for finding in job.findings]

@@ -416,6 +416,14 @@ def _elements(
     rows = np.flatnonzero(np.isin(kind, CUTS))
     rows = rows[rows > 0]
     rows = rows[(served[rows] >= 0) & (served[rows - 1] >= 0)]
+    station = result.paths.station
+    frames = np.stack([station.tool, station.base], axis=1)
+    changed = (frames[served[rows]] != frames[served[rows - 1]]).any(axis=1)
+    # behind a change the file does not say where a cut comes from: any way will do, a line at feed
+    lines = rows[changed & result.paths.trace.is_cp[served[rows]]]
+    comparison.is_cut[served[lines]] = True
+    feeds.expect_rows(lines, served[lines])
+    rows = rows[~changed]
     behind_hole = kind[rows - 1] == MotionKind.HOLE
     _behind_holes(result, comparison, toolpath, rows[behind_hole], feeds)
     rows = rows[~behind_hole]
@@ -455,19 +463,12 @@ def _elements(
 def _behind_holes(
     result: Result, comparison: Comparison, toolpath: ToolPath, rows: AnyIntArray, feeds: Feeds
 ) -> None:
-    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from.
-
-    Behind a change of tool or base any way will do: it does not come from the hole.
-    """
-    motions, before = comparison.served[rows], comparison.served[rows - 1]
-    station = result.paths.station
-    same = (station.tool[motions] == station.tool[before]) & (
-        station.base[motions] == station.base[before]
-    )
+    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from."""
+    motions = comparison.served[rows]
     comparison.is_cut[motions] = True
     is_cp = result.paths.trace.is_cp[motions]
-    feeds.expect_rows(rows[is_cp & same], motions[is_cp & same])
-    for row in rows[~is_cp & same][:AT_MOST].tolist():
+    feeds.expect_rows(rows[is_cp], motions[is_cp])
+    for row in rows[~is_cp][:AT_MOST].tolist():
         text = f"to tag {_tag(toolpath, row)}: a joint motion, the CAM file asks for a line"
         result.finding(RunKind.PATH, int(comparison.served[row]), text)
 
