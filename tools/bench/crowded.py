@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -27,6 +28,8 @@ HOMES = tuple(
     for a1 in (0, 60, -60, 120, -120, 170)
 )
 """Poses [deg] to begin and end in; the first stands in the cell file, a user takes a free one."""
+STYLES = ("dense", "spline", "spline_block")
+"""How path motions are written where the rail moves with them: LIN and CIRC, or splines."""
 _SLOTS = 0.4
 """Share of slots among what is to be done."""
 _MILLED = 12
@@ -73,7 +76,7 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool, along: b
         f"[motion]\napproximation_mm = {blend:.3f}\n",
         f"corner_tolerance_mm = {rng.choice([0.2, 1.0, 5.0])}\n",
         f"approach_mm = {rng.choice([20.0, 50.0])}\nhome_deg = {HOMES[0]}\n",
-        "[optimize]\nstep_deg = 30\n[krl]\nmax_points_per_file = 100000\n",
+        "[optimize]\nstep_deg = 30\n",
     ]
     if with_rail:
         rail = 'name = "E1"\nkind = "rail"\naxis = "+y"\n'
@@ -84,6 +87,10 @@ def random_job(rng: np.random.Generator, tags: int, *, with_rail: bool, along: b
         text += [_beside_the_rail(rng, number, along=along) for number in range(count)]
     blocks = _blocks(rng, size, tags, with_rail=with_rail)
     cuts = [_along(rng, size) for _ in range(_MILLED if along else 0)]
+    if along:
+        text.append(f'[krl]\nmax_points_per_file = 100000\nmotion = "{rng.choice(STYLES)}"\n')
+    else:
+        text.append("[krl]\nmax_points_per_file = 100000\n")
     return Job("".join(text), (*cuts, *blocks))
 
 
@@ -209,15 +216,20 @@ def _along(rng: np.random.Generator, size: FloatArray) -> str:
     x = rng.uniform(-0.42, 0.2) * size[0] + rng.uniform(-wander, wander, count)
     axis = np.r_[rng.uniform(-0.1, 0.1, 2), 1.0]
     points = [_inside(point, size) for point in np.column_stack([x, y])]
-    return _milled(rng, points, axis / np.linalg.norm(axis))
+    return _milled(rng, points, axis / np.linalg.norm(axis), rounds=0.4)
 
 
 def _inside(point: FloatArray, size: FloatArray) -> FloatArray:
     return np.clip(point, -0.45 * size[:2], 0.45 * size[:2])
 
 
-def _milled(rng: np.random.Generator, points: list[FloatArray], axis: FloatArray) -> str:
-    """Return points (2,) [mm] milled a little into the part, entered and left along the tool."""
+def _milled(
+    rng: np.random.Generator, points: list[FloatArray], axis: FloatArray, rounds: float = 0.0
+) -> str:
+    """Return points (2,) [mm] milled a little into the part, entered and left along the tool.
+
+    A share ``rounds`` of the ways between them are half circles.
+    """
     depth, top = rng.uniform(0.5, 5.0), rng.uniform(15.0, 60.0)
 
     def goto(point: FloatArray, height: float) -> str:
@@ -225,7 +237,13 @@ def _milled(rng: np.random.Generator, points: list[FloatArray], axis: FloatArray
         return "GOTO/" + ",".join(f"{value:.7f}" for value in (*p, *axis)) + "\n"
 
     lines = ["RAPID\n", goto(points[0], top), "FEDRAT/300,MMPM\n"]
-    lines += [goto(point, -depth) for point in points]
+    lines.append(goto(points[0], -depth))
+    for start, end in pairwise(points):
+        if rng.uniform() < rounds:
+            centre = np.r_[0.5 * (start + end), 0.0] - depth / axis[2] * axis
+            numbers = (*centre, 0.0, 0.0, rng.choice([-1.0, 1.0]), np.hypot(*(end - start)) / 2.0)
+            lines.append("CIRCLE/" + ",".join(f"{value:.7f}" for value in numbers) + "\n")
+        lines.append(goto(end, -depth))
     if rng.uniform() < 0.6:
         lines += ["RAPID\n", goto(points[-1], top)]
     return "".join(lines)

@@ -37,7 +37,8 @@ IN_TUBE = 0.06e-3
 JOINT_STEP = 0.02 * DEG
 """Longest way of a joint [rad] between two configurations of a joint motion."""
 LEAP = 5.0 * DEG
-_WORD = re.compile(r"^(PTP|LIN|CIRC) (\{.*?\})(?:, ?(\{.*?\}))?((?: C_\w+)*)")
+_WORD = re.compile(r"^ *S?(PTP|LIN|CIRC) (\{.*?\})(?:, ?(\{.*?\}))?((?: C_\w+)*)")
+_SPEED = re.compile(r"WITH \$VEL\.CP=([\d.]+)")
 _NUMBER = re.compile(r"(\w+) (-?[\d.]+)")
 _HALF = 0.5
 
@@ -61,7 +62,10 @@ class Move:
 
 
 def moves_of(text: str, axes: int) -> list[Move]:
-    """Return the motions of a text with so many external axes."""
+    """Return the motions of a text with so many external axes.
+
+    Within a spline block corners are exact; behind the last motion of one it says how it ends.
+    """
     found: list[Move] = []
     cdis, speed = 0.0, 0.0
     for number, line in enumerate(text.replace("\r", "").split("\n"), 1):
@@ -69,11 +73,14 @@ def moves_of(text: str, axes: int) -> list[Move]:
             cdis = float(line.split("=")[1].split(";")[0]) * MM
         elif line.startswith("$VEL.CP="):
             speed = float(line.split("=")[1].split(";")[0])
+        elif line.startswith("ENDSPLINE C_SPL"):
+            found[-1].cdis = cdis
         elif match := _WORD.match(line):
             word, first, second, blend = match.groups()
+            own = float(said[1]) if (said := _SPEED.search(line)) else speed
             target = {key: float(value) for key, value in _NUMBER.findall(second or first)}
             external = np.array([target[f"E{i + 1}"] * MM for i in range(axes)])
-            move = Move(word, number, external, cdis if "C_DIS" in blend else 0.0, speed)
+            move = Move(word, number, external, cdis if blend else 0.0, own)
             if "A1" in target:
                 move.q = np.array([target[f"A{i}"] for i in range(1, 7)]) * DEG
             else:
