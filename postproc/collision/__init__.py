@@ -3,11 +3,11 @@
 from postproc.collision.bodies import Body
 from postproc.collision.check import Hits
 from postproc.collision.outlines import is_measured
-from postproc.collision.pairs import OUTLINE_SHARE
+from postproc.collision.pairs import OUTLINE_SHARES
 from postproc.collision.scene import Scene
 
 __all__ = [
-    "OUTLINE_SHARE",
+    "OUTLINE_SHARES",
     "Body",
     "Hits",
     "Scene",

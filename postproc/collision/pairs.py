@@ -37,11 +37,10 @@ _PRIMES = (2, 3, 5, 7, 11, 13)
 _OWN_WRIST = 5
 """From the tool to this link only axis 6 turns: what distance they keep is the maker's affair."""
 _APART_BY_STOPS = {(3, 5), (4, 6)}
-OUTLINES_THAT_MEET = ((0, 2), (2, 4))
-OUTLINE_SHARE = 0.9
-"""Size at which these are tested. Against the meshes of 45 arms (`tools.outlines meeting`)
-contact is missed in at most 0.4 % of the poses, for three arms in up to 2.7 %, at the end of A3;
-free poses are refused in at most 4 % of A1 and A2, and 11 % of A3 and A4."""
+OUTLINE_SHARES = {(0, 2): 0.9, (2, 4): 0.85}
+"""Size at which outlines that meet are tested. Against the meshes of 45 arms (`tools.outlines
+meeting`): of (0, 2) contact is missed in at most 0.1 % of the poses of A1 and A2, and 4.2 % that are
+free are refused; of (2, 4) up to 3.7 % and 5.4 % of those of A3 and A4, near the ends of A3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +108,14 @@ def _is_tested(one: Body, two: Body) -> bool:
     return two.link - one.link > 1 and (one.link, two.link) not in _APART_BY_STOPS
 
 
-def outlines_that_meet(bodies: tuple[Body, ...]) -> list[Pair]:
-    """Return the pairs of outlines that are tested with thinner solids from the start."""
+def outlines_that_meet(bodies: tuple[Body, ...]) -> dict[Pair, float]:
+    """Return the pairs of outlines that are thinner from the start, and their size."""
     outline = {body.link: number for number, body in enumerate(bodies) if body.is_outline}
-    return [(outline[a], outline[b]) for a, b in OUTLINES_THAT_MEET if {a, b} <= outline.keys()]
+    return {
+        (outline[a], outline[b]): share
+        for (a, b), share in OUTLINE_SHARES.items()
+        if {a, b} <= outline.keys()
+    }
 
 
 def neutral_poses(q_min: FloatArray, q_max: FloatArray) -> FloatArray:

@@ -21,7 +21,7 @@ from postproc.collision.external import JOINTS, ExternalAxes
 from postproc.collision.hulls import COARSE, HullCheck
 from postproc.collision.mesh import joined
 from postproc.collision.motion import RESOLUTION, MotionHits
-from postproc.collision.pairs import OUTLINE_SHARE, TOOL, Pair, outlines_that_meet
+from postproc.collision.pairs import TOOL, Pair, outlines_that_meet
 from postproc.collision.surface import Surface, SurfacePoints
 from postproc.errors import CellError, DataError, Finding, Severity
 from postproc.geometry import inverse
@@ -149,7 +149,7 @@ class Scene:
                 text = f"{one} and {two} overlap in every pose: tested with {one} at {share:.0%}"
                 hint = "check the flange frame of the tool's meshes, or give [robot] link_meshes"
                 found.append(Finding(Severity.WARNING, "COL105", f"{text} of it", hint=hint))
-            elif share < OUTLINE_SHARE:
+            elif share <= THINNER[0]:
                 text = f"the outlines of {one} and {two} touch by construction"
                 hint = "give [robot] link_meshes or a URDF with collision meshes"
                 text += f": tested at {share:.0%} of them"
@@ -330,9 +330,10 @@ class Scene:
             behind = [pulled_back(b, cell, arm) for b in self.bodies if b.kind == "cutting"]
         external = ExternalAxes(cell.external_axes, np.asarray(cell.robot.T_world_robroot))
         limits = (np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max))
-        rounds = dict.fromkeys(outlines_that_meet(self.bodies), 0)
+        first = outlines_that_meet(self.bodies)
+        rounds = dict.fromkeys(first, 0)
         while True:
-            self._thin = {pair: (OUTLINE_SHARE, *THINNER)[n] for pair, n in rounds.items()}
+            self._thin = {pair: THINNER[n - 1] if n else first[pair] for pair, n in rounds.items()}
             stand_ins, thin = self._thinner(len(self.bodies) + len(behind))
             bodies = (*self.bodies, *behind, *stand_ins)
             more = len(behind) + len(stand_ins)

@@ -21,7 +21,7 @@ from postproc.cell import (
     Workpiece,
     missing_numbers,
 )
-from postproc.collision import OUTLINE_SHARE, Scene, is_measured
+from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
@@ -275,10 +275,10 @@ def _outline(context: _Context) -> Iterator[Finding]:
     is_outline = robot.solids is RobotSolids.OUTLINE and isinstance(robot.geometry, OpwGeometry)
     if not is_outline or robot.link_meshes:
         return
-    text = (
-        f"links 0 and 2, and 2 and 4, of {robot.name} are tested against each other at "
-        f"{OUTLINE_SHARE:.0%} of their outlines, which meet where the arm does not"
+    sizes = " and ".join(
+        f"links {a} and {b} at {share:.0%}" for (a, b), share in OUTLINE_SHARES.items()
     )
+    text = f"outlines of {robot.name} that meet where the arm does not are tested smaller: {sizes}"
     yield context.finding(Severity.NOTE, "CEL145", text, "robot")
     if not is_measured(robot):
         text = (

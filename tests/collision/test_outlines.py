@@ -70,11 +70,11 @@ def test_outlines_that_meet_where_the_arm_does_not_are_tested_smaller(
     cell = load_cell(tmp_path / "cell.toml")
     scene = Scene.build(cell, build(cell.robot))
     tested = dict(zip(scene.pairs, scene.pair_bodies, strict=True))
-    for names in (("link 0", "link 2"), ("link 2", "link 4")):
+    for names, smaller in ((("link 0", "link 2"), 0.9), (("link 2", "link 4"), 0.85)):
         for body in tested[names]:
             full = next(one for one in scene.bodies if one.name == body.name)
             share = np.ptp(body.vertices, axis=0) / np.ptp(full.vertices, axis=0)
-            np.testing.assert_allclose(share, 0.9 if told else 1.0)
+            np.testing.assert_allclose(share, smaller if told else 1.0)
     app.run(["check", str(tmp_path / "cell.toml"), "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
     assert [f["code"] for f in findings].count("CEL145") == told

@@ -12,7 +12,7 @@ from postproc.cell import load_robot
 from postproc.collision.bodies import Body, thinner
 from postproc.collision.links import default_links
 from postproc.collision.mesh import Mesh
-from postproc.collision.pairs import OUTLINE_SHARE, OUTLINES_THAT_MEET
+from postproc.collision.pairs import OUTLINE_SHARES
 from postproc.kinematics import build
 from tools.bench.collision import coal_mesh
 from tools.outlines.meshes import Triangles
@@ -22,7 +22,7 @@ BETWEEN = {(0, 2): (0, 1), (2, 4): (2, 3)}
 
 
 def meeting(
-    name: str, links: Triangles, count: int, share: float = OUTLINE_SHARE
+    name: str, links: Triangles, count: int
 ) -> Iterator[tuple[tuple[int, int], BoolArray, BoolArray]]:
     """Yield each pair with which of ``count`` squared poses within the limits meet.
 
@@ -30,7 +30,6 @@ def meeting(
         name: the arm.
         links: its real bodies.
         count: poses of each of the two joints between the links; the others stand at 0.
-        share: size of the outlines.
 
     Yields:
         the pair; (count, count) where the outlines meet; where the real bodies do.
@@ -38,23 +37,24 @@ def meeting(
     robot = load_robot(name)
     arm = build(robot)
     low, high = np.asarray(robot.q_min), np.asarray(robot.q_max)
-    outlines = [
-        thinner(Body(f"link {link}", "link", link, mesh), share).mesh
-        for link, mesh in enumerate(default_links(robot, arm))
-    ]
+    outlines = default_links(robot, arm)
     bodies = [
         Mesh(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
         for corners in links
     ]
-    for pair in OUTLINES_THAT_MEET:
+    for pair, share in OUTLINE_SHARES.items():
         joints = list(BETWEEN[pair])
         q = np.tile(np.clip(np.zeros(6), low, high), (count, count, 1))
         grid = [np.linspace(low[joint], high[joint], count) for joint in joints]
         q[..., joints] = np.stack(np.meshgrid(*grid, indexing="ij"), axis=-1)
+        smaller = {
+            link: thinner(Body(f"link {link}", "link", link, outlines[link]), share).mesh
+            for link in pair
+        }
         T = arm.link_frames(q.reshape(-1, 6))[:, list(pair)]
         found = [
             np.array([_meet(*solids, *frames) for frames in T]).reshape(count, count)
-            for meshes in (outlines, bodies)
+            for meshes in (smaller, bodies)
             for solids in [[coal_mesh(meshes[link]) for link in pair]]
         ]
         yield pair, found[0], found[1]
