@@ -39,8 +39,8 @@ _OWN_WRIST = 5
 _APART_BY_STOPS = {(3, 5), (4, 6)}
 OUTLINE_SHARES = {(0, 2): 0.9, (2, 4): 0.85}
 """Size at which outlines that meet are tested. Against the meshes of 45 arms (`tools.outlines
-meeting`): of (0, 2) contact is missed in at most 0.1 % of the poses of A1 and A2, and 4.2 % that are
-free are refused; of (2, 4) up to 3.7 % and 5.4 % of those of A3 and A4, near the ends of A3."""
+meeting`): of (0, 2) contact is missed in at most 0.1 % of the poses of A1 and A2, and 4.2 % that
+are free are refused; of (2, 4) up to 3.7 % and 5.4 % of those of A3 and A4, near the ends of A3."""
 
 
 @dataclass(frozen=True, slots=True)

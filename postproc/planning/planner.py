@@ -204,7 +204,8 @@ def _planned(
     take_joints(problem, chosen)
     findings += without_roll(checker, chosen)
     clock.begin("route")
-    routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on)
+    runs = options.partial or not any(finding.is_error for finding in findings)
+    routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on, runs=runs)
     findings = [
         *_notes(checker),
         *_tilt_note(problem, chosen),
@@ -281,12 +282,12 @@ def checker_of(
 
 
 def _routed(
-    checker: Checker, chosen: Chosen, *, partial: bool, goes_on: bool
+    checker: Checker, chosen: Chosen, *, partial: bool, goes_on: bool, runs: bool
 ) -> tuple[Route, list[Finding]]:
     """Return the route; with ``partial`` the stretches that cannot be got to are left out."""
     dropped: list[Finding] = []
     for _ in range(_DROPS):
-        routed = route(checker, chosen, goes_on=goes_on)
+        routed = route(checker, chosen, goes_on=goes_on, runs=runs)
         stuck = [finding for finding in routed.findings if finding.severity is Severity.ERROR]
         if not partial or not stuck:
             break

@@ -45,7 +45,7 @@ class Route:
     findings: list[Finding] = field(default_factory=list)
 
 
-def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
+def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool = True) -> Route:
     """Return the moves that run the chosen poses.
 
     Connections that cannot be made free of collision are findings at their tag.
@@ -54,6 +54,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
         checker: of the toolpath.
         chosen: poses of its tags.
         goes_on: whether motions that are not planned here follow: no tool is left in material.
+        runs: false where it is known that not all tags can be run: nothing is blended.
     """
     problem = checker.problem
     findings: list[Finding] = []
@@ -76,7 +77,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False) -> Route:
     if extra:
         table = in_order([table, *extra])
     table, left = _thinned(checker, table)
-    result = timed(checker, table, _stops_before(problem, table), findings)
+    result = timed(checker, table, _stops_before(problem, table), findings, runs=runs)
     return Route(table, result, left, findings)
 
 

@@ -51,11 +51,18 @@ class Timed:
 
 
 def timed(
-    checker: Checker, table: Moves, stops_before: BoolArray, findings: list[Finding]
+    checker: Checker,
+    table: Moves,
+    stops_before: BoolArray,
+    findings: list[Finding],
+    *,
+    runs: bool = True,
 ) -> Timed:
     """Return speeds that the axes can follow, blends, and times.
 
-    A cut without a feed, and a motion too fast for an axis at any speed, are findings.
+    A cut without a feed, and a motion too fast for an axis at any speed, are findings. Where it is
+    known that the moves cannot be run (``runs``) no corner is blended: how far one may be takes
+    long to find out.
     """
     problem = checker.problem
     is_path = table.kind != MoveKind.PTP
@@ -69,7 +76,10 @@ def timed(
     cap[rows], orientation[rows] = speed_caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = _blends(problem, replace(table, speed=speed), length, stops_before)
-    blend = lowered_blends(checker, table, lines, rows, blend)
+    if runs and not any(finding.is_error for finding in findings):
+        blend = lowered_blends(checker, table, lines, rows, blend)
+    else:
+        blend[:] = 0.0
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
     joints = joint_path(
         problem.cell.robot, track.row, track.share, track.q, lines.q_from, blend[rows]

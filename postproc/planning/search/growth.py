@@ -31,12 +31,15 @@ _MOST_REFINED = 2000
 
 @dataclass(slots=True)
 class Growth:
-    """What was looked at more closely so far: the windows tried in each chain."""
+    """What was looked at more closely so far: the windows tried in each chain.
+
+    ``passable``: whether tags [low, high) of a cut can be run by themselves.
+    """
 
     between: Interpolation
     tries: dict[int, int] = field(default_factory=dict)
     gave_up: set[int] = field(default_factory=set)
-    refuted: set[int] = field(default_factory=set)
+    passable: dict[tuple[int, int], bool] = field(default_factory=dict)
 
     def next(self, search: PoseSearch, found: Found) -> tuple[IndexArray, IndexArray]:
         """Return tags to take as key tags, and the stride of each; none if all is said."""
@@ -67,18 +70,18 @@ class Growth:
 
         All tags around it on the finest grid of spins, begun in any state.
         """
-        if tag not in self.refuted:
-            reach = _WINDOWS[_LOCAL - 1][0]
-            window = np.arange(max(low, tag - reach), min(high, tag + reach + 1))
+        reach = _WINDOWS[_LOCAL - 1][0]
+        ends = max(low, tag - reach), min(high, tag + reach + 1)
+        if ends not in self.passable:
+            window = np.arange(*ends)
             alone = PoseSearch.of(search.checker, window, search.wish, search.between)
             alone.grow(window, np.ones_like(window))
             alone.hasty[:] = True
             alone.bridges.turn[:] = np.pi
             found = alone.run()
-            if not alone.broken(found).any() and (found.path != NONE).all():
-                return False
-            self.refuted.add(tag)
-        return True
+            whole = (found.path != NONE).all() and not alone.broken(found).any()
+            self.passable[ends] = bool(whole)
+        return not self.passable[ends]
 
     def _around_empties(
         self, search: PoseSearch, found: Found, wish: IndexArray, base: int
