@@ -94,6 +94,20 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     assert (search.ladder.broken == fresh.broken).all()
 
 
+def test_cuts_found_good_before_another_into_the_same_state_are_run():
+    toolpath, cell = contour("convex", 300, 1.0), milling_cell(fixture=False)
+    cell, settings = settle(cell, PlanOptions())
+    checker = checker_of(toolpath, cell, settings)
+    search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
+    found = search.run()
+    known = search.chosen(found)
+    search.passed = np.roll(search.passed, 1)
+    again = search.chosen(found)
+    assert known.good.all()
+    assert again.good.all()
+    assert np.array_equal(known.q, again.q)
+
+
 def test_poses_that_fail_off_the_grid_leave_those_far_from_them_there(monkeypatch):
     """However often poses at the start of a cut fail, its end stays off the grid."""
     kept = []

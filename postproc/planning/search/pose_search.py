@@ -388,12 +388,26 @@ class PoseSearch:
         joined = np.flatnonzero(good[1:] & good[:-1] & ~self.ladder.broken[1:]) + 1
         a, b = found.path[joined - 1], found.path[joined]
         apart = self.tags[joined] - self.tags[joined - 1] > 1
-        a, b = a[apart & (self.passed[b] == a)], b[apart & (self.passed[b] == a)]
+        a, b = a[apart], b[apart]
+        passed = self._have_passed(a, b)
+        a, b = a[passed], b[passed]
         chosen = Chosen(attitude, branch, q, is_good, entry)
         fill(problem, self.between, self.spans(a, b), chosen)
         if k < n:
             chosen.entry[1:] |= ~is_good[:-1]
         return chosen
+
+    def _have_passed(self, before: IndexArray, after: IndexArray) -> BoolArray:
+        """Return which cuts (m,) over tags between can be run.
+
+        A state remembers one cut into it alone: others that were found good are judged again.
+        """
+        good = self.passed[after] == before
+        again = np.flatnonzero(~good)
+        if len(again):
+            spans = self.spans(before[again], after[again])
+            good[again] = judge(self.checker, self.between, spans).good(len(again))
+        return np.asarray(good)
 
     def record(self, found: Found, chosen: Chosen) -> dict[str, object]:
         """Return what the search did, for the record of the plan."""
