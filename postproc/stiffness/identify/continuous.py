@@ -369,13 +369,16 @@ class _Linear:
 
         The priors are those of b_i + h_i + g_i.
         """
-        q, n = self.q, 3 * len(self.q)
+        q, n = self.q, len(self.q)
         K = hyper.amplitude**2 * kernel(q, q, hyper.lengths) + _OFFSET_SD**2
         own = hyper.own_amplitude**2 * own_kernel(q, q, np.full(6, hyper.own_length))[self.seen]
-        rows = self.B.reshape(n, -1) / hyper.sigma
-        S = np.eye(n)
-        for row, of_joint in zip(rows.T, own + K, strict=True):
-            S += np.outer(row, row) * np.repeat(np.repeat(of_joint, 3, axis=0), 3, axis=1)
+        rows = self.B / hyper.sigma
+        S = np.eye(3 * n)
+        both = np.empty((n, 3, n, 3))
+        for k, of_joint in enumerate(own + K):
+            np.multiply(rows[:, :, None, None, k], rows[None, None, :, :, k], out=both)
+            both *= of_joint[:, None, :, None]
+            S += both.reshape(3 * n, 3 * n)
         return np.asarray(np.linalg.cholesky(S)), self.y.reshape(-1) / hyper.sigma, own + K
 
 
