@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.gap.answers.diagnose import diagnose, shrink_interval
+from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.answers.shrinkage import NEW_POSES, shrink_interval
+from postproc.gap.choice.evidence import Evidence
+from postproc.gap.choice.fitting import Named
+from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.effect import EFFECTS
 from postproc.gap.fit.fit import Free, fit
 from postproc.gap.fit.intervals import deviations
@@ -19,20 +23,65 @@ NOISE = 2e-5
 BACKLASH = dict(EFFECTS)["backlash"]
 
 
-def test_the_interval_of_the_shrinkage_holds_new_rows_of_the_same_kind():
+@pytest.mark.parametrize("count", [40, 80, 400])
+def test_the_interval_of_the_shrinkage_holds_a_new_campaign(count):
     rng = np.random.default_rng(5)
     held = 0
     for _ in range(300):
-        rows = [rng.gamma(4.0, 1.0, 80) for _ in range(2)]
-        left = [0.2 * rng.gamma(6.0, 1.0 / 6.0, 80) * 4.0 for _ in range(2)]
-        low, high = shrink_interval(rows[0], left[0], np.arange(80, dtype=np.int32))
-        new = 1.0 - np.sqrt(np.sum(left[1] ** 2) / np.sum(rows[1] ** 2))
+        rows = [rng.gamma(4.0, 1.0, n) for n in (count, NEW_POSES)]
+        left = [0.2 * rng.gamma(6.0, 1.0 / 6.0, len(v)) * 4.0 for v in rows]
+        each = np.arange(count, dtype=np.int32)
+        low, high = shrink_interval(rows[0], left[0], each, np.zeros_like(each))
+        new = 1.0 - np.sqrt(np.mean(left[1] ** 2) / np.mean(rows[1] ** 2))
         held += low <= new <= high
     assert 0.84 <= held / 300 <= 0.96
 
 
+def test_a_course_of_time_widens_the_interval_of_the_shrinkage():
+    rng = np.random.default_rng(6)
+    stretch = np.repeat(np.arange(5, dtype=np.int32), 20)
+    before, after = rng.gamma(9.0, 1.0, 100), rng.gamma(9.0, 0.1, 100) * (1.0 + stretch)
+    each = np.arange(100, dtype=np.int32)
+    steady = shrink_interval(before, after, each, np.zeros_like(stretch))
+    drifting = shrink_interval(before, after, each, stretch)
+    assert drifting[1] - drifting[0] > 1.5 * (steady[1] - steady[0])
+
+
 def test_one_cluster_has_no_interval():
-    assert shrink_interval(np.ones(5), np.ones(5), np.zeros(5, dtype=np.int32)) == (0.0, 0.0)
+    one = np.zeros(5, dtype=np.int32)
+    assert shrink_interval(np.ones(5), np.ones(5), one, one) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("registered", [False, True])
+@pytest.mark.parametrize("beside", [(), ("link_bending",)])
+def test_rows_left_out_are_missed_as_by_a_fit_without_them(
+    registered, beside, world, tmp_path, kinematics, cell
+):
+    data, measured, *_ = world.make(72, {"joint_compliance": 2e-4}, n=120, noise=NOISE)
+    path = tmp_path / "rows.csv"
+    path.write_text(world.csv(data, measured))
+    problem = pose_problem(read_measurements(path), kinematics, cell, None, registered)
+    everything = np.ones(len(problem), dtype=bool)
+    regression = Regression(
+        problem.samples,
+        problem.gap,
+        np.full(len(problem), 1.0 / NOISE),
+        problem.split.fold,
+        problem.blocks(everything),
+        problem.always,
+    )
+    standing = {"joint_compliance": Standing.ADOPTED} | dict.fromkeys(beside, Standing.RESEMBLED)
+    choice = Choice(standing, dict.fromkeys(standing, Evidence(1.0, 1.0)), {}, {})
+    label = (np.arange(len(problem)) % 6).astype(np.int32)
+    whole = Named.of(problem, regression, choice, NOISE, everything)
+    told = whole.missed(label)
+    fitted = np.linalg.norm(problem.measured - whole.fit.point, axis=1)
+    for k in range(6):
+        here = label == k
+        again = Named.of(problem, regression, choice, NOISE, ~here).fit
+        missed = np.linalg.norm(problem.measured - again.point, axis=1)
+        error, change = (np.max(np.abs(v - missed)[here]) for v in (told, fitted))
+        assert error < 0.05 * change
 
 
 def test_the_jackknife_of_a_mean_is_its_standard_error(samples):

@@ -12,7 +12,8 @@ from scipy.spatial import cKDTree
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import DataError, SourceRef
-from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.shrinkage import rms
 from postproc.geometry import apply, arc_points, inverse
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length

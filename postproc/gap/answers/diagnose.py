@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.answers.designs import is_worse, refusals
+from postproc.gap.answers.shrinkage import Apart, Step, rms
 from postproc.gap.choice import (
-    Assessment,
     Choice,
     Dependence,
     Prepared,
@@ -20,10 +19,9 @@ from postproc.gap.choice import (
     beaten,
     displaced,
     elusive,
-    fitted,
-    named,
     prepare,
     select,
+    uneven,
     unexplained,
     unusual,
     verdict,
@@ -38,25 +36,11 @@ from postproc.gap.fit import (
     Problem,
     Regression,
     Wave,
-    block_of,
+    design_matrix,
     deviations,
     find_waves,
 )
-from postproc.gap.robot_model import evaluate
 from postproc.progress import Progress
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """What one adopted effect does on sealed rows: 3D rms [m] before and once it is added.
-
-    Both of the whole measured difference; the effects listed before it are in the model.
-    """
-
-    name: str
-    before: float
-    after: float
-    interval: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +49,12 @@ class Diagnosis:
 
     level: the noise and what it rests on; memory: correlated noise and smooth rest of the rows;
     baseline: (n, 3) points of the given model with the registration [m]; fit: of all rows, points
-    and frames those of the adopted effects; residual: (n, 3) [m]; total: 3D rms [m] on rows not
-    fitted before and after all adopted effects, and the 90 % interval of the shrinkage; held_out:
-    how these rows were kept apart; extra: for each effect not adopted the 3D rms [m] on rows not
-    fitted without and with it; deviation: standard deviations (p,) of each adopted effect's
-    numbers; unexplained: what the rest is a function of; ripple: waves in what is left where the
-    verdict is "unexplained"; transfer: by effect and design what it brings there [nats].
+    and frames those of the adopted effects; residual: (n, 3) [m]; total: 3D rms [m] on rows left
+    out, before and after all adopted effects, and the 90 % interval of the shrinkage; sealed: the
+    same two of the sealed rows, NaN without such; extra: for each effect not adopted the 3D rms [m]
+    on rows left out, without and with it; deviation: standard deviations (p,) of each adopted
+    effect's numbers; unexplained: what the rest is a function of; ripple: waves in what is left
+    where the verdict is "unexplained"; transfer: by effect and design what it brings there [nats].
     """
 
     problem: Problem
@@ -88,7 +72,7 @@ class Diagnosis:
     structure: float
     steps: tuple[Step, ...]
     total: tuple[float, float, float, float]
-    held_out: str
+    sealed: tuple[float, float]
     extra: dict[str, tuple[float, float]]
     unexplained: tuple[RestPart, ...]
     ripple: tuple[Wave, ...]
@@ -133,12 +117,9 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         ripple, rest = _left(regression, choice, prepared.noise)
     assessed = replace(assessed, choice=choice)
     answer = verdict(assessed, prepared.noise, rest)
-    say(3, 4, "sealed rows")
-    apart = _Apart(problem, regression, assessed, prepared.scatter)
-    steps, total = apart.steps()
-    whole = _thinned(~assessed.outlier)
-    final = named(problem, regression, choice, prepared.scatter, whole)
-    base = fitted(problem, regression, (), prepared.scatter, whole)
+    say(3, 4, "rows left out")
+    apart = Apart.of(problem, regression, choice, prepared.scatter, ~assessed.outlier)
+    final = apart.fit
     return Diagnosis(
         problem=problem,
         verdict=answer,
@@ -146,17 +127,17 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         memory=prepared.memory,
         outlier=assessed.outlier,
         choice=choice,
-        adopted=tuple(step.name for step in steps),
+        adopted=tuple(step.name for step in apart.steps),
         fit=final,
         deviation=deviations(regression, final, choice.adopted, choice.unnamed),
-        baseline=base.point,
+        baseline=apart.baseline,
         residual=problem.measured - final.point,
         tests=assessed.tests,
         structure=assessed.structure,
-        steps=steps,
-        total=total,
-        held_out="sealed" if np.any(problem.split.sealed) else "folds",
-        extra=_extra(problem, regression, assessed),
+        steps=apart.steps,
+        total=apart.total,
+        sealed=apart.sealed,
+        extra=_extra(regression, choice),
         unexplained=() if answer in ("explained", "no_gap") else rest,
         ripple=ripple if answer == "unexplained" else (),
         regression=regression,
@@ -169,7 +150,7 @@ def _left(
     """Return the waves in what a choice leaves, and what that is a function of."""
     ripple = _ripple(regression, choice)
     rest = unexplained(regression, (*choice.adopted, *choice.unnamed), ripple)
-    return ripple, wandering(noise, rest)
+    return ripple, wandering(noise, (*rest, *uneven(regression, choice)))
 
 
 def _chosen(problem: Problem, prepared: Prepared) -> tuple[Regression, Choice, dict[str, str]]:
@@ -214,117 +195,23 @@ _ROUNDS = 2
 """How often all is chosen anew without names that do not hold; then these just go."""
 _HARM = "makes rows worse that it was not fitted to"
 _WORSE = "the model as a whole makes rows worse that it was not fitted to"
-LARGEST_FIT = 4000
-"""Rows that the numbers of the model file are fitted to; more make them no surer."""
 
 
-def _thinned(rows: BoolArray) -> BoolArray:
-    index = np.flatnonzero(rows)
-    kept = index[:: -(-len(index) // LARGEST_FIT)]
-    out = np.zeros(len(rows), dtype=bool)
-    out[kept] = True
-    return out
-
-
-@dataclass(slots=True)
-class _Apart:
-    """Rows that were not fitted, once, when everything else is decided.
-
-    The sealed ones where there are any; else every row, left out in turn with its fold.
-    """
-
-    problem: Problem
-    regression: Regression
-    assessed: Assessment
-    sigma: float
-
-    def steps(self) -> tuple[tuple[Step, ...], tuple[float, float, float, float]]:
-        """Add the adopted effects one by one, and compare.
-
-        Each step adds the effect that removes most of what is left on fitted rows, and says how
-        far the whole gap shrinks by that; the steps multiply to the whole shrinkage.
-        """
-        choice = self.assessed.choice
-        test = ~self.assessed.outlier
-        if np.any(self.problem.split.sealed):
-            test = test & self.problem.split.sealed
-        cluster = self.problem.split.cluster[test]
-        nothing = choice.moved(choice.model, Standing.REJECTED, {})
-        first = before = self._left(nothing)[test]
-        order = _ordered(self.regression, choice)
-        steps = []
-        for count, key in enumerate(order, start=1):
-            part = choice.moved(order[count:], Standing.REJECTED, {})
-            after = self._left(part)[test]
-            interval = shrink_interval(before, after, cluster)
-            steps.append(Step(self.regression.name(key), rms(before), rms(after), interval))
-            before = after
-        last = before
-        return tuple(steps), (rms(first), rms(last), *shrink_interval(first, last, cluster))
-
-    def _left(self, choice: Choice) -> FloatArray:
-        """Return how far each row (n,) is missed [m] by a choice fitted without it.
-
-        Where there are sealed rows it is told of those alone, and NaN elsewhere.
-        """
-        problem, fold = self.problem, self.problem.split.fold
-        rows = problem.searchable & ~self.assessed.outlier
-        sealed = np.flatnonzero(problem.split.sealed)
-        if len(sealed):
-            point = named(problem, self.regression, choice, self.sigma, rows, sealed).point
-            left = np.full(len(problem), np.nan)
-            left[sealed] = np.linalg.norm(problem.measured[sealed] - point, axis=1)
-            return left
-        out = np.zeros(len(problem))
-        for k in np.unique(fold):
-            point = named(problem, self.regression, choice, self.sigma, rows & (fold != k)).point
-            out[fold == k] = np.linalg.norm(problem.measured - point, axis=1)[fold == k]
-        return out
-
-
-def _ordered(regression: Regression, choice: Choice) -> list[str]:
-    """Return the adopted blocks, most helpful next on the rows that are fitted."""
-    equations = regression.equations_at(np.arange(len(regression.y)))
-    order: list[str] = []
-    waiting = sorted(choice.adopted)
-    while len(waiting) > 1:
-        coming = {regression.name(key) for key in waiting}
-        free = [k for k in waiting if coming.isdisjoint(regression.block(k).effect.refines)]
-        best = min(free, key=lambda k: (equations.left((*regression.always, *order, k)), k))
-        order.append(best)
-        waiting.remove(best)
-    return [*order, *waiting]
-
-
-def _extra(
-    problem: Problem, regression: Regression, assessed: Assessment
-) -> dict[str, tuple[float, float]]:
-    """Return what each further effect would do on sealed rows, to first order."""
-    test = ~assessed.outlier
-    if np.any(problem.split.sealed):
-        test = test & problem.split.sealed
-    index = np.flatnonzero(test)
-    if len(index) == 0:
-        return {}
-    actual = evaluate(problem.samples.rows(index), problem.given)[1]
-    chosen_keys = (*regression.always, *assessed.choice.adopted)
-    equations = regression.normal_equations()
-    far = {
-        b.key: block_of(b.effect, actual, b.setting, b.key, problem.widen(b.name)).X
-        for b in regression.blocks
-        if not b.is_alternative
-    }
-    y = problem.gap[index]
+def _extra(regression: Regression, choice: Choice) -> dict[str, tuple[float, float]]:
+    """Return what each further effect would do on places not fitted, to first order."""
+    chosen = (*regression.always, *choice.adopted)
+    whole = regression.equations_at(np.arange(len(regression.y)))
+    parts = [(rows, whole.minus(regression.equations_at(rows))) for rows in regression.fold_rows()]
 
     def left(keys: tuple[str, ...]) -> float:
-        theta = equations.solve(keys)[0]
-        X = np.concatenate([far[k] for k in keys] or [np.zeros((len(y), 3, 0))], axis=2)
-        return rms(np.linalg.norm(y - X @ theta, axis=1))
+        X = design_matrix([regression.block(k) for k in keys], len(regression.y))
+        miss = [regression.y[rows] - X[rows] @ others.numbers(keys) for rows, others in parts]
+        return rms(np.concatenate([np.zeros(0), *(np.linalg.norm(m, axis=1) for m in miss)]))
 
-    before = left(chosen_keys)
-    named = {b.name for b in regression.blocks if b.key in chosen_keys}
+    before = left(chosen)
+    named = {regression.name(key) for key in chosen}
     return {
-        b.name: (before, left((*chosen_keys, b.key)))
+        b.name: (before, left((*chosen, b.key)))
         for b in regression.blocks
         if b.name not in named and not b.is_alternative
     }
@@ -337,36 +224,3 @@ def _ripple(regression: Regression, choice: Choice) -> tuple[Wave, ...]:
     ]
     base += [b for b in regression.memory if b.key != REST]
     return find_waves(regression.samples, regression.y, regression.weight, base)
-
-
-def shrink_interval(
-    before: FloatArray, after: FloatArray, cluster: IntArray, draws: int = 400
-) -> tuple[float, float]:
-    """Return the 90 % interval of the shrinkage on as many new poses of the same kind.
-
-    Pose clusters are drawn anew for the scatter of the logarithm of what remains; new poses
-    scatter as much as those that were measured, hence the root of two.
-
-    Args:
-        before: (n,) distances without the effects [m].
-        after: (n,) with them [m].
-        cluster: (n,) cluster of each row.
-        draws: how often the clusters are drawn.
-    """
-    names, index = np.unique(cluster, return_inverse=True)
-    k = len(names)
-    if k < 2:
-        return 0.0, 0.0
-    rng = np.random.default_rng(3)
-    sums = np.stack([np.bincount(index, v**2, minlength=k) for v in (before, after)])
-    total = rng.multinomial(k, np.full(k, 1.0 / k), draws) @ sums.T
-    left = 0.5 * np.log(np.maximum(total[:, 1], 1e-30) / np.maximum(total[:, 0], 1e-30))
-    whole = np.maximum(np.sum(sums, axis=1), 1e-30)
-    here = 0.5 * float(np.log(whole[1] / whole[0]))
-    half = float(np.sqrt(2.0) * stdtrit(k - 1, 0.95) * np.std(left))
-    return 1.0 - float(np.exp(here + half)), 1.0 - float(np.exp(here - half))
-
-
-def rms(values: FloatArray) -> float:
-    """Return the root mean square, NaN of nothing."""
-    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")

@@ -11,10 +11,11 @@ import numpy as np
 from postproc.cell import Tool
 from postproc.gap.answers.along import Along, program
 from postproc.gap.answers.designs import designs, transfers
-from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.kept import Kept
 from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
+from postproc.gap.answers.shrinkage import rms
 from postproc.gap.answers.where import where
 from postproc.gap.choice import is_overshadowed
 from postproc.gap.data import Samples
@@ -108,7 +109,6 @@ def document(
             "total": len(problem),
             "sealed": int(problem.split.sealed.sum()),
             "searched": int(problem.searchable.sum()),
-            "held_out": diagnosis.held_out,
         },
     }
 
@@ -293,18 +293,22 @@ def _probability(diagnosis: Diagnosis, name: str) -> float:
     most = SUREST
     if diagnosis.verdict != "explained" or choice.evidence[key].confounded:
         most = DOUBTED
-    if is_overshadowed(choice, key, effect_of(name), rest, diagnosis.noise):
+    effect = effect_of(name)
+    doubtful = effect.is_rare and diagnosis.verdict != "explained"
+    if doubtful or is_overshadowed(choice, key, effect, rest, diagnosis.noise):
         most = OVERSHADOWED
     return round(min(max(value, 0.0), most), 4)
 
 
 def _total_shrinkage(diagnosis: Diagnosis) -> dict[str, Any]:
     before, after, low, high = diagnosis.total
+    sealed = [_mm(v) for v in diagnosis.sealed] if np.all(np.isfinite(diagnosis.sealed)) else None
     return {
         "rms_before_mm": _mm(before),
         "rms_after_mm": _mm(after),
         "value": round(1.0 - after / max(before, 1e-12), 4),
         "ci": [round(low, 4), round(high, 4)],
+        "sealed_mm": sealed,
     }
 
 

@@ -17,7 +17,8 @@ from scipy.special import ndtri
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.errors import DataError, SourceRef
-from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.shrinkage import rms
 from postproc.gap.fit import Problem, variance
 from postproc.geometry import apply
 from postproc.measurement import (

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.shrinkage import rms
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import States, evaluate
 from postproc.geometry import abc_from_rotation, orthonormalised, rotation_angle, rotation_from_abc

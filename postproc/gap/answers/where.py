@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
-from postproc.gap.answers.diagnose import Diagnosis, rms
+from postproc.gap.answers.diagnose import Diagnosis
+from postproc.gap.answers.shrinkage import rms
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.units import MM

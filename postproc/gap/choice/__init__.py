@@ -12,6 +12,7 @@ from postproc.gap.choice.classes import (
 from postproc.gap.choice.classes import Part as RestPart
 from postproc.gap.choice.confounding import CONFOUNDED
 from postproc.gap.choice.evidence import FOLDS_WON, smallest_of
+from postproc.gap.choice.fitting import Named
 from postproc.gap.choice.residual import Dependence
 from postproc.gap.choice.search import DECISIVE, price_of
 from postproc.gap.choice.selection import (
@@ -22,12 +23,11 @@ from postproc.gap.choice.selection import (
     without_waves,
 )
 from postproc.gap.choice.standing import Choice, Standing
+from postproc.gap.choice.uneven import uneven
 from postproc.gap.choice.verdict import (
     Assessment,
     assess,
-    fitted,
     is_overshadowed,
-    named,
     unusual,
     verdict,
 )
@@ -41,6 +41,7 @@ __all__ = [
     "Choice",
     "Dependence",
     "Group",
+    "Named",
     "Prepared",
     "RestPart",
     "Standing",
@@ -48,14 +49,13 @@ __all__ = [
     "beaten",
     "displaced",
     "elusive",
-    "fitted",
     "groups_of",
     "is_overshadowed",
-    "named",
     "prepare",
     "price_of",
     "select",
     "smallest_of",
+    "uneven",
     "unexplained",
     "unusual",
     "verdict",

@@ -138,18 +138,18 @@ def displaced(
 
 
 def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
-    """Return what is left with a wander that is too large to be noise, where no class has it.
+    """Return the parts of what is left, largest first, and a wander too large to be noise.
 
     Args:
         noise: of the campaign.
-        rest: parts as ``unexplained`` gives them.
+        rest: parts.
     """
     size = float(np.sqrt(3.0)) * noise.wander
+    parts = list(rest)
     has = any(part.kind == "time" and part.rms >= size for part in rest)
-    if has or not noise.wander > _LOUD * noise.white:
-        return tuple(rest)
-    more = Part("time", "station", "wander", size, float("nan"))
-    return tuple(sorted((*rest, more), key=lambda p: (-p.rms, p.kind, p.of)))
+    if noise.wander > _LOUD * noise.white and not has:
+        parts.append(Part("time", "station", "wander", size, float("nan")))
+    return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
 
 
 def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) -> dict[str, str]:

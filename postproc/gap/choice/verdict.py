@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import fdtrc
 
-from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.classes import Part
 from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers
+from postproc.gap.choice.fitting import fitted, point_without
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.selection import Prepared
 from postproc.gap.choice.standing import Choice, Standing
-from postproc.gap.effect import Effect, State
+from postproc.gap.effect import Effect
 from postproc.gap.fit import (
     REST,
-    Fit,
-    Free,
     Noise,
     NormalEquations,
     Problem,
     Projection,
     Regression,
-    block_of,
-    fit,
     predicted,
 )
-from postproc.gap.robot_model import effect_of, evaluate
 from postproc.measurement import robust_sigma
 
 STRUCTURE = 1.0
@@ -76,7 +72,7 @@ def assess(
         reasons = {regression.name(k): "what is left may be imitating it" for k in gone}
         choice = choice.moved(gone, Standing.REJECTED, reasons)
         full = fitted(problem, regression, choice.model, prepared.scatter, rows, index)
-        rest = problem.measured[index] - _point_without(problem, full, choice.resembled, index)
+        rest = problem.measured[index] - point_without(problem, full, choice.resembled, index)
         known = (*choice.adopted, *choice.unnamed)
         tests, left = _tested(problem, regression, known, rest, level, outlier)
         structure = max(left, structure)
@@ -163,97 +159,6 @@ def is_overshadowed(
     own = sum(part.rms**2 for part in rest if part.kind in effect.classes)
     whole = sum(part.rms**2 for part in rest)
     return whole > unique**2 or own > max(STRUCTURE * sigma, INEXACT * unique) ** 2
-
-
-def fitted(
-    problem: Problem,
-    regression: Regression,
-    keys: Iterable[str],
-    sigma: float,
-    rows: BoolArray,
-    at: Rows | None = None,
-) -> Fit:
-    """Fit blocks on some rows (n,); the fitted points are those ``at`` some rows, else of all."""
-    index = np.flatnonzero(rows)
-    blocks = {b.key: b for b in regression.blocks}
-    free = {blocks[k].name: Free(blocks[k].setting) for k in keys}
-    for name in problem.always:
-        free[name] = Free(problem.settings[name], problem.widen(name))
-    weight = 1.0 / (sigma * problem.relative[index])
-    part = problem.samples.rows(index)
-    wander = wandered(problem, regression, free, weight, index)
-    result = fit(part, problem.measured[index] - wander, weight, problem.given, free)
-    return replace(result, point=_points(problem, result.states, at))
-
-
-def _points(problem: Problem, states: Mapping[str, State], at: Rows | None) -> FloatArray:
-    """Return the points (k, 3) [m] of some rows, None for all."""
-    samples = problem.samples if at is None else problem.samples.rows(at)
-    return evaluate(samples, states)[0]
-
-
-def wandered(
-    problem: Problem,
-    regression: Regression,
-    free: Mapping[str, Free],
-    weight: FloatArray,
-    index: Rows,
-) -> FloatArray:
-    """Return (k, 3) [m] the wander at some rows, beside effects fitted to them."""
-    wander = [block for block in regression.memory if block.key != REST]
-    memory = problem.memory_at(wander, index)
-    if not memory:
-        return np.zeros((len(index), 3))
-    actual = evaluate(problem.samples.rows(index), problem.given)[1]
-    blocks = [
-        block_of(effect_of(name), actual, options.setting, widen=options.widen)
-        for name, options in free.items()
-    ]
-    names = tuple(b.key for b in memory)
-    equations = NormalEquations.of((*blocks, *memory), problem.gap[index], weight, names)
-    theta = equations.noise_of([b.key for b in blocks])
-    return predicted(memory, theta)
-
-
-def named(
-    problem: Problem,
-    regression: Regression,
-    choice: Choice,
-    sigma: float,
-    rows: BoolArray,
-    at: Rows | None = None,
-) -> Fit:
-    """Fit a choice on some rows (n,); points and frames are those of the named effects alone.
-
-    Alternatives are fitted beside them, and do not stay: then the frames are fitted once more to
-    what does. The points are those ``at`` some rows, else of all.
-    """
-    full = fitted(problem, regression, (*choice.adopted, *choice.resembled), sigma, rows, at)
-    if not choice.resembled:
-        return full
-    kept = {n: s for n, s in full.states.items() if n not in problem.always}
-    gone = {regression.name(k) for k in choice.resembled}
-    states = dict(problem.given) | {n: s for n, s in kept.items() if n not in gone}
-    if problem.always:
-        index = np.flatnonzero(rows)
-        free = {n: Free(problem.settings[n], problem.widen(n)) for n in problem.always}
-        weight = 1.0 / (sigma * problem.relative[index])
-        part = problem.samples.rows(index)
-        frames = fit(part, problem.measured[index], weight, states, free)
-        states |= {n: frames.states[n] for n in problem.always}
-    return replace(full, states=states, point=_points(problem, states, at))
-
-
-def _point_without(
-    problem: Problem, full: Fit, alternatives: Collection[str], at: Rows
-) -> FloatArray:
-    """Return the points (k, 3) [m] of a fit with some effects as the given model has them."""
-    states = {
-        name: problem.given.get(name, state)
-        for name, state in full.states.items()
-        if name not in alternatives or name in problem.given
-    }
-    return _points(problem, states, at)
 
 
 def _outliers(

@@ -1,8 +1,15 @@
 """Fitting effects to rows: linear algebra, registration, noise, waves, intervals."""
 
-from postproc.gap.fit.fit import Fit, Free, fit, variance
+from postproc.gap.fit.fit import Fit, Free, fit, moved_points, variance, without_blocks
 from postproc.gap.fit.intervals import deviations
-from postproc.gap.fit.linear import Block, NormalEquations, Subset, block_of, predicted
+from postproc.gap.fit.linear import (
+    Block,
+    NormalEquations,
+    Subset,
+    block_of,
+    design_matrix,
+    predicted,
+)
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.memory import REST, Memory, memory_of
 from postproc.gap.fit.noise import LEAST, Noise, Saturated, Source, noise_of, saturated
@@ -29,12 +36,14 @@ __all__ = [
     "Subset",
     "Wave",
     "block_of",
+    "design_matrix",
     "deviations",
     "find_waves",
     "fit",
     "is_gear_error",
     "memory_of",
     "moved_by",
+    "moved_points",
     "noise_of",
     "pose_problem",
     "predicted",
@@ -43,4 +52,5 @@ __all__ = [
     "seen_in",
     "testable",
     "variance",
+    "without_blocks",
 ]
