@@ -90,3 +90,13 @@ def test_sides_that_nobody_logged_make_two_scatters(poses):
     unlogged = replace(poses, direction=None)
     found = noise(unlogged, rng.normal(0, SIGMA, (60, 3)) + side)
     assert found.sigma < 2.0 * SIGMA
+
+
+def test_a_wander_faster_than_the_readings_is_noise(poses):
+    """It moves each reading its own way: no campaign can tell it from white noise."""
+    time = 30.0 * (12 * np.tile(np.arange(5), 12) + np.repeat(np.arange(12), 5))
+    C = SIGMA**2 * np.exp(-np.abs(time[:, None] - time) / 28.0)
+    for seed in range(6):
+        y = np.linalg.cholesky(C) @ np.random.default_rng(seed).normal(size=(60, 3))
+        found = noise(replace(poses, time=time, course=time), y)
+        assert found.sigma == pytest.approx(SIGMA, rel=0.3)

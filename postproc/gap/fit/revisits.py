@@ -52,6 +52,8 @@ _SPLITS = 40
 _RATIOS = (0.5, 1.0, 2.0, 4.0)
 _SHARES = (0.01, 0.03, 0.1, 0.3)
 """Wander over white noise, and its correlation time over the length of the campaign."""
+_READINGS = 3.0
+"""Time between readings that a correlation time must have, to be told from white noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,7 +292,10 @@ def _course(
 
 
 def _scales(time: FloatArray) -> FloatArray:
-    return np.array(_SHARES) * (float(np.ptp(time)) or 1.0)
+    """Return the correlation times [s] tried: what is shorter than readings show is white noise."""
+    scales = np.array(_SHARES) * (float(np.ptp(time)) or 1.0)
+    apart = np.diff(np.unique(time))
+    return np.asarray(scales[scales >= _READINGS * (np.median(apart) if len(apart) else 0.0)])
 
 
 def _drifts(time: FloatArray) -> list[tuple[str, FloatArray, float]]:
