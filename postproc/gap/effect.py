@@ -174,6 +174,13 @@ class Effect(ABC):
         """Columns it needs that no program knows; with any it cannot be compensated."""
         return tuple(sorted(set(self.needs) - set(PROGRAM_COLUMNS)))
 
+    def drawn(self, normal: FloatArray) -> FloatArray:
+        """Return numbers (d, p) in typical sizes as arms have them, from independent normal ones.
+
+        Those of the prior, where nothing ties the numbers of one arm to each other.
+        """
+        return normal
+
     def lost_motion(self, theta: FloatArray) -> FloatArray:
         """Return how far (6,) [rad] each joint turns back before it rests on the other side.
 

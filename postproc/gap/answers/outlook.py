@@ -1,6 +1,6 @@
 """What a campaign will be able to tell, before anything of it is measured.
 
-For each effect, numbers are drawn from its prior and scaled to a size; readings of the plan with
+For each effect, numbers are drawn as arms have them and scaled to a size; readings of the plan with
 noise are then weighed as a diagnosis would weigh them beside a free registration, without the rows
 that it seals: the effect must be called for, be large enough for a name, help on places and times
 that it was not fitted to, and beat every other effect, every two others, and whatever it may be
@@ -37,9 +37,9 @@ from postproc.units import MM
 
 POWER = 0.9
 """Share of campaigns that are to tell what is promised."""
-_TOLD = 0.95
+_TOLD = 0.98
 """Share of draws that have to: a noise that is itself estimated, and names in the company of others
-cost one in twenty."""
+cost the rest."""
 LARGEST = 10.0 * MM
 """Sizes above are not looked at: a plan that needs them does not show the effect."""
 _DRAWS = 120
@@ -264,8 +264,9 @@ class _Seen:
         return cls(block, X, P, G, np.asarray(np.linalg.inv(G + np.eye(len(G)))))
 
     def draws(self, count: int, bench: _Bench) -> _Draws:
-        """Return gaps that this is the cause of, by numbers of its prior within their bounds."""
-        theta = np.random.default_rng(_SEED).normal(size=(count, self.X.shape[1]))
+        """Return gaps that this is the cause of, by its numbers as arms have them."""
+        normal = np.random.default_rng(_SEED).normal(size=(count, self.X.shape[1]))
+        theta = self.block.effect.drawn(normal)
         limits = [(p.lower / p.typical, p.upper / p.typical) for p in self.block.parameters]
         low, high = np.array(limits).reshape(-1, 2).T
         theta = np.where(theta < low, 2.0 * low - theta, theta)

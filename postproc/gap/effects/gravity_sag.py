@@ -8,6 +8,10 @@ from postproc.arrays import FloatArray
 from postproc.gap.data import Samples, first_moment_torque, weight_torque
 from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, per_joint, register
 
+_UNLIKE = 0.2
+"""How far masses and stiffness of an arm differ from the reference beside a common factor, in
+typical sizes: the numbers are looked for more widely than arms have them."""
+
 
 @register
 class GravitySag(Effect):
@@ -59,6 +63,11 @@ class GravitySag(Effect):
             wrist = self._wrist(samples, link) * reference.c_joint[:, None]
             joint[:, :, column : column + 3] = wrist
         return Basis(joint=joint)
+
+    def drawn(self, normal: FloatArray) -> FloatArray:
+        """Return numbers of one weight: nearly one multiple of the reference sag of all joints."""
+        reference = np.repeat([1.0, 0.0], [6, normal.shape[1] - 6])
+        return np.asarray(normal[:, :1] * (reference + _UNLIKE * normal))
 
     @staticmethod
     def _wrist(samples: Samples, link: int) -> FloatArray:
