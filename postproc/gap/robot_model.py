@@ -69,7 +69,7 @@ def act(samples: Samples, active: Sequence[tuple[Effect, State]]) -> tuple[Float
         parts = fixed + [(e, s, e.basis(actual, s.setting)) for e, s in loaded]
         turn, link, point = _sum(samples, parts)
         actual = samples.at(samples.q + turn) if bool(np.any(turn)) else samples
-        if last is not None and float(np.abs(turn - last).max()) < _SETTLED:
+        if last is not None and float(np.abs(turn - last).max(initial=0.0)) < _SETTLED:
             break
         last = turn
     return _moved_point(actual, link) + point, actual

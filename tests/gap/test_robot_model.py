@@ -70,6 +70,13 @@ def test_backlash_and_lag_turn_the_joints(world, samples_of_data):
     assert np.abs(got - world.solve(truth, data)).max() < 1e-12
 
 
+def test_no_rows_have_no_points(samples):
+    states = {"gravity_sag": State(np.ones(16)), "joint_offset": State(1e-4 * np.ones(6))}
+    point, actual = evaluate(samples.rows(np.zeros(0, dtype=np.int32)), states)
+    assert point.shape == (0, 3)
+    assert len(actual) == 0
+
+
 def test_a_joint_that_was_not_seen_counts_as_nothing(samples):
     theta = np.array([np.nan, 1e-4, 0.0, 0.0, 0.0, np.nan])
     blind = tool_point(samples, {"joint_offset": State(theta)})
