@@ -6,13 +6,21 @@ import numpy as np
 import pytest
 
 from postproc.gap.answers.diagnose import diagnose
-from postproc.gap.choice import Choice, Standing, elusive, groups_of, is_overshadowed
+from postproc.gap.choice import (
+    Choice,
+    Standing,
+    elusive,
+    groups_of,
+    is_overshadowed,
+    is_undecided,
+    uneven,
+)
 from postproc.gap.choice.classes import Part, wandering
 from postproc.gap.choice.evidence import Evidence
 from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search
 from postproc.gap.choice.selection import wave_block
 from postproc.gap.data.dataset import FADES
-from postproc.gap.fit.linear import NormalEquations
+from postproc.gap.fit.linear import NormalEquations, block_of
 from postproc.gap.fit.noise import Noise, Source
 from postproc.gap.fit.problem import pose_problem
 from postproc.gap.fit.regression import Regression
@@ -129,3 +137,46 @@ def test_waves_have_to_be_found_again_without_each_fold(world, samples_of_data, 
     regression = Regression(samples, y, np.full(n, 1.0 / sigma), label, (block,), ())
     choice = Choice({block.key: Standing.ADOPTED}, {block.key: Evidence(99.0, 1e-4)}, {}, {})
     assert list(elusive(regression, choice)) == names
+
+
+@pytest.mark.parametrize(("spread", "told"), [(0.0, False), (0.05, False), (0.4, True)])
+def test_a_name_of_uneven_strength_leaves_a_part_of_its_class(samples, spread, told):
+    sigma, key = 2e-5, "backlash"
+    rng = np.random.default_rng(8)
+    block = block_of(effect_of(key), samples, {})
+    strength = 1.0 + spread * rng.normal(size=len(samples))
+    moved = (block.X @ (2.0 * np.ones(6))) * strength[:, None]
+    y = moved + rng.normal(0.0, sigma, moved.shape)
+    weight, fold = np.full(len(y), 1.0 / sigma), np.zeros(len(y), dtype=np.int32)
+    regression = Regression(samples, y, weight, fold, (block,), ())
+    choice = Choice({key: Standing.ADOPTED}, {key: Evidence(99.0, 3e-4)}, {key: 1.0}, {})
+    parts = uneven(regression, choice)
+    assert bool(parts) == told
+    if told:
+        size = np.sqrt(np.mean(np.sum(moved**2, axis=1)))
+        assert (parts[0].kind, parts[0].of) == ("approach", key)
+        assert parts[0].rms == pytest.approx(spread * size, rel=0.25)
+        assert is_overshadowed(choice, key, effect_of(key), parts, sigma)
+
+
+@pytest.mark.parametrize(
+    ("order", "unique", "confounded", "told"),
+    [
+        (2.0, 2e-4, (), True),
+        (2.0, 5e-5, (), False),
+        (29.0, 2e-4, (), False),
+        (29.0, 5e-5, ("joint_offset",), True),
+    ],
+)
+def test_what_others_stand_for_as_well_is_undecided(samples, order, unique, confounded, told):
+    waves = wave_block(samples, ((1, order),), "all")
+    scale = block_of(effect_of("encoder_scale"), samples, {})
+    y, fold = np.zeros((len(samples), 3)), np.zeros(len(samples), dtype=np.int32)
+    regression = Regression(samples, y, np.ones(len(y)), fold, (waves, scale), ())
+    evidence = {
+        waves.key: Evidence(99.0, 1e-4, confounded=confounded),
+        scale.key: Evidence(99.0, unique),
+    }
+    choice = Choice(dict.fromkeys(evidence, Standing.ADOPTED), evidence, {}, {})
+    assert is_undecided(regression, choice, waves.key) == told
+    assert not is_undecided(regression, choice, scale.key)

@@ -17,7 +17,7 @@ from postproc.gap.answers.next_pose import NextPose
 from postproc.gap.answers.orientation import orientation
 from postproc.gap.answers.shrinkage import rms
 from postproc.gap.answers.where import where
-from postproc.gap.choice import is_overshadowed
+from postproc.gap.choice import is_overshadowed, is_undecided
 from postproc.gap.data import Samples
 from postproc.gap.effect import State
 from postproc.gap.fit import moved_by
@@ -31,10 +31,11 @@ SUREST = 0.98
 """No cause is called with more: of the library alone it may be the best by far, but what is not in
 it cannot be excluded better than blind campaigns with unlisted causes show."""
 DOUBTED = 0.9
-"""The same of a cause beside which something may be left unexplained, or that others resemble."""
-OVERSHADOWED = 0.5
-"""The same of a cause beside which more is left of its own class than its formula excuses, or more
-than only the cause explains: it is as likely as not."""
+"""The same of a cause beside which something may be left unexplained."""
+EVEN = 0.5
+"""The same of a cause that another would stand for as well, of a rare one beside an unexplained
+rest, and of one beside which more is left of its own class than its formula excuses, or more than
+only the cause explains: it is as likely as not."""
 
 
 def document(
@@ -290,13 +291,13 @@ def _probability(diagnosis: Diagnosis, name: str) -> float:
         return round(min(max(value, 0.0), 0.49), 4)
     key = next(k for k in diagnosis.choice.adopted if diagnosis.regression.name(k) == name)
     choice, rest = diagnosis.choice, diagnosis.unexplained
-    most = SUREST
-    if diagnosis.verdict != "explained" or choice.evidence[key].confounded:
-        most = DOUBTED
-    effect = effect_of(name)
-    doubtful = effect.is_rare and diagnosis.verdict != "explained"
-    if doubtful or is_overshadowed(choice, key, effect, rest, diagnosis.noise):
-        most = OVERSHADOWED
+    effect, sure = effect_of(name), diagnosis.verdict == "explained"
+    is_even = (
+        (effect.is_rare and not sure)
+        or is_undecided(diagnosis.regression, choice, key)
+        or is_overshadowed(choice, key, effect, rest, diagnosis.noise)
+    )
+    most = EVEN if is_even else SUREST if sure else DOUBTED
     return round(min(max(value, 0.0), most), 4)
 
 

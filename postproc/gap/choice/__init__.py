@@ -28,6 +28,7 @@ from postproc.gap.choice.verdict import (
     Assessment,
     assess,
     is_overshadowed,
+    is_undecided,
     unusual,
     verdict,
 )
@@ -51,6 +52,7 @@ __all__ = [
     "elusive",
     "groups_of",
     "is_overshadowed",
+    "is_undecided",
     "prepare",
     "price_of",
     "select",

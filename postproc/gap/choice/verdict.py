@@ -13,7 +13,7 @@ from postproc.gap.choice.classes import Part
 from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers
 from postproc.gap.choice.fitting import fitted, point_without
 from postproc.gap.choice.residual import Dependence, dependences
-from postproc.gap.choice.selection import Prepared
+from postproc.gap.choice.selection import LOW_ORDERS, Prepared
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.effect import Effect
 from postproc.gap.fit import (
@@ -159,6 +159,28 @@ def is_overshadowed(
     own = sum(part.rms**2 for part in rest if part.kind in effect.classes)
     whole = sum(part.rms**2 for part in rest)
     return whole > unique**2 or own > max(STRUCTURE * sigma, INEXACT * unique) ** 2
+
+
+def is_undecided(regression: Regression, choice: Choice, key: str) -> bool:
+    """Return whether a name is one of a set that the rows do not decide in.
+
+    So it is where another cause would do as well, and where waves of low order are named beside a
+    larger effect that follows a joint's own angle, as they do: its formula may be bent a little.
+
+    Args:
+        regression: blocks.
+        choice: what stands.
+        key: block of the name.
+    """
+    item, block = choice.evidence[key], regression.block(key)
+    if item.confounded:
+        return True
+    if not block.effect.periodic or all(n > LOW_ORDERS for _, n in block.setting["waves"]):
+        return False
+    return any(
+        regression.block(k).effect.of_own_angle and choice.evidence[k].unique > item.unique
+        for k in choice.adopted
+    )
 
 
 def _outliers(
