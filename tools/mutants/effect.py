@@ -209,7 +209,9 @@ class Effect:
         """Note what an event switches, or that it happens."""
         name = event.name.lower()
         family = next((state for state in _STATES if state in name), "")
-        if event.word is EventWord.HOOK and family:
+        if event.word is EventWord.HOOK and family and name.endswith("_off"):
+            on.pop(family, None)
+        elif event.word is EventWord.HOOK and family:
             on[family] = (name, event.arguments)
         else:
             calls.append(Called(event.word, name, repr(event.value)))
