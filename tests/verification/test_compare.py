@@ -383,6 +383,10 @@ def test_more_events_than_asked_for_are_a_warning(cell):
     report = check(cell, path_of(SQUARE), FIRST, *calls)
     assert kinds(report) == set()
     assert [w.code for w in report.warnings] == ["event", "event"]
+    for number, found in ((cell.tool.number, set()), (cell.tool.number + 1, {"event"})):
+        assert (
+            kinds(check(cell, path_of(SQUARE), f"PP_TOOL_CHANGE({number})", FIRST, *REST)) == found
+        )
     again = check(cell, with_events(ON, OFF), FIRST, calls[0], *calls)
     assert (kinds(again), [w.code for w in again.warnings]) == (set(), ["event"])
 

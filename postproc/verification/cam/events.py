@@ -63,7 +63,7 @@ def check_events(
         if name:
             calls[kind] = _calls(result, kind, name)
             surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
-    check_surplus(result, calls, surplus, found.is_cut)
+    check_surplus(result, cell, calls, surplus, found.is_cut)
     check_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
     _check_standing(result, everything, found.milled, names[EventKind.TOOL_CHANGE])

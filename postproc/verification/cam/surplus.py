@@ -2,7 +2,7 @@
 
 To turn off what is off changes nothing; one more tool, spindle speed or coolant does, as far as
 something cuts with it. A file that says nothing at all of the spindle, of coolant or of tools
-leaves them to the program.
+leaves them to the program, but for a tool that is not the one it moves.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray
+from postproc.cell import Cell
 from postproc.controller import TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import EventKind
@@ -32,13 +33,16 @@ _LISTED = 20
 Calls = Mapping[EventKind, Sequence[TraceEvent]]
 
 
-def check_surplus(result: Result, calls: Calls, surplus: Calls, is_cut: BoolArray) -> None:
+def check_surplus(
+    result: Result, cell: Cell, calls: Calls, surplus: Calls, is_cut: BoolArray
+) -> None:
     """Report calls beyond those of the CAM file.
 
     Errors are changes of the tool, and what makes a cut run with another spindle or coolant.
 
     Args:
         result: the program; collects the findings.
+        cell: the numbers of its tools.
         calls: of the integrator's routines by what they stand for, in the order of the program.
         surplus: those of them that the file does not ask for.
         is_cut: (m,) motions that cut.
@@ -55,8 +59,8 @@ def check_surplus(result: Result, calls: Calls, surplus: Calls, is_cut: BoolArra
             causes = np.searchsorted(motions, np.flatnonzero(differs), side="right") - 1
             harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
     changes = surplus.get(EventKind.TOOL_CHANGE, ())
-    if len(changes) < len(calls.get(EventKind.TOOL_CHANGE, ())):
-        harmful |= {id(event) for event in changes}
+    silent = len(changes) == len(calls.get(EventKind.TOOL_CHANGE, ()))
+    harmful |= {id(event) for event in changes if not (silent and _is_in_hand(result, cell, event))}
     listed = [event for _, event in _in_order(result, surplus, surplus)]
     for event in sorted(listed, key=lambda event: id(event) not in harmful)[:_LISTED]:
         text = f"{event.name} is called, and the CAM file does not ask for it"
@@ -65,6 +69,18 @@ def check_surplus(result: Result, calls: Calls, surplus: Calls, is_cut: BoolArra
             text += ": tool, spindle or coolant are not as in the file behind it"
             severity = Severity.ERROR
         result.finding_at(RunKind.EVENT, place_of(result, event), text, severity)
+
+
+def _is_in_hand(result: Result, cell: Cell, event: TraceEvent) -> bool:
+    """Return whether a change is to the tool that the motions behind it move."""
+    tools = result.paths.station.tool[event.motion :]
+    tool = cell.tools[int(tools[0])] if len(tools) else None
+    return tool is not None and event.value in (tool.number, *_numbers(tool.cam))
+
+
+def _numbers(names: Sequence[str]) -> list[float]:
+    """Return those names of a tool in the CAM file that are numbers."""
+    return [float(name) for name in names if name.isdecimal()]
 
 
 def place_of(result: Result, event: TraceEvent) -> tuple[str, int]:
