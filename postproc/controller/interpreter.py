@@ -487,9 +487,13 @@ class Interpreter:
         number = None if statement.number is None else self.evaluator.value(statement.number)
         action = statement.action
         if statement.word == "DECL":
-            if number == 3 and isinstance(action, Call) and action.name.upper() == "IR_STOPM":
-                self.state.note(f"{STOPMESS} DECL")
-            elif action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
+            if number == 3 or not isinstance(number, int):
+                stops = _is_stop_message(statement)
+                self.state.note(f"{STOPMESS} DECL", on=stops)
+                self.state.note(STOPMESS, on=stops and STOPMESS in self.state.values.done)
+                if stops:
+                    return
+            if action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
                 self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
         elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
             is_on = statement.word in ("ON", "ENABLE")
@@ -518,6 +522,16 @@ class Interpreter:
         if self._searches > MAX_SEARCHES:
             return None
         return self._world.joints(self.recorder.trace(self.state))
+
+
+def _is_stop_message(statement: Interrupt) -> bool:
+    """Return whether an interrupt is the one of the delivered INI."""
+    condition = "".join(statement.condition.upper().split())
+    return (
+        condition in ("$STOPMESS==TRUE", "$STOPMESS")
+        and isinstance(statement.action, Call)
+        and statement.action.name.upper() == "IR_STOPM"
+    )
 
 
 def _node(value: Value | None) -> Node | None:

@@ -37,7 +37,6 @@ QUIET = frozenset(
         "IMPORT",
         "CHANNEL",
         "ANOUT",
-        "DIGIN",
         "CONFIRM",
         "COPEN",
         "CCLOSE",

@@ -193,6 +193,9 @@ class MotionState:
     def _unknown(self, key: str) -> None:
         self.unjudged.append((key, f"{key} is set to something that is not known here"))
 
+    def _refused(self, key: str, value: float) -> None:
+        self.unjudged.append((key, f"{key} with {value:g}: the controller takes no such number"))
+
     # -------------------------------------------------------------------------------------- frames
 
     def select_tool(self, number: Any) -> None:  # noqa: ANN401 - may be unknown
@@ -250,10 +253,7 @@ class MotionState:
                 if not self.assign(f"{key}.{name.upper()}", item):
                     self._unknown(f"{key}.{name.upper()}")
         elif key in _NUMBERS:
-            if _is_number(value):
-                self._set(key, **{_NUMBERS[key]: value})
-            else:
-                self._unknown(key)
+            self._number(key, value)
         elif key.startswith(("$VEL_AXIS[", "$ACC_AXIS[")):
             self._axis_share(key, value)
         elif key in _MODES:
@@ -263,6 +263,14 @@ class MotionState:
         else:
             return key in _RAMPS or key.startswith(_INDEXED_RAMPS)
         return True
+
+    def _number(self, key: str, value: Any) -> None:  # noqa: ANN401
+        if not _is_number(value):
+            self._unknown(key)
+        elif value > 0 or (value == 0 and not key.startswith(_RATES)):
+            self._set(key, **{_NUMBERS[key]: value})
+        else:
+            self._refused(key, value)
 
     def _axis_share(self, key: str, value: Any) -> None:  # noqa: ANN401
         name, _, digits = key[:-1].partition("[")
@@ -355,6 +363,8 @@ class MotionState:
     def _speed(self, command: str, value: Any) -> None:  # noqa: ANN401
         if not _is_number(value):
             self._unknown(f"BAS(#{command})")
+        elif not value > 0:
+            self._refused(f"BAS(#{command})", value)
         elif command == "VEL_CP":
             self._set("$VEL.CP", speed=min(float(value), DEFAULT_SPEED))
         elif command == "VEL_PTP":
@@ -407,6 +417,7 @@ _NUMBERS = {
     "$APO.CORI": "cori",
     "$ADVANCE": "advance",
 }
+_RATES = ("$VEL.", "$ACC.")
 _MODES = {
     "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),
     "$CIRC_TYPE": ("BASE", "PATH"),

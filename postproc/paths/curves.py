@@ -241,7 +241,7 @@ def _arcs(
     for place, row in enumerate(rows.tolist()):
         if row in trace.angle and np.isfinite(T_start[row, 0, 3]):
             _set_arc(found, place, row, trace, auxiliary[place], T_start[row, :3, 3])
-            good[place] = True
+            good[place] = found.valid[place]
     number[rows[good]] = np.flatnonzero(good)
     return found, number, rows[~good].astype(np.int32)
 

@@ -35,6 +35,7 @@ _COUNTED = (
     EventKind.SPINDLE_ORIENT,
 )
 _STANDS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
+_STOPPING = (EventKind.STOP, EventKind.OPTIONAL_STOP, EventKind.TOOL_CHANGE)
 _LISTED = 20
 
 
@@ -66,7 +67,7 @@ def check_events(
     check_surplus(result, cell, calls, surplus, found.is_cut)
     check_signals(result, cell, everything)
     _compare_dwells(result, toolpath, spans)
-    _check_standing(result, everything, found.milled, names[EventKind.TOOL_CHANGE])
+    _check_standing(result, everything, found.milled, names)
 
 
 def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[Asked]:
@@ -188,16 +189,17 @@ def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
 
 
 def _check_standing(
-    result: Result, everything: list[Asked], milled: BoolArray, change: str
+    result: Result, everything: list[Asked], milled: BoolArray, names: dict[str, str]
 ) -> None:
     """Check that the tool never stands in the material where the file has nothing to wait for."""
     inside = np.r_[False, milled[:-1] & milled[1:], False]
     for _, span in everything:
         inside[span.first : span.last + 1] = False
+    stopping = {names[kind] for kind in _STOPPING if kind in names}
     standing = [
         event
         for event in result.paths.trace.events
-        if (event.word in _STANDS or (event.word, event.name) == (EventWord.HOOK, change))
+        if (event.word in _STANDS or (event.word is EventWord.HOOK and event.name in stopping))
         and not event.on_the_way
         and event.value != 0.0
     ]
