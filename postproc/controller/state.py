@@ -363,7 +363,7 @@ class MotionState:
     def _speed(self, command: str, value: Any) -> None:  # noqa: ANN401
         if not _is_number(value):
             self._unknown(f"BAS(#{command})")
-        elif not value > 0:
+        elif command == "ACC_CP" and not value > 0:
             self._refused(f"BAS(#{command})", value)
         elif command == "VEL_CP":
             self._set("$VEL.CP", speed=min(float(value), DEFAULT_SPEED))
@@ -417,7 +417,7 @@ _NUMBERS = {
     "$APO.CORI": "cori",
     "$ADVANCE": "advance",
 }
-_RATES = ("$VEL.", "$ACC.")
+_RATES = ("$VEL.ORI", "$ACC.")
 _MODES = {
     "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),
     "$CIRC_TYPE": ("BASE", "PATH"),
