@@ -24,6 +24,8 @@ from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
 from postproc.controller.flow import Flow, flow_of
 from postproc.controller.library import (
+    CONTACT_LIMITS,
+    CONTACT_ROUTINE,
     SILENT,
     NumberedFrame,
     is_harmless,
@@ -356,6 +358,8 @@ class Interpreter:
             self.state.motion_data(value)
         elif key == "$LOAD" and isinstance(value, NumberedFrame):
             self.state.select_load(value.number)
+        elif key.startswith(CONTACT_LIMITS) and value is not UNKNOWN:
+            self.unjudged(key, f"{key} sets how hard a contact has to be to stop the arm")
         elif not self.state.assign(key, value):
             self._system[key] = value
             if not is_harmless(key):
@@ -399,6 +403,8 @@ class Interpreter:
         elif name in SILENT:
             if is_command(statement):
                 self.unjudged(name, f"{name} gives a command to the controller")
+            elif name == CONTACT_ROUTINE and statement.arguments not in ((), (0,)):
+                self.unjudged(name, f"{name} sets how hard a contact has to be to stop the arm")
             self._forget(map(_node, statement.arguments))
         else:
             if not self._trust.is_hook(statement):

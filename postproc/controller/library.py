@@ -50,6 +50,9 @@ QUIET = frozenset(
 it moves: declarations, outputs, channels."""
 READING = frozenset({"COPEN", "CREAD", "CWRITE", "SREAD", "SWRITE"})
 """Instructions that write into the variables they are given."""
+CONTACT_ROUTINE, CONTACT_LIMITS = "SET_CD_PARAMS", "$COLLMON_TOL_PRO"
+"""Of collision detection: forms call the first with 0 or nothing and take the configured values of
+the second; other numbers change the supervision."""
 COMMAND_CHANNEL = "$CMD"
 """Who writes to this channel gives commands to the controller, such as to run a program."""
 HARMLESS = frozenset(
