@@ -45,7 +45,7 @@ from postproc.controller.runtime import (
 from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
-from postproc.controller.trust import Trust, is_command, is_quiet, reading
+from postproc.controller.trust import Trust, is_quiet, reading
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
@@ -401,9 +401,7 @@ class Interpreter:
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
         elif name in SILENT:
-            if is_command(statement):
-                self.unjudged(name, f"{name} gives a command to the controller")
-            elif name == CONTACT_ROUTINE and statement.arguments not in ((), (0,)):
+            if name == CONTACT_ROUTINE and statement.arguments not in ((), (0,)):
                 self.unjudged(name, f"{name} sets how hard a contact has to be to stop the arm")
             self._forget(map(_node, statement.arguments))
         else:
@@ -465,9 +463,9 @@ class Interpreter:
 
     def _instruction(self, statement: Raw) -> None:
         """Pass an instruction that is kept as written, unless it may move the arm."""
-        word = statement.text.upper().replace("(", " ").split()[0]
         if not is_quiet(statement):
-            self.unjudged(word, f"{word} is not judged: it may move the arm or change how it moves")
+            text = f"{statement.word} is not judged: it may move the arm or change how it moves"
+            self.unjudged(statement.word, text)
         self._forget(map(_node, reading(statement)))
 
     def _forget(self, nodes: Iterable[Node | None]) -> None:

@@ -35,21 +35,14 @@ _JUMPS = ("GOTO", "EXIT", "RETURN", "RESUME")
 
 def is_quiet(statement: Raw) -> bool:
     """Return whether an instruction that is kept as written has nothing to do with motion."""
-    text = statement.text.upper()
-    return text.replace("(", " ").split()[0] in QUIET and COMMAND_CHANNEL not in text
+    return statement.word in QUIET and COMMAND_CHANNEL not in statement.text.upper()
 
 
 def reading(statement: Raw) -> Iterator[Value | None]:
     """Yield what an instruction that is kept as written may write into."""
-    if statement.text.upper().replace("(", " ").split()[0] in READING:
+    if statement.word in READING:
         _, _, arguments = statement.text.partition("(")
         yield from (Expr(text.strip()) for text in arguments.rstrip(") ").split(","))
-
-
-def is_command(statement: Call) -> bool:
-    """Return whether a call gives a command to the controller, which may run any program."""
-    arguments = (value.text.upper() for value in statement.arguments if isinstance(value, Expr))
-    return any(COMMAND_CHANNEL in text for text in arguments)
 
 
 class Trust:
@@ -89,7 +82,7 @@ class Trust:
             target = statement.target.upper()
             return is_harmless(target) if target.startswith("$") else target not in _DATA
         if isinstance(statement, Call):
-            return not is_command(statement) and self._is_idle_call(statement.name.upper(), depth)
+            return self._is_idle_call(statement.name.upper(), depth)
         if isinstance(statement, Control):
             return statement.word not in _JUMPS
         if isinstance(statement, Raw):

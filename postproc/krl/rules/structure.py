@@ -137,7 +137,7 @@ def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine)
 
 def _declares(statement: Statement) -> bool:
     if isinstance(statement, Raw):
-        return statement.text.upper().replace("(", " ").split()[0] in _DECLARING
+        return statement.word in _DECLARING
     return isinstance(statement, (Declaration, External))
 
 

@@ -344,6 +344,11 @@ class Raw(Statement):
 
     text: str
 
+    @property
+    def word(self) -> str:
+        """Its first word in upper case."""
+        return self.text.upper().replace("(", " ").split()[0]
+
 
 # ------------------------------------------------------------------------------------- modules
 
