@@ -52,8 +52,7 @@ class Program:
         row = int(self.motion[line])
         if row >= 0:
             return self.trace.place(row)
-        event = self.trace.events[int(self.event[line])]
-        return self.trace.files[event.file], event.line
+        return self.trace.place_of(self.trace.events[int(self.event[line])])
 
 
 def program_of(modules: Sequence[KrlModule], name: str, inline: bool) -> Program:

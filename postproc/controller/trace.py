@@ -173,3 +173,7 @@ class Trace:
     def place(self, motion: int) -> tuple[str, int]:
         """Return file and line of a motion."""
         return self.files[int(self.file[motion])], int(self.line[motion])
+
+    def place_of(self, event: TraceEvent) -> tuple[str, int]:
+        """Return file and line of an event."""
+        return self.files[event.file], event.line

@@ -64,10 +64,10 @@ def check_spindle(
     for event in calls:
         if event.on_the_way:
             text = f"{event.name} is called on the way: nobody waits for the spindle"
-            result.finding_at(RunKind.SPINDLE, _place(result, event), text)
+            result.finding_at(RunKind.SPINDLE, result.paths.trace.place_of(event), text)
     if words[calls[-1].name] not in _STOPS:
         text = "the program ends while the spindle turns"
-        result.finding_at(RunKind.SPINDLE, _place(result, calls[-1]), text)
+        result.finding_at(RunKind.SPINDLE, result.paths.trace.place_of(calls[-1]), text)
 
 
 def _guessed(result: Result, cell: Cell, calls: list[TraceEvent]) -> tuple[BoolArray, BoolArray]:
@@ -121,7 +121,3 @@ def _tell(result: Result, bad: BoolArray, text: str) -> None:
 def _starts(bad: BoolArray) -> Iterator[int]:
     rows = np.flatnonzero(bad)
     yield from rows[np.diff(rows, prepend=-2) > 1].tolist()
-
-
-def _place(result: Result, event: TraceEvent) -> tuple[str, int]:
-    return result.paths.trace.files[event.file], event.line

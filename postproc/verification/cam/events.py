@@ -8,6 +8,7 @@ motion to the tag it stands before.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
 from postproc.verification.cam.compare import Comparison
 from postproc.verification.cam.signals import Asked, Span, check_signals
-from postproc.verification.cam.surplus import check_surplus, place_of
+from postproc.verification.cam.surplus import check_surplus
 from postproc.verification.report import Result
 
 _COUNTED = (
@@ -126,18 +127,21 @@ def _compare_kind(
         _tell(result, have[-1] if have else None, text, Severity.ERROR)
         return []
     surplus: list[TraceEvent] = []
-    faults, rest = 0, list(have)
+    motions = [call.motion for call in have]
+    faults = at = 0
     for number, (event, span) in enumerate(asked):
-        spare = len(rest) - (len(asked) - number)
-        fits = (not _difference(kind, words, event, call, span) for call in rest[: spare + 1])
-        skipped = next((k for k, fit in enumerate(fits) if fit), 0)
-        surplus += rest[:skipped]
-        call, rest = rest[skipped], rest[skipped + 1 :]
-        text = _difference(kind, words, event, call, span)
+        spare = range(
+            at, min(len(have) - len(asked) + number + 1, bisect_right(motions, span.last))
+        )
+        fits = (k for k in spare if not _difference(kind, words, event, have[k], span))
+        fit = next(fits, at)
+        surplus += have[at:fit]
+        text = _difference(kind, words, event, have[fit], span)
         faults += bool(text)
         if text and faults <= _LISTED:
-            _tell(result, call, text, Severity.ERROR)
-    return surplus + rest
+            _tell(result, have[fit], text, Severity.ERROR)
+        at = fit + 1
+    return surplus + have[at:]
 
 
 def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) -> str:
@@ -205,9 +209,9 @@ def _check_standing(
     ]
     for event in [event for event in standing if inside[event.motion]][:_LISTED]:
         text = f"{event.name} in the middle of a cut: the tool stands in the material"
-        result.finding_at(RunKind.DWELL, place_of(result, event), text)
+        result.finding_at(RunKind.DWELL, result.paths.trace.place_of(event), text)
 
 
 def _tell(result: Result, call: TraceEvent | None, text: str, severity: Severity) -> None:
-    place = place_of(result, call) if call else None
+    place = result.paths.trace.place_of(call) if call else None
     result.finding_at(RunKind.EVENT, place, text, severity)

@@ -13,7 +13,6 @@ from postproc.cell import Cell
 from postproc.controller import EventWord, TraceEvent
 from postproc.errors import RunKind
 from postproc.model import Event, EventKind
-from postproc.verification.cam.surplus import place_of
 from postproc.verification.report import Result
 
 _KINDS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
@@ -47,19 +46,19 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
     routines = {cell.krl.hooks[str(kind)].upper() for kind in _KINDS}
     outputs = {f"$OUT[{number}]" for number in cell.krl.outputs.values()}
     inputs = {_condition(n, value) for n in cell.krl.inputs.values() for value in (True, False)}
-    events = result.paths.trace.events
+    trace = result.paths.trace
     groups = (
         (
             "signals of the routines",
             [item for item, port in zip(asked, mapped, strict=True) if not port],
-            [e for e in events if e.word is EventWord.HOOK and e.name in routines],
+            [e for e in trace.events if e.word is EventWord.HOOK and e.name in routines],
         ),
         (
             "outputs and inputs",
             [item for item, port in zip(asked, mapped, strict=True) if port],
             [
                 e
-                for e in events
+                for e in trace.events
                 if (e.word is EventWord.OUTPUT and e.name in outputs)
                 or (e.word is EventWord.WAIT_FOR and _plain(e.name) in inputs)
             ],
@@ -70,7 +69,7 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
             lines = ", ".join(str(event.line) for event, _ in wanted[:5])
             text = f"{words}: {len(have)}, the CAM file asks for {len(wanted)}"
             text += f" (lines {lines})" if lines else ""
-            result.finding_at(RunKind.EVENT, place_of(result, have[-1]) if have else None, text)
+            result.finding_at(RunKind.EVENT, trace.place_of(have[-1]) if have else None, text)
             continue
         faults = [
             (call, text)
@@ -78,7 +77,7 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
             if (text := _difference(cell, ports, event, span, call))
         ]
         for call, text in faults[:_LISTED]:
-            result.finding_at(RunKind.EVENT, place_of(result, call), text)
+            result.finding_at(RunKind.EVENT, trace.place_of(call), text)
 
 
 def _difference(

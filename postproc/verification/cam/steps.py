@@ -100,5 +100,5 @@ def _difference(call: TraceEvent, name: str, event: Event) -> str:
 
 
 def _tell(result: Result, call: TraceEvent | None, text: str) -> None:
-    place = (result.paths.trace.files[call.file], call.line) if call else None
+    place = result.paths.trace.place_of(call) if call else None
     result.finding_at(RunKind.EVENT, place, text)

@@ -68,7 +68,7 @@ def check_surplus(
         if id(event) in harmful:
             text += ": tool, spindle or coolant are not as in the file behind it"
             severity = Severity.ERROR
-        result.finding_at(RunKind.EVENT, place_of(result, event), text, severity)
+        result.finding_at(RunKind.EVENT, result.paths.trace.place_of(event), text, severity)
 
 
 def _is_in_hand(result: Result, cell: Cell, event: TraceEvent) -> bool:
@@ -81,11 +81,6 @@ def _is_in_hand(result: Result, cell: Cell, event: TraceEvent) -> bool:
 def _numbers(names: Sequence[str]) -> list[float]:
     """Return those names of a tool in the CAM file that are numbers."""
     return [float(name) for name in names if name.isdecimal()]
-
-
-def place_of(result: Result, event: TraceEvent) -> tuple[str, int]:
-    """Return file and line of an event."""
-    return result.paths.trace.files[event.file], event.line
 
 
 def _in_order(
