@@ -1,6 +1,6 @@
 """The executed path held against the CAM file: points, arcs, holes, feeds, events, tilt."""
 
-from postproc.verification.cam.compare import Comparison, Tolerances
+from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.events import check_events
 from postproc.verification.cam.order import compare_served
 from postproc.verification.cam.steps import check_steps

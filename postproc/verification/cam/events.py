@@ -19,7 +19,7 @@ from postproc.errors import RunKind, Severity
 from postproc.model import Event, EventKind, ToolPath
 from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
-from postproc.verification.cam.compare import Comparison
+from postproc.verification.cam.comparison import Comparison
 from postproc.verification.cam.signals import Asked, Span, check_signals
 from postproc.verification.cam.surplus import check_surplus
 from postproc.verification.report import Result

@@ -20,7 +20,7 @@ from postproc.errors import DataError, RunKind
 from postproc.model import ToolPath
 from postproc.paths import Displacement
 from postproc.process import hole_places, hole_runs, reordered
-from postproc.verification.cam.compare import Comparison, Tolerances
+from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.holes import passed_pecks
 from postproc.verification.cam.matching import Wanted, neighbours, wanted_of
 from postproc.verification.cam.real import RealPaths, real_paths

@@ -22,13 +22,8 @@ from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths
 from postproc.process import claimed, may_be_passed, only
 from postproc.units import DEG, MM
-from postproc.verification.cam.compare import (
-    Comparison,
-    Tolerances,
-    compare,
-    paths_of,
-    visits_of,
-)
+from postproc.verification.cam.compare import compare, paths_of, visits_of
+from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.elements import curve_points
 from postproc.verification.cam.feeds import AT_MOST
 from postproc.verification.cam.matching import wanted_of
