@@ -195,6 +195,13 @@ def test_signals_that_the_cell_maps(converted, run):
     assert run("verify", program, "--cell", cell, "--against", cam, "--json")[0] == 0
 
 
+def verdict(run, program, text, cell, cam):
+    """Exit code and kinds of violations of another text of a program."""
+    program.write_text(text, newline="")
+    code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
+    return code, {item["kind"] for item in report["violations"]}
+
+
 def test_verify_misses_a_signal(converted, run):
     cam, cell, program, _ = converted(cell_of())
     text = program.read_text()
@@ -205,9 +212,7 @@ def test_verify_misses_a_signal(converted, run):
         text.replace('PP_SIGNAL("CLAMP",12,TRUE)', 'PP_SIGNAL("VACUUM",12,TRUE)'),
     ):
         assert wrong != text
-        program.write_text(wrong, newline="")
-        code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
-        assert (code, {item["kind"] for item in report["violations"]}) == (1, {"event"})
+        assert verdict(run, program, wrong, cell, cam) == (1, {"event"})
 
 
 def test_verify_misses_a_signal_that_the_cell_maps(converted, run):
@@ -224,9 +229,7 @@ def test_verify_misses_a_signal_that_the_cell_maps(converted, run):
         text.replace("$IN[34]==TRUE", "$IN[35]==TRUE"),
     ):
         assert wrong != text
-        program.write_text(wrong, newline="")
-        code, report, _ = run("verify", program, "--cell", cell, "--against", cam, "--json")
-        assert (code, {item["kind"] for item in report["violations"]}) == (1, {"event"})
+        assert verdict(run, program, wrong, cell, cam) == (1, {"event"})
 
 
 def test_an_unknown_activity_stops_by_name(converted):

@@ -12,6 +12,7 @@ from postproc.gap.choice.standing import Choice
 from postproc.gap.effect import State
 from postproc.gap.fit import (
     REST,
+    Block,
     Fit,
     Free,
     NormalEquations,
@@ -92,8 +93,7 @@ class Named:
     def _left(self, weight: FloatArray) -> FloatArray:
         """Return what the whole fit leaves (n, 3) [m], without the wander of the readings."""
         rest = self.problem.measured - self.full.point
-        wander = [block for block in self.regression.memory if block.key != REST]
-        memory = self.problem.memory_at(wander, np.arange(len(rest)))
+        memory = _wander(self.problem, self.regression, np.arange(len(rest)))
         if not memory:
             return rest
         equations = NormalEquations.of(memory, rest, weight, tuple(b.key for b in memory))
@@ -133,6 +133,12 @@ def _points(problem: Problem, states: Mapping[str, State], at: Rows | None) -> F
     return evaluate(samples, states)[0]
 
 
+def _wander(problem: Problem, regression: Regression, index: Rows) -> tuple[Block, ...]:
+    """Return the blocks of the wander of the readings at some rows."""
+    blocks = [block for block in regression.memory if block.key != REST]
+    return problem.memory_at(blocks, index)
+
+
 def _wandered(
     problem: Problem,
     regression: Regression,
@@ -141,8 +147,7 @@ def _wandered(
     index: Rows,
 ) -> FloatArray:
     """Return (k, 3) [m] the wander at some rows, beside effects fitted to them."""
-    wander = [block for block in regression.memory if block.key != REST]
-    memory = problem.memory_at(wander, index)
+    memory = _wander(problem, regression, index)
     if not memory:
         return np.zeros((len(index), 3))
     actual = evaluate(problem.samples.rows(index), problem.given)[1]

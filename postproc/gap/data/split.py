@@ -15,7 +15,7 @@ from postproc.gap.data.dataset import Samples
 
 SEALED_SHARE = 0.25
 FEWEST = 40
-"""Rows below which none is sealed: shrinkage is then told by folds."""
+"""Rows below which none is sealed."""
 FOLDS = 8
 STRETCHES = 5
 _SEED = 20220115

@@ -11,7 +11,7 @@ from postproc.planning.checks import Checker
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.refine import Bounds, TagPoses, beside, refine, within
+from postproc.planning.search.refine import Bounds, TagPoses, refine, within
 from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
@@ -63,7 +63,7 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         known, passed = poses, ~bad
         bad = within(bad, reach, _cuts(between, grid)) | within(bad, count - _PATIENT, runs)
         bounds.free &= ~bad[:, None]
-        poses, awake, reach = poses.standing_as(grid, bad), beside(bad), 2 * reach + 1
+        poses, awake, reach = poses.standing_as(grid, bad), within(bad, 1), 2 * reach + 1
     return _filled(checker, between, poses, chosen)
 
 
@@ -162,7 +162,7 @@ def _slowed(
         if not fast.any():
             break
         heavier = np.where(fast, np.clip(share, *_HEAVIER), 1.0) * poses.weight
-        poses = refine(problem, poses.weighted(heavier), bounds, beside(fast))
+        poses = refine(problem, poses.weighted(heavier), bounds, within(fast, 1))
     return poses
 
 

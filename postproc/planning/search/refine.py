@@ -129,14 +129,6 @@ def refine(
     return replace(poses, attitude=attitude, q=q)
 
 
-def beside(rows: BoolArray) -> BoolArray:
-    """Return tags (n,) with those next to them."""
-    found = rows.copy()
-    found[1:] |= rows[:-1]
-    found[:-1] |= rows[1:]
-    return found
-
-
 def within(rows: BoolArray, reach: int, run: IndexArray | None = None) -> BoolArray:
     """Return tags (n,) with up to ``reach`` to each side, of the same run (n,) if that is given."""
     if reach < 0:
@@ -169,7 +161,7 @@ def _refined(
         step[rows] = _newton(problem, poses, angle, now, rows)
         step = np.clip(attitude[:, at] + step, low, high) - attitude[:, at]
         step[np.abs(step) < REFINED_GRID] = 0.0
-        awake = beside(_descend(problem, poses, angle, now, step))
+        awake = within(_descend(problem, poses, angle, now, step), 1)
     rows = np.flatnonzero(met)
     rounded = poses.attitude[rows]
     fine = np.round(attitude[rows, at] / REFINED_GRID) * REFINED_GRID

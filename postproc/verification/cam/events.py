@@ -20,7 +20,7 @@ from postproc.model import Event, EventKind, ToolPath
 from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
 from postproc.verification.cam.comparison import Comparison
-from postproc.verification.cam.signals import Asked, Span, check_signals
+from postproc.verification.cam.signals import Asked, Span, check_signals, count_text
 from postproc.verification.cam.surplus import check_surplus
 from postproc.verification.report import Result
 
@@ -123,7 +123,7 @@ def _compare_kind(
     """Compare the calls of one kind with what is asked for; returns those beyond that."""
     words = str(kind).replace("_", " ")
     if len(have) < len(asked):
-        text = _count(words, name, have, [event for event, _ in asked])
+        text = count_text(f"{words}: {len(have)} calls of {name}", asked)
         _tell(result, have[-1] if have else None, text, Severity.ERROR)
         return []
     surplus: list[TraceEvent] = []
@@ -142,12 +142,6 @@ def _compare_kind(
             _tell(result, have[fit], text, Severity.ERROR)
         at = fit + 1
     return surplus + have[at:]
-
-
-def _count(words: str, name: str, have: list[TraceEvent], asked: list[Event]) -> str:
-    lines = ", ".join(str(event.line) for event in asked[:5])
-    where = f" (lines {lines})" if asked else ""
-    return f"{words}: {len(have)} calls of {name}, the CAM file asks for {len(asked)}{where}"
 
 
 def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: Span) -> str:

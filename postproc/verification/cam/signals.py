@@ -66,9 +66,7 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
     )
     for words, wanted, have in groups:
         if len(wanted) != len(have):
-            lines = ", ".join(str(event.line) for event, _ in wanted[:5])
-            text = f"{words}: {len(have)}, the CAM file asks for {len(wanted)}"
-            text += f" (lines {lines})" if lines else ""
+            text = count_text(f"{words}: {len(have)}", wanted)
             result.finding_at(RunKind.EVENT, trace.place_of(have[-1]) if have else None, text)
             continue
         faults = [
@@ -78,6 +76,18 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
         ]
         for call, text in faults[:_LISTED]:
             result.finding_at(RunKind.EVENT, trace.place_of(call), text)
+
+
+def count_text(found: str, asked: Sequence[Asked]) -> str:
+    """Return what is said where a program has too many or too few events of some kind.
+
+    Args:
+        found: what it has.
+        asked: what the CAM file asks for.
+    """
+    lines = ", ".join(str(event.line) for event, _ in asked[:5])
+    where = f" (lines {lines})" if asked else ""
+    return f"{found}, the CAM file asks for {len(asked)}{where}"
 
 
 def _difference(
