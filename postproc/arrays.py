@@ -220,7 +220,7 @@ class Table:
         return cls(*(np.concatenate([getattr(p, name) for p in parts]) for name in cls._names()))
 
 
-_STEPS = np.array([1.0, 1.5, 2.0, 3.0, 5.0, 7.0])
+_STEPS = np.array([1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])
 
 
 def stepped(values: FloatArray) -> FloatArray:

@@ -23,6 +23,9 @@ from postproc.arrays import (
 from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, EventKind, ToolPath
 
+BLEND_SHARE = 0.45
+"""Largest share of a neighbouring move that blending may take: the controller cuts it at half."""
+
 
 class MoveKind(IntEnum):
     """Controller motion."""

@@ -259,7 +259,7 @@ def test_ptp_is_approximated_by_distance(motion, word):
     moves = [{"kind": MoveKind.PTP, "role": MoveRole.RAPID, "blend_mm": 5.0}] * 2
     moves += [{"role": MoveRole.RAPID, "speed": 0.5}]
     text = texts.code(write(plans.plan(moves), motion=motion), "TEST.src")
-    assert text.index("$APO.CDIS=3.0000") > 0
+    assert text.index("$APO.CDIS=4.0000") > 0  # at most 0.45 of 10 mm, rounded down
     assert all(line.endswith(f"}} {word}") for line in text if line.startswith(("PTP", "SPTP")))
     assert "C_PTP" not in " ".join(text)
 

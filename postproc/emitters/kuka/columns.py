@@ -2,7 +2,7 @@
 
 The rules of approximation are enforced here, whatever the plan asks for: a drill stroke, the start
 and the end of contact, a wait and the end of a file are exact, and no approximation takes more than
-0.45 of the shorter neighbouring segment.
+its share of the shorter neighbouring segment.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from postproc.cell import Cell
 from postproc.errors import EmitError, SourceRef
 from postproc.geometry import kuka_from_transform, orthonormalised, transform
 from postproc.krl import numbers
-from postproc.model import EventKind, MoveKind, MoveRole, Plan
+from postproc.model import BLEND_SHARE, EventKind, MoveKind, MoveRole, Plan
 from postproc.units import DEG, MM, PERCENT
 
-BLEND_SHARE = 0.45
-"""Largest approximation distance over the shorter neighbouring segment."""
+_DIGITS = 1e-9
+"""By this share a distance may be longer than it should: sums differ in their last digits."""
 BLEND_SMALLEST_MM = 1e-3
 """A smaller approximation is an exact stop."""
 FLATTEST_ARC = 2e-6
@@ -48,9 +48,9 @@ STANDING = frozenset(
 class Columns:
     """Per move, plain Python values: ``pose`` [mm, deg], ``axes`` [deg], ``blend_mm`` (0 = exact).
 
-    ``wanted_mm``: the approximation as planned, before the segments cut it short. ``auxiliary``:
-    pose of a CIRC's point on the way, or None. ``line``: CAM line, 0 without one; ``operation``:
-    index, -1 without one. ``is_reframed``: tool or base are not those of the move before.
+    ``auxiliary``: pose of a CIRC's point on the way, or None. ``line``: CAM line, 0 without one;
+    ``operation``: index, -1 without one. ``is_reframed``: tool or base are not those of the move
+    before.
     """
 
     kind: list[int]
@@ -63,7 +63,6 @@ class Columns:
     orientation_deg_s: list[float]
     percent: list[float]
     blend_mm: list[float]
-    wanted_mm: list[float]
     dwell_s: list[float]
     line: list[int]
     operation: list[int]
@@ -89,7 +88,6 @@ def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -
     xyz, abc = kuka_from_transform(plan.T_base_tcp)
     tags = np.clip(plan.tag, 0, len(plan.toolpath) - 1)
     has_tag = plan.tag >= 0
-    blend, wanted = _blends(plan, borders)
     straight = _straight(plan)
     return Columns(
         kind=np.where(straight, MoveKind.LIN, plan.kind).tolist(),
@@ -101,8 +99,7 @@ def columns(plan: Plan, cell: Cell, borders: frozenset[int], speed_max: float) -
         speed_m_s=_speeds(plan, speed_max),
         orientation_deg_s=_orientation(plan, cell),
         percent=_percents(plan),
-        blend_mm=blend.tolist(),
-        wanted_mm=wanted.tolist(),
+        blend_mm=_blends(plan, borders).tolist(),
         dwell_s=np.nan_to_num(plan.dwell).tolist(),
         line=np.where(has_tag, plan.toolpath.line[tags], 0).tolist(),
         operation=np.where(has_tag, plan.toolpath.operation[tags], -1).tolist(),
@@ -143,15 +140,15 @@ def _is_cut(role: np.ndarray) -> BoolArray:
     return np.asarray((role == MoveRole.CUT) | (role == MoveRole.PLUNGE))
 
 
-def _blends(plan: Plan, borders: frozenset[int]) -> tuple[FloatArray, FloatArray]:
-    """Return approximation distances [mm] by rule, and those that the plan asks for."""
+def _blends(plan: Plan, borders: frozenset[int]) -> FloatArray:
+    """Return approximation distances (m,) [mm] by rule."""
     wanted = np.nan_to_num(plan.blend) / MM
     wanted[_exact(plan, borders)] = 0.0
     length = _lengths(plan) / MM
     limit = BLEND_SHARE * np.minimum(length, np.append(length[1:], 0.0))
-    capped = np.where(wanted <= limit, wanted, np.minimum(wanted, stepped(limit)))
+    capped = np.where(wanted <= limit * (1.0 + _DIGITS), wanted, stepped(limit))
     capped[capped < BLEND_SMALLEST_MM] = 0.0
-    return capped, wanted
+    return capped
 
 
 def _exact(plan: Plan, borders: frozenset[int]) -> BoolArray:

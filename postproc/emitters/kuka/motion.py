@@ -404,18 +404,10 @@ class PartWriter:
         blend = self.table.blend_mm[index]
         if blend <= 0.0:
             return ()
-        self._distance(index, blend)
-        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
-
-    def _distance(self, index: int, blend: float) -> None:
-        """Set $APO.CDIS; a value already set is kept where short segments ask for less."""
-        known = self.modal.blend_mm
-        is_cut_short = blend < self.table.wanted_mm[index]
-        if known is not None and is_cut_short and 0.5 * blend <= known <= blend:
-            return
-        if known != blend:
+        if self.modal.blend_mm != blend:
             self.modal.blend_mm = blend
             self.out.append(Assign("$APO.CDIS", blend))
+        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
 
 
 def _pose(values: Sequence[float], external: tuple[float, ...]) -> Pose:

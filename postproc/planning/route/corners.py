@@ -15,6 +15,7 @@ from postproc.geometry import inverse, rotation_angle
 from postproc.kinematics import IN_STEP, NEARER, Corners, bound_of, corner_miss, joint_share
 from postproc.model import MoveRole
 from postproc.planning.checks import RESOLUTION, Checker, Lines, poses_between
+from postproc.planning.route.blends import evened
 from postproc.planning.states import Moves
 from postproc.units import MM
 
@@ -51,6 +52,7 @@ def lowered_blends(
     at_feed = cut[at] & cut[at + 1]
     feed = at[at_feed]
     _tolerable(legs, kept, feed, checker.problem.cell.motion.corner_tolerance)
+    kept = evened(kept, checker.problem.cell.motion.approximation)
     if checker.scene is not None:
         plain = (legs.miss(feed, kept[feed]) < NEGLIGIBLE) & (legs.turn(feed, kept[feed]) < IN_STEP)
         at = np.setdiff1d(at, feed[plain])

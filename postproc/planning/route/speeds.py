@@ -12,6 +12,7 @@ from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.paths import jerk_ramps, joint_path
 from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
+from postproc.planning.route.blends import wished_blends
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
@@ -26,9 +27,6 @@ from postproc.units import MM_PER_MIN
 
 SLOWEST = 1e-5
 """Path speed [m/s] below which a cut is not possible: 0.6 mm/min."""
-BLEND_SHARE = 0.45
-"""Largest share of a neighbouring move that blending may take."""
-_EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
 _SHORT = 1e-9
 ON_THE_SPOT = 1e-5
 """On a way [m] as short as this the speed of the orientation counts: what program text rounds
@@ -75,7 +73,7 @@ def timed(
     track = checker.track(lines, Verdict.clean(len(lines)))
     cap[rows], orientation[rows] = speed_caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
-    blend = _blends(problem, replace(table, speed=speed), length, stops_before)
+    blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
     if runs and not any(finding.is_error for finding in findings):
         blend = lowered_blends(checker, table, lines, rows, blend)
     else:
@@ -288,53 +286,6 @@ def _slower(
         tag,
         problem.toolpath.source(tag),
     )
-
-
-def _blends(
-    problem: Problem, table: Moves, length: FloatArray, stops_before: BoolArray
-) -> FloatArray:
-    """Return the approximation distance (m,) [m] at the end of each move."""
-    m = len(table)
-    blend = np.full(m, problem.cell.motion.approximation)
-    reach = length.copy()
-    joint = table.kind == MoveKind.PTP
-    step = np.zeros(m)
-    step[1:] = np.linalg.norm(np.diff(table.T_base_tcp[:, :3, 3], axis=0), axis=1)
-    reach[joint] = step[joint]
-    blend = np.minimum(blend, BLEND_SHARE * reach)
-    blend[:-1] = np.minimum(blend[:-1], BLEND_SHARE * reach[1:])
-    exact = np.isin(table.role, list(_EXACT)) | (table.dwell > 0.0)
-    exact[:-1] |= np.isin(table.role[1:], list(_EXACT)) | stops_before[1:]
-    touching = np.isin(table.role, (MoveRole.CUT, MoveRole.PLUNGE, MoveRole.LIFT))
-    exact[:-1] |= touching[:-1] != touching[1:]
-    exact[:-1] |= (table.role[:-1] == MoveRole.RETRACT) & (table.role[1:] == MoveRole.RETRACT)
-    back = _turns_back(table)
-    exact[:-1] |= back
-    exact[:-2] |= back[1:] & (table.speed[:-2] != table.speed[1:-1])
-    exact[-1:] = True
-    blend[exact] = 0.0
-    return np.where(blend < 1e-6, 0.0, blend)
-
-
-def _turns_back(table: Moves) -> BoolArray:
-    """Return (m-1,) whether the path turns back at the end of a move: its depth must be met."""
-    begin, end = _headings(table)
-    size = np.linalg.norm(end, axis=1)
-    cosine = np.einsum("ij,ij->i", end[:-1], begin[1:])
-    back = cosine < -0.5 * size[:-1] * np.linalg.norm(begin[1:], axis=1)
-    path = table.kind != MoveKind.PTP
-    return np.asarray(back & path[:-1] & path[1:] & (size[:-1] > _SHORT))
-
-
-def _headings(table: Moves) -> tuple[FloatArray, FloatArray]:
-    """Return the directions (m, 3), of any length, in which moves begin and end."""
-    point = table.T_base_tcp[:, :3, 3]
-    begin = np.diff(point, axis=0, prepend=point[:1])
-    end = begin.copy()
-    rows = np.flatnonzero(table.sweep > 0.0)
-    for tangent, at in ((begin, rows - 1), (end, rows)):
-        tangent[rows] = np.cross(table.normal[rows], point[at] - table.centre[rows])
-    return begin, end
 
 
 def _durations(
