@@ -27,7 +27,7 @@ def check_collisions(
     corners: Corners,
     at: AnyIntArray,
 ) -> bool:
-    """Search the joint paths for collisions; False if the cell has no solid to collide with.
+    """Search the joint paths for collisions; False if the cell has no solid but the arm itself.
 
     Args:
         result: joint paths; collects the findings.
@@ -38,8 +38,6 @@ def check_collisions(
         corners: approximated corners, at the ends of motions ``at`` (c,).
         at: (c,) motions.
     """
-    if not cell.solids:
-        return False
     from postproc.collision import Scene
 
     paths = result.paths
@@ -49,7 +47,7 @@ def check_collisions(
     pose = np.hstack([point, axis])[known]
     motion, q = motion[known], np.hstack([q, external])[known]
     if len(q) < 2:
-        return True
+        return bool(cell.solids)
     steps = _touching(result, is_cut, motion, pose, slack)
     reported = _Reported(result)
     frames = np.stack([paths.station.tool, paths.station.base], axis=1)
@@ -57,6 +55,8 @@ def check_collisions(
         own = (frames == pair).all(axis=1)
         rows = np.flatnonzero(own[motion[1:]])
         scene = Scene.shared(cell.with_tool(*pair.tolist()), kinematics)
+        if not scene.pairs:
+            continue
         hits = scene.check_paths(q[rows], q[rows + 1], steps[rows], track=motion[rows + 1])
         for row in np.flatnonzero(hits.hit).tolist():
             reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
@@ -64,7 +64,7 @@ def check_collisions(
         if len(corner):
             here = corners.rows(corner)
             check_corner_ways(result, cell, scene, kinematics, here, at[corner], is_cut)
-    return True
+    return bool(cell.solids)
 
 
 def _touching(
