@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
@@ -24,6 +24,14 @@ MOST_OPEN = 4000
 COARSE = 1e-3
 """Hulls of mixed triangles in which nothing moves farther than this [m] are not cut further: what
 is then not proven free counts as colliding."""
+
+_ROW = 16
+"""So many hulls that follow each other closely are first looked at as one ..."""
+_APART = 0.05
+"""... those whose axes stand no farther apart than this [rad or m] ..."""
+_FEW = 4
+"""... where there is no more than one row for so many hulls."""
+_TOGETHER = 4 * CHUNK
 
 
 class HullCheck(MotionCheck):
@@ -52,14 +60,34 @@ class HullCheck(MotionCheck):
             count: c.
         """
         met = np.full(count, NO_PAIR, dtype=np.int64)
-        for rows in chunks(len(q)):
+        for rows in chunks(len(q), _TOGETHER):
             wanted = self._engine.wanted(contact[rows])
             shape = (len(self._engine.table), rows.stop - rows.start)
             alive = np.flatnonzero(met[owner[rows]] == NO_PAIR)
             wanted = np.broadcast_to(wanted, shape)[:, alive]
             alive += rows.start
-            self._search(q[alive], slack[alive], owner[alive], wanted, met)
+            hulls = q[alive], slack[alive]
+            starts = _rows_of(hulls[0])
+            first = len(starts) * _FEW >= len(alive)
+            if not first:
+                wanted = self._open_in_rows(*hulls, starts, wanted)
+            self._search(*hulls, owner[alive], wanted, met, first=first)
         return met
+
+    def _open_in_rows(
+        self, q: FloatArray, slack: FloatArray, starts: IndexArray, wanted: BoolArray
+    ) -> BoolArray:
+        """Return wanted pairs (p, t) that are not free in all hulls of their row at once.
+
+        ``starts`` (r,): the first of each row.
+        """
+        nodes = q.reshape(len(q), -1, q.shape[-1])
+        box = nodes.min(axis=1) - slack, nodes.max(axis=1) + slack
+        middle, count = 0.5 * (box[0] + box[1]), np.diff(np.append(starts, len(q)))
+        row, step = numbered(count)
+        share = step / np.maximum(count - 1, 1)[row]
+        chord = middle[starts], middle[starts + count - 1]
+        return self._open_along(box, chord, starts, np.stack([share, share]), wanted)
 
     def _search(
         self,
@@ -68,9 +96,10 @@ class HullCheck(MotionCheck):
         owner: IndexArray,
         wanted: BoolArray,
         met: IndexArray,
+        *,
+        first: bool,
     ) -> None:
-        """Set the pairs met (c,) by owners of hulls; ``wanted`` (p, t)."""
-        first = True
+        """Set the pairs met (c,) by owners of hulls; ``wanted`` (p, t), ``first``: most pairs."""
         while len(owner):
             parts = []
             for rows in chunks(len(owner), CHUNK):
@@ -122,6 +151,14 @@ class HullCheck(MotionCheck):
         near, frames = found.near, self._engine.frames(middle)
         sway = Sway(turn + slack, ways, slack)
         return self._engine.sweep.of_entries(frames, near.pair, near.row, sway)
+
+
+def _rows_of(q: FloatArray) -> IndexArray:
+    """Return where rows (r,) of hulls (t, 3, n, d) begin that follow each other closely."""
+    leap = np.abs(np.diff(q[:, 0, 0], axis=0)).max(axis=1, initial=0.0) > _APART
+    run = np.append(0, np.cumsum(leap))
+    place = np.arange(len(q)) - np.searchsorted(run, run, side="left")
+    return np.asarray(np.flatnonzero(place % _ROW == 0))
 
 
 def _open(count: int, pair: IndexArray, row: IndexArray) -> tuple[IndexArray, BoolArray]:

@@ -182,15 +182,35 @@ class MotionCheck:
             share: (2, m) how far along the track each motion begins and ends.
         """
         m = len(q_from)
-        owner, _ = numbered(np.diff(np.append(starts, m)))
-        a, b = q_from[starts], q_to[turns]
-        off = np.zeros((m, q_from.shape[1]))
-        for q, done in zip((q_from, q_to), share, strict=True):
-            chord = a[owner] + done[:, None] * (b - a)[owner]
-            np.maximum(off, np.abs(q - chord), out=off)
+        wanted = np.broadcast_to(self._engine.wanted(contact), (len(self._engine.table), m))
+        return self._open_along(
+            (q_from, q_to), (q_from[starts], q_to[turns]), starts, share, wanted
+        )
+
+    def _open_along(
+        self,
+        ends: tuple[FloatArray, FloatArray],
+        chord: tuple[FloatArray, FloatArray],
+        starts: IndexArray,
+        share: FloatArray,
+        wanted: BoolArray,
+    ) -> BoolArray:
+        """Return wanted pairs (p, m) of boxes of joints that are not free all along their track.
+
+        Args:
+            ends: two corners (m, 6 + k) of each box that are opposite in every axis.
+            chord: (t, 6 + k) where the straight motion along each track begins and ends.
+            starts: (t,) first box of each track.
+            share: (2, m) how far along the chord its corners are.
+            wanted: (p, m).
+        """
+        owner, _ = numbered(np.diff(np.append(starts, wanted.shape[1])))
+        a, b = chord
+        off = np.zeros_like(ends[0])
+        for q, done in zip(ends, share, strict=True):
+            np.maximum(off, np.abs(q - (a[owner] + done[:, None] * (b - a)[owner])), out=off)
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
-        wanted = np.broadcast_to(self._engine.wanted(contact), (len(self._engine.table), m))
         found, moves = self._near(a + way, sway, np.logical_or.reduceat(wanted, starts, axis=1))
         gap = self._gaps(found, moves)
         left = np.flatnonzero(gap <= moves + SLACK)

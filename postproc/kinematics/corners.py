@@ -10,7 +10,8 @@ triangles are taken.
 The triangles of the tool are cut into pieces on which the joints are nearly linear: point and
 orientation are mixtures of three each, and the joints lie in the hull of the nine (three, where
 they are in step), beside it by no more than the bulge of a parabola through the middles of its
-sides. KUKA does not publish the polynomial; every one that keeps to the tangents at
+sides. Small ones need no cut where the Jacobian at the corner proves as much (``linear``). KUKA
+does not publish the polynomial; every one that keeps to the tangents at
 both ends with its control points between path and corner lies in the triangle.
 """
 
@@ -23,6 +24,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import axis_angle, inverse, rotation_from_vector, transform
+from postproc.kinematics.linear import linear_joints
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import wrist_distance
 from postproc.units import DEG
@@ -43,6 +45,8 @@ BULGE = 2e-3
 NEARER = 0.9
 """The wrist may come to this share of its smallest angle where a corner is approximated: what the
 bound is too wide by, and what a corner between two motions at the limit takes."""
+NEARLY_LINEAR = 1e-4
+"""A triangle on which the joints are proven to be linear but for so much [rad] is not cut."""
 LARGEST_BULGE = 0.03
 """A corner that cannot be cut into pieces better than this [rad] is given up."""
 _AT_ONCE = 4000
@@ -183,6 +187,14 @@ def bound_of(kinematics: Kinematics, corners: Corners) -> Bound:
     size = np.stack([way[rows] / PIECE_LENGTH, turn[rows] / PIECE_ANGLE], axis=1)
     counts: IndexArray = np.maximum(np.ceil(size - 1e-9), 1.0).astype(np.int64)
     counts[turn[rows] <= IN_STEP, 1] = 0
+    easy = np.zeros(len(corners), dtype=np.bool_)
+    for in_step in (False, True):
+        same = rows[(counts[:, 1] == 0) == in_step]
+        for low in range(0, len(same), _AT_ONCE):
+            pieces = _linear(kinematics, corners, q, same[low : low + _AT_ONCE], in_step=in_step)
+            easy[pieces.corner] = True
+            found.append(pieces)
+    rows, counts = rows[~easy[rows]], counts[~easy[rows]]
     while len(rows):
         last = 4 * counts.prod(axis=1, where=counts > 0) > MOST_PARTS
         again = []
@@ -213,11 +225,15 @@ def _off_straight(kinematics: Kinematics, pieces: Pieces) -> FloatArray:
 
 
 def _joined(found: list[Pieces]) -> Iterator[Pieces]:
-    """Yield pieces, all that are mixtures of as many together."""
+    """Yield pieces, all that are mixtures of as many together, in order of their corners."""
     for n in sorted({pieces.q.shape[2] for pieces in found if len(pieces.q)}):
         same = [pieces for pieces in found if pieces.q.shape[2] == n]
-        q, slack, corner = ([getattr(p, name) for p in same] for name in ("q", "slack", "corner"))
-        yield Pieces(np.concatenate(q), np.concatenate(slack), np.concatenate(corner))
+        q, slack, corner = (
+            np.concatenate([getattr(pieces, name) for pieces in same])
+            for name in ("q", "slack", "corner")
+        )
+        order = np.argsort(corner, kind="stable")
+        yield Pieces(q[order], slack[order], corner[order])
 
 
 def _alike(counts: IndexArray) -> Iterator[tuple[int, int, IndexArray]]:
@@ -243,6 +259,33 @@ def _bent(corners: Corners, q: FloatArray, lost: BoolArray) -> list[Pieces]:
         middle = np.concatenate([corners.q_middle[bent, side], external], axis=1)
         found.append(_straight(np.stack([q[bent, end], middle, q[bent, 1]], axis=1), bent))
     return found
+
+
+def _linear(
+    kinematics: Kinematics, corners: Corners, q: FloatArray, rows: IndexArray, *, in_step: bool
+) -> Pieces:
+    """Return the triangles (t, 3, 3 or 1, 6 + k) of those corners (r,) that need no cut."""
+    T, count = corners.T_robroot_tcp[rows], len(rows)
+    way = T[..., :3, 3]
+    way = (way - way[:, [1]])[:, :, None]
+    turn = np.zeros((count, 1, 3, 3))
+    turn[:, 0, [0, 2]] = _turns(T) @ np.swapaxes(T[:, 1, :3, :3], 1, 2)
+    if in_step:
+        turn = np.swapaxes(turn, 1, 2)
+    ways = np.concatenate(np.broadcast_arrays(way, turn), axis=3)
+    moved, slack = linear_joints(
+        kinematics,
+        corners.q[rows, 1],
+        T[:, 1],
+        np.broadcast_to(corners.T_flange_tcp, (len(corners), 4, 4))[rows],
+        ways.reshape(count, 3 * ways.shape[2], 6),
+    )
+    kept = np.flatnonzero(slack.max(axis=1, initial=0.0) <= NEARLY_LINEAR)
+    hulls = np.repeat(q[rows[kept]][:, :, None], ways.shape[2], axis=2)
+    hulls[..., :6] = q[rows[kept], None, None, 1, :6] + moved[kept].reshape(-1, *ways.shape[1:])
+    beside = np.zeros((len(kept), q.shape[2]))
+    beside[:, :6] = slack[kept]
+    return Pieces(hulls, beside, rows[kept])
 
 
 def _cells(
