@@ -14,11 +14,8 @@ decides about more than waiting, a loop without a way out. The world may accept 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
-
-import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.controller.control import Activation, ControlFlow
@@ -31,11 +28,11 @@ from postproc.controller.library import (
     is_harmless,
     predefined,
 )
+from postproc.controller.memory import Memory
 from postproc.controller.motions import Motions
 from postproc.controller.recorder import Recorder
 from postproc.controller.runtime import (
     UNKNOWN,
-    Evaluator,
     Variables,
     component,
     plain_arguments,
@@ -46,12 +43,11 @@ from postproc.controller.state import STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
 from postproc.controller.trust import Trust, is_quiet, reading
+from postproc.controller.world import World
 from postproc.errors import RunKind, Severity
 from postproc.kinematics import Kinematics
 from postproc.krl import (
-    Aggregate,
     Assign,
-    Axes,
     Call,
     Control,
     Declaration,
@@ -84,31 +80,6 @@ MAX_SEARCHES = 200
 """How often the joints behind a Cartesian motion are worked out in one run."""
 
 
-@dataclass(slots=True)
-class World:
-    """What the program finds on the controller.
-
-    Args:
-        tools: TOOL_DATA by number; bases: BASE_DATA by number [mm, deg], in $WORLD.
-        T_world_robroot: (4, 4) $ROBROOT [m].
-        points: named points that are not in the files, such as the home position, and the data of
-            its form.
-        joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
-            a Cartesian target.
-        hooks: routines of the integrator, in upper case: calls are recorded and never followed,
-            even where a file with an example of them lies beside the program.
-        accept: names, in upper case, of what cannot be judged and is taken on trust.
-    """
-
-    tools: Mapping[int, Pose] = field(default_factory=dict)
-    bases: Mapping[int, Pose] = field(default_factory=dict)
-    points: Mapping[str, Pose | Axes | Aggregate] = field(default_factory=dict)
-    T_world_robroot: FloatArray = field(default_factory=lambda: np.eye(4))
-    joints: Callable[[Trace], FloatArray | None] = lambda _trace: None
-    hooks: frozenset[str] = frozenset()
-    accept: frozenset[str] = frozenset()
-
-
 def run(modules: Sequence[KrlModule], name: str, kinematics: Kinematics, world: World) -> Trace:
     """Run a program.
 
@@ -133,7 +104,11 @@ class Interpreter:
         self.state = MotionState(world.tools, world.bases, world.T_world_robroot)
         self.recorder = Recorder()
         self.targets = Targets(self.state, kinematics, self._joints_now)
-        self.evaluator = Evaluator(self._lookup, self._system_value, self._function)
+        self._memory = Memory(
+            self._modules, world, self._system_value, self._function, self._note_frame_data
+        )
+        self.evaluator = self._memory.evaluator
+        self._stack = self._memory.stack
         self._trust = Trust(world.hooks, world.accept, self._resolve)
         self._control = ControlFlow(
             self.evaluator,
@@ -143,12 +118,15 @@ class Interpreter:
             self._trust.accepts,
             lambda statements: self._forget(map(_node, self._trust.assigned(statements))),
         )
-        self._globals, self._data = Variables(), {key: Variables() for key in self._modules}
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
-        self._stack: list[Activation] = []
         self._flows: dict[tuple[str, str, int], Flow] = {}
-        self._global_routines: dict[str, tuple[KrlModule, Routine]] = {}
+        self._global_routines = {
+            routine.name.upper(): (module, routine)
+            for module in self._modules.values()
+            for routine in module.routines
+            if routine.is_global
+        }
         self._line = 0
         self._searches = self._calls = 0
         self._motions = Motions(self.evaluator, self.targets, self)
@@ -159,62 +137,20 @@ class Interpreter:
             WaitSec: self._wait,
             WaitFor: self._wait_for,
             Halt: self._halt,
-            Declaration: self._declare,
+            Declaration: self._memory.declare,
             Trigger: self._trigger,
             Interrupt: self._interrupt,
             Raw: self._instruction,
             SplineBegin: self._motions.begin_spline,
             SplineEnd: self._motions.end_spline,
         }
-        self._load(world)
+        self._memory.load(self._modules)
 
     def run(self, name: str) -> Trace:
         """Run a module from its first routine."""
         module = self._modules[name.upper()]
         self._execute(module, module.main, ())
         return self.recorder.trace(self.state)
-
-    # ------------------------------------------------------------------------------ preparation
-
-    def _load(self, world: World) -> None:
-        for kind, poses in (("TOOL_DATA", world.tools), ("BASE_DATA", world.bases)):
-            self._globals.arrays[kind] = {(number,): pose for number, pose in poses.items()}
-        self._globals.plain.update({key.upper(): value for key, value in world.points.items()})
-        for key, module in self._modules.items():
-            for routine in module.routines:
-                if routine.is_global:
-                    self._global_routines[routine.name.upper()] = (module, routine)
-            if module.data is not None:
-                self._load_data(module, self._data[key])
-
-    def _load_data(self, module: KrlModule, scope: Variables) -> None:
-        everywhere = not module.routines
-        assert module.data is not None  # noqa: S101 - the caller has asked
-        for statement in module.data.statements:
-            if isinstance(statement, Declaration):
-                public = everywhere or statement.is_global
-                self._define(self._globals if public else scope, statement)
-            elif isinstance(statement, Assign):
-                self._store(parse_expression(statement.target), statement.value, scope)
-
-    def _define(self, scope: Variables, statement: Declaration) -> None:
-        for variable in statement.variables:
-            name = variable.name.upper()
-            if variable.dimension is not None:
-                scope.arrays.setdefault(name, {})
-            value = variable.value
-            if isinstance(value, Expr):
-                value = self.evaluator.value(value)
-            # A parameter is declared once more inside its routine: it keeps its value.
-            if value is not None or name not in scope.plain:
-                scope.plain[name] = UNKNOWN if value is None else value
-
-    def _store(self, node: Node, value: Value, scope: Variables) -> None:
-        if not isinstance(node, Reference):
-            return
-        holder = scope if node.name in scope else self._globals
-        _put(holder, node, self.evaluator.value(value), self.evaluator)
-        self._note_frame_data(node, holder)
 
     # --------------------------------------------------------------------------------- execution
 
@@ -286,16 +222,6 @@ class Interpreter:
 
     # --------------------------------------------------------------------------------- variables
 
-    def _lookup(self, name: str) -> Variables | None:
-        if self._stack:
-            run = self._stack[-1]
-            if name in run.local:
-                return run.local
-            data = self._data[run.module.name.upper()]
-            if name in data:
-                return data
-        return self._globals if name in self._globals else None
-
     def _system_value(self, key: str) -> Any:  # noqa: ANN401 - KRL values are of many types
         if key.startswith(("$POS_ACT", "$AXIS_ACT")):
             name, _, rest = key.partition(".")
@@ -303,9 +229,6 @@ class Interpreter:
             return component(value, rest) if rest else value
         value = self.state.read(key)
         return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
-
-    def _declare(self, statement: Declaration) -> None:
-        self._define(self._stack[-1].local, statement)
 
     def assign(self, statement: Assign) -> None:
         """Execute an assignment."""
@@ -342,11 +265,7 @@ class Interpreter:
         elif node.name in ("FDAT_ACT", "PDAT_ACT", "LDAT_ACT") and not node.selectors:
             self._active[node.name] = value
         else:
-            scope = self._lookup(node.name)
-            if scope is None:
-                scope = self._stack[-1].local if self._stack else self._globals
-            _put(scope, node, value, self.evaluator)
-            self._note_frame_data(node, scope)
+            self._memory.put(node, value)
 
     def _assign_system(self, node: Reference, value: Any) -> None:  # noqa: ANN401
         key = self.evaluator.key(node)
@@ -542,20 +461,3 @@ def _node(value: Value | None) -> Node | None:
     if isinstance(value, Expr):
         return parse_expression(value.text)
     return value
-
-
-def _put(scope: Variables, node: Reference, value: Any, evaluator: Evaluator) -> None:  # noqa: ANN401
-    """Store a value in a variable, an array element or a component of either."""
-    path = tuple(item for item in node.selectors if isinstance(item, str))
-    index = next((item for item in node.selectors if not isinstance(item, str)), None)
-    if index is None:
-        old = scope.plain.get(node.name, UNKNOWN)
-        scope.plain[node.name] = with_component(old, path, value) if path else value
-        return
-    indices = evaluator.indices(index)
-    if indices is None:
-        scope.arrays.pop(node.name, None)
-        return
-    elements = scope.arrays.setdefault(node.name, {})
-    old = elements.get(indices, UNKNOWN)
-    elements[indices] = with_component(old, path, value) if path else value

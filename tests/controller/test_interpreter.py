@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from postproc.cell.robotfile import load_robot
-from postproc.controller.interpreter import World, run
+from postproc.controller import World, run
 from postproc.controller.trace import Blend, EventWord, MotionType
 from postproc.kinematics import build
 from postproc.krl.text.parse import load_modules, parse_files

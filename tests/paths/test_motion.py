@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
-from postproc.controller.interpreter import World, run
+from postproc.controller import World, run
 from postproc.controller.runtime import pose_of
 from postproc.geometry.frames import inverse, kuka_from_transform
 from postproc.kinematics import build

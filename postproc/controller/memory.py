@@ -1,0 +1,114 @@
+"""The variables of a run: of all modules, of each module, of the routines that are at work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from postproc.controller.control import Activation
+from postproc.controller.runtime import UNKNOWN, Evaluator, Variables, with_component
+from postproc.controller.world import World
+from postproc.krl import (
+    Assign,
+    Declaration,
+    Expr,
+    KrlModule,
+    Node,
+    Reference,
+    Value,
+    parse_expression,
+)
+
+
+class Memory:
+    """Variables by where they are known.
+
+    Args:
+        modules: of the run, by their names in upper case.
+        world: frames and points of the controller.
+        system_value: returns the value of a system variable by its name.
+        function: calls a function by its name with the nodes of its arguments.
+        stored: called with a reference and where it was stored, whenever a value has been.
+    """
+
+    def __init__(
+        self,
+        modules: Mapping[str, KrlModule],
+        world: World,
+        system_value: Callable[[str], Any],
+        function: Callable[[str, tuple[Node | None, ...]], Any],
+        stored: Callable[[Reference, Variables], None],
+    ) -> None:
+        self.evaluator, self._stored = Evaluator(self.lookup, system_value, function), stored
+        self._everywhere, self._data = Variables(), {name: Variables() for name in modules}
+        self.stack: list[Activation] = []
+        """The routines at work, the one that runs last."""
+        for kind, poses in (("TOOL_DATA", world.tools), ("BASE_DATA", world.bases)):
+            self._everywhere.arrays[kind] = {(number,): pose for number, pose in poses.items()}
+        self._everywhere.plain.update({key.upper(): value for key, value in world.points.items()})
+
+    def load(self, modules: Mapping[str, KrlModule]) -> None:
+        """Take in the data lists of the modules."""
+        for name, module in modules.items():
+            for statement in module.data.statements if module.data is not None else ():
+                scope = self._data[name]
+                if isinstance(statement, Declaration):
+                    public = statement.is_global or not module.routines
+                    self._define(self._everywhere if public else scope, statement)
+                elif isinstance(statement, Assign):
+                    self._initial(parse_expression(statement.target), statement.value, scope)
+
+    def _initial(self, node: Node, value: Value, scope: Variables) -> None:
+        if isinstance(node, Reference):
+            holder = scope if node.name in scope else self._everywhere
+            self._put(holder, node, self.evaluator.value(value))
+
+    def declare(self, statement: Declaration) -> None:
+        """Declare variables of the routine that runs."""
+        self._define(self.stack[-1].local, statement)
+
+    def _define(self, scope: Variables, statement: Declaration) -> None:
+        for variable in statement.variables:
+            name = variable.name.upper()
+            if variable.dimension is not None:
+                scope.arrays.setdefault(name, {})
+            value = variable.value
+            if isinstance(value, Expr):
+                value = self.evaluator.value(value)
+            # A parameter is declared once more inside its routine: it keeps its value.
+            if value is not None or name not in scope.plain:
+                scope.plain[name] = UNKNOWN if value is None else value
+
+    def lookup(self, name: str) -> Variables | None:
+        """Return where a variable is known from the routine that runs; None where it is not."""
+        if self.stack:
+            run = self.stack[-1]
+            if name in run.local:
+                return run.local
+            data = self._data[run.module.name.upper()]
+            if name in data:
+                return data
+        return self._everywhere if name in self._everywhere else None
+
+    def put(self, node: Reference, value: Any) -> None:  # noqa: ANN401 - KRL values are of many types
+        """Store a value in a variable, an array element or a component of either."""
+        scope = self.lookup(node.name)
+        if scope is None:
+            scope = self.stack[-1].local if self.stack else self._everywhere
+        self._put(scope, node, value)
+
+    def _put(self, scope: Variables, node: Reference, value: Any) -> None:  # noqa: ANN401
+        path = tuple(item for item in node.selectors if isinstance(item, str))
+        index = next((item for item in node.selectors if not isinstance(item, str)), None)
+        if index is None:
+            old = scope.plain.get(node.name, UNKNOWN)
+            scope.plain[node.name] = with_component(old, path, value) if path else value
+        else:
+            indices = self.evaluator.indices(index)
+            if indices is None:
+                scope.arrays.pop(node.name, None)
+            else:
+                elements = scope.arrays.setdefault(node.name, {})
+                old = elements.get(indices, UNKNOWN)
+                elements[indices] = with_component(old, path, value) if path else value
+        self._stored(node, scope)
