@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from postproc.cell import load_cell
 from postproc.kinematics import build
 from postproc.model.toolpath import MotionKind
 from postproc.planning.planner import plan
+from postproc.readers import read
 from postproc.units import DEG
+from tests.places import FIXTURES
 
 GOOD = 5.0 * DEG
 KEPT = 2.0 * DEG
@@ -63,3 +68,18 @@ def test_nine_of_ten_tags_that_can_keep_a_good_margin_do(make_cell, make_path):
     near[stiffest.tag] = margins(kinematics, stiffest.q) < GOOD
     assert near.sum() > 2 * (~does).sum()
     assert np.nanmedian(result.stiffness) < np.nanmedian(stiffest.stiffness)
+
+
+def test_a_pose_whose_best_neighbour_hits_goes_part_of_the_way_to_it():
+    """On a grid of 20 degrees the far holes stand 2 degrees from a limit; all of the way hits."""
+    cell = load_cell(FIXTURES / "turntable" / "cell.toml")
+    toolpath = read(FIXTURES / "turntable" / "ring.csv")
+    standing = replace(cell, optimize=replace(cell.optimize, refine=False))
+    least = {}
+    for name, here in (("grid", standing), ("moved", cell)):
+        result = plan(toolpath, here)
+        assert not result.errors
+        assert np.nanmin(result.clearance) > cell.limits.clearance
+        least[name] = margins(build(cell.robot), result.q).min()
+    assert least["grid"] < 0.6 * GOOD
+    assert least["moved"] > GOOD

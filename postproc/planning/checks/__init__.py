@@ -12,7 +12,7 @@ from postproc.planning.checks.feasible import (
     Verdict,
     poses_between,
 )
-from postproc.planning.checks.grade import CLOSE, NEAR, Grade, grade_counts, grades
+from postproc.planning.checks.grade import CLOSE, NEAR, NEAR_BY, Grade, grade_counts, grades
 from postproc.planning.checks.working import NEAR_SOLIDS, moves_of_tags, tag_clearances
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "LOWER",
     "MORE_CLEARANCE",
     "NEAR",
+    "NEAR_BY",
     "NEAR_SOLIDS",
     "PROBES",
     "RESOLUTION",

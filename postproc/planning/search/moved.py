@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.planning.checks import Checker
+from postproc.planning.checks import NEAR_BY, Checker
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.pose_search import PoseSearch
@@ -16,6 +17,9 @@ from postproc.planning.search.rungs import best_of
 from postproc.planning.states import Chosen, Problem
 from postproc.process import feeds_of
 
+_SHARES = (0.5, 0.25)
+"""Shares of the way off the grid that are tried where the whole of it fails, at tags by
+themselves."""
 _SPREADS = 12
 _HEAVIER = (1.5, 8.0)
 """By how much the weight of travel on a step that is too fast is raised at once: by more than it is
@@ -49,6 +53,8 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
     bounds = _bounds(problem, between, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
+    cuts = _cuts(between, grid)
+    alone = np.bincount(cuts)[cuts] == 1
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
     for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)
@@ -61,10 +67,40 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         if not bad.any():
             break
         known, passed = poses, ~bad
-        bad = within(bad, reach, _cuts(between, grid)) | within(bad, count - _PATIENT, runs)
+        nearer = _nearer(checker, bounds, grid, poses, np.flatnonzero(bad & alone))
+        alone &= ~bad
+        bad = within(bad, reach, cuts) | within(bad, count - _PATIENT, runs)
         bounds.free &= ~bad[:, None]
+        bounds.free[nearer, 0] = True
         poses, awake, reach = poses.standing_as(grid, bad), within(bad, 1), 2 * reach + 1
     return _filled(checker, between, poses, chosen)
+
+
+def _nearer(
+    checker: Checker, bounds: Bounds, grid: TagPoses, poses: TagPoses, rows: IndexArray
+) -> IndexArray:
+    """Bound tags (m,) to a part of their way off the grid that runs, in place; return which.
+
+    With more clearance than is asked for: the best pose is often the one that only just is free.
+    """
+    problem, found = checker.problem, np.zeros(len(rows))
+    if checker.scene is not None:
+        checker = replace(checker, scene=checker.scene.kept(NEAR_BY))
+    for share in _SHARES:
+        left = np.flatnonzero(found == 0.0)
+        part = grid.rows(rows[left])
+        attitude = part.attitude + share * (poses.attitude[rows[left]] - part.attitude)
+        T = problem.placement.tcp(part.tags, attitude)
+        q, good = problem.solve(T, problem.placement.external[part.tags], part.branch, part.q)
+        good &= problem.within(q) & problem.regular(q)
+        own = np.flatnonzero(good)
+        verdict = checker.states(part.tags[own], q[own], attitude[own], part.branch[own])
+        found[left[own[verdict.good]]] = share
+    rows, found = rows[found > 0.0], found[found > 0.0]
+    start = grid.attitude[rows]
+    end = start + found[:, None] * (poses.attitude[rows] - start)
+    bounds.low[rows], bounds.high[rows] = np.minimum(start, end), np.maximum(start, end)
+    return rows
 
 
 def _filled(checker: Checker, between: Interpolation, poses: TagPoses, chosen: Chosen) -> Chosen:

@@ -31,7 +31,7 @@ degrees."""
 WRIST, DEFAULT_WRIST = "wrist", 0.02
 """Weight of A4 and A6 off their unwound middle: half a turn of one must gain 2 % of stiffness."""
 MARGIN = "margin"
-MARGIN_OF = {Preset.STIFFEST: 0.1, Preset.BALANCED: 3.0, Preset.FASTEST: 3.0}
+MARGIN_OF = {Preset.STIFFEST: 0.1, Preset.BALANCED: 4.0, Preset.FASTEST: 4.0}
 """Weight of nearness to limits and to the straight wrist, by preset: 10 % of stiffness for standing
 there, or more than the price of what most tags could gain, so that they keep 5 degrees."""
 PRICE_OF = {Preset.STIFFEST: (0.02, 30.0), Preset.BALANCED: (0.05, 10.0)}

@@ -305,9 +305,7 @@ def _maximise(
     bounds = [_LOG_LENGTH] * 7 + [_LOG_AMPLITUDE] * 2 + [noise_range]
     guess = _logarithms(start, unit)
     options = {"maxiter": 30}
-    found = minimize(
-        objective, guess, method="L-BFGS-B", jac=True, bounds=bounds, options=options
-    )
+    found = minimize(objective, guess, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
     return _hyper(found.x, unit)
 
 
