@@ -13,6 +13,7 @@ NAMES = (
     "holes",
     "kinematics",
     "krl",
+    "margins",
     "page",
     "planning",
     "readers",
