@@ -388,3 +388,21 @@ def test_too_few_readings_are_refused(arm, postures):
         identify(measured, arm, TCP)
     with pytest.raises(DataError, match="MEA012"):
         identify(measured, arm, TCP, IdentifyOptions(register=True))
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_the_slope_of_the_marginal_likelihood_is_that_of_differences(known):
+    rng = np.random.default_rng(3)
+    seen = np.array([True, True, True, False, True, True])
+    near = continuous._Linear(
+        rng.uniform(-1.0, 1.0, (30, 6)),
+        1e-4 * rng.normal(size=(30, 3, 5)),
+        1e-4 * rng.normal(size=(30, 3)),
+        seen,
+    )
+    for _ in range(3):
+        theta = np.append(0.5 * rng.normal(size=9), rng.uniform(0.0, 0.6))
+        slope = near.cost(theta, 3e-5, known)[1]
+        for i, step in enumerate(1e-5 * np.eye(10)):
+            ends = (near.cost(theta + side * step, 3e-5, known)[0] for side in (1.0, -1.0))
+            assert slope[i] == pytest.approx(-np.diff(list(ends))[0] / 2e-5, rel=1e-5, abs=1e-6)

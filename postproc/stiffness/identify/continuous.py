@@ -304,8 +304,9 @@ def _maximise(
     noise_range = (-0.7, 0.7) if known else (-4.0, 4.0)
     bounds = [_LOG_LENGTH] * 7 + [_LOG_AMPLITUDE] * 2 + [noise_range]
     guess = _logarithms(start, unit)
-    options = {"maxiter": 30}
-    found = minimize(objective, guess, method="L-BFGS-B", jac=True, bounds=bounds, options=options)
+    found = minimize(
+        objective, guess, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxiter": 30}
+    )
     return _hyper(found.x, unit)
 
 
