@@ -5,6 +5,7 @@ import numpy as np
 from postproc.planning.planner import checker_of
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge, probed
+from postproc.planning.search.fans import fan
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states import PlanOptions, settle
 from tools.bench.contours import contour, milling_cell
@@ -38,3 +39,26 @@ def test_what_is_met_half_way_cannot_be_run():
 def test_short_steps_are_left_to_the_sweep():
     checker, spans = steps_of(8, 20.0, 50)
     assert not probed(checker, spans).any()
+
+
+def test_steps_are_looked_at_once_and_what_the_joints_refute_cannot_be_run():
+    """A fan that comes back with the same steps, all known to fail, gets the search nowhere."""
+    toolpath = contour("convex", 8, 60.0)
+    cell, settings = settle(milling_cell(fixture=True, origin=(2150, 550, 750)), PlanOptions())
+    checker = checker_of(toolpath, cell, settings)
+    search = PoseSearch.of(checker, np.arange(8))
+    rung = 4
+    states = np.arange(*search.states.offsets[[rung - 1, rung]])
+    now = np.arange(*search.states.offsets[[rung, rung + 1]])
+    told: set[tuple[int, int]] = set()
+    refuted: set[tuple[int, int]] = set()
+    for n in range(12):
+        more, known = fan(search, [(int(states[n]), int(now[n]))])
+        assert told.isdisjoint(more)
+        assert told.isdisjoint(known)
+        told |= {*more, *known}
+        refuted |= set(known)
+    ends = np.array(sorted(refuted))
+    spans = search.spans(ends[:, 0], ends[:, 1])
+    assert len(ends) > 100
+    assert not judge(checker, Interpolation.of(checker.problem), spans).good(len(spans)).any()

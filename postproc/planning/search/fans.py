@@ -6,12 +6,13 @@ the search it would try one after the other, and between two tags there are hund
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
-from postproc.planning.search.cuts import probed
+from postproc.planning.search.cuts import judge, probed
 from postproc.planning.search.free_path import Steps
 from postproc.units import DEG
 
@@ -49,9 +50,10 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
             to, start = now[_open(search, now, b, a)], before[_open(search, before, a, b)]
             leave = np.column_stack([np.full(len(to), a), to])
             pairs = np.concatenate([leave, np.column_stack([start, np.full(len(start), b)])])
-            few = _few(search, pairs)
+            few = _few(search, tag, pairs)
         elif search.fanned[tag] == 2 or search.fanned[tag] % _OFTEN == 0:
-            few = _few(search, _all_steps(search, before, now), _TURN * (search.fanned[tag] == 2))
+            pairs = _all_steps(search, before, now)
+            few = _few(search, tag, pairs, _TURN * (search.fanned[tag] == 2))
         else:
             continue
         more.update(few[0])
@@ -59,26 +61,39 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
     return sorted(more.difference(steps, known)), known
 
 
-def _few(search: PoseSearch, pairs: IndexArray, most: float = 0.0) -> tuple[Steps, Steps]:
-    """Return the steps of some (k, 2) worth a check, and those known to fail.
+def _few(search: PoseSearch, tag: int, pairs: IndexArray, most: float = 0.0) -> tuple[Steps, Steps]:
+    """Return the steps to a tag, of some (k, 2), worth a check, and those known to fail.
 
-    The ``_MANY`` that turn the tool least, fewer of long ones; ``most`` [rad]: only those that
-    turn it no farther, 0: all.
+    Those that turn the tool least and were not looked at before: ``_MANY`` by the joints alone,
+    fewer of long ones all along. ``most`` [rad]: only those that turn it no farther, 0: all.
     """
     turn = np.abs(search.states.spin_of(pairs[:, 1]) - search.states.spin_of(pairs[:, 0]))
     turn = np.minimum(turn, 2.0 * np.pi - turn)
     order = np.argsort(turn, kind="stable")
     if most:
         order = order[turn[order] <= most + 1e-9]
-    pairs = pairs[order[:_PROBED]]
+    pairs = pairs[order]
+    pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))][:_PROBED]
     if not len(pairs):
         return [], []
     met = probed(search.checker, search.spans(pairs[:, 0], pairs[:, 1]))
-    rung = int(search.states.tag_of(pairs[:1, 1])[0])
-    length = float(np.diff(search.between.way[search.tags[[rung - 1, rung]]])[0])
+    length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
     count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
-    few, failing = pairs[~met][:count].tolist(), pairs[met].tolist()
-    return [(a, b) for a, b in few], [(a, b) for a, b in failing]
+    failing, rest = pairs[met], pairs[~met][:_MANY]
+    if len(rest) > count:
+        joints = replace(search.checker, scene=None)
+        spans = search.spans(rest[:, 0], rest[:, 1])
+        good = judge(joints, search.between, spans).good(len(rest))
+        failing, rest = np.concatenate([failing, rest[~good]]), rest[good][:count]
+    known = search.looked_at.get(tag, np.zeros(0, dtype=np.int64))
+    fresh = _codes(search, np.concatenate([failing, rest]))
+    search.looked_at[tag] = np.concatenate([known, fresh])
+    return [(a, b) for a, b in rest.tolist()], [(a, b) for a, b in failing.tolist()]
+
+
+def _codes(search: PoseSearch, steps: IndexArray) -> IndexArray:
+    """Return one number (k,) for each step (k, 2)."""
+    return steps[:, 0] * int(search.states.offsets[-1]) + steps[:, 1]
 
 
 def _open(search: PoseSearch, states: IndexArray, like: int, end: int) -> BoolArray:

@@ -51,7 +51,8 @@ class PoseSearch:
 
     Tags between key tags follow by interpolation. ``stride`` (n,): every how many of the finest
     spins a tag has; ``passed`` (N,): the state before from which the step into a state was found
-    good; ``failing``: what became of cuts that failed between key tags.
+    good; ``failing``: what became of cuts that failed between key tags. ``fanned``: how often steps
+    into a tag failed; ``looked_at``: numbers of those that were looked at along with them.
     """
 
     checker: Checker
@@ -76,6 +77,7 @@ class PoseSearch:
     failing: FailingCuts
     cells: IndexArray | None = None
     fanned: dict[int, int] = field(default_factory=dict)
+    looked_at: dict[int, IndexArray] = field(default_factory=dict)
 
     @classmethod
     def of(
@@ -146,6 +148,7 @@ class PoseSearch:
         moved = np.full(len(self.states.q) + 1, NONE, dtype=np.int64)
         moved[join.source[join.source >= 0]] = np.flatnonzero(join.source >= 0)
         self.tags, self.states, self.cells = join.tags, join.states, None
+        self.looked_at = {}
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
         self.failures, self.hasty = by_tag(self.failures, 0), by_tag(self.hasty, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
