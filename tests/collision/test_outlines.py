@@ -91,6 +91,29 @@ def test_no_built_in_arm_has_links_that_are_not_tested():
         assert not np.isfinite(neutral).all() or not scene.check(neutral).hit.any(), name
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "kuka_kr210_r2700_extra",
+        "kuka_kr180_r2500_extra",
+        "kuka_kr60_3",
+        "kuka_kr22_r1610",
+        "kuka_kr16_arc_hw",
+    ],
+)
+def test_a_flange_folded_to_the_stops_of_a5_is_free_of_the_forearm(name):
+    """No real arm of 50 meets itself there."""
+    robot = load_robot(name)
+    scene = Scene.shared(replace(cell_of(), robot=robot), build(robot))
+    q = np.zeros((14, 6))
+    q[:, 1], q[:, 2] = -np.pi / 2, np.pi / 2
+    q[:, 3] = np.tile(np.linspace(-np.pi, np.pi, 7), 2)
+    q[:, 4] = np.repeat([robot.q_min[4], robot.q_max[4]], 7)
+    hits = scene.check(q)
+    met = {hits.pairs[pair] for pair in hits.pair[hits.hit]}
+    assert ("link 3", "link 6") not in met
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["kuka_kr6_r900_2", "kuka_kr10_r900_2", "kuka_kr16_r1610_2"])
 def test_light_arms_that_meet_themselves_are_seen(name):

@@ -17,7 +17,7 @@ from postproc.kinematics import build
 from tools.bench.collision import coal_mesh
 from tools.outlines.meshes import Triangles
 
-BETWEEN = {(0, 2): (0, 1), (2, 4): (2, 3)}
+BETWEEN = {(0, 2): (0, 1), (2, 4): (2, 3), (3, 6): (3, 4)}
 """The two joints between the links of a pair, counted from 0."""
 
 
