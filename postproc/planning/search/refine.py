@@ -22,8 +22,10 @@ REFINED_GRID = 0.001 * DEG
 """Refined angles are rounded to this, far coarser than what differs between machines."""
 _PROBE = 0.25 * DEG
 _ROUNDS = 12
-_SHARES = (1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
+_SHARES = np.array([1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0])
 """Shares of its step that a tag takes, one after the other."""
+_AT_ONCE = 400
+"""So many poses are worked out nearly as fast as one: smaller shares are, before they are asked."""
 
 
 @dataclass(slots=True)
@@ -186,16 +188,13 @@ def _descend(
     # what a step into a tag costs counts for the run that moves either end of it
     into = np.where(moves, run, np.append(0, run[:-1]))
     trial, travel = _Now(*(values.copy() for values in now)), poses.travel(now.q)
+    tries = _Tries(problem, poses, angle, now, step)
     fell, todo = np.zeros(int(run.max(initial=0)) + 1, dtype=np.bool_), moves.copy()
     level = np.zeros(n, dtype=np.int64)
     for _ in _SHARES:
         rows = np.flatnonzero(todo)
-        share = np.asarray(_SHARES)[level[rows]]
-        attitude = angle.moved(now.attitude[rows], share * step[rows])
-        T_base_tcp = problem.placement.tcp(poses.tags[rows], attitude)
-        q, good = _joints(problem, poses, rows, T_base_tcp, now.q[rows], with_strokes=True)
-        cost = _costs(problem, poses, rows, T_base_tcp, attitude, q)
-        trial.put(rows, good, (attitude, q, cost), now)
+        values, good = tries.at(rows, level[rows])
+        trial.put(rows, good, values, now)
         way = poses.travel(trial.q) - travel
         change = trial.cost - now.cost
         total = np.bincount(run, change, len(fell)) + np.bincount(into, way, len(fell))
@@ -212,18 +211,55 @@ def _descend(
     return np.asarray(moved)
 
 
+class _Tries:
+    """What becomes of tags (n,) that take shares of their steps, each worked out once."""
+
+    def __init__(
+        self, problem: Problem, poses: TagPoses, angle: _Angle, now: _Now, step: FloatArray
+    ) -> None:
+        self._given = problem, poses, angle, now, step
+        shape = (len(_SHARES), len(step))
+        self._values = np.empty((*shape, 3)), np.empty((*shape, 6)), np.empty(shape)
+        self._good, self._known = np.zeros((2, *shape), dtype=np.bool_)
+
+    def at(self, rows: IndexArray, level: IndexArray) -> tuple[tuple[FloatArray, ...], BoolArray]:
+        """Return attitude, joints and cost of tags at shares by number, and which can be."""
+        fresh = ~self._known[level, rows]
+        if fresh.any():
+            self._work_out(rows[fresh], level[fresh])
+        values = tuple(values[level, rows] for values in self._values)
+        return values, np.asarray(self._good[level, rows])
+
+    def _work_out(self, rows: IndexArray, level: IndexArray) -> None:
+        """Work out shares of tags (m,), and as many smaller ones as come nearly for free."""
+        problem, poses, angle, now, step = self._given
+        ahead = np.arange(max(1, _AT_ONCE // len(rows)))
+        numbers = (level[:, None] + ahead).ravel()
+        rows = np.repeat(rows, len(ahead))[numbers < len(_SHARES)]
+        level = numbers[numbers < len(_SHARES)]
+        attitude = angle.moved(now.attitude[rows], _SHARES[level] * step[rows])
+        T_base_tcp = problem.placement.tcp(poses.tags[rows], attitude)
+        q, good = _joints(problem, poses, rows, T_base_tcp, now.q[rows], with_strokes=True)
+        cost = _costs(problem, poses, rows, T_base_tcp, attitude, q)
+        for mine, found in zip(self._values, (attitude, q, cost), strict=True):
+            mine[level, rows] = found
+        self._good[level, rows], self._known[level, rows] = good, True
+
+
 def _newton(
     problem: Problem, poses: TagPoses, angle: _Angle, now: _Now, rows: IndexArray
 ) -> FloatArray:
     """Return the Newton steps (m,) [rad] of tags ``rows`` (m,), 0 where a tag cannot move."""
-    q, w = now.q, poses.weight
-    beside = [angle.moved(now.attitude[rows], d) for d in (-_PROBE, _PROBE)]
-    at = [problem.placement.tcp(poses.tags[rows], moved) for moved in beside]
-    sides = [_joints(problem, poses, rows, T_base_tcp, q[rows]) for T_base_tcp in at]
-    moving = sides[0][1] & sides[1][1]
-    below, above = (np.where(moving[:, None], solved, q[rows]) for solved, _ in sides)
-    cost_below = _costs(problem, poses, rows, at[0], beside[0], below)
-    cost_above = _costs(problem, poses, rows, at[1], beside[1], above)
+    q, w, m = now.q, poses.weight, len(rows)
+    beside = np.concatenate([angle.moved(now.attitude[rows], d) for d in (-_PROBE, _PROBE)])
+    both = np.tile(rows, 2)
+    T_base_tcp = problem.placement.tcp(poses.tags[both], beside)
+    solved, good = _joints(problem, poses, both, T_base_tcp, q[both])
+    moving = good[:m] & good[m:]
+    solved = np.where(np.tile(moving, 2)[:, None], solved, q[both])
+    below, above = solved[:m], solved[m:]
+    cost = _costs(problem, poses, both, T_base_tcp, beside, solved)
+    cost_below, cost_above = cost[:m], cost[m:]
     rate = (above - below) / (2.0 * _PROBE)
     square = np.einsum("ij,ij->i", rate, rate)
     leap, behind = np.diff(q, axis=0, prepend=q[:1])[rows], np.diff(q, axis=0, append=q[-1:])[rows]
