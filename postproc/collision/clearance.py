@@ -71,9 +71,12 @@ def _lower(
     near = found.near
     least[near.row[found.nested]] = 0.0
     pair[near.row[found.nested]] = near.pair[found.nested]
-    for entry in np.lexsort((near.bound, near.row)):
-        row = near.row[entry]
-        if near.bound[entry] < least[row]:
-            distance = engine.distances(found, np.array([entry]))[0]
-            if distance < least[row]:
-                least[row], pair[row] = distance, near.pair[entry]
+    order = np.lexsort((near.bound, near.row))
+    place = np.arange(len(order)) - np.searchsorted(near.row[order], near.row[order])
+    for turn in range(int(place.max(initial=-1)) + 1):  # one entry of each row
+        entries = order[place == turn]
+        entries = entries[near.bound[entries] < least[near.row[entries]]]
+        distance = engine.distances(found, entries)
+        nearer = distance < least[near.row[entries]]
+        rows = near.row[entries[nearer]]
+        least[rows], pair[rows] = distance[nearer], near.pair[entries[nearer]]

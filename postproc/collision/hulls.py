@@ -87,7 +87,8 @@ class HullCheck(MotionCheck):
         row, step = numbered(count)
         share = step / np.maximum(count - 1, 1)[row]
         chord = middle[starts], middle[starts + count - 1]
-        return self._open_along(box, chord, starts, np.stack([share, share]), wanted)
+        along = np.stack([share, share])
+        return self._open_along(box, chord, starts, along, wanted, self._near)
 
     def _search(
         self,

@@ -9,7 +9,7 @@ which nothing moves farther than the resolution; there the ends are checked and 
 Motions that follow each other, as the samples of a LIN or CIRC do, are first looked at as a whole,
 and with them those of a LIN that goes back the same way: all of them stay near the straight motion
 from the first start to the last end, by less than their largest deviation from it. Pairs that are
-free over all of that need no further look.
+free over all of that need no further look; the others are looked at so for a few motions at a time.
 
 So a motion said to be free is free at every sample taken and at its ends, and between them nothing
 is touched but by grazing contact in which no point moves farther than the resolution.
@@ -17,6 +17,7 @@ is touched but by grazing contact in which no point moves farther than the resol
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,12 @@ _PIECE = 0.1
 _NEAR = 1e-5
 """A track that begins and ends so near [rad or m] to the end and the start of the one before may
 run back along it; the two are looked at as one then, and what they deviate by counts."""
+_MERGED = 16
+"""So many tracks of one short motion each are looked at as one where they lead on."""
+_SHORT = 0.05
+"""Longest way [rad or m] of an axis on such a motion."""
+_FEW = 4
+"""Motions of a track that are looked at as one where all of it is not free."""
 _WORTH = 0.05
 """Share of a span that a cheap bound must prove, else the exact distance is taken."""
 
@@ -138,7 +145,7 @@ class MotionCheck:
                 found = self._run(q_from[rows], q_to[rows], wanted, is_first=True)
                 pair[rows], share[rows] = found
             return MotionHits(pair != NO_PAIR, pair, share, self._engine.names)
-        starts = np.flatnonzero(np.diff(track, prepend=track[:1] - 1))
+        starts = _merged(q_from, q_to, np.flatnonzero(np.diff(track, prepend=track[:1] - 1)))
         turns, share_at = _there_and_back(q_from, q_to, starts)
         starts = starts[turns >= 0]
         turns, ends = turns[turns >= 0], np.append(starts[1:], len(track))
@@ -155,6 +162,7 @@ class MotionCheck:
                     turns[together][tracks] - part.start,
                     share_at[:, part],
                 )
+                self._close_few(q_from[part], q_to[part], first - part.start, open_)
                 left = np.flatnonzero(open_.any(axis=0))
                 parts.append((part.start + left, open_[:, left]))
             todo, open_ = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
@@ -183,9 +191,29 @@ class MotionCheck:
         """
         m = len(q_from)
         wanted = np.broadcast_to(self._engine.wanted(contact), (len(self._engine.table), m))
-        return self._open_along(
-            (q_from, q_to), (q_from[starts], q_to[turns]), starts, share, wanted
-        )
+        chord = q_from[starts], q_to[turns]
+        return self._open_along((q_from, q_to), chord, starts, share, wanted, self._near)
+
+    def _close_few(
+        self, q_from: FloatArray, q_to: FloatArray, starts: IndexArray, open_: BoolArray
+    ) -> None:
+        """Take out of pairs (p, m) that are open, in place, those free over a few motions.
+
+        ``starts`` (t,): first motion of each track.
+        """
+        rows = np.flatnonzero(open_.any(axis=0))
+        if not len(rows):
+            return
+        owner, step = numbered(np.diff(np.append(starts, len(q_from))))
+        few = (owner * len(q_from) + step // _FEW)[rows]
+        first = np.flatnonzero(np.diff(few, prepend=-1))
+        count = np.diff(np.append(first, len(rows)))
+        owner, step = numbered(count)
+        share = np.stack([step, step + 1]) / count[owner]
+        ends, last = (q_from[rows], q_to[rows]), first + count - 1
+        chord = ends[0][first], ends[1][last]
+        near = self._near_among
+        open_[:, rows] = self._open_along(ends, chord, first, share, open_[:, rows], near)
 
     def _open_along(
         self,
@@ -194,6 +222,7 @@ class MotionCheck:
         starts: IndexArray,
         share: FloatArray,
         wanted: BoolArray,
+        near: Callable[[FloatArray, Sway, BoolArray], tuple[Candidates, FloatArray]],
     ) -> BoolArray:
         """Return wanted pairs (p, m) of boxes of joints that are not free all along their track.
 
@@ -203,6 +232,7 @@ class MotionCheck:
             starts: (t,) first box of each track.
             share: (2, m) how far along the chord its corners are.
             wanted: (p, m).
+            near: ``_near`` or ``_near_among``.
         """
         owner, _ = numbered(np.diff(np.append(starts, wanted.shape[1])))
         a, b = chord
@@ -211,7 +241,7 @@ class MotionCheck:
             np.maximum(off, np.abs(q - (a[owner] + done[:, None] * (b - a)[owner])), out=off)
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
-        found, moves = self._near(a + way, sway, np.logical_or.reduceat(wanted, starts, axis=1))
+        found, moves = near(a + way, sway, np.logical_or.reduceat(wanted, starts, axis=1))
         gap = self._gaps(found, moves)
         left = np.flatnonzero(gap <= moves + SLACK)
         open_ = np.zeros((len(wanted), len(starts)), dtype=np.bool_)
@@ -336,6 +366,24 @@ class MotionCheck:
             open_[pair[mine], place.ravel()] = True
             parts.append(_Spans(spans.motion[rows], low[rows], high[rows], open_))
         return _Spans.joined(parts)
+
+
+def _merged(q_from: FloatArray, q_to: FloatArray, starts: IndexArray) -> IndexArray:
+    """Return the first motions of tracks, short single motions that lead on made one track.
+
+    Args:
+        q_from: (m, 6) [rad].
+        q_to: (m, 6) [rad].
+        starts: (t,) first motion of each track.
+    """
+    way = (q_to - q_from)[starts]
+    single = np.diff(np.append(starts, len(q_from))) == 1
+    single &= np.abs(way).max(axis=1, initial=0.0) < _SHORT
+    joined = (np.abs(q_from[starts[1:]] - q_to[starts[1:] - 1]) < _NEAR).all(axis=1)
+    joined &= np.einsum("ij,ij->i", way[1:], way[:-1]) > 0.0
+    run = np.append(0, np.cumsum(~(joined & single[1:] & single[:-1])))
+    place = np.arange(len(starts)) - np.searchsorted(run, run, side="left")
+    return np.asarray(starts[place % _MERGED == 0])
 
 
 def _there_and_back(
