@@ -1,13 +1,13 @@
 """Outlines of arms by size class: what the links of an arm look like, measured on real ones.
 
-``outlines.toml`` holds each link of an arm that stands straight up as a stack of prisms with eight
+``outlines.json`` holds each link of an arm that stands straight up as a stack of prisms with eight
 sides, which enclose the bodies of all arms that were measured. They follow the lengths of the arm:
 their ends are shares of the link's length and distances beyond it.
 """
 
 from __future__ import annotations
 
-import tomllib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, partial
@@ -20,7 +20,7 @@ from postproc.cell import LENGTHS, OpwGeometry, Robot, load_robot
 from postproc.collision.mesh import Mesh, loft
 from postproc.units import MM
 
-_FILE = Path(__file__).resolve().parent / "outlines.toml"
+_FILE = Path(__file__).resolve().parent / "outlines.json"
 _ANGLES = np.arange(8) * (np.pi / 4.0)
 DIRECTIONS = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)], axis=1)
 _THINNEST = 1e-4
@@ -185,8 +185,6 @@ def _outlines() -> dict[str, Outline]:
 
 def read_outlines(text: str) -> dict[str, Outline]:
     """Return the outlines of a file by name."""
-    data = tomllib.loads(text)
-    data.pop("schema")
     return {
         name: Outline(
             frozenset(table["arms"]),
@@ -194,7 +192,7 @@ def read_outlines(text: str) -> dict[str, Outline]:
             table["a2_mm"] * MM,
             tuple(tuple(map(_segment, link)) for link in table["links"]),
         )
-        for name, table in data.items()
+        for name, table in json.loads(text)["outlines"].items()
     }
 
 

@@ -1,6 +1,6 @@
 """Outlines of the built-in arms, measured on the meshes of KUKA's ROS packages.
 
-``python -m tools.outlines measure PACKAGES`` writes ``postproc/collision/outlines.toml``;
+``python -m tools.outlines measure PACKAGES`` writes ``postproc/collision/outlines.json``;
 ``python -m tools.outlines table PACKAGES`` prints how far the real bodies stand out of ours;
 ``python -m tools.outlines held-out PACKAGES OTHERS`` the same for outlines made without each arm,
 and for arms of OTHERS (ros-industrial/kuka_experimental) that were not measured;

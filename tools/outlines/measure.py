@@ -42,17 +42,16 @@ SIZES: Mapping[str, Sequence[str]] = {
     "fortec": ["kr240_r3330", "kr360_r2830", "kr600_r2830"],
 }  # fmt: skip
 """Measured arms by size. Arms of other packages stand for themselves and judge the sizes."""
-_HEAD = """\
-schema = "postproc.outlines/1"
-
-# Outlines of arms standing straight up: each link is a stack of prisms, [from, to, reach]. From and
-# to are [share of the link's length, mm beyond it], reach is that of the octagon [mm] to 0, 45,
-# .. 315 deg of x forwards, y left, from the link's axis. Measured by tools/outlines on collision
-# meshes of KUKA's ROS 2 packages (Apache-2.0, kuka_robot_descriptions, July 2026) and, after those
-# of the sizes, of ROS-Industrial's kuka_experimental (Apache-2.0), 6 mm to spare.
-# arms: the one that looks like this; a class without arms is over all of its size and stands for
-# arms that were not measured. a1_mm, a2_mm: largest and mean of the arms measured.
-"""
+_HEAD = [
+    "Outlines of arms standing straight up: each link is a stack of prisms, [from, to, reach].",
+    "From and to are [share of the link's length, mm beyond it], reach is that of the octagon",
+    "[mm] to 0, 45, .. 315 deg of x forwards, y left, from the link's axis. Measured by",
+    "tools/outlines on collision meshes of KUKA's ROS 2 packages (Apache-2.0,",
+    "kuka_robot_descriptions, July 2026) and, after those of the sizes, of ROS-Industrial's",
+    "kuka_experimental (Apache-2.0), 6 mm to spare. arms: the one that looks like this; a class",
+    "without arms is over all of its size and stands for arms that were not measured. a1_mm,",
+    "a2_mm: largest and mean of the arms measured.",
+]
 
 
 def outlines_text(points: Mapping[str, list[FloatArray]], with_arms: bool = True) -> str:
@@ -60,17 +59,19 @@ def outlines_text(points: Mapping[str, list[FloatArray]], with_arms: bool = True
 
     Without ``with_arms`` it holds the sizes alone.
     """
-    lines = [_HEAD]
+    tables = []
     for size, names in SIZES.items():
         members = [f"kuka_{name}" for name in names if f"kuka_{name}" in points]
         for arm in members if with_arms else ():
-            lines += _table(arm.removeprefix("kuka_"), [arm], [arm], points)
+            tables.append(_table(arm.removeprefix("kuka_"), [arm], [arm], points))
         if members:
-            lines += _table(size, [], members, points)
+            tables.append(_table(size, [], members, points))
     sized = {f"kuka_{name}" for names in SIZES.values() for name in names}
     for arm in sorted(set(points) - sized) if with_arms else ():
-        lines += _table(arm.removeprefix("kuka_"), [arm], [arm], points)
-    return "\n".join(lines)
+        tables.append(_table(arm.removeprefix("kuka_"), [arm], [arm], points))
+    about = ",\n".join(json.dumps(line) for line in _HEAD)
+    head = f'{{"schema": "postproc.outlines/2",\n"about": [\n{about}],\n"outlines": {{\n'
+    return head + ",\n".join(tables) + "}}\n"
 
 
 def upright_points(name: str, links: Triangles) -> list[FloatArray]:
@@ -86,12 +87,11 @@ def upright_points(name: str, links: Triangles) -> list[FloatArray]:
 
 def _table(
     name: str, own: Sequence[str], members: Sequence[str], points: Mapping[str, list[FloatArray]]
-) -> list[str]:
+) -> str:
     geometries = {arm: load_robot(arm).geometry for arm in members}
     a1 = max(g.a1 for g in geometries.values())  # type: ignore[union-attr]
     a2 = float(np.mean([g.a2 for g in geometries.values()]))  # type: ignore[union-attr]
-    lines = [f"[{name}]", f"arms = {json.dumps(list(own))}"]
-    lines += [f"a1_mm = {a1 * 1e3:.1f}", f"a2_mm = {a2 * 1e3:.1f}", "links = ["]
+    links = []
     for link, count in enumerate(PRISMS):
         sizes, clouds = [], []
         for arm in members:
@@ -102,8 +102,10 @@ def _table(
                 np.stack([_share(cloud[:, 2] - z, length), cloud[:, 0] - x, cloud[:, 1]], 1)
             )
         rows = _prisms(np.concatenate(clouds), float(np.mean(sizes)), count, link)
-        lines += ["  [", *(f"    {row}," for row in rows), "  ],"]
-    return [*lines, "]", ""]
+        links.append("[" + ",\n".join(rows) + "]")
+    lengths = f'"a1_mm": {a1 * 1e3:.1f}, "a2_mm": {a2 * 1e3:.1f}'
+    every = ",\n".join(links)
+    return f'"{name}": {{"arms": {json.dumps(list(own))}, {lengths}, "links": [\n{every}]}}'
 
 
 def _share(z: FloatArray, length: float) -> FloatArray:
@@ -177,5 +179,5 @@ def _area(reach: FloatArray) -> FloatArray:
 def write(packages: Path, arms: Mapping[str, Triangles]) -> None:
     """Write the outline file of the product."""
     points = {name: upright_points(name, links) for name, links in arms.items()}
-    Path(outlines.__file__).with_name("outlines.toml").write_text(outlines_text(points))
+    Path(outlines.__file__).with_name("outlines.json").write_text(outlines_text(points))
     print(f"{len(arms)} arms of {packages}")
