@@ -16,8 +16,9 @@ from postproc.gap.choice import (
     uneven,
 )
 from postproc.gap.choice.classes import Part, wandering
+from postproc.gap.choice.confounding import in_place_of_two, taken_in_by
 from postproc.gap.choice.evidence import Evidence
-from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search
+from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search, search
 from postproc.gap.choice.selection import wave_block
 from postproc.gap.data.dataset import FADES
 from postproc.gap.fit.linear import NormalEquations, block_of
@@ -180,3 +181,49 @@ def test_what_others_stand_for_as_well_is_undecided(samples, order, unique, conf
     choice = Choice(dict.fromkeys(evidence, Standing.ADOPTED), evidence, {}, {})
     assert is_undecided(regression, choice, waves.key) == told
     assert not is_undecided(regression, choice, scale.key)
+
+
+@pytest.mark.parametrize(("beside", "told"), [("transmission_error", True), ("backlash", False)])
+def test_a_table_of_angles_beside_waves_may_hold_more_of_them(samples, beside, told):
+    table = block_of(effect_of("angle_error"), samples, effect_of("angle_error").prepare(samples))
+    waves = wave_block(samples, ((1, 29.0),), "all")
+    other = waves if beside == "transmission_error" else block_of(effect_of(beside), samples, {})
+    y, fold = np.zeros((len(samples), 3)), np.zeros(len(samples), dtype=np.int32)
+    regression = Regression(samples, y, np.ones(len(y)), fold, (table, other), ())
+    evidence = dict.fromkeys((table.key, other.key), Evidence(99.0, 1e-4))
+    choice = Choice(dict.fromkeys(evidence, Standing.ADOPTED), evidence, {}, {})
+    assert is_undecided(regression, choice, table.key) == told
+    assert not is_undecided(regression, choice, other.key)
+
+
+@pytest.mark.parametrize(("hidden", "told"), [("counterbalance", True), ("both", False)])
+def test_one_cause_may_be_what_two_names_are_made_of(samples, hidden, told):
+    """A spring at A2 looks like offsets and waves of A2; real offsets and waves like no spring."""
+    offset, spring = (
+        block_of(effect_of(n), samples, {}) for n in ("joint_offset", "counterbalance")
+    )
+    waves = wave_block(samples, ((2, 2.0),), "all")
+    y = {
+        "counterbalance": 3.0 * spring.X.sum(axis=2) + 0.1 * waves.X.sum(axis=2),
+        "both": 3.0 * offset.X.sum(axis=2) + 3.0 * waves.X.sum(axis=2),
+    }[hidden]
+    sigma = 1e-5
+    weight, fold = np.full(len(y), 1.0 / sigma), np.zeros(len(y), dtype=np.int32)
+    regression = Regression(samples, y, weight, fold, (offset, spring, waves), ())
+    found = search(regression.normal_equations(), exhaustive=0)
+    named = (offset.key, waves.key)
+    same = in_place_of_two(regression, found, named, named, ())
+    assert same == ({key: {"counterbalance"} for key in named} if told else {})
+    assert in_place_of_two(regression, found, named, named, (spring.key,)) == {}
+
+
+@pytest.mark.parametrize(("unique", "told"), [(0.7, True), (2.0, False)])
+def test_what_is_taken_in_almost_wholly_is_of_either(samples, unique, told):
+    names = ("link_geometry", "gravity_sag")
+    blocks = tuple(block_of(effect_of(n), samples, effect_of(n).prepare(samples)) for n in names)
+    sigma = 1e-4
+    y, fold = np.zeros((len(samples), 3)), np.zeros(len(samples), dtype=np.int32)
+    regression = Regression(samples, y, np.full(len(y), 1.0 / sigma), fold, blocks, ())
+    evidence = {"link_geometry": Evidence(99.0, unique * sigma), "gravity_sag": Evidence(9.0, 0.0)}
+    found = taken_in_by(regression, names, evidence, "link_geometry")
+    assert found == (("gravity_sag",) if told else ())

@@ -13,8 +13,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.gap.choice.confounding import confounded_with, overruled, replaceable
+from postproc.gap.choice.confounding import (
+    confounded_with,
+    in_place_of_two,
+    overruled,
+    replaceable,
+    taken_in_by,
+)
 from postproc.gap.choice.evidence import (
+    UNHELPFUL,
     Evidence,
     Folds,
     evidence_of,
@@ -37,7 +44,8 @@ def choose(regression: Regression) -> Choice:
         [(part, whole.minus(part)) for part in parts]
         for parts in (regression.fold_equations(), regression.stretch_equations())
     ]
-    found, excluded, reasons = _searched(regression, folds, whole)
+    found, excluded = _searched(regression, folds, whole)
+    reasons = {regression.name(key): why for key, why in excluded.items()}
     found, best = _readmitted(regression, found, folds, found.best, reasons)
     best = _pruned(regression, found, folds, best, reasons)
     found, best = _readmitted(regression, found, folds, best, reasons)
@@ -49,12 +57,16 @@ def choose(regression: Regression) -> Choice:
         if its is Standing.UNNAMED
     }
     choice = overruled(regression, Choice(standing, evidence, {}, reasons))
-    confounded = {
-        key: replace(
-            evidence[key], confounded=confounded_with(regression, found, best, key, excluded)
-        )
-        for key in (*choice.adopted, *choice.resembled)
-    }
+    barred = [key for key, why in excluded.items() if why != UNHELPFUL]
+    instead = in_place_of_two(regression, found, best, choice.adopted, barred)
+    confounded = {}
+    for key in (*choice.adopted, *choice.resembled):
+        same = {
+            *confounded_with(regression, found, best, key, excluded),
+            *taken_in_by(regression, best, evidence, key),
+            *instead.get(key, ()),
+        }
+        confounded[key] = replace(evidence[key], confounded=tuple(sorted(same)))
     # the sets that would do as well are among the subsets visited by now
     choice = replace(choice, evidence=evidence | confounded, probability=found.inclusion())
     return replaceable(regression, choice)
@@ -74,27 +86,25 @@ def _standing(
 
 def _searched(
     regression: Regression, folds: Folds, plain: NormalEquations
-) -> tuple[Search, set[str], dict[str, str]]:
+) -> tuple[Search, dict[str, str]]:
     """Search until nothing in the best subset is disqualified.
 
     Returns:
-        the search, keys that were excluded, and names rejected with the reason.
+        the search, and keys that were excluded with the reason.
     """
     equations = regression.normal_equations()
-    excluded: set[str] = set()
-    reasons: dict[str, str] = {}
+    excluded: dict[str, str] = {}
     found = search(equations, regression.always, plain=plain)
     for _ in range(12):
         weak = _disqualified(regression, found, folds)
         if weak is None:
             break
         key, reason = weak
-        reasons[found.names[key]] = reason
-        excluded.add(key)
+        excluded[key] = reason
         found = search(
             equations, regression.always, excluded=excluded, known=found.scores, plain=plain
         )
-    return found, excluded, reasons
+    return found, excluded
 
 
 def _all_evidence(

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
-from postproc.gap.choice.evidence import SMALLEST_ALTERNATIVE
+from postproc.gap.choice.evidence import (
+    SMALLEST_ALTERNATIVE,
+    Evidence,
+    absorbing,
+    smallest_part,
+)
 from postproc.gap.choice.search import DECISIVE, PRIOR_LIBRARY, PRIOR_RARE, Search
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.fit import Regression, Subset
@@ -14,6 +19,9 @@ from postproc.gap.robot_model import effect_of
 
 CONFOUNDED = 15.0
 """Nats by which the formulas of two known causes are not exact enough to decide."""
+_ENOUGH = 0.9
+"""Share of what two names bring together from which one of fewer numbers may be both: no formula is
+exact, and a second name takes the flaws of the first one's."""
 
 
 def overruled(regression: Regression, choice: Choice) -> Choice:
@@ -89,3 +97,59 @@ def confounded_with(
         if found.score((*(k for k in rest if k not in gone), *more)) > least:
             same |= names
     return tuple(sorted(same))
+
+
+def taken_in_by(
+    regression: Regression, best: Subset, evidence: Mapping[str, Evidence], key: str
+) -> tuple[str, ...]:
+    """Return the effects of a subset that leave nothing to one of them but what noise would hide.
+
+    What both explain may be of either; that little alone does not decide.
+    """
+    if evidence[key].unique < smallest_part(regression, best, evidence, key):
+        return absorbing(regression, best, key)
+    return ()
+
+
+def in_place_of_two(
+    regression: Regression,
+    found: Search,
+    best: Subset,
+    named: Collection[str],
+    barred: Collection[str],
+) -> dict[str, set[str]]:
+    """Return the named blocks for which one other effect may stand, two of them at a time.
+
+    It must bring nearly all that both do together and more than either does, with fewer numbers.
+    That it did not help beside the two is nothing against it: what it says was theirs already.
+
+    Args:
+        regression: blocks.
+        found: the search, for its scores.
+        best: the chosen subset.
+        named: keys of it that carry a name.
+        barred: keys that cannot be it.
+
+    Returns:
+        Names of such effects by key.
+    """
+    chosen = {regression.name(k) for k in best}
+    others = [
+        b
+        for b in regression.blocks
+        if not (b.is_alternative or b.effect.is_rare or b.effect.periodic)
+        and b.key not in {*regression.always, *barred}
+        and b.name not in chosen
+    ]
+    here = found.score(best)
+    same: dict[str, set[str]] = {}
+    for pair in itertools.combinations(sorted(named), 2):
+        rest = tuple(k for k in best if k not in pair)
+        count = sum(len(regression.block(k).parameters) for k in pair)
+        without = found.score(rest)
+        least = max(without + _ENOUGH * (here - without), *(found.score((*rest, k)) for k in pair))
+        for other in others:
+            if len(other.parameters) < count and found.score((*rest, other.key)) > least:
+                for key in pair:
+                    same.setdefault(key, set()).add(other.name)
+    return same

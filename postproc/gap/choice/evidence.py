@@ -27,6 +27,7 @@ explains says nothing of its size. A free geometry imitates the sag of the arm w
 and is wrong elsewhere."""
 FOLDS_WON, _FOLDS_WON_BY_OTHERS = 0.7, 0.85
 """Share of the folds that an effect, or a cause outside of the library, must make better."""
+UNHELPFUL = "does not help on rows that were not fitted"
 _PLACEBOS = 60
 _PLACEBO_LIMIT = 0.02
 
@@ -126,14 +127,19 @@ def weakest(
         elif item.wins < (
             _FOLDS_WON_BY_OTHERS if regression.block(key).is_alternative else FOLDS_WON
         ):
-            failing.append((1.0 + item.wins, key, "does not help on rows that were not fitted"))
+            failing.append((1.0 + item.wins, key, UNHELPFUL))
     return min(failing)[1:] if failing else None
 
 
 def is_absorbed(regression: Regression, best: Subset, key: str) -> bool:
     """Return whether an effect is nearly absorbed by another one that is in the subset."""
-    absorbing = regression.block(key).effect.absorbed_by
-    return any(regression.name(k) in absorbing for k in best)
+    return bool(absorbing(regression, best, key))
+
+
+def absorbing(regression: Regression, best: Subset, key: str) -> tuple[str, ...]:
+    """Return the effects of a subset that take one of its blocks in almost wholly."""
+    by = regression.block(key).effect.absorbed_by
+    return tuple(name for name in map(regression.name, best) if name in by)
 
 
 def unphysical(regression: Regression, found: Search, best: Subset) -> tuple[str, str] | None:

@@ -164,8 +164,9 @@ def is_overshadowed(
 def is_undecided(regression: Regression, choice: Choice, key: str) -> bool:
     """Return whether a name is one of a set that the rows do not decide in.
 
-    So it is where another cause would do as well, and where waves of low order are named beside a
-    larger effect that follows a joint's own angle, as they do: its formula may be bent a little.
+    So it is where another cause would do as well, where a table of angles is named beside waves, of
+    which it may hold more, and where waves of low order are named beside a larger effect that
+    follows a joint's own angle, as they do: its formula may be bent a little.
 
     Args:
         regression: blocks.
@@ -173,7 +174,9 @@ def is_undecided(regression: Regression, choice: Choice, key: str) -> bool:
         key: block of the name.
     """
     item, block = choice.evidence[key], regression.block(key)
-    if item.confounded:
+    effects = [regression.block(k).effect for k in choice.adopted]
+    beside_waves = block.effect.on_demand and any(effect.periodic for effect in effects)
+    if item.confounded or beside_waves:
         return True
     if not block.effect.periodic or all(n > LOW_ORDERS for _, n in block.setting["waves"]):
         return False
