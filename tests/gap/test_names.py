@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.choice import (
     Choice,
     Standing,
+    doubted,
     elusive,
     groups_of,
     is_overshadowed,
     is_undecided,
     uneven,
 )
+from postproc.gap.choice.choice import choose
 from postproc.gap.choice.classes import Part, wandering
 from postproc.gap.choice.confounding import in_place_of_two, taken_in_by
 from postproc.gap.choice.evidence import Evidence
@@ -227,3 +230,39 @@ def test_what_is_taken_in_almost_wholly_is_of_either(samples, unique, told):
     evidence = {"link_geometry": Evidence(99.0, unique * sigma), "gravity_sag": Evidence(9.0, 0.0)}
     found = taken_in_by(regression, names, evidence, "link_geometry")
     assert found == (("gravity_sag",) if told else ())
+
+
+@pytest.mark.parametrize(
+    ("lead", "named"), [(TEMPERATURE - 2.0, ()), (TEMPERATURE + 2.0, ("backlash",))]
+)
+def test_what_leads_nothing_by_little_is_no_cause(samples, lead, named):
+    block = block_of(effect_of("backlash"), samples, {})
+    moved, sigma = block.X.sum(axis=2), 1e-5
+    weight, fold = np.full(len(moved), 1.0 / sigma), np.arange(len(moved), dtype=np.int32) % 4
+
+    def of_size(size):
+        return Regression(samples, size * moved, weight, fold, (block,), ())
+
+    def ahead(size):
+        found = search(of_size(size).normal_equations())
+        return found.score(("backlash",)) - found.score(()) - lead
+
+    choice = choose(of_size(brentq(ahead, 1e-6, 10.0)))
+    assert choice.adopted == named, choice.reasons
+
+
+@pytest.mark.parametrize(("shape", "told"), [(0.0, False), (0.02, False), (0.5, True)])
+def test_a_class_is_ahead_beyond_what_an_inexact_formula_excuses(samples, shape, told):
+    """Play that grows with the load on the joint is not the play of the formula."""
+    block = block_of(effect_of("backlash"), samples, {})
+    q, J = samples.q, samples.jacobian
+    heavy = 1.0 + np.cos(q[:, 1:2]) + np.cos(q[:, 1:2] + q[:, 2:3])
+    grown = np.einsum("nij,nj->ni", J, samples.direction * (1.0 + shape * heavy)) * 2e-4
+    sigma = 1e-6
+    weight, fold = np.full(len(q), 1.0 / sigma), np.zeros(len(q), dtype=np.int32)
+    regression = Regression(samples, grown, weight, fold, (block,), ())
+    evidence = {"backlash": Evidence(99.0, 3e-4)}
+    choice = Choice({"backlash": Standing.ADOPTED}, evidence, {"backlash": 1.0}, {})
+    judged = doubted(regression, choice)
+    assert bool(judged.evidence["backlash"].rival) == told
+    assert is_undecided(regression, judged, "backlash") == told

@@ -18,6 +18,7 @@ from postproc.gap.choice import (
     assess,
     beaten,
     displaced,
+    doubted,
     elusive,
     prepare,
     select,
@@ -115,6 +116,7 @@ def diagnose(problem: Problem, progress: Progress | None = None) -> Diagnosis:
         why = {regression.name(key): reason for key, reason in strange.items()}
         choice = choice.moved(strange, Standing.REJECTED, why)
         ripple, rest = _left(regression, choice, prepared.noise)
+    choice = doubted(regression, choice)
     assessed = replace(assessed, choice=choice)
     answer = verdict(assessed, prepared.noise, rest)
     say(3, 4, "rows left out")
@@ -194,7 +196,7 @@ def _refused(problem: Problem, regression: Regression, choice: Choice) -> dict[s
 _ROUNDS = 2
 """How often all is chosen anew without names that do not hold; then these just go."""
 _HARM = "makes rows worse that it was not fitted to"
-_WORSE = "the model as a whole makes rows worse that it was not fitted to"
+_WORSE = "the model as a whole is not clearly better on rows that it was not fitted to"
 
 
 def _extra(regression: Regression, choice: Choice) -> dict[str, tuple[float, float]]:

@@ -33,9 +33,9 @@ it cannot be excluded better than blind campaigns with unlisted causes show."""
 DOUBTED = 0.9
 """The same of a cause beside which something may be left unexplained."""
 EVEN = 0.5
-"""The same of a cause that another would stand for as well, of a rare one beside an unexplained
-rest, and of one beside which more is left of its own class than its formula excuses, or more than
-only the cause explains: it is as likely as not."""
+"""The same of a cause that another would stand for as well, or a class better, of a rare one beside
+an unexplained rest, and of one beside which more is left of its own class than its formula excuses,
+or more than only the cause explains: it is as likely as not."""
 
 
 def document(
@@ -241,6 +241,7 @@ def _adopted(diagnosis: Diagnosis, name: str) -> dict[str, Any]:
             "high": plain(effect.write(State(high, state.setting), arm)),
         },
         "confounded_with": list(evidence.confounded),
+        "rival": evidence.rival or None,
         "wins": round(evidence.wins, 3),
         "action": effect.action,
     }

@@ -93,6 +93,8 @@ def _causes(content: dict[str, Any]) -> list[str]:
         )
         if item["confounded_with"]:
             line += f" These rows cannot tell it from {', '.join(item['confounded_with'])}."
+        if item["rival"]:
+            line += f" In its place {item['rival']} explains more."
         lines += [line, f"  What to do: {effect_of(item['name']).action}."]
         worse = [d["design"] for d in item["transfer"] if d["gain_nats"] < 0.0]
         if worse:

@@ -3,8 +3,6 @@
 from postproc.gap.choice.classes import (
     SURE,
     Group,
-    beaten,
-    displaced,
     groups_of,
     unexplained,
     wandering,
@@ -14,6 +12,7 @@ from postproc.gap.choice.confounding import CONFOUNDED
 from postproc.gap.choice.evidence import FOLDS_WON, smallest_of
 from postproc.gap.choice.fitting import Named
 from postproc.gap.choice.residual import Dependence
+from postproc.gap.choice.rivals import beaten, displaced, doubted
 from postproc.gap.choice.search import DECISIVE, price_of
 from postproc.gap.choice.selection import (
     Prepared,
@@ -49,6 +48,7 @@ __all__ = [
     "assess",
     "beaten",
     "displaced",
+    "doubted",
     "elusive",
     "groups_of",
     "is_overshadowed",

@@ -32,7 +32,7 @@ from postproc.gap.choice.evidence import (
     unphysical,
     weakest,
 )
-from postproc.gap.choice.search import DECISIVE, Search, search
+from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search, search
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.fit import NormalEquations, Regression, Subset
 
@@ -57,6 +57,9 @@ def choose(regression: Regression) -> Choice:
         if its is Standing.UNNAMED
     }
     choice = overruled(regression, Choice(standing, evidence, {}, reasons))
+    if found.score(best) - found.score(()) < TEMPERATURE:
+        by_chance = {regression.name(key): "a chance finding may be as large" for key in best}
+        choice = choice.moved(best, Standing.REJECTED, by_chance)
     barred = [key for key, why in excluded.items() if why != UNHELPFUL]
     instead = in_place_of_two(regression, found, best, choice.adopted, barred)
     confounded = {}

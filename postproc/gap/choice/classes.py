@@ -7,15 +7,14 @@ fairly. The largest is taken, and the others are judged by what it leaves.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
-from postproc.gap.choice.search import searched
 from postproc.gap.data import Samples
-from postproc.gap.fit import REST, Noise, Projection, Regression, Wave
+from postproc.gap.fit import Noise, Projection, Regression, Wave
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""
@@ -24,14 +23,6 @@ SURE = 12.0
 MOST = 4
 _STEPS = 16
 """Moments at which a step is tried."""
-AHEAD = 10.0
-"""Nats by which a class beats the formula of an effect."""
-BESIDE = 30.0
-"""Nats that a name must bring beside a large class that is left: three times what is said to be
-clear, for the class is not exact either."""
-_ENOUGH = 0.9
-"""Share of what a class explains from which a formula with fewer numbers is its cause: no formula
-is exact, and a class takes the flaws of the others' formulas, too."""
 _FORMULAS = {
     ("joint", "linear"),
     ("joint", "once per turn"),
@@ -48,9 +39,6 @@ _FORMULAS = {
 _LOUD = 1.5
 """Ratio of wander and white noise from which the wander is a course of time that nothing explains,
 and no noise."""
-_LARGE = 0.5
-"""Size of a class that is left against what only a name explains, from which the name must hold
-beside it."""
 _SMALLEST = 0.5
 """Root mean square of what is listed, in noise per axis."""
 
@@ -95,46 +83,13 @@ def unexplained(
         keys: blocks that are known causes; frames are always among them.
         waves: ripples that were found in the rest.
     """
-    bench = _Bench.of(regression, waves)
+    bench = Bench.of(regression, waves)
     parts = []
     for k, fit in bench.left({*regression.always, *keys}):
         if fit.rms > _SMALLEST * bench.noise:
             group = bench.groups[k]
             parts.append(Part(group.kind, group.of, group.shape, fit.rms, fit.gain))
     return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
-
-
-def displaced(
-    regression: Regression, named: Mapping[str, float], beside: Iterable[str]
-) -> dict[str, str]:
-    """Return the named blocks that classes of what is left leave nothing to, and which.
-
-    Only classes whose formula is that of no effect count, where they are large against the name.
-
-    Args:
-        regression: rows and blocks.
-        named: what only each of the blocks to be judged explains [m], by key.
-        beside: keys of all blocks of the model.
-    """
-    if not named:
-        return {}
-    bench = _Bench.of(regression, ())
-    inside = {*regression.always, *beside}
-    left = [(k, fit) for k, fit in bench.left(inside) if bench.groups[k].is_rival]
-    found: dict[str, str] = {}
-    for key, unique in named.items():
-        large = [(k, fit) for k, fit in left if fit.rms > _LARGE * unique]
-        if not large:
-            continue
-        context = bench.context(inside - {key})
-        for k, fit in large:
-            context.extend(bench.columns(k) * fit.size)
-        block = regression.block(key)
-        own = _weighted(block.X[bench.use], bench.weight)
-        if context.gain(own, context.rest) - searched(block) < BESIDE:
-            group = bench.groups[large[0][0]]
-            found[key] = f"{group.kind} ({group.of}: {group.shape}) explains the same"
-    return found
 
 
 def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
@@ -152,38 +107,8 @@ def wandering(noise: Noise, rest: Sequence[Part]) -> tuple[Part, ...]:
     return tuple(sorted(parts, key=lambda p: (-p.rms, p.kind, p.of)))
 
 
-def beaten(regression: Regression, named: Iterable[str], beside: Iterable[str]) -> dict[str, str]:
-    """Return the named blocks in whose place a class explains more, and which.
-
-    Only classes whose formula is that of no effect stand against them. Where the likelihood holds a
-    smooth rest, the names have stood against that already.
-
-    Args:
-        regression: rows and blocks.
-        named: keys of the blocks to be judged.
-        beside: keys of all blocks of the model.
-    """
-    if REST in regression.nuisance:
-        return {}
-    bench = _Bench.of(regression, ())
-    rivals = [k for k, group in enumerate(bench.groups) if group.is_rival]
-    inside = {*regression.always, *beside}
-    found: dict[str, str] = {}
-    for key in named:
-        context = bench.context(inside - {key})
-        own = _weighted(regression.block(key).X[bench.use], bench.weight)
-        gain = context.gain(own, context.rest) - searched(regression.block(key))
-        tried = bench.fitted(context, rivals)
-        best = max(rivals, key=lambda k: tried[k].gain)
-        ahead = tried[best].gain - gain
-        if ahead > AHEAD and gain < _ENOUGH * tried[best].gain:
-            group = bench.groups[best]
-            found[key] = f"{group.kind} ({group.of}: {group.shape}) explains more in its place"
-    return found
-
-
 @dataclass(frozen=True, slots=True)
-class _Fitted:
+class Fitted:
     """Evidence less the price [nats], size [m] and 3D rms [m] of a group at its best size."""
 
     gain: float
@@ -192,8 +117,12 @@ class _Fitted:
 
 
 @dataclass(frozen=True, slots=True)
-class _Bench:
-    """Groups on the rows in use, their columns side by side."""
+class Bench:
+    """Groups on the rows in use, their columns side by side.
+
+    use: numbers of the rows; weight: of these [1/m]; X: (3n, m) in units of the noise, of all
+    groups; start: first column of each group and the end.
+    """
 
     regression: Regression
     use: IndexArray
@@ -203,12 +132,12 @@ class _Bench:
     start: IndexArray
 
     @classmethod
-    def of(cls, regression: Regression, waves: Iterable[Wave]) -> _Bench:
+    def of(cls, regression: Regression, waves: Iterable[Wave]) -> Bench:
         """Return all groups on the rows of a regression."""
         use = np.flatnonzero(regression.weight > 0)
         weight = regression.weight[use]
         groups = [g for g in groups_of(regression.samples.rows(use), waves) if g.X.shape[2]]
-        X = np.concatenate([_weighted(g.X, weight) for g in groups], axis=1)
+        X = np.concatenate([weighted(g.X, weight) for g in groups], axis=1)
         start = np.cumsum([0, *(g.X.shape[2] for g in groups)])
         return cls(regression, use, weight, groups, X, start)
 
@@ -226,11 +155,11 @@ class _Bench:
         """Return the columns (3n, m) of a group, in units of the noise per metre."""
         return self.X[:, self.start[k] : self.start[k + 1]]
 
-    def left(self, keys: Collection[str]) -> list[tuple[int, _Fitted]]:
+    def left(self, keys: Collection[str]) -> list[tuple[int, Fitted]]:
         """Return the groups that some blocks leave most to, one after the other."""
         context = self.context(keys)
         waiting = list(range(len(self.groups)))
-        found: list[tuple[int, _Fitted]] = []
+        found: list[tuple[int, Fitted]] = []
         for _ in range(MOST):
             tried = self.fitted(context, waiting)
             best = max(waiting, key=lambda k: tried[k].gain, default=-1)
@@ -241,7 +170,7 @@ class _Bench:
             context.extend(self.columns(best) * tried[best].size)
         return found
 
-    def fitted(self, context: Projection, which: Collection[int]) -> dict[int, _Fitted]:
+    def fitted(self, context: Projection, which: Collection[int]) -> dict[int, Fitted]:
         """Return what some groups bring in a context."""
         rest = context.rest
         taken = context.X.T @ self.X
@@ -254,8 +183,8 @@ class _Bench:
             found[k] = self._best(A, whole[part], self.groups[k].price)
         return found
 
-    def _best(self, A: FloatArray, b: FloatArray, price: float) -> _Fitted:
-        best = _Fitted(-np.inf, 0.0, 0.0)
+    def _best(self, A: FloatArray, b: FloatArray, price: float) -> Fitted:
+        best = Fitted(-np.inf, 0.0, 0.0)
         for size in SIZES:
             scale = size * self.noise
             H = scale**2 * A + np.eye(len(A))
@@ -263,11 +192,12 @@ class _Bench:
             gain = 0.5 * float(b @ theta) - 0.5 * float(np.linalg.slogdet(H)[1]) - price
             if gain > best.gain:
                 square = max(float(theta @ A @ theta), 0.0) / len(self.use)
-                best = _Fitted(gain, scale, self.noise * float(np.sqrt(square)))
+                best = Fitted(gain, scale, self.noise * float(np.sqrt(square)))
         return best
 
 
-def _weighted(X: FloatArray, weight: FloatArray) -> FloatArray:
+def weighted(X: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return columns (3n, m) in units of the noise, of (n, 3, m) and weights (n,) [1/m]."""
     return np.asarray((X * weight[:, None, None]).reshape(3 * len(X), -1))
 
 

@@ -20,8 +20,8 @@ from postproc.gap.robot_model import effect_of
 CONFOUNDED = 15.0
 """Nats by which the formulas of two known causes are not exact enough to decide."""
 _ENOUGH = 0.9
-"""Share of what two names bring together from which one of fewer numbers may be both: no formula is
-exact, and a second name takes the flaws of the first one's."""
+"""Share of what two names bring together from which one other may be both: no formula is exact, and
+a second name takes the flaws of the first one's."""
 
 
 def overruled(regression: Regression, choice: Choice) -> Choice:
@@ -120,8 +120,8 @@ def in_place_of_two(
 ) -> dict[str, set[str]]:
     """Return the named blocks for which one other effect may stand, two of them at a time.
 
-    It must bring nearly all that both do together and more than either does, with fewer numbers.
-    That it did not help beside the two is nothing against it: what it says was theirs already.
+    It must bring nearly all that both do together, and more than either does. That it did not help
+    beside the two is nothing against it: what it says was theirs already.
 
     Args:
         regression: blocks.
@@ -145,11 +145,10 @@ def in_place_of_two(
     same: dict[str, set[str]] = {}
     for pair in itertools.combinations(sorted(named), 2):
         rest = tuple(k for k in best if k not in pair)
-        count = sum(len(regression.block(k).parameters) for k in pair)
         without = found.score(rest)
         least = max(without + _ENOUGH * (here - without), *(found.score((*rest, k)) for k in pair))
         for other in others:
-            if len(other.parameters) < count and found.score((*rest, other.key)) > least:
+            if found.score((*rest, other.key)) > least:
                 for key in pair:
                     same.setdefault(key, set()).add(other.name)
     return same

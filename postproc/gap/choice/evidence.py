@@ -41,13 +41,15 @@ class Evidence:
     """What speaks for one effect in the chosen model.
 
     gain: nats lost without it; unique: [m] 3D rms that only it explains; wins: share of folds
-    that it makes better; confounded: effects that would do as well in its place.
+    that it makes better; confounded: effects that would do as well in its place; rival: a class
+    that explains more there, in words.
     """
 
     gain: float
     unique: float
     wins: float = 1.0
     confounded: tuple[str, ...] = ()
+    rival: str = ""
 
 
 def evidence_of(

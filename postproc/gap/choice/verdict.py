@@ -13,6 +13,7 @@ from postproc.gap.choice.classes import Part
 from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers
 from postproc.gap.choice.fitting import fitted, point_without
 from postproc.gap.choice.residual import Dependence, dependences
+from postproc.gap.choice.rivals import INEXACT
 from postproc.gap.choice.selection import LOW_ORDERS, Prepared
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.effect import Effect
@@ -29,8 +30,6 @@ from postproc.measurement import robust_sigma
 
 STRUCTURE = 1.0
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""
-INEXACT = 0.04
-"""The same against the largest effect: its formula is not exact, and that is no other cause."""
 _SURE = 1e-4
 _F_RATIO = 1.35
 """Variance over that of the repeats from which the rest is more than noise, if significant."""
@@ -164,9 +163,9 @@ def is_overshadowed(
 def is_undecided(regression: Regression, choice: Choice, key: str) -> bool:
     """Return whether a name is one of a set that the rows do not decide in.
 
-    So it is where another cause would do as well, where a table of angles is named beside waves, of
-    which it may hold more, and where waves of low order are named beside a larger effect that
-    follows a joint's own angle, as they do: its formula may be bent a little.
+    So it is where another cause would do as well or a class better, where a table of angles is
+    named beside waves, of which it may hold more, and where waves of low order are named beside a
+    larger effect that follows a joint's own angle, as they do: its formula may be bent a little.
 
     Args:
         regression: blocks.
@@ -176,7 +175,7 @@ def is_undecided(regression: Regression, choice: Choice, key: str) -> bool:
     item, block = choice.evidence[key], regression.block(key)
     effects = [regression.block(k).effect for k in choice.adopted]
     beside_waves = block.effect.on_demand and any(effect.periodic for effect in effects)
-    if item.confounded or beside_waves:
+    if item.confounded or item.rival or beside_waves:
         return True
     if not block.effect.periodic or all(n > LOW_ORDERS for _, n in block.setting["waves"]):
         return False

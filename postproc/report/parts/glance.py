@@ -97,15 +97,23 @@ def doubt(content: dict[str, Any]) -> str:
     if content["verdict"] == "unexplained":
         rest = content["residual"]["structured_rms_mm"]
         return f"{rest:.3f} mm are left that are not noise: something is missing in the list."
+    return _other_cause(adopted) or _weakest(content, adopted)
+
+
+def _other_cause(adopted: list[dict[str, Any]]) -> str:
+    """Return what speaks against the first name that something speaks against."""
     for item in adopted:
         if item["confounded_with"]:
             others = " or ".join(item["confounded_with"])
             return f"{item['name']} may as well be {others}: these rows cannot tell."
     for item in adopted:
+        if item["rival"]:
+            return f"{item['name']} may be another cause: {item['rival']} explains more."
+    for item in adopted:
         worse = [one["design"] for one in item["transfer"] if one["gain_nats"] < 0.0]
         if worse:
             return f"{item['name']} makes rows of {worse[0]} worse when it is fitted without them."
-    return _weakest(content, adopted)
+    return ""
 
 
 def _weakest(content: dict[str, Any], adopted: list[dict[str, Any]]) -> str:
