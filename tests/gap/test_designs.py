@@ -160,6 +160,19 @@ def test_a_model_that_holds_on_half_of_the_rows_only_is_worse_than_none(arm):
     assert is_worse(replace(regression, fold=fold, y=flipped), choice)
 
 
+@pytest.mark.parametrize(("last", "told"), [(1.0, False), (0.5, False), (-0.2, True)])
+def test_what_a_model_brings_has_to_exceed_its_own_standard_error(arm, last, told):
+    """Three quarters of the rows gain more than the last one loses, and that is not enough."""
+    regression = bench_of(arm, np.random.default_rng(6), 120)
+    y = regression.y.copy()
+    y[90:] *= last
+    fold = np.repeat([0, 1, 2, 3], 30).astype(np.int32)
+    choice = Choice(
+        {"joint_offset": Standing.ADOPTED}, {"joint_offset": Evidence(1.0, 1e-4)}, {}, {}
+    )
+    assert is_worse(replace(regression, fold=fold, y=y), choice) == told
+
+
 def test_a_half_in_which_an_effect_hardly_shows_says_nothing_of_it(arm):
     regression = bench_of(arm, np.random.default_rng(5), 120)
     label = Designs(np.repeat([0, 1], 60), ("a", "b"), "layout")

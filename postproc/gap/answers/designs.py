@@ -281,14 +281,15 @@ def _numbered(label: IntArray, names: tuple[str, ...]) -> Designs:
 
 
 def is_worse(regression: Regression, choice: Choice) -> bool:
-    """Return whether the named effects together miss rows that were not fitted by more than none.
+    """Return whether the named effects together are not clearly better than none on other rows.
 
-    Judged as a model file is used: alternatives are fitted beside the named effects and do not
-    stay, the frames are those of the named effects alone.
+    What they bring on the places that they were not fitted to has to exceed its own standard
+    error. Judged as a model file is used: alternatives are fitted beside the named effects and do
+    not stay, the frames are those of the named effects alone.
     """
     keys, frames = choice.adopted, tuple(regression.always)
     whole = regression.equations_at(np.arange(len(regression.y)))
-    before = after = 0.0
+    gains = []
     for part in regression.fold_equations():
         others = whole.minus(part)
         inside = (*frames, *keys, *choice.resembled)
@@ -299,6 +300,7 @@ def is_worse(regression: Regression, choice: Choice) -> bool:
             effects = theta[len(f) :]
             left = b[f] - G[np.ix_(f, n)] @ effects
             theta[: len(f)] = np.linalg.solve(G[np.ix_(f, f)] + np.eye(len(f)), left)
-        after += part.misfit((*frames, *keys), theta)
-        before += part.misfit(frames, others.solve(frames)[0])
-    return after >= before > 0.0
+        before = part.misfit(frames, others.solve(frames)[0])
+        gains.append(before - part.misfit((*frames, *keys), theta))
+    error = np.sqrt(len(gains)) * np.std(gains, ddof=1) if len(gains) > 1 else 0.0
+    return bool(gains) and bool(np.sum(gains) <= error)
