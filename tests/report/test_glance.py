@@ -13,6 +13,7 @@ def document(**changes: Any) -> dict[str, Any]:
     """Return a document of one cause, with some entries changed."""
     cause = {
         **{"name": "backlash", "adopted": True, "probability": 0.97, "confounded_with": []},
+        "rival": None,
         **{"rms_before_mm": 0.31, "rms_after_mm": 0.04, "shrinkage_ci": [0.84, 0.9]},
         **{"transfer": []},
     }
@@ -79,6 +80,7 @@ def cause(**changes: Any) -> list[dict[str, Any]]:
         ({"noise": {"sigma_mm": 0.1, "conflict": "X is odd", "drift": None}}, "X is odd"),
         ({"verdict": "unexplained"}, "0.080 mm are left that are not noise"),
         ({"effects": cause(confounded_with=["joint_offset"])}, "may as well be joint_offset"),
+        ({"effects": cause(rival="time (q3: step)")}, "another cause: time (q3: step) explains"),
         (
             {"effects": cause(transfer=[{"design": "B", "gain_nats": -4.0}])},
             "makes rows of B worse",

@@ -24,6 +24,7 @@ from postproc.gap.choice import (
     DECISIVE,
     FOLDS_WON,
     SURE,
+    TEMPERATURE,
     Group,
     groups_of,
     price_of,
@@ -392,7 +393,7 @@ def _rule(
     beside = rivals.behind(truth, own, draws)
 
     def is_told(size: float) -> BoolArray:
-        told = own.at(size) >= DECISIVE + price
+        told = own.at(size) >= TEMPERATURE + price
         told &= unique.at(size) >= smallest_of(effect) ** 2
         for gains in ([gain.at(size) for gain in division] for division in divisions):
             told &= np.mean(np.array(gains) > 0.0, axis=0) >= FOLDS_WON

@@ -13,7 +13,7 @@ from postproc.gap.choice.evidence import FOLDS_WON, smallest_of
 from postproc.gap.choice.fitting import Named
 from postproc.gap.choice.residual import Dependence
 from postproc.gap.choice.rivals import beaten, displaced, doubted
-from postproc.gap.choice.search import DECISIVE, price_of
+from postproc.gap.choice.search import DECISIVE, TEMPERATURE, price_of
 from postproc.gap.choice.selection import (
     Prepared,
     elusive,
@@ -37,6 +37,7 @@ __all__ = [
     "DECISIVE",
     "FOLDS_WON",
     "SURE",
+    "TEMPERATURE",
     "Assessment",
     "Choice",
     "Dependence",

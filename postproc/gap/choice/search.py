@@ -23,7 +23,7 @@ DECISIVE = 6.0
 TEMPERATURE = 10.0
 """What differences of score are divided by before they count as odds. Evidence takes every formula
 for exact, and none is: of four names that led by less than ten nats in blind campaigns two were
-wrong, of sixty-two that led by more none."""
+wrong, of sixty-two that led by more none. What leads no cause at all by less is no finding."""
 LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
 _ROWS_EACH = 8
