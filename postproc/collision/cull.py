@@ -13,6 +13,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Table, numbered
 from postproc.collision.boxes import box_gap
+from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
 
 SLACK = 1e-9
@@ -80,6 +81,7 @@ class Culler:
         self._axes = np.stack([shape.axes for shape in shapes])
         self._half = np.stack([shape.half for shape in shapes])
         self._has_inside = np.array([shape.inside.has_inside for shape in shapes])
+        self._inside_test = InsideTest.joined([shape.inside for shape in shapes])
         self._probes = np.vstack([shape.probes for shape in shapes])
         self._probe_count = np.array([len(shape.probes) for shape in shapes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
@@ -222,11 +224,7 @@ class Culler:
         body = outer[entry]
         local = np.einsum("kji,kj->ki", self._axes[body], points - self._centre[body])
         kept = np.flatnonzero((np.abs(local) <= self._half[body]).all(axis=1))
-        hit = np.zeros(len(kept), dtype=bool)
-        for one in np.unique(body[kept]):
-            mine = np.flatnonzero(body[kept] == one)
-            hit[mine] = self.shapes[one].inside.contains(points[kept[mine]])
-        return entry[kept[hit]]
+        return entry[kept[self._inside_test.contains(points[kept], body[kept])]]
 
     def relative(self, frames: Frames, near: Near) -> tuple[FloatArray, FloatArray]:
         """Return rotation (k, 3, 3) and origin (k, 3) of the second body's frame in the first's."""

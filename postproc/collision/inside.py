@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered
 from postproc.collision.mesh import Mesh
 
 MOST_PROBES = 64
@@ -84,7 +84,7 @@ def _normals(corners: FloatArray) -> FloatArray:
 
 
 class InsideTest:
-    """Tells which points lie inside the closed parts of a mesh.
+    """Tells which points lie inside the closed parts of a mesh, or of one of several.
 
     Rays along one direction that no face of a drawing is parallel to; the signed count of the
     faces above a point is the winding number, so overlapping parts do not cancel. Parts whose
@@ -96,65 +96,80 @@ class InsideTest:
         self._is_oriented = parts.oriented[parts.label][kept]
         self._faces = mesh.faces[kept]
         self._turned = mesh.vertices @ _TURN
-        corners = self._turned[self._faces] if len(self._faces) else np.zeros((1, 3, 3))
+        corners = self._turned[self._faces]
         flat = corners[..., :2]
         area = (flat[:, 1, 0] - flat[:, 0, 0]) * (flat[:, 2, 1] - flat[:, 0, 1]) - (
             flat[:, 1, 1] - flat[:, 0, 1]
         ) * (flat[:, 2, 0] - flat[:, 0, 0])
         self._side = np.sign(area)
-        self._low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-        self._high = high
-        self._grid = max(1, int(np.sqrt(len(self._faces) / _FACES_PER_CELL)))
-        low, count = self._cells_of(flat)
-        while self._grid > 1 and count.prod(axis=1).sum() > _CROWD * len(flat):
+        self._low = corners.min(axis=(0, 1), initial=np.inf)[None]
+        self._high = corners.max(axis=(0, 1), initial=-np.inf)[None]
+        grid = max(1, int(np.sqrt(len(self._faces) / _FACES_PER_CELL)))
+        first, count, cell = self._cells_of(flat, grid)
+        while grid > 1 and count.prod(axis=1).sum() > _CROWD * len(flat):
             # long triangles lie in many cells: fewer cells, so that the index stays small
-            self._grid //= 2
-            low, count = self._cells_of(flat)
-        self._start, self._members = self._fill(low, count)
+            grid //= 2
+            first, count, cell = self._cells_of(flat, grid)
+        self._start, self._members = _index(first, count, grid)
+        self._cell, self._grid, self._begin = cell[None], np.array([grid]), np.zeros(1, np.int64)
+
+    @classmethod
+    def joined(cls, tests: list[InsideTest]) -> InsideTest:
+        """Return the tests of several meshes as one."""
+        joined = cls.__new__(cls)
+        for name in ("_is_oriented", "_turned", "_side", "_low", "_high", "_cell", "_grid"):
+            setattr(joined, name, np.concatenate([getattr(test, name) for test in tests]))
+        for name, size in (
+            ("_faces", lambda test: len(test._turned)),
+            ("_start", lambda test: len(test._members)),
+            ("_members", lambda test: len(test._faces)),
+            ("_begin", lambda test: len(test._start)),
+        ):
+            first = np.cumsum([0, *map(size, tests[:-1])])
+            parts = [getattr(test, name) + n for test, n in zip(tests, first, strict=True)]
+            setattr(joined, name, np.concatenate(parts))
+        return joined
 
     @property
     def has_inside(self) -> bool:
         """Whether any part is closed."""
         return len(self._faces) > 0
 
-    def _cells_of(self, flat: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return the first cell and the number of cells along x and y (f, 2) of each face."""
-        self._cell = np.maximum((self._high - self._low)[:2], 1e-12) / self._grid
-        low = np.floor((flat.min(axis=1) - self._low[:2]) / self._cell).astype(np.int32)
-        high = np.floor((flat.max(axis=1) - self._low[:2]) / self._cell).astype(np.int32)
-        low, high = np.clip(low, 0, self._grid - 1), np.clip(high, 0, self._grid - 1)
-        return low, high - low + 1
+    def _cells_of(self, flat: FloatArray, grid: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the first cell and the number of cells along x and y (f, 2) of each face.
 
-    def _fill(self, low: IntArray, size: IntArray) -> tuple[IntArray, IntArray]:
-        """Return for each grid cell where its faces begin, and the faces (rows of the index)."""
-        face, step = numbered(size.prod(axis=1))
-        x = low[face, 0] + step // size[face, 1]
-        y = low[face, 1] + step % size[face, 1]
-        cell = x * self._grid + y
-        order = np.argsort(cell, kind="stable")
-        start = np.searchsorted(cell[order], np.arange(self._grid**2 + 1))
-        return start.astype(np.int32), face[order].astype(np.int32)
+        And the size (2,) of a cell.
+        """
+        cell = np.maximum((self._high - self._low)[0, :2], 1e-12) / grid
+        low = np.floor((flat.min(axis=1) - self._low[0, :2]) / cell).astype(np.int32)
+        high = np.floor((flat.max(axis=1) - self._low[0, :2]) / cell).astype(np.int32)
+        low, high = np.clip(low, 0, grid - 1), np.clip(high, 0, grid - 1)
+        return low, high - low + 1, cell
 
-    def contains(self, points: FloatArray) -> BoolArray:
-        """Return (n,) whether each point (n, 3) [m] in the mesh's frame lies inside a closed part.
+    def contains(self, points: FloatArray, mesh: IndexArray | None = None) -> BoolArray:
+        """Return (n,) whether each point (n, 3) [m] in a mesh's frame lies inside a closed part.
 
-        Points on the surface may fall on either side.
+        Points on the surface may fall on either side. ``mesh`` (n,): of joined tests that of each
+        point; None: the first.
         """
         inside = np.zeros(len(points), dtype=bool)
         if not self.has_inside:
             return inside
         turned = points @ _TURN
-        near = np.flatnonzero(((turned >= self._low) & (turned <= self._high)).all(axis=1))
+        mesh = np.zeros(len(points), dtype=np.int64) if mesh is None else mesh
+        within = (turned >= self._low[mesh]) & (turned <= self._high[mesh])
+        near = np.flatnonzero(within.all(axis=1))
         most = max(1, _BATCH // int(np.diff(self._start).max()))
         for begin in range(0, len(near), most):
             rows = near[begin : begin + most]
-            inside[rows] = self._count(turned[rows])
+            inside[rows] = self._count(turned[rows], mesh[rows])
         return inside
 
-    def _count(self, points: FloatArray) -> BoolArray:
-        xy = np.floor((points[:, :2] - self._low[:2]) / self._cell).astype(np.int64)
-        xy = np.clip(xy, 0, self._grid - 1)
-        cell = xy[:, 0] * self._grid + xy[:, 1]
+    def _count(self, points: FloatArray, mesh: IndexArray) -> BoolArray:
+        grid = self._grid[mesh]
+        xy = np.floor((points[:, :2] - self._low[mesh, :2]) / self._cell[mesh]).astype(np.int64)
+        xy = np.clip(xy, 0, grid[:, None] - 1)
+        cell = self._begin[mesh] + xy[:, 0] * grid + xy[:, 1]
         count = self._start[cell + 1] - self._start[cell]
         row, step = numbered(count)
         face = self._members[self._start[cell][row] + step]
@@ -190,3 +205,14 @@ class InsideTest:
         z = np.einsum("km,mk->m", weight, self._turned[index, 2])
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(hit & (z / total > points[:, 2]))
+
+
+def _index(low: IntArray, size: IntArray, grid: int) -> tuple[IntArray, IntArray]:
+    """Return for each cell of a grid where its faces begin, and the faces (rows of the index)."""
+    face, step = numbered(size.prod(axis=1))
+    x = low[face, 0] + step // size[face, 1]
+    y = low[face, 1] + step % size[face, 1]
+    cell = x * grid + y
+    order = np.argsort(cell, kind="stable")
+    start = np.searchsorted(cell[order], np.arange(grid**2 + 1))
+    return start.astype(np.int32), face[order].astype(np.int32)
