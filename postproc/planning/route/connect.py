@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines
-from postproc.planning.route.tree import ROUNDS, free_moves, rrt_connect
+from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
 """Heights [m] by which both ends back off along their tool axes, tried in turn.
@@ -22,6 +22,8 @@ What does not get away by the least of them is mostly in need of another way: th
 at once, and the lowest is taken."""
 _LONGER = 1.2
 """The points of a way serve another connection if its way gets no longer than this times."""
+_OFFERED = 8
+"""So many known ways are offered at once."""
 _HOPELESS = 5
 """After so many trees that found no way ..."""
 _FEW = 6
@@ -79,13 +81,9 @@ def detours(
     for heights in BACK_OFF:
         left = [row for row in range(len(ends)) if row not in ways]
         tried = [(row, height) for height in heights for row in left if height or ends.lift[row]]
-        if not tried:
-            continue
-        at = np.array([row for row, _ in tried])
-        height = np.array([height for _, height in tried])
-        found = _by_backing_off(checker, ends.rows(at), attitude, branch, height)
-        for i, way in found.items():
-            ways.setdefault(tried[i][0], way)
+        if tried:
+            rows, height = (np.array(column) for column in zip(*tried, strict=True))
+            ways |= _by_backing_off(checker, ends, rows, attitude, branch, height)
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
     if not len(rows):
         return ways
@@ -118,9 +116,8 @@ def _by_trees(
     to those of later calls before the first one.
     """
     ways: dict[int, FloatArray] = {}
-    for known in checker.ways:
-        if len(rows):
-            rows = _offered(checker, ends, rows, known, ways)
+    for first in range(0, len(checker.ways), _OFFERED):
+        rows = _offered(checker, ends, rows, checker.ways[first : first + _OFFERED], ways)
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
@@ -134,7 +131,7 @@ def _by_trees(
         if len(way):
             limit = _LONGER * _length(ends.q_from[[row]], way, ends.q_to[[row]])[0]
             checker.ways.append((way, limit))
-            rows = _offered(checker, ends, rows, checker.ways[-1], ways)
+            rows = _offered(checker, ends, rows, checker.ways[-1:], ways)
     return ways
 
 
@@ -142,31 +139,53 @@ def _offered(
     checker: Checker,
     ends: Ends,
     rows: IndexArray,
-    known: tuple[FloatArray, float],
+    known: list[tuple[FloatArray, float]],
     ways: dict[int, FloatArray],
 ) -> IndexArray:
-    """Note in ``ways`` the connections (m,) that a known way serves, and return the others."""
-    way, limit = known
-    for points in (way, way[::-1]):
-        good = _fit(checker, ends, rows, points, limit)
-        ways.update((row, points) for row in rows[good].tolist())
-        rows = rows[~good]
-    return rows
+    """Note in ``ways`` the connections (m,) that known ways serve, and return the others."""
+    start, end = ends.q_from[rows], ends.q_to[rows]
+    offers = [(points, limit) for way, limit in known for points in (way, way[::-1])]
+    fits = [np.flatnonzero(_length(start, way, end) <= limit) for way, limit in offers]
+    at = np.concatenate(fits) if fits else rows[:0]
+    which = np.repeat(np.arange(len(fits)), [len(found) for found in fits])
+    if not len(at):
+        return rows
+    points = np.stack([[way[0], way[-1]] for way, _ in offers])[which]
+    legs = (start[at], points[:, 0]), (points[:, 1], end[at])
+    for k in _first_free(checker, at, legs, ends.external[rows[at]]).tolist():
+        ways[int(rows[at[k]])] = offers[which[k]][0]
+    return rows[[row not in ways for row in rows.tolist()]]
 
 
-def _fit(
-    checker: Checker, ends: Ends, rows: IndexArray, points: FloatArray, limit: float
-) -> BoolArray:
-    """Return which connections (m,) are free, and no longer than ``limit`` [rad], by points."""
-    start, end, place = ends.q_from[rows], ends.q_to[rows], ends.external[rows]
-    good = _length(start, points, end) <= limit
-    legs = [(start, np.broadcast_to(points[0], start.shape))]
-    legs.append((np.broadcast_to(points[-1], end.shape), end))
-    near = np.flatnonzero(good)
-    a, b = (np.vstack([leg[side][near] for leg in legs]) for side in (0, 1))
-    free = free_moves(checker, a, b, np.vstack([place[near]] * 2))
-    good[near] = free.reshape(2, -1).all(axis=0)
-    return np.asarray(good)
+def _first_free(
+    checker: Checker,
+    owner: IndexArray,
+    legs: tuple[tuple[FloatArray, FloatArray], ...],
+    external: FloatArray,
+) -> IndexArray:
+    """Return the numbers (k,) of candidates that are free, the first one of each owner.
+
+    Args:
+        checker: asked for all owners at once.
+        owner: (c,) of each candidate, those to be preferred first.
+        legs: joint moves (c, 6) to (c, 6) that each candidate is made of.
+        external: (c, k) where the external axes stand meanwhile [m or rad].
+    """
+    every = np.tile(np.arange(len(owner)), len(legs))
+    start, end = (np.concatenate(side) for side in zip(*legs, strict=True))
+    left = np.ones(len(owner), dtype=np.bool_)
+    left[every[~seem_free(checker, start, end, external[every])]] = False
+    free: list[IndexArray] = [every[:0]]
+    while left.any():
+        tried = np.flatnonzero(left)
+        tried = tried[np.unique(owner[tried], return_index=True)[1]]
+        moves = np.flatnonzero(np.isin(every, tried))
+        proven = checker.joint_moves(start[moves], end[moves], external[every[moves]]).good
+        left[tried] = False
+        fails = every[moves[~proven]]
+        free.append(np.setdiff1d(tried, fails))
+        left &= ~np.isin(owner, owner[free[-1]])
+    return np.concatenate(free)
 
 
 def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
@@ -177,32 +196,45 @@ def _length(start: FloatArray, way: FloatArray, end: FloatArray) -> FloatArray:
 
 
 def _by_backing_off(
-    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray, height: FloatArray
+    checker: Checker,
+    ends: Ends,
+    rows: IndexArray,
+    attitude: FloatArray,
+    branch: IndexArray,
+    height: FloatArray,
 ) -> dict[int, Detour]:
-    """Return free ways by row for connections whose ends back off by ``height`` (m,) [m]."""
-    must = ends.lift > 0.0
-    leaving = (ends.tag_from, ends.height_from, ends.q_from)
-    up_from, from_free = _lifted(
-        checker, *leaving, attitude, branch, np.maximum(height, ends.lift), must
+    """Return free ways by row for connections whose ends back off by ``height`` (m,) [m].
+
+    ``rows`` (m,): the connections, those to be preferred first where one is there more than once.
+    """
+    part, m = ends.rows(rows), len(rows)
+    must = part.lift > 0.0
+    q, free = _lifted(
+        checker,
+        np.concatenate([part.tag_from, part.tag_to]),
+        np.concatenate([part.height_from, part.height_to]),
+        np.concatenate([part.q_from, part.q_to]),
+        attitude,
+        branch,
+        np.concatenate([np.maximum(height, part.lift), height]),
+        np.concatenate([must, np.zeros_like(must)]),
     )
-    arriving = (ends.tag_to, ends.height_to, ends.q_to)
-    up_to, to_free = _lifted(checker, *arriving, attitude, branch, height, np.zeros_like(must))
+    (up_from, up_to), (from_free, to_free) = (q[:m], q[m:]), (free[:m], free[m:])
     options = (
-        (must & from_free, up_from, ends.q_to, (True, False)),
+        (must & from_free, up_from, part.q_to, (True, False)),
         (from_free & to_free, up_from, up_to, (True, True)),
-        (from_free, up_from, ends.q_to, (True, False)),
-        (to_free & ~must, ends.q_from, up_to, (False, True)),
+        (from_free, up_from, part.q_to, (True, False)),
+        (to_free & ~must, part.q_from, up_to, (False, True)),
     )
+    possible = np.stack([option[0] for option in options], axis=1)
+    at, kind = np.nonzero(possible)
+    start, end = (np.stack([option[side] for option in options])[kind, at] for side in (1, 2))
     ways: dict[int, Detour] = {}
-    for possible, start, end, lifted in options:
-        rows = np.array([row for row in np.nonzero(possible)[0].tolist() if row not in ways])
-        if not len(rows):
-            continue
-        free = free_moves(checker, start[rows], end[rows], ends.external[rows])
-        for row in rows[free].tolist():
-            points = [q for q, up in zip((start[row], end[row]), lifted, strict=True) if up]
-            lines = [True, False] if all(lifted) else [lifted[0]]
-            ways[row] = Detour(np.array(points), np.array(lines), lifted[1])
+    for k in _first_free(checker, rows[at], ((start, end),), part.external[at]).tolist():
+        lifted = options[kind[k]][3]
+        points = [q for q, up in zip((start[k], end[k]), lifted, strict=True) if up]
+        lines = [True, False] if all(lifted) else [lifted[0]]
+        ways[int(rows[at[k]])] = Detour(np.array(points), np.array(lines), lifted[1])
     return dict(sorted(ways.items()))
 
 
