@@ -6,13 +6,12 @@ that a tag without any state can say why; so is what cannot run its stroke.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.planning.states.costs import StateContext, state_costs
 from postproc.planning.states.given import as_given
 from postproc.planning.states.problem import Problem, nearest_turn
@@ -298,29 +297,24 @@ def _copies(
 ) -> tuple[FloatArray, IndexArray]:
     """Return every in-limit turn of configurations (m, 6), and the row each comes from.
 
-    Ordered by row. Without ``all_turns`` only the turn nearest to the principal value stays.
+    Ordered by row, that nearest to the principal value first; without ``all_turns`` it alone stays.
     """
     best = np.clip(0, low, high)
     base = q + _FULL_TURN * best
-    rows = np.arange(len(q))
     if not all_turns or not len(q):
-        return base, rows
-    wide = np.nonzero((high > low).any(axis=0))[0].tolist()
-    copies, sources = [base], [rows]
-    spans = [range(int(low[:, j].min()), int(high[:, j].max()) + 1) for j in wide]
-    for shift in itertools.product(*spans):
-        turns = np.array(shift, dtype=np.int64)
-        fits = ((low[:, wide] <= turns) & (turns <= high[:, wide])).all(axis=1)
-        fits &= (best[:, wide] != turns).any(axis=1)
-        chosen = np.nonzero(fits)[0]
-        if len(chosen):
-            copy = base[chosen]
-            copy[:, wide] = q[chosen][:, wide] + _FULL_TURN * turns
-            copies.append(copy)
-            sources.append(chosen)
-    source = np.concatenate(sources)
-    order = np.argsort(source, kind="stable")
-    return np.concatenate(copies)[order], source[order]
+        return base, np.arange(len(q))
+    wide = np.flatnonzero((high > low).any(axis=0)).tolist()
+    count = (high - low + 1.0).astype(np.int64)[:, wide]
+    own = np.zeros(len(q), dtype=np.int64)  # number of the base among the turns of its row
+    for k, joint in enumerate(wide):
+        own = own * count[:, k] + (best - low)[:, joint].astype(np.int64)
+    source, step = numbered(count.prod(axis=1))
+    step = np.where(step == 0, own[source], step - (step <= own[source]))
+    copies = base[source]
+    for k, joint in reversed(list(enumerate(wide))):
+        step, turn = np.divmod(step, count[source, k])
+        copies[:, joint] = q[source, joint] + _FULL_TURN * (low[source, joint] + turn)
+    return copies, source
 
 
 def _nearest(problem: Problem, q: FloatArray, q_near: FloatArray) -> tuple[FloatArray, IndexArray]:

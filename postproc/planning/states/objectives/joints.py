@@ -31,10 +31,20 @@ def margin(context: StateContext) -> FloatArray:
     """
     low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
     kept = context.cell.limits
-    free = np.minimum(context.q - low, high - context.q) - kept.joint_margin
+    free = context.q - low
+    np.minimum(free, high - context.q, out=free)
+    free -= kept.joint_margin
     wrist = wrist_distance(context.kinematics, context.q) - kept.singularity
-    lack = np.maximum(1.0 - np.column_stack([free, wrist]) / AMPLE, 0.0)
-    return np.asarray((lack**2).sum(axis=1))
+    return np.asarray(_lack(free).sum(axis=1) + _lack(wrist))
+
+
+def _lack(free: FloatArray) -> FloatArray:
+    """Return (1 - margin / ``AMPLE``)^2 of margins [rad] within ``AMPLE``, in their place."""
+    free /= -AMPLE
+    free += 1.0
+    np.maximum(free, 0.0, out=free)
+    free *= free
+    return free
 
 
 @objective("wrist")
