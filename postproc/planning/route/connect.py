@@ -22,8 +22,8 @@ What does not get away by the least of them is mostly in need of another way: th
 at once, and the lowest is taken."""
 _LONGER = 1.2
 """The points of a way serve another connection if its way gets no longer than this times."""
-_OFFERED = 8
-"""So many known ways are offered at once."""
+_OFFERED = 64
+"""Known ways are offered to connections at once up to so many pairs of them."""
 _HOPELESS = 5
 """After so many trees that found no way ..."""
 _FEW = 6
@@ -116,8 +116,10 @@ def _by_trees(
     to those of later calls before the first one.
     """
     ways: dict[int, FloatArray] = {}
-    for first in range(0, len(checker.ways), _OFFERED):
-        rows = _offered(checker, ends, rows, checker.ways[first : first + _OFFERED], ways)
+    known = list(checker.ways)
+    while known and len(rows):
+        count = max(1, _OFFERED // len(rows))
+        rows, known = _offered(checker, ends, rows, known[:count], ways), known[count:]
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
