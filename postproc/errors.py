@@ -60,6 +60,7 @@ class RunKind(StrEnum):
     OVERHEAD = "overhead"
     SPEED = "speed"
     AXIS_SPEED = "axis_speed"
+    TORQUE = "torque"
     BLEND_END = "blend_end"
     BLEND_LOST = "blend_lost"
     BLEND_CUT = "blend_cut"

@@ -131,8 +131,9 @@ class Robot:
     ``link_mass`` (6,) [kg] and ``link_com`` (6, 3) [m] (each in its link frame at the joint, axes
     of robroot in the zero pose) are NaN where no source gives them. ``joint_stiffness`` (6,)
     [N*m/rad] or None. Limits and speeds that no source gives are NaN; ``qddd_max`` (6,) [rad/s^3]
-    is the jerk, None where nobody has said it. ``origins`` maps field names to where the numbers
-    come from, ``doubts`` to what speaks against them.
+    is the jerk, ``torque_max`` (6,) [N*m] what the joints can give, None where nobody has said it;
+    ``has_inertia``: the URDF gives mass and inertia of every link. ``origins`` maps field names to
+    where the numbers come from, ``doubts`` to what speaks against them.
     """
 
     name: str
@@ -146,6 +147,8 @@ class Robot:
     mass: float = float("nan")
     repeatability: float = float("nan")
     qddd_max: FloatArray | None = None
+    torque_max: FloatArray | None = None
+    has_inertia: bool = False
     joint_stiffness: FloatArray | None = None
     link_mass: FloatArray | None = None
     link_com: FloatArray | None = None
@@ -156,8 +159,8 @@ class Robot:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        joints = ("q_min", "q_max", "qd_max", "qdd_max", "qddd_max", "joint_stiffness", "link_mass")
-        for name in joints:
+        joints = ("q_min", "q_max", "qd_max", "qdd_max", "qddd_max", "torque_max", "link_mass")
+        for name in (*joints, "joint_stiffness"):
             frozen_floats(self, name, (6,))
         frozen_floats(self, "link_com", (6, 3))
         frozen_floats(self, "T_world_robroot", (4, 4))

@@ -136,6 +136,13 @@ class _Builder:
                 self.toml.source(("robot", "urdf")),
             )
         changes = _robot_changes(table, robot)
+        if "torque_max" in changes and not robot.has_inertia:
+            raise CellError(
+                "CEL033",
+                f"robot.torque_nm: {table.urdf} does not give mass and inertia of every link",
+                self.toml.source(("robot", "torque_nm")),
+                "complete the <inertial> of the links, or leave torque_nm out",
+            )
         if self.file.stiffness is not None:
             stiffness = np.array(self.file.stiffness.joint_Nmm_per_rad) * NMM_PER_RAD
             changes["joint_stiffness"] = stiffness
@@ -315,6 +322,8 @@ def _robot_changes(table: RobotTable, robot: Robot) -> dict[str, Any]:
         changes["qdd_max"] = np.array(table.accel_deg_s2) * DEG
     if table.jerk_deg_s3 is not None:
         changes["qddd_max"] = np.array(table.jerk_deg_s3) * DEG
+    if table.torque_nm is not None:
+        changes["torque_max"] = np.array(table.torque_nm)
     if table.payload_kg is not None:
         changes["payload"] = table.payload_kg
     return changes

@@ -188,6 +188,11 @@ class RobotTable(Table):
         description="largest jerk of A1..A6 [deg/s^3], for times; default: full acceleration in "
         "a tenth of a second",
     )
+    torque_nm: SixPositive | None = Field(
+        default=None,
+        description="largest torques of A1..A6 [N*m], for times: of an arm whose urdf gives mass "
+        "and inertia of every link; default: the efforts of that file, if all are above 0",
+    )
     payload_kg: Positive | None = Field(
         default=None, description="rated payload [kg]; default: of the robot"
     )
@@ -208,8 +213,9 @@ class RobotTable(Table):
             raise ValueError("exactly one of model and urdf is needed, found none of them")
         if self.name is not None and (self.model or self.urdf):
             raise ValueError("name goes with dimensions_mm alone")
-        if self.tip is not None and self.urdf is None:
-            raise ValueError("tip goes with urdf only")
+        for key in ("tip", "torque_nm"):
+            if getattr(self, key) is not None and self.urdf is None:
+                raise ValueError(f"{key} goes with urdf only")
         for axis, (low, high) in enumerate(self.limits_deg or [], start=1):
             if low >= high:
                 raise ValueError(f"limits_deg of A{axis}: {low:g} is not below {high:g}")

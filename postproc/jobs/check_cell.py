@@ -317,6 +317,12 @@ def _robot(context: _Context) -> Iterator[Finding]:
         if against:
             text = f"{', '.join(against)} of this URDF do not turn or count as on a KUKA controller"
             yield context.finding(Severity.WARNING, "CEL143", text, "robot", "urdf")
+    if robot.torque_max is not None:
+        light = [t.name for t in context.cell.tools if t.com is None or not np.isfinite(t.mass)]
+        text = f"times keep to the torques of the joints: {origins['torque_max'].source}"
+        if light:
+            text += f"; the weight of tool {', '.join(light)} is not known and does not count"
+        yield context.finding(Severity.NOTE, "CEL146", text, "robot")
     if not context.kinematics.is_closed_form:
         text = "this arm has no closed-form inverse kinematics: planning is slow"
         yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")

@@ -11,6 +11,7 @@ from postproc.kinematics.corners import (
     corner_miss,
     joint_share,
 )
+from postproc.kinematics.dynamics import Dynamics, dynamics_of
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import (
     elbow_distance,
@@ -26,11 +27,13 @@ __all__ = [
     "NEARER",
     "Bound",
     "Corners",
+    "Dynamics",
     "Kinematics",
     "Pieces",
     "bound_of",
     "build",
     "corner_miss",
+    "dynamics_of",
     "elbow_distance",
     "is_coaxial_with_axis_6",
     "joint_share",

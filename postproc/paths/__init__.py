@@ -5,6 +5,7 @@ from postproc.paths.moments import Displacement, Moments, Timeline, directions, 
 from postproc.paths.motion import Paths, Shift, Station, joint_paths
 from postproc.paths.times import (
     SLOWEST,
+    at_speed,
     chains,
     cycle_time,
     durations,
@@ -13,6 +14,7 @@ from postproc.paths.times import (
     joint_path,
     motion_times,
     speed_shares,
+    torques_of,
 )
 from postproc.paths.world import run_in_cell
 
@@ -25,6 +27,7 @@ __all__ = [
     "Shift",
     "Station",
     "Timeline",
+    "at_speed",
     "chains",
     "cycle_time",
     "directions",
@@ -37,4 +40,5 @@ __all__ = [
     "motion_times",
     "run_in_cell",
     "speed_shares",
+    "torques_of",
 ]

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from postproc.arrays import AnyIntArray, FloatArray
-from postproc.cell import Cell, Robot
+from postproc.cell import Cell, Robot, Tool
 from postproc.controller import Blend, EventWord
+from postproc.kinematics import dynamics_of
 from postproc.paths.motion import Paths
-from postproc.timing import RAMP, SPEED_UP_TIME, JointPath, joint_move_time, path_times
+from postproc.timing import (
+    RAMP,
+    SPEED_UP_TIME,
+    JointPath,
+    Torques,
+    joint_move_time,
+    path_times,
+    slopes,
+)
 
 SLOWEST = 1e-7
 """A path speed [m/s] below this is none; times are finite with it."""
@@ -62,7 +73,7 @@ def cycle_time(paths: Paths, cell: Cell) -> float:
 
 
 def durations(paths: Paths, cell: Cell) -> FloatArray:
-    """Return an estimate (m,) [s] of each motion, with ramps and jerk."""
+    """Return an estimate (m,) [s] of each motion, with ramps, jerk and torques."""
     trace = paths.trace
     times = np.zeros(len(trace))
     cp = np.flatnonzero(trace.is_cp)
@@ -73,7 +84,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
         chains(paths)[cp],
         np.nan_to_num(turning[cp]),
         trace.column("acceleration")[cp],
-        _joints_along(paths, cell.robot, cp),
+        _joints_along(paths, cell, cp),
     )
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
@@ -84,8 +95,36 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     push = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
     top = np.maximum(speed * share, _SLOWEST_AXIS)
     ramps = np.append(jerk_ramps(cell.robot), np.full(len(speed) - 6, RAMP))
-    times[joint] = joint_move_time(places[joint - 1], places[joint], top, push, ramps)
+    torques = torques_of(cell.robot, cell.tools, paths.station.tool[joint])
+    times[joint] = joint_move_time(places[joint - 1], places[joint], top, push, ramps, torques)
     return times
+
+
+def torques_of(
+    robot: Robot, tools: Sequence[Tool], tool: AnyIntArray | None = None
+) -> Torques | None:
+    """Return what the joints need and have, None where nobody has said inertias or limits.
+
+    Args:
+        robot: the arm.
+        tools: of the cell.
+        tool: (m,) which of them is on the flange in each motion; None: the first in all.
+    """
+    if robot.torque_max is None:
+        return None
+    used = [0] if tool is None else np.unique(tool).tolist()
+    arms = {index: dynamics_of(robot, tools[index]) for index in used}
+
+    def of(row: AnyIntArray, q: FloatArray, qd: FloatArray, qdd: FloatArray) -> FloatArray:
+        mine = np.zeros(len(row), dtype=np.int64) if tool is None else tool[row]
+        found = np.zeros_like(q)
+        for index, arm in arms.items():
+            at = mine == index
+            if arm is not None and at.any():
+                found[at] = arm.torques(q[at], qd[at], qdd[at])
+        return found
+
+    return Torques(of, robot.torque_max)
 
 
 def jerk_ramps(robot: Robot) -> FloatArray:
@@ -100,8 +139,11 @@ def joint_path(
     q: FloatArray,
     q_start: FloatArray,
     blend: FloatArray,
+    torques: Torques | None,
 ) -> JointPath | None:
-    """Return what bounds the axes along path motions, None where nobody has said accelerations.
+    """Return what bounds the axes along path motions.
+
+    None where nobody has said accelerations or torques.
 
     Args:
         robot: the arm.
@@ -110,21 +152,45 @@ def joint_path(
         q: (s, 6) [rad] there.
         q_start: (m, 6) where each motion starts.
         blend: (m,) distance [m] at the end of each, infinite for half the way.
+        torques: of the motions.
     """
-    if not robot.has_acceleration:
+    if not robot.has_acceleration and torques is None:
         return None
     inner = share > 0.0
     ramp = float(jerk_ramps(robot).max())
-    return JointPath(row[inner], share[inner], q[inner], q_start, blend, robot.qdd_max, ramp)
+    most = robot.qdd_max if robot.has_acceleration else np.full(6, np.inf)
+    return JointPath(row[inner], share[inner], q[inner], q_start, blend, most, ramp, torques)
 
 
-def _joints_along(paths: Paths, robot: Robot, cp: AnyIntArray) -> JointPath | None:
+def _joints_along(paths: Paths, cell: Cell, cp: AnyIntArray) -> JointPath | None:
     mine = paths.trace.is_cp[paths.row]
     row = np.searchsorted(cp, paths.row[mine])
     q, start = np.nan_to_num(paths.q_sample[mine]), np.nan_to_num(paths.q)[np.maximum(cp - 1, 0)]
     trace = paths.trace
     blend = np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf)[cp]
-    return joint_path(robot, row, paths.share[mine], q, start, blend)
+    torques = torques_of(cell.robot, cell.tools, paths.station.tool[cp])
+    return joint_path(cell.robot, row, paths.share[mine], q, start, blend, torques)
+
+
+def at_speed(paths: Paths) -> tuple[AnyIntArray, FloatArray, FloatArray, FloatArray]:
+    """Return how the axes move along path motions, as if the programmed speed were held all along.
+
+    The motion (k,) of each place, joints [rad], their speeds and accelerations (k, 6) there.
+    """
+    speed = paths.trace.column("speed")
+    moves = paths.trace.is_cp & (paths.curves.length > SLOWEST) & np.isfinite(speed)
+    moves[:1] = False
+    rows = np.flatnonzero(moves)
+    inner = moves[paths.row] & (paths.share > 0.0)
+    row = np.concatenate([rows, paths.row[inner]])
+    share = np.concatenate([np.zeros(len(rows)), paths.share[inner]])
+    q = np.vstack([paths.q[rows - 1], paths.q_sample[inner]])
+    order = np.lexsort((share, row))
+    order = order[np.isfinite(q[order]).all(axis=1)]
+    row, q = row[order], q[order]
+    first, second = slopes(row, share[order] * paths.curves.length[row], q)
+    rate = speed[row][:, None]
+    return row, q, first * rate, second * rate**2
 
 
 def feed_shares(paths: Paths, cell: Cell) -> FloatArray:

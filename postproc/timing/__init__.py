@@ -1,6 +1,6 @@
 """Estimated times and speed profiles; the only user of ruckig."""
 
-from postproc.timing.bounded import JointPath
+from postproc.timing.bounded import JointPath, slopes
 from postproc.timing.profile import (
     ORIENTATION_SPEED,
     PATH_ACCELERATION,
@@ -12,6 +12,7 @@ from postproc.timing.profile import (
     line_time,
     path_times,
 )
+from postproc.timing.torques import Torques
 
 __all__ = [
     "ORIENTATION_SPEED",
@@ -19,9 +20,11 @@ __all__ = [
     "RAMP",
     "SPEED_UP_TIME",
     "JointPath",
+    "Torques",
     "axis_speed_cap",
     "chain_profile",
     "joint_move_time",
     "line_time",
     "path_times",
+    "slopes",
 ]

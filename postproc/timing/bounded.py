@@ -1,8 +1,9 @@
 """The fastest way along a path whose axes are bounded, by reachability analysis (TOPP-RA).
 
 Along a path q(s) everything that bounds an axis is linear in the acceleration u along the path and
-the square x of the speed: that of an axis is q'(s) u + q''(s) x. From the end backward, the largest
-x from which the end can be reached; from the start forward, the largest u that stays below it.
+the square x of the speed: the acceleration of an axis is q'(s) u + q''(s) x, and so is its torque.
+From the end backward, the largest x from which the end can be reached; from the start forward, the
+largest u that stays below it.
 
 Source:
     Pham and Pham 2018, "A new approach to time-optimal path parameterization based on reachability
@@ -12,10 +13,12 @@ Source:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
+from postproc.timing.torques import Torques
 
 _TINY = 1e-12
 _WITHIN = 0.95
@@ -34,8 +37,9 @@ class JointPath:
         q: (s, d) [rad] there; q_start: (m, d) where each motion starts.
         blend: (m,) distance [m] at the end of each from which on the next one is approached;
             infinite for half the way.
-        acceleration: (d,) limits [rad/s^2].
+        acceleration: (d,) limits [rad/s^2], infinite where nobody has said them.
         ramp: time in which the axes build their acceleration up [s].
+        torques: what the joints need and have, None where nobody has said it.
     """
 
     row: IndexArray
@@ -45,6 +49,29 @@ class JointPath:
     blend: FloatArray
     acceleration: FloatArray
     ramp: float
+    torques: Torques | None = None
+
+    def bounds(
+        self, row: IndexArray, q: FloatArray, first: FloatArray, second: FloatArray
+    ) -> Bounds:
+        """Return what bounds the axes at knots (k,) of motions: joints, q' and q'' (k, d)."""
+        most = np.broadcast_to(self.acceleration, q.shape)
+        parts = [(first, second, -most, most)]
+        if self.torques is not None:
+            parts.append(self.torques.rows(row, q, first, second))
+        return Bounds(*(np.hstack(columns) for columns in zip(*parts, strict=True)))
+
+
+class Bounds(NamedTuple):
+    """At knots (k,): ``low <= slope u + curve x <= high``, columns (k, r) of r bounds each.
+
+    u is the acceleration along the path [m/s^2], x the square of the speed; low < 0 < high.
+    """
+
+    slope: FloatArray
+    curve: FloatArray
+    low: FloatArray
+    high: FloatArray
 
 
 def bounded_times(
@@ -70,9 +97,9 @@ def bounded_times(
     rows = low + np.flatnonzero(length[low:high] > _SHORT)
     if not len(rows):
         return np.zeros(high - low)
-    row, way, first, second = _knots(length, joints, rows)
+    row, way, *path = _knots(length, joints, rows)
     segment, step = row[1:], np.diff(way)
-    found = bounded_speed(step, speed[segment], push[segment], first, second, joints.acceleration)
+    found = bounded_speed(step, speed[segment], push[segment], joints.bounds(row, *path))
     times = segment_times(step, *found)
     times *= 1.0 + joints.ramp / times.sum()
     return np.asarray(np.bincount(segment - low, times, minlength=high - low), np.float64)
@@ -80,10 +107,10 @@ def bounded_times(
 
 def _knots(
     length: FloatArray, joints: JointPath, rows: IndexArray
-) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[IndexArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return the knots of a chain of motions ``rows`` (n,) in order.
 
-    The motion to each (k,), the way there (k,) [m], and q' and q'' there (k, d).
+    The motion to each (k,), the way there (k,) [m], and q, q' and q'' there (k, d).
     """
     mine = np.flatnonzero(np.isin(joints.row, rows))
     row = np.concatenate([rows, joints.row[mine]])
@@ -100,19 +127,20 @@ def _knots(
     number = np.searchsorted(rows, row)
     inner = (at > before[number] + _SHORT) & (at < (size - behind)[number] - _SHORT)
     middle = 0.5 * (first[ends[:-1]] + first[begins[1:]])
+    corner = q[ends[:-1]]
     parts = (
-        (row[inner], at[inner], first[inner], second[inner]),
-        (rows, before, first[begins], second[begins]),
-        (rows, size - behind, first[ends], second[ends]),
-        (rows[:-1], size[:-1] - _WITHIN * blend, first[ends[:-1]], turn),
-        (rows[:-1], size[:-1], middle, turn),
-        (rows[1:], _WITHIN * blend, first[begins[1:]], turn),
+        (row[inner], at[inner], q[inner], first[inner], second[inner]),
+        (rows, before, q[begins], first[begins], second[begins]),
+        (rows, size - behind, q[ends], first[ends], second[ends]),
+        (rows[:-1], size[:-1] - _WITHIN * blend, corner, first[ends[:-1]], turn),
+        (rows[:-1], size[:-1], corner, middle, turn),
+        (rows[1:], _WITHIN * blend, corner, first[begins[1:]], turn),
     )
-    row, at, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
+    row, at, q, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
     way = (np.cumsum(size) - size)[np.searchsorted(rows, row)] + at
     order = np.lexsort((np.arange(len(way)), way))
     order = order[np.append(True, np.diff(way[order]) > _SHORT)]
-    return row[order], way[order], first[order], second[order]
+    return row[order], way[order], q[order], first[order], second[order]
 
 
 def slopes(row: IndexArray, at: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -144,9 +172,7 @@ def bounded_speed(
     step: FloatArray,
     cap: FloatArray,
     push: FloatArray,
-    first: FloatArray,
-    second: FloatArray,
-    acceleration: FloatArray,
+    bounds: Bounds,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the fastest way along a chain from rest to rest.
 
@@ -154,55 +180,59 @@ def bounded_speed(
         step: (k-1,) lengths of the segments [m], above 0.
         cap: (k-1,) largest speed on each [m/s].
         push: (k-1,) largest acceleration along each [m/s^2].
-        first: (k, d) q' at the knots [rad/m].
-        second: (k, d) q'' [rad/m^2].
-        acceleration: (d,) limits of the axes [rad/s^2].
+        bounds: of the axes at the knots (k,).
 
     Returns:
         The speed (k,) at the knots [m/s], and on each segment the largest speed (k-1,) and the
         acceleration (k-1,) that is left at it [m/s^2].
     """
     # what bounds the axes at both ends of a segment bounds u and the x it begins with
-    slope = np.stack([first[:-1], first[1:] + 2.0 * step[:, None] * second[1:]], axis=1)
-    curve = np.stack([second[:-1], second[1:]], axis=1)
-    slope, curve = (rows.reshape(len(step), -1) for rows in (slope, curve))
-    size, limits = np.abs(slope), np.tile(acceleration, 2)
+    slope = bounds.slope[1:] + 2.0 * step[:, None] * bounds.curve[1:]
+    slope = np.hstack([bounds.slope[:-1], slope])
+    curve, low, high = (np.hstack([rows[:-1], rows[1:]]) for rows in bounds[1:])
+    size = np.abs(slope)
     moves = size > _TINY
     with np.errstate(divide="ignore", invalid="ignore"):
-        most = np.where(moves, limits / size, np.inf)
+        up = np.where(moves, np.where(slope > 0.0, high, -low) / size, np.inf)
+        down = np.where(moves, np.where(slope > 0.0, -low, high) / size, np.inf)
         bend = np.where(moves, curve / slope, 0.0)
-        still = np.where(moves, np.inf, limits / np.abs(curve)).min(axis=1)
-    most, bend = np.column_stack([most, push]), np.column_stack([bend, np.zeros(len(step))])
-    limit = np.minimum(_largest(most, bend), still)
+        still = np.where(curve > 0.0, high, -low) / np.abs(curve)
+        still = np.where(moves, np.inf, still).min(axis=1)
+    up, down = np.column_stack([up, push]), np.column_stack([down, push])
+    bend = np.column_stack([bend, np.zeros(len(step))])
+    limit = np.minimum(_largest(up, down, bend), still)
     square = np.minimum(limit[1:], np.minimum(cap[1:], cap[:-1]) ** 2)
-    square = _passes(step, np.concatenate([[0.0], square, [0.0]]), most, bend)
+    square = _passes(step, np.concatenate([[0.0], square, [0.0]]), up, down, bend)
     highest = np.maximum(square[1:], square[:-1])
-    left = (most - np.abs(bend) * highest[:, None]).min(axis=1)
+    left = (np.minimum(up, down) - np.abs(bend) * highest[:, None]).min(axis=1)
     needed = np.abs(np.diff(square)) / (2.0 * step)
     top = np.maximum(np.minimum(cap**2, limit), highest)
     return np.sqrt(square), np.sqrt(top), np.maximum(np.maximum(left, needed), _STANDS)
 
 
-def _largest(most: FloatArray, bend: FloatArray) -> FloatArray:
-    """Return the largest x (k,) for which some u keeps ``|u + bend x| <= most`` of all (k, n)."""
-    best = np.full(len(most), np.inf)
-    for j in range(most.shape[1]):
-        apart = np.abs(bend - bend[:, j : j + 1])
+def _largest(up: FloatArray, down: FloatArray, bend: FloatArray) -> FloatArray:
+    """Return the largest x (k,) for which a u keeps ``-down <= u + bend x <= up`` of all (k, n)."""
+    best = np.full(len(up), np.inf)
+    for j in range(up.shape[1]):
+        apart = bend - bend[:, j : j + 1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            bound = np.where(apart > _TINY, (most + most[:, j : j + 1]) / apart, np.inf)
+            bound = np.where(apart > _TINY, (up + down[:, j : j + 1]) / apart, np.inf)
         best = np.minimum(best, bound.min(axis=1))
     return best
 
 
-def _passes(step: FloatArray, square: FloatArray, most: FloatArray, bend: FloatArray) -> FloatArray:
+def _passes(
+    step: FloatArray, square: FloatArray, up: FloatArray, down: FloatArray, bend: FloatArray
+) -> FloatArray:
     """Return the squares (k,) of the speeds, none above ``square``, after both passes."""
     found = square.copy()
     for i in range(len(step) - 1, -1, -1):
-        slope, gain = 1.0 - 2.0 * step[i] * bend[i], 2.0 * step[i] * most[i]
-        room = np.where(slope > 0.0, gain + found[i + 1], gain)  # the next x is 0 at least
+        slope, size = 1.0 - 2.0 * step[i] * bend[i], 2.0 * step[i]
+        # where the axis bends that much it has to speed up: the next x is 0 at least
+        room = np.where(slope > 0.0, size * down[i] + found[i + 1], size * up[i])
         found[i] = min(found[i], (room / np.maximum(np.abs(slope), _TINY)).min())
     for i in range(len(step)):
-        push = (most[i] - bend[i] * found[i]).min()
+        push = (up[i] - bend[i] * found[i]).min()
         reached = max(found[i] + 2.0 * step[i] * push, _STANDS**2)
         found[i + 1] = min(found[i + 1], reached)
     return found

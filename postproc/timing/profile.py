@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, FloatArray, runs
 from postproc.timing.bounded import JointPath, bounded_times, segment_times
+from postproc.timing.torques import Torques
 
 RAMP = 0.1
 """Time [s] in which acceleration is built up; assumed."""
@@ -29,6 +30,9 @@ PATH_ACCELERATION = 2.3
 """[m/s^2], the default of $ACC.CP on KUKA controllers."""
 ORIENTATION_SPEED = 3.490658503988659
 """[rad/s], the default of $VEL.ORI1 (200 deg/s) on KUKA controllers."""
+_MOMENTS = 33
+"""Of a joint move at which torques are asked for: quarters of its time are among them, where it
+speeds up most if it is short."""
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
@@ -40,6 +44,7 @@ def joint_move_time(
     speed: ArrayLike,
     acceleration: ArrayLike,
     ramp: ArrayLike = RAMP,
+    torques: Torques | None = None,
 ) -> FloatArray:
     """Return the time (m,) [s] of rest-to-rest joint moves whose axes share one phase profile.
 
@@ -50,6 +55,7 @@ def joint_move_time(
         acceleration: (d,) limits [rad/s^2].
         ramp: one or (d,), time in which full acceleration is built up [s]; the jerk of an axis is
             its acceleration / ramp.
+        torques: of the first axes; a move that needs more than they have takes longer.
     """
     way = np.abs(np.atleast_2d(np.asarray(q_to, dtype=np.float64) - np.asarray(q_from)))
     top = np.broadcast_to(np.asarray(speed, dtype=np.float64), way.shape)
@@ -64,6 +70,13 @@ def joint_move_time(
     for row in np.flatnonzero(longest > _TINY).tolist():
         ramp_here = pushes[row] / jerks[row]
         times[row] = _RestToRest.time(longest[row], speeds[row], pushes[row], ramp_here)
+        if torques is not None:
+            d = len(torques.most)
+            start, end = (np.atleast_2d(q)[row, :d] for q in (q_from, q_to))
+            moments = [p[:, None] * (end - start) / longest[row] for p in _RestToRest.moments()]
+            moments[0] += start
+            at = np.array([row])
+            times[row] *= torques.slower(at, *(values[None] for values in moments))[0]
     return times
 
 
@@ -227,3 +240,13 @@ class _RestToRest:
         request.max_jerk = [float(acceleration) / ramp]  # type: ignore[attr-defined]
         solver.calculate(request, trajectory)  # type: ignore[attr-defined]
         return float(trajectory.duration)  # type: ignore[attr-defined]
+
+    @classmethod
+    def moments(cls) -> list[FloatArray]:
+        """Return way, speed and acceleration (t,) at even moments of the last move timed."""
+        if cls._parts is None:
+            return [np.zeros(0)] * 3
+        trajectory = cls._parts[2]
+        at = np.linspace(0.0, trajectory.duration, _MOMENTS)  # type: ignore[attr-defined]
+        rows = [trajectory.at_time(t) for t in at.tolist()]  # type: ignore[attr-defined]
+        return list(np.array(rows)[:, :, 0].T)

@@ -8,7 +8,8 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   cell's; ``target``, ``start``, ``turn``, ``unreachable``, ``circle``, ``half_turn``: a motion
   that cannot be run, or not in one way only;
 - ``joint_limit``, ``singularity``, ``axis_speed``, ``corner``, ``collision``: on the way;
-  ``blend_end``; ``block_rate``, ``look_ahead``, ``memory``: what the controller can take;
+  ``blend_end``; ``torque``: what the joints have; ``block_rate``, ``look_ahead``, ``memory``: what
+  the controller can take;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
   ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
   tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
@@ -68,6 +69,7 @@ from postproc.verification.coverage import coverage_of
 from postproc.verification.report import Result, Run, VerifyReport, in_order
 from postproc.verification.settings import check_rapids, check_settings
 from postproc.verification.spindle import check_spindle
+from postproc.verification.torques import check_torques
 
 _SAME_FRAME = 0.005 * MM
 _SAME_TURN = 0.002 * DEG
@@ -138,6 +140,7 @@ def verify(
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
     check_speeds(result, cell, cuts)
+    check_torques(result, cell, kinematics, cuts)
     if is_cut is not None:
         check_rapids(result, cell, is_cut)
     check_spindle(result, cell, is_cut, may_stand(toolpath, cell))

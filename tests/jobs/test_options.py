@@ -26,6 +26,7 @@ from postproc.errors import PostprocError
 from postproc.jobs.check_cell import check_cell
 from postproc.jobs.convert import ConvertRequest, convert, document
 from postproc.toml.write import toml_table
+from tests.kinematics.urdf_text import heavy_urdf
 
 BASE: dict[str, Any] = {
     "schema": "postproc.cell/1",
@@ -266,6 +267,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "robot.speed_deg_s": ({}, {"robot.speed_deg_s": [1.0] * 6}),
     "robot.accel_deg_s2": ({}, {"robot.accel_deg_s2": [1.0] * 6}),
     "robot.jerk_deg_s3": ({}, {"robot.jerk_deg_s3": [10.0] * 6}),
+    "robot.torque_nm": ({"robot": {"urdf": "heavy.urdf"}}, {"robot.torque_nm": [3500.0] * 6}),
     "robot.cable": ({}, {"robot.cable": {"A5": [-40.0, 40.0]}}),
     "robot.payload_kg": ({"tool.mass_kg": 50.0}, {"robot.payload_kg": 20.0}, CHECK),
     **solids("robot.link_meshes", WRIST, {"obstacles": [ABOVE]}, link=6),
@@ -505,6 +507,7 @@ def folder(tmp_path_factory):
         (place / name).write_text(text)
     trimesh.creation.box((300.0, 300.0, 300.0)).export(place / "cube.stl")
     (place / "arm.urdf").write_text(urdf())
+    (place / "heavy.urdf").write_text(heavy_urdf())
     (place / "model.toml").write_text(MODEL)
     (place / "own").mkdir()
     (place / "tuned").mkdir()

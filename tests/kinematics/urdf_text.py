@@ -60,3 +60,43 @@ def maker_style_urdf():
     lines.append('<link name="tool0"/>')
     lines.append(joint("end", "fixed", parent, "tool0", "0 0 0", f"{straight} 0 {straight}"))
     return "\n".join([*lines, "</robot>"])
+
+
+PLACES = ("0 0 0.4", "0.5 0 0.6", "0 0 1.3", "1.0 0 0", "0 0 0", "0.3 0 0")
+TURNS = ("0 0 1", "0 1 0", "0 1 0", "1 0 0", "0 1 0", "1 0 0")
+MASSES = (300.0, 200.0, 150.0, 60.0, 30.0, 8.0)
+CENTRES = ("0.2 0.03 0.1", "0.02 -0.1 0.6", "0.15 0.05 0.1", "-0.3 0 0.02", "0.05 0 0", "0.02 0 0")
+INERTIAS = (
+    (20.0, 18.0, 15.0, 1.0, -0.5, 0.3),
+    (30.0, 31.0, 6.0, 0.4, 0.2, -0.6),
+    (5.0, 9.0, 8.0, -0.3, 0.5, 0.1),
+    (0.8, 3.0, 3.1, 0.05, 0.0, 0.02),
+    (0.3, 0.25, 0.2, 0.0, 0.01, 0.0),
+    (0.02, 0.03, 0.03, 0.0, 0.0, 0.001),
+)
+"""About the centres: xx, yy, zz, xy, xz, yz [kg m^2]."""
+_TENSOR = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def inertial(mass, centre, tensor):
+    """<inertial> of a link: mass [kg], centre [m] as text, tensor (6,) about it [kg m^2]."""
+    values = " ".join(f'{key}="{value}"' for key, value in zip(_TENSOR, tensor, strict=True))
+    return f'<inertial><origin xyz="{centre}"/><mass value="{mass}"/><inertia {values}/></inertial>'
+
+
+def heavy_urdf(efforts=(4000.0, 4500.0, 3000.0, 800.0, 700.0, 400.0), without=None, last=""):
+    """An arm of the size of a KR 500 whose links have inertias, but one link ``without``.
+
+    ``last``: more elements, <joint> and <link>, behind the flange.
+    """
+    lines = ['<robot name="heavy"><link name="base"/>']
+    parent = "base"
+    for i, (xyz, axis) in enumerate(zip(PLACES, TURNS, strict=True), start=1):
+        body = "" if i == without else inertial(MASSES[i - 1], CENTRES[i - 1], INERTIAS[i - 1])
+        lines.append(f'<link name="l{i}">{body}</link>')
+        text = joint(f"j{i}", "revolute", parent, f"l{i}", xyz, "0 0 0", axis, "-3 3 2")
+        lines.append(text.replace('effort="1"', f'effort="{efforts[i - 1]}"'))
+        parent = f"l{i}"
+    lines.append('<link name="flange"/>')
+    lines.append(joint("end", "fixed", parent, "flange", "0.05 0 0", "0 0 0"))
+    return "\n".join([*lines, last, "</robot>"])

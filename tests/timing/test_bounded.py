@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from postproc.timing import JointPath, joint_move_time, path_times
-from postproc.timing.bounded import bounded_speed, segment_times, slopes
+from postproc.timing.bounded import Bounds, bounded_speed, segment_times, slopes
 
 
 def curve(seed, knots, axes=3):
@@ -25,6 +25,11 @@ def slopes_of(step, q):
     """Return q' and q'' at the knots of one motion."""
     way = np.concatenate([[0.0], np.cumsum(step)])
     return slopes(np.zeros(len(way), dtype=np.int64), way, q)
+
+
+def bounds_of(first, second, low, high):
+    """Return bounds [low, high] (d,) at all knots."""
+    return Bounds(first, second, *(np.tile(end, (len(first), 1)) for end in (low, high)))
 
 
 def joints_of(way, q, limits, ramp=0.0):
@@ -65,9 +70,8 @@ def test_a_straight_joint_line_takes_as_long_as_ruckig_says_of_its_axes(seed):
 def test_no_axis_is_asked_for_more_and_some_axis_for_all_of_it(seed):
     step, q, limits = curve(seed, 3000)
     k = len(step)
-    v, top, push = bounded_speed(
-        step, np.full(k, 99.0), np.full(k, 1e9), *slopes_of(step, q), limits
-    )
+    bounds = bounds_of(*slopes_of(step, q), -limits, limits)
+    v, top, push = bounded_speed(step, np.full(k, 99.0), np.full(k, 1e9), bounds)
     seconds = np.concatenate([[0.0], np.cumsum(segment_times(step, v, top, push))])
     rate = np.diff(q, axis=0) / np.diff(seconds)[:, None]
     share = np.abs(np.diff(rate, axis=0)) / (0.5 * (seconds[2:] - seconds[:-2]))[:, None] / limits
@@ -75,13 +79,19 @@ def test_no_axis_is_asked_for_more_and_some_axis_for_all_of_it(seed):
     assert np.median(share.max(axis=1)) > 0.98
 
 
+@pytest.mark.parametrize("lopsided", [False, True])
 @pytest.mark.parametrize("seed", range(4))
-def test_it_is_the_fastest_way_that_a_convex_solver_finds(seed):
-    """Squares of speeds are the unknowns: bounds are linear in them, the time is convex."""
+def test_it_is_the_fastest_way_that_a_convex_solver_finds(seed, lopsided):
+    """Squares of speeds are the unknowns: bounds are linear in them, the time is convex.
+
+    Lopsided is what a weight makes of the torques of a joint.
+    """
     step, q, limits = curve(seed, 70)
     k = len(step)
     cap, push = np.full(k, 1.2), np.full(k, 3.0)
     first, second = slopes_of(step, q)
+    shift = np.random.default_rng(seed).uniform(-0.8, 0.8, len(limits)) * limits * lopsided
+    low, high = -limits - shift, limits - shift
 
     def room(x):
         whole = np.concatenate([[0.0], x, [0.0]])
@@ -89,14 +99,14 @@ def test_it_is_the_fastest_way_that_a_convex_solver_finds(seed):
         found = [3.0 - u, 3.0 + u]
         for at in (slice(0, -1), slice(1, None)):
             asked = first[at] * u[:, None] + second[at] * whole[at, None]
-            found += [np.ravel(limits - asked), np.ravel(limits + asked)]
+            found += [np.ravel(high - asked), np.ravel(asked - low)]
         return np.concatenate(found)
 
     def seconds(x):
         v = np.sqrt(np.concatenate([[0.0], np.maximum(x, 1e-12), [0.0]]))
         return (2.0 * step / (v[1:] + v[:-1])).sum()
 
-    mine, _, _ = bounded_speed(step, cap, push, first, second, limits)
+    mine, _, _ = bounded_speed(step, cap, push, bounds_of(first, second, low, high))
     best = minimize(
         *(seconds, 0.2 * mine[1:-1] ** 2),
         method="SLSQP",

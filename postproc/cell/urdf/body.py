@@ -31,6 +31,19 @@ def link_inertia(chain: UrdfChain) -> tuple[FloatArray | None, FloatArray | None
     return mass, moment / mass[:, None]
 
 
+def has_inertia(chain: UrdfChain) -> bool:
+    """Return whether every one of the links 1..6 has a mass and an inertia about all axes."""
+    mass, turning = np.zeros(6), np.zeros((6, 3))
+    moving = [joint.child for joint in chain.moving]
+    for link, _, element in fixed_parts(chain, moving):
+        for inertial in element.findall("inertial"):
+            mass[link] += values_of(inertial.find("mass"), "value", 1, 0.0)[0]
+            tensor = inertial.find("inertia")
+            for axis, key in enumerate(("ixx", "iyy", "izz")):
+                turning[link, axis] += values_of(tensor, key, 1, 0.0)[0]
+    return bool((mass > 0.0).all() and (turning > 0.0).all())
+
+
 def fixed_parts(chain: UrdfChain, links: list[str]) -> Iterator[tuple[int, FloatArray, ET.Element]]:
     """Yield number in ``links``, pose of a part in that link, and the part's <link> element.
 

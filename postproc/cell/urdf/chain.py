@@ -30,7 +30,10 @@ _SAME_POSE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class UrdfJoint:
-    """A joint of the chain: names, kind, limits [rad] and speed [rad/s] (NaN: not given)."""
+    """A joint of the chain: names, kind, limits [rad], speed [rad/s], effort [N*m].
+
+    What the file does not give is NaN, an effort 0.
+    """
 
     name: str
     kind: str
@@ -39,6 +42,7 @@ class UrdfJoint:
     lower: float
     upper: float
     velocity: float
+    effort: float
     element: ET.Element
 
 
@@ -152,7 +156,8 @@ def _joint(element: ET.Element, path: Path) -> UrdfJoint:
         raise _error(path, f"joint {name!r} has no limits with lower below upper")
     if not bounds["velocity"] > 0:
         bounds["velocity"] = math.nan
-    return UrdfJoint(name, kind, ends[0], ends[1], element=element, **bounds)
+    effort = float(limit.get("effort", 0.0)) if limit is not None else 0.0
+    return UrdfJoint(name, kind, ends[0], ends[1], element=element, effort=effort, **bounds)
 
 
 def _require_axis(element: ET.Element, kind: str, name: str, path: Path) -> None:

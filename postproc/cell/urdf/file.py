@@ -8,8 +8,9 @@ import numpy as np
 
 from postproc.cell.cell import Origin, Provenance, Robot, UrdfGeometry
 from postproc.cell.robotfile import assumed_acceleration
-from postproc.cell.urdf.body import link_inertia
+from postproc.cell.urdf.body import has_inertia, link_inertia
 from postproc.cell.urdf.chain import read_chain
+from postproc.cell.urdf.numbers import LARGEST
 from postproc.errors import SourceRef
 from postproc.units import DEG
 
@@ -22,7 +23,8 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
 
     A URDF gives no accelerations: they are assumed such that a joint reaches full speed in half a
     second. A continuous joint gets +-360 degrees, a missing speed 60 degrees per second; each is
-    marked assumed in ``origins``.
+    marked assumed in ``origins``. Efforts are the torques where all are above 0, no larger than a
+    real arm's, and the file gives the inertias as well.
 
     Args:
         path: the URDF file.
@@ -53,6 +55,11 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
     mass, com = link_inertia(chain)
     if mass is not None:
         origins |= {"link_mass": from_file, "link_com": from_file}
+    effort = np.array([joint.effort for joint in joints])
+    moved = has_inertia(chain)
+    knows_torque = moved and bool(((effort > 0.0) & (effort <= LARGEST)).all())
+    if knows_torque:
+        origins["torque_max"] = from_file
     return Robot(
         name=str(chain.tree.get("name") or path.stem),
         geometry=UrdfGeometry(path, chain.tip),
@@ -60,6 +67,8 @@ def read_urdf_robot(path: Path, tip: str | None = None, source: SourceRef | None
         q_max=np.where(has_limits, upper, _FULL_TURN),
         qd_max=speed,
         qdd_max=qdd_max,
+        torque_max=effort if knows_torque else None,
+        has_inertia=moved,
         T_world_robroot=np.eye(4),
         link_mass=mass,
         link_com=com,

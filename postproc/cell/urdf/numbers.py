@@ -30,8 +30,8 @@ _COUNTS = {
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 LARGEST = 1e6
 """No length, angle, mass or inertia of a real arm comes near this [SI]."""
-_UNUSED = ("effort",)
-"""Of no use here; some files say that it has no bound."""
+_UNBOUNDED = ("effort",)
+"""Some files say that it has no bound."""
 
 
 def check_numbers(raw: bytes, path: Path) -> None:
@@ -64,7 +64,7 @@ def _are_numbers(text: str, count: int, key: str) -> bool:
     words = text.split()
     if len(words) != count or not all(map(_DECIMAL.fullmatch, words)):
         return False
-    most = sys.float_info.max if key in _UNUSED else LARGEST
+    most = sys.float_info.max if key in _UNBOUNDED else LARGEST
     return all(abs(float(word)) <= most for word in words)
 
 

@@ -10,7 +10,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
-from postproc.paths import jerk_ramps, joint_path
+from postproc.paths import jerk_ramps, joint_path, torques_of
 from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
 from postproc.planning.route.blends import wished_blends
 from postproc.planning.route.corners import lowered_blends
@@ -79,9 +79,9 @@ def timed(
     else:
         blend[:] = 0.0
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
-    joints = joint_path(
-        problem.cell.robot, track.row, track.share, track.q, lines.q_from, blend[rows]
-    )
+    robot = problem.cell.robot
+    torques = torques_of(robot, [problem.cell.tool])
+    joints = joint_path(robot, track.row, track.share, track.q, lines.q_from, blend[rows], torques)
     duration = _durations(
         problem, table, length, np.minimum(speed, cap), blend, orientation, joints
     )
@@ -308,6 +308,7 @@ def _durations(
         np.asarray(robot.qd_max) * problem.cell.motion.rapid,
         robot.qdd_max,
         jerk_ramps(robot),
+        torques_of(robot, [problem.cell.tool]),
     )
     path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
     stop = blend[path] == 0.0

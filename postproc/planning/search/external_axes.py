@@ -19,7 +19,7 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import inverse
 from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
-from postproc.paths import jerk_ramps
+from postproc.paths import jerk_ramps, torques_of
 from postproc.planning.checks import Reason
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
 from postproc.planning.search.positions import (
@@ -189,7 +189,10 @@ def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecke
     external = np.array([axis.qd_max for axis in cell.external_axes])
     steps = np.vstack([q_from[None], q])
     speed = np.asarray(robot.qd_max) * share
-    duration = joint_move_time(steps[:-1], steps[1:], speed, robot.qdd_max, jerk_ramps(robot))
+    duration = joint_move_time(
+        *(steps[:-1], steps[1:], speed, robot.qdd_max, jerk_ramps(robot)),
+        torques_of(robot, [cell.tool]),
+    )
     slide = np.stack(places)
     duration[at_start] = joint_move_time(
         slide[:1], slide[1:], external * share, external / SPEED_UP_TIME
