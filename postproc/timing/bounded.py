@@ -225,12 +225,14 @@ def _passes(
     step: FloatArray, square: FloatArray, up: FloatArray, down: FloatArray, bend: FloatArray
 ) -> FloatArray:
     """Return the squares (k,) of the speeds, none above ``square``, after both passes."""
-    found = square.copy()
+    found, size = square.copy(), 2.0 * step[:, None]
+    slope = 1.0 - size * bend
+    steep = 1.0 / np.maximum(np.abs(slope), _TINY)
+    # where the axis bends so much that it has to speed up, the next x is 0 at least
+    room = np.where(slope > 0.0, down, up) * size * steep
+    share = np.where(slope > 0.0, steep, 0.0)
     for i in range(len(step) - 1, -1, -1):
-        slope, size = 1.0 - 2.0 * step[i] * bend[i], 2.0 * step[i]
-        # where the axis bends that much it has to speed up: the next x is 0 at least
-        room = np.where(slope > 0.0, size * down[i] + found[i + 1], size * up[i])
-        found[i] = min(found[i], (room / np.maximum(np.abs(slope), _TINY)).min())
+        found[i] = min(found[i], (room[i] + share[i] * found[i + 1]).min())
     for i in range(len(step)):
         push = (up[i] - bend[i] * found[i]).min()
         reached = max(found[i] + 2.0 * step[i] * push, _STANDS**2)
