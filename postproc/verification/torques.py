@@ -32,9 +32,9 @@ def check_torques(result: Result, cell: Cell, kinematics: Kinematics, is_cut: Bo
     """
     paths, robot = result.paths, cell.robot
     torques = torques_of(robot, cell.tools, paths.station.tool)
-    if torques is None or not len(paths):
-        return
     still = np.flatnonzero(np.isfinite(paths.q).all(axis=1))
+    if torques is None or not len(still):
+        return
     none = np.zeros((len(still), 6))
     parts = (still, paths.q[still], none, none), at_speed(paths)
     row, q, qd, qdd = (np.concatenate(both) for both in zip(*parts, strict=True))

@@ -1,10 +1,15 @@
 """Limits, singularities, speeds, blending, time, collisions: on programs made for the purpose."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from postproc.kinematics import build
+from postproc.cell import read_urdf_robot
+from postproc.kinematics import build, dynamics_of
 from postproc.verification.verify import verify
+from tests.kinematics.urdf_text import heavy_urdf
 from tests.samples import AT_PART, HEAD, START, at, cell_in, modules, path_of
 
 DEG = np.pi / 180.0
@@ -286,3 +291,17 @@ def test_no_rod_is_passed_between_two_looks_at_a_travelling_robot(tmp_path, radi
         report = check(cell, *travel, collisions=True)
         assert kinds(report) == {"collision"}, y
         assert "rod" in report.violations[0].message
+
+
+def test_torques_are_asked_of_poses_that_are_known(cell, tmp_path):
+    (tmp_path / "arm.urdf").write_text(heavy_urdf(), encoding="utf-8")
+    weighed = replace(cell, robot=read_urdf_robot(tmp_path / "arm.urdf"))
+    far = "LIN {X 99999,Y 0,Z 0,A 0,B 0,C 0}"
+    assert "torque" not in check(weighed, far).worst
+    assert "torque" not in check(cell, START).worst
+    report = check(weighed, START, far)
+    q = np.array([float(value) for value in re.findall(r"A\d (-?[\d.]+)", START)]) * DEG
+    needed = dynamics_of(weighed.robot, weighed.tool).torques(*np.stack([q, 0 * q, 0 * q])[:, None])
+    share = np.abs(needed[0]) / weighed.robot.torque_max
+    assert check(weighed, START).worst["torque"].value == pytest.approx(100.0 * share.max())
+    assert np.isfinite(report.worst["torque"].value)
