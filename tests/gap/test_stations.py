@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from postproc.cli.app import run
+from postproc.gap.data.split import split
 from postproc.geometry.frames import apply, rotation_from_abc, transform
 from postproc.model.modelfile import load_model
 from tests.places import PANEL_CELL
@@ -106,3 +108,19 @@ def test_files_without_the_column_are_stations_of_their_own(campaign, tmp_path, 
     kept = load_model(tmp_path / "out" / "model.toml").registration
     assert set(kept.stations) == {"first", "second"}
     assert found["residual"]["rms_mm"] < 0.03
+
+
+def test_no_set_up_is_left_out_as_a_whole(samples):
+    """Its frame would be unknown, and its rows missed by whatever the prior allows."""
+    large, small = 48, 12
+    set_up = np.repeat([[0, 0], [1, 0]], [large, small], axis=0).astype(np.int32)
+    parts = split(replace(samples, set_up=set_up), None)
+    first = split(samples, None)
+    late = np.arange(large + small) * (int(first.stretch.max()) + 1) // (large + small)
+    assert np.array_equal(first.stretch[np.argsort(samples.course)], late)
+    for unit, size in ((0, large), (1, small)):
+        here = set_up[:, 0] == unit
+        kept = np.bincount(parts.stretch[here])
+        assert len(kept) == int(parts.stretch.max()) + 1
+        assert kept.max() <= np.ceil(size / len(kept))
+        assert not np.all(parts.sealed[here])

@@ -27,7 +27,8 @@ class Split:
     """Rows (n,) kept apart.
 
     sealed: not looked at before the end: some places, and a stretch of time; fold: number of
-    neighbouring poses, 0..k-1; stretch: of rows that follow each other; cluster: of alike rows.
+    neighbouring poses, 0..k-1; stretch: of rows that follow each other, of
+    each set-up; cluster: of alike rows.
     """
 
     sealed: BoolArray
@@ -58,29 +59,37 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
         features = _features(samples)
         cluster = _clusters(features, max(2, min(n // 5, 120)), rng)
         fold = _clusters(features, min(FOLDS, max(2, n // 12)), rng)
-    rank = _order(samples)
-    stretch = (rank * min(STRETCHES, max(2, n // 12)) // n).astype(np.int32)
+    rank, size = _course(samples)
+    stretch = (rank * min(STRETCHES, max(2, n // 12)) // size).astype(np.int32)
     sealed = np.zeros(n, dtype=bool)
     if n >= FEWEST:
-        sealed = _late(rank, 0.4 * SEALED_SHARE, rng) | _sealed(cluster, 0.6 * SEALED_SHARE, rng)
+        sealed = _late(rank, size, 0.4 * SEALED_SHARE, rng)
+        sealed |= _sealed(cluster, 0.6 * SEALED_SHARE, rng)
     return Split(sealed, fold, stretch, cluster)
 
 
-def _order(samples: Samples) -> IntArray:
-    """Return the place (n,) of each row in the course of time, station after station."""
+def _course(samples: Samples) -> tuple[IntArray, IntArray]:
+    """Return where each row (n,) comes in its set-up's course, and how many rows (n,) that has.
+
+    Each set-up is parted alike, so that none is left out as a whole: its frame would be unknown.
+    """
     n = len(samples)
-    station = np.zeros(n) if samples.set_up is None else samples.set_up[:, 0]
+    labels = np.zeros((n, 1)) if samples.set_up is None else samples.set_up
+    unit = np.unique(labels, axis=0, return_inverse=True)[1].reshape(n)
+    order = np.lexsort((np.arange(n), samples.course, unit))
+    count = np.bincount(unit)
     rank = np.empty(n, dtype=np.int32)
-    rank[np.lexsort((np.arange(n), samples.course, station))] = np.arange(n)
-    return rank
+    rank[order] = np.arange(n) - np.repeat(np.cumsum(count) - count, count)
+    return rank, count[unit].astype(np.int32)
 
 
-def _late(rank: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
-    """Return one stretch of rows that follow each other."""
+def _late(rank: IntArray, size: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
+    """Return one stretch of rows that follow each other, of each set-up."""
     n = len(rank)
     length = int(share * n)
     start = int(rng.integers(0, n - length + 1))
-    return np.asarray((rank >= start) & (rank < start + length))
+    part = rank / size
+    return np.asarray((part >= start / n) & (part < (start + length) / n))
 
 
 def _labels(group: tuple[str, ...] | None, n: int) -> IntArray | None:
