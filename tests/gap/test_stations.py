@@ -123,4 +123,5 @@ def test_no_set_up_is_left_out_as_a_whole(samples):
         kept = np.bincount(parts.stretch[here])
         assert len(kept) == int(parts.stretch.max()) + 1
         assert kept.max() <= np.ceil(size / len(kept))
+        assert len(np.unique(parts.fold[here])) > 1
         assert not np.all(parts.sealed[here])

@@ -27,8 +27,8 @@ class Split:
     """Rows (n,) kept apart.
 
     sealed: not looked at before the end: some places, and a stretch of time; fold: number of
-    neighbouring poses, 0..k-1; stretch: of rows that follow each other, of
-    each set-up; cluster: of alike rows.
+    neighbouring poses, 0..k-1; stretch: of rows that follow each other; neither holds a whole
+    set-up; cluster: of alike rows.
     """
 
     sealed: BoolArray
@@ -51,6 +51,7 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
     """
     n = len(samples)
     rng = np.random.default_rng(_SEED)
+    unit = _units(samples)
     labels = _labels(group, n)
     if labels is not None and FOLDS <= int(labels.max()) + 1 <= n // 2:
         cluster = labels
@@ -58,8 +59,11 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
     else:
         features = _features(samples)
         cluster = _clusters(features, max(2, min(n // 5, 120)), rng)
-        fold = _clusters(features, min(FOLDS, max(2, n // 12)), rng)
-    rank, size = _course(samples)
+        fold = np.zeros(n, dtype=np.int32)
+        for k in range(int(unit.max()) + 1):
+            here = np.flatnonzero(unit == k)
+            fold[here] = _clusters(features[here], min(FOLDS, max(2, len(here) // 12)), rng)
+    rank, size = _course(samples, unit)
     stretch = (rank * min(STRETCHES, max(2, n // 12)) // size).astype(np.int32)
     sealed = np.zeros(n, dtype=bool)
     if n >= FEWEST:
@@ -68,14 +72,19 @@ def split(samples: Samples, group: tuple[str, ...] | None) -> Split:
     return Split(sealed, fold, stretch, cluster)
 
 
-def _course(samples: Samples) -> tuple[IntArray, IntArray]:
-    """Return where each row (n,) comes in its set-up's course, and how many rows (n,) that has.
+def _units(samples: Samples) -> IntArray:
+    """Return the number (n,) 0.. of the set-up of each row.
 
     Each set-up is parted alike, so that none is left out as a whole: its frame would be unknown.
     """
     n = len(samples)
     labels = np.zeros((n, 1)) if samples.set_up is None else samples.set_up
-    unit = np.unique(labels, axis=0, return_inverse=True)[1].reshape(n)
+    return np.unique(labels, axis=0, return_inverse=True)[1].reshape(n).astype(np.int32)
+
+
+def _course(samples: Samples, unit: IntArray) -> tuple[IntArray, IntArray]:
+    """Return where each row (n,) comes in its set-up's course, and how many rows (n,) that has."""
+    n = len(samples)
     order = np.lexsort((np.arange(n), samples.course, unit))
     count = np.bincount(unit)
     rank = np.empty(n, dtype=np.int32)
