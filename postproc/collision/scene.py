@@ -93,8 +93,9 @@ class Scene:
         What is planned by it is found good by the scene itself, whatever digits and other places
         of sampling make of the motions.
         """
+        engine = self._engine.with_clearance(more)  # first: making it fills in what is copied
         other = copy.copy(self)
-        other._engine_ = self._engine.with_clearance(more)
+        other._engine_ = engine
         return other
 
     def __getstate__(self) -> dict[str, Any]:
@@ -142,14 +143,14 @@ class Scene:
 
     def _thinned(self) -> list[Finding]:
         """Return what stands in for pairs that overlap in every pose or by construction."""
-        found = []
+        found, first = [], outlines_that_meet(self.bodies)
         for (a, b), share in self._thin.items():
             one, two = self.bodies[a].name, self.bodies[b].name
             if self.bodies[b].kind in TOOL:
                 text = f"{one} and {two} overlap in every pose: tested with {one} at {share:.0%}"
                 hint = "check the flange frame of the tool's meshes, or give [robot] link_meshes"
                 found.append(Finding(Severity.WARNING, "COL105", f"{text} of it", hint=hint))
-            elif share <= THINNER[0]:
+            elif share < first.get((a, b), 1.0):
                 text = f"the outlines of {one} and {two} touch by construction"
                 hint = "give [robot] link_meshes or a URDF with collision meshes"
                 text += f": tested at {share:.0%} of them"

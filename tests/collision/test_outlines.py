@@ -122,3 +122,12 @@ def test_light_arms_that_meet_themselves_are_seen(name):
     for pair, ours, real in meeting(name, arms[name], 19):
         assert (real & ~ours).mean() < 0.003, pair
         assert (ours & ~real).mean() < 0.04, pair
+
+
+def test_a_scene_kept_at_a_distance_tells_the_same_whenever_it_is_made():
+    cell = replace(cell_of(), robot=load_robot("kuka_kr10_r1100_2"))
+    scene = Scene.build(cell, build(cell.robot))
+    before = scene.kept(0.01)
+    after = scene.kept(0.01)
+    assert before.findings == after.findings == scene.findings
+    assert len(before.pair_bodies) == len(after.pair_bodies) == len(scene.pairs)
