@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.compensation.pieces import in_pieces
 from postproc.compensation.real_arm import RealArm, left_out
@@ -32,7 +32,7 @@ from postproc.emitters import EMITTERS, emitter_of, motions_of
 from postproc.errors import DataError, EmitError, Finding, Severity, SourceRef
 from postproc.gap import RobotModel, stiffness_of
 from postproc.geometry import inverse
-from postproc.kinematics import Kinematics
+from postproc.kinematics import Kinematics, corner_miss, within_tolerance
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
 from postproc.paths import Moments, Timeline
 from postproc.process import operation_loads
@@ -111,6 +111,7 @@ def compensate(plan: Plan, cell: Cell, model: str | ModelFile) -> Plan:
         commanded = _crossing(commanded, plan, cell, arm, rows, sides, file)
     return replace(
         commanded,
+        blend=_blends(commanded, cell.motion.corner_tolerance),
         compensation_note=_note(plan, cell, file, solved, rows, arm.dead),
         findings=(*plan.findings, *findings),
     )
@@ -305,6 +306,24 @@ def _shifted(
         aux=aux,
         compensation=shift,
     )
+
+
+def _blends(plan: Plan, tolerance: float) -> FloatArray:
+    """Return how far (m,) [m] corners are blended: lines that were shifted meet at other angles."""
+    blend, point = np.array(plan.blend), plan.T_base_tcp[:, :3, 3]
+    is_line = (np.asarray(plan.kind) == MoveKind.LIN) & (np.asarray(plan.role) == MoveRole.CUT)
+    at = 1 + np.flatnonzero(is_line[1:-1] & is_line[2:] & (blend[1:-1] > 0.0))
+
+    def miss(rows: IndexArray, distance: FloatArray) -> FloatArray:
+        here, ends = point[at[rows]], []
+        for far in (point[at[rows] - 1], point[at[rows] + 1]):
+            length = np.maximum(np.linalg.norm(far - here, axis=1), 1e-12)
+            share = np.minimum(distance / length, 0.5)
+            ends.append(here + share[:, None] * (far - here))
+        return corner_miss(ends[0], here, ends[1])
+
+    blend[at] = within_tolerance(blend[at], miss, tolerance)
+    return blend
 
 
 def _findings(plan: Plan, cell: Cell, kinematics: Kinematics, solved: Compensated) -> list[Finding]:

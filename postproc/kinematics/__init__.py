@@ -8,11 +8,11 @@ from postproc.kinematics.corners import (
     Corners,
     Pieces,
     bound_of,
-    corner_miss,
     joint_share,
 )
 from postproc.kinematics.dynamics import Dynamics, dynamics_of
 from postproc.kinematics.model import Kinematics
+from postproc.kinematics.rounding import corner_miss, within_tolerance
 from postproc.kinematics.singular import (
     elbow_distance,
     shoulder_distance,
@@ -40,5 +40,6 @@ __all__ = [
     "shoulder_distance",
     "smallest_singular_value",
     "status_turn",
+    "within_tolerance",
     "wrist_distance",
 ]

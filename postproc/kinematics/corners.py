@@ -128,20 +128,6 @@ class Bound:
     wrist: FloatArray
 
 
-def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
-    """Return how far (c,) [m] a tool point may pass corners.
-
-    Args:
-        a: (c, 3) where approximation may begin [m].
-        corner: (c, 3) what is approximated [m].
-        b: (c, 3) where it may end [m].
-    """
-    way = b - a
-    square = np.maximum(np.einsum("ci,ci->c", way, way), 1e-24)
-    share = np.clip(np.einsum("ci,ci->c", corner - a, way) / square, 0.0, 1.0)
-    return np.asarray(np.linalg.norm(corner - a - share[:, None] * way, axis=1))
-
-
 def joint_share(
     kinematics: Kinematics,
     q_far: FloatArray,

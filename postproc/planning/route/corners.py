@@ -12,7 +12,15 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, stepped
 from postproc.geometry import inverse, rotation_angle
-from postproc.kinematics import IN_STEP, NEARER, Corners, bound_of, corner_miss, joint_share
+from postproc.kinematics import (
+    IN_STEP,
+    NEARER,
+    Corners,
+    bound_of,
+    corner_miss,
+    joint_share,
+    within_tolerance,
+)
 from postproc.model import MoveRole
 from postproc.planning.checks import RESOLUTION, Checker, Lines, poses_between
 from postproc.planning.route.blends import evened
@@ -22,8 +30,6 @@ from postproc.units import MM
 _LOWER = 0.25
 """What is left of a distance that was too long."""
 _ROUNDS = 4
-_DIGITS = 0.0002 * MM
-"""By so much the digits of a text may move how far a corner is passed."""
 COARSE = 2.0 * MM
 """Where point and orientation of a corner are not in step, what is not proven free on ways of this
 length is not free; the check of the text looks closer."""
@@ -51,25 +57,16 @@ def lowered_blends(
     cut = table.role == MoveRole.CUT
     at_feed = cut[at] & cut[at + 1]
     feed = at[at_feed]
-    _tolerable(legs, kept, feed, checker.problem.cell.motion.corner_tolerance)
-    kept = evened(kept, checker.problem.cell.motion.approximation)
+    motion = checker.problem.cell.motion
+    kept[feed] = within_tolerance(
+        kept[feed], lambda rows, far: legs.miss(feed[rows], far), motion.corner_tolerance
+    )
+    kept = evened(kept, motion.approximation)
     if checker.scene is not None:
         plain = (legs.miss(feed, kept[feed]) < NEGLIGIBLE) & (legs.turn(feed, kept[feed]) < IN_STEP)
         at = np.setdiff1d(at, feed[plain])
         _free(checker, legs, kept, at, cut)
     return np.where(kept < SMALLEST, 0.0, kept)
-
-
-def _tolerable(legs: _Legs, kept: FloatArray, at: IndexArray, tolerance: float) -> None:
-    """Lower the distances at moves ``at`` (k,) until no corner is passed too far, in place."""
-    tolerance = max(tolerance - _DIGITS, 0.0)
-    for _ in range(_ROUNDS):
-        miss = legs.miss(at, kept[at])
-        at, miss = at[miss > tolerance], miss[miss > tolerance]
-        if not len(at):
-            return
-        kept[at] = stepped(kept[at] * tolerance / miss)
-    kept[at] = 0.0
 
 
 def _free(checker: Checker, legs: _Legs, kept: FloatArray, at: IndexArray, cut: np.ndarray) -> None:

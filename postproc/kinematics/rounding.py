@@ -1,0 +1,52 @@
+"""How far a tool point may pass approximated corners, and distances that keep a tolerance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from postproc.arrays import FloatArray, IndexArray, stepped
+from postproc.units import MM
+
+_ROUNDS = 4
+_DIGITS = 0.0002 * MM
+"""By so much the digits of a text may move how far a corner is passed."""
+
+
+def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
+    """Return how far (c,) [m] a tool point may pass corners.
+
+    Args:
+        a: (c, 3) where approximation may begin [m].
+        corner: (c, 3) what is approximated [m].
+        b: (c, 3) where it may end [m].
+    """
+    way = b - a
+    square = np.maximum(np.einsum("ci,ci->c", way, way), 1e-24)
+    share = np.clip(np.einsum("ci,ci->c", corner - a, way) / square, 0.0, 1.0)
+    return np.asarray(np.linalg.norm(corner - a - share[:, None] * way, axis=1))
+
+
+def within_tolerance(
+    distance: FloatArray, miss: Callable[[IndexArray, FloatArray], FloatArray], tolerance: float
+) -> FloatArray:
+    """Return the approximation distances (c,) [m] by which no corner is passed too far.
+
+    Args:
+        distance: (c,) as far as wished [m].
+        miss: corners (k,) and their distances (k,) [m] to how far they may be passed (k,) [m].
+        tolerance: how far they may be [m].
+
+    Returns:
+        Those that keep it as they are, the others round ones, 0 where none was found.
+    """
+    kept, at, most = distance.copy(), np.arange(len(distance)), max(tolerance - _DIGITS, 0.0)
+    for _ in range(_ROUNDS):
+        passed = miss(at, kept[at])
+        at, passed = at[passed > most], passed[passed > most]
+        if not len(at):
+            return kept
+        kept[at] = stepped(kept[at] * most / passed)
+    kept[at] = 0.0
+    return kept
