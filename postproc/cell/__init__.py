@@ -29,7 +29,7 @@ from postproc.cell.choices import (
     Split,
     Strategy,
 )
-from postproc.cell.file import load_cell, parse_cell
+from postproc.cell.file import cell_toml, load_cell, parse_cell
 from postproc.cell.forms import cam_key
 from postproc.cell.reference import cell_reference
 from postproc.cell.robotfile import (
@@ -90,6 +90,7 @@ __all__ = [
     "cell_files",
     "cell_reference",
     "cell_text",
+    "cell_toml",
     "expanded",
     "find_robot",
     "find_urdf",

@@ -81,6 +81,19 @@ def load_cell(path: str | Path) -> Cell:
     return parse_cell(read_bytes(path), path)
 
 
+def cell_toml(cell: Cell) -> TomlText:
+    """Return the file of a cell, to point at its keys; without any where there is no file.
+
+    Args:
+        cell: as loaded.
+
+    Raises:
+        CellError: CEL001 if the file has changed and is no TOML any more.
+    """
+    raw = read_bytes(cell.path) if Path(cell.path).is_file() else b""
+    return parse_toml(raw, cell.path, CellError, "CEL001")
+
+
 def parse_cell(raw: bytes, path: str | Path) -> Cell:
     """Read the bytes of a cell file that stands, or is to stand, at ``path``; as ``load_cell``."""
     toml = parse_toml(raw, path, CellError, "CEL001")

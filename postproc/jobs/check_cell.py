@@ -8,31 +8,29 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import FloatArray
 from postproc.cell import (
-    KUKA_OFFSETS_DEG,
-    KUKA_SIGNS,
     Cell,
     OpwGeometry,
     Provenance,
     RobotSolids,
     Tool,
-    UrdfGeometry,
     Workpiece,
+    cell_toml,
     missing_numbers,
 )
 from postproc.collision import OUTLINE_SHARES, Scene, is_measured
 from postproc.emitters import emitter_of
 from postproc.errors import CellError, EmitError, Finding, Severity, SourceRef
 from postproc.geometry import across, inverse, kuka_from_transform, rotation_about, transform
+from postproc.jobs.arm_doubts import arm_doubts
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
-from postproc.toml import Location, TomlText, load_toml
+from postproc.toml import Location, TomlText
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _SOFTEST_USUAL = 1e4
 """Joint stiffness [N*m/rad] below which an industrial arm's value looks like a wrong unit."""
-_SAME_ZERO_DEG = 0.1
 _SPINS = 12
 _Entry = TypeVar("_Entry", Tool, Workpiece)
 _STRAIGHT_IN = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -64,7 +62,7 @@ def check_cell(cell: Cell) -> CellCheck:
     """
     kinematics = build(cell.robot)
     reachable = [_reachable_directions(cell, kinematics, base) for base in range(len(cell.bases))]
-    toml = load_toml(cell.path, CellError, "CEL001")
+    toml = cell_toml(cell)
     context = _Context(cell, kinematics, toml, tuple(reachable))
     findings = [finding for check in _CHECKS for finding in check(context)]
     return CellCheck(cell, _facts(context), _in_order(findings))
@@ -117,7 +115,6 @@ class _Context:
 
 
 def _tool(context: _Context) -> Iterator[Finding]:
-    robot = context.cell.robot
     for tool, at, name in context.tools():
         if tool.known_axis is None:
             continue
@@ -127,9 +124,6 @@ def _tool(context: _Context) -> Iterator[Finding]:
         if np.isnan(tool.mass):
             text = "no mass_kg: the load data of the program are incomplete"
             yield context.finding(Severity.WARNING, "CEL102", name + text, *at)
-        elif tool.mass > robot.payload:
-            text = f"the tool weighs {tool.mass:g} kg, the robot carries {robot.payload:g} kg"
-            yield context.finding(Severity.ERROR, "CEL103", name + text, *at, "mass_kg")
         if tool.mass > 0 and tool.com is None:
             text = "no cog_mm: the centre of gravity is needed for load data and sag"
             yield context.finding(Severity.NOTE, "CEL104", name + text, *at)
@@ -294,12 +288,6 @@ def _robot(context: _Context) -> Iterator[Finding]:
     if missing is not None:
         text = f"{missing.message}; {missing.hint}"
         yield context.finding(Severity.ERROR, missing.code, text, "robot")
-    if "geometry" in robot.doubts:
-        text = f"lengths of {robot.name} in doubt: {robot.doubts['geometry']}"
-        yield context.finding(Severity.WARNING, "CEL140", text, "robot")
-    elif (lengths := robot.origins.get("geometry")) and lengths.trust == "C":
-        text = f"the lengths of {robot.name} rest on one source alone: {lengths.source}"
-        yield context.finding(Severity.WARNING, "CEL141", text, "robot")
     origins = robot.origins
     assumed = [
         name
@@ -311,12 +299,6 @@ def _robot(context: _Context) -> Iterator[Finding]:
         named = ", ".join(words.get(name, name) for name in assumed if name != "q_max")
         text = f"numbers of the robot that no source gives, wholly or for some axes: {named}"
         yield context.finding(Severity.NOTE, "CEL117", text, "robot")
-    arm = context.kinematics.arm
-    if isinstance(robot.geometry, UrdfGeometry) and arm is not None:
-        against = [f"A{i + 1}" for i in np.flatnonzero(_against_kuka(arm.geometry))]
-        if against:
-            text = f"{', '.join(against)} of this URDF do not turn or count as on a KUKA controller"
-            yield context.finding(Severity.WARNING, "CEL143", text, "robot", "urdf")
     if robot.torque_max is not None:
         light = [t.name for t in context.cell.tools if t.com is None or not np.isfinite(t.mass)]
         text = f"times keep to the torques of the joints: {origins['torque_max'].source}"
@@ -328,12 +310,8 @@ def _robot(context: _Context) -> Iterator[Finding]:
         yield context.finding(Severity.NOTE, "CEL118", text, "robot", "urdf")
 
 
-def _against_kuka(geometry: OpwGeometry) -> BoolArray:
-    """Return (6,) whether an axis has another sense or zero than on every arm of KUKA."""
-    turned = np.asarray(geometry.signs) != np.array(KUKA_SIGNS)
-    offset = np.asarray(geometry.offsets) / DEG - np.array(KUKA_OFFSETS_DEG)
-    shifted = np.abs((offset + 180.0) % 360.0 - 180.0) > _SAME_ZERO_DEG
-    return np.asarray(turned | shifted)
+def _arm(context: _Context) -> Iterator[Finding]:
+    yield from arm_doubts(context.cell, context.kinematics, lambda: context.toml)
 
 
 def _emitter(context: _Context) -> Iterator[Finding]:
@@ -346,6 +324,7 @@ def _emitter(context: _Context) -> Iterator[Finding]:
 
 _CHECKS: tuple[Callable[[_Context], Iterator[Finding]], ...] = (
     _robot,
+    _arm,
     _outline,
     _tool,
     _axes,

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from postproc.backup import BackupComparison, Difference, cell_values, compare, read_backup
-from postproc.cell import Cell, cell_text, load_robot
-from postproc.errors import CellError, Finding, Severity, SourceRef
-from postproc.toml import load_toml
+from postproc.cell import Cell, cell_text, cell_toml, load_robot
+from postproc.errors import Finding, Severity, SourceRef
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +54,7 @@ def compare_backup(cell: Cell, path: str | Path) -> tuple[BackupComparison, tupl
         ReadError: BAK001 to BAK007 if the backup cannot be used.
     """
     comparison = compare(cell, read_backup(path))
-    toml = load_toml(cell.path, CellError, "CEL001")
+    toml = cell_toml(cell)
     findings = []
     for difference in comparison.differences:
         source = toml.source(_as_written(difference.at, toml.data))

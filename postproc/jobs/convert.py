@@ -18,6 +18,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell, shared_cell
 from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, read_back, with_emitter
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
+from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.trade import LOST, Outcome, outcomes
 from postproc.kinematics import build
@@ -146,6 +147,7 @@ def convert(
         model = load_model(request.model)
         cell = cell_with_model(cell, model)
     words = (
+        *warned_doubts(cell),
         *word_findings(words_settled(toolpath, cell)),
         *machining_findings(toolpath, cell),
         *unit_findings(toolpath, cell),

@@ -1,12 +1,10 @@
 """Runs program text on the robot model and compares it with the CAM file."""
 
 from postproc.verification.cam import Tolerances
-from postproc.verification.capacity import OF_CONTROLLER
 from postproc.verification.report import Expectation, Run, VerifyReport
 from postproc.verification.verify import verify
 
 __all__ = [
-    "OF_CONTROLLER",
     "Expectation",
     "Run",
     "Tolerances",

@@ -14,8 +14,6 @@ from postproc.paths import chains, motion_times
 from postproc.units import MEGABYTE, MM, MM_PER_MIN, MS
 from postproc.verification.report import Result
 
-OF_CONTROLLER = (RunKind.BLOCK_RATE, RunKind.LOOK_AHEAD, RunKind.MEMORY)
-"""Kinds of warnings that are about the controller, whatever the program is for."""
 _HELD = 0.98
 """A speed that is held up to this share is held."""
 

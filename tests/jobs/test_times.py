@@ -109,11 +109,12 @@ def test_torques_take_time_and_change_no_program(heavy):
 
 
 def test_an_arm_too_weak_for_its_own_weight_is_named(heavy):
-    _, ran, cell = heavy(NONE, f"torque_nm = {[0.3 * most for most in ENOUGH]}")
+    job, ran, cell = heavy(NONE, f"torque_nm = {[0.3 * most for most in ENOUGH]}")
     assert "CEL146" in {finding.code for finding in check_cell(cell).findings}
     [warning] = [warning for warning in ran.warnings if warning.code == "torque"]
     assert "A2 would need" in warning.message
     assert "to stand still" in warning.message
+    assert warning.message in {found.message for found in job.findings if found.code == "torque"}
 
 
 def test_a_force_on_the_tool_is_held_as_its_virtual_work_asks(heavy):

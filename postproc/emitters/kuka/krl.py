@@ -17,7 +17,7 @@ from postproc.kinematics import Kinematics, build
 from postproc.krl import Call, KrlModule, NameAllocator, Routine, lint, parse_files
 from postproc.model import MoveKind, Plan
 from postproc.paths import Displacement, Paths, joint_paths, run_in_cell
-from postproc.verification import OF_CONTROLLER, VerifyReport, verify
+from postproc.verification import VerifyReport, verify
 
 _KINDS = {MotionType.PTP: MoveKind.PTP, MotionType.CIRC: MoveKind.CIRC}
 _REAL = (RunKind.POSITION, RunKind.PATH, RunKind.DEPTH)
@@ -44,8 +44,7 @@ class KukaKrl(Emitter):
             displacement=against.displacement,
         )
         noticed = [i for i in lint(modules) if i.severity is not Severity.NOTE]
-        asked = [warning for warning in report.warnings if warning.code in OF_CONTROLLER]
-        findings = (*noticed, *asked, *_violations(report, against.displacement))
+        findings = (*noticed, *report.warnings, *_violations(report, against.displacement))
         return _read_back(report, findings)
 
     def paths(self, plan: Plan, cell: Cell, kinematics: Kinematics) -> Paths:
