@@ -12,12 +12,13 @@ Two statements are equal when they say the same: the source line does not count.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import TypeAlias
 
 from postproc.errors import Finding
 from postproc.krl.text.source import TextFacts
+from postproc.records import dataclass
 
 # --------------------------------------------------------------------------------------- values
 
@@ -146,25 +147,20 @@ class MoveWord(StrEnum):
     SCIRC_REL = "SCIRC_REL"
     SPL_REL = "SPL_REL"
 
-    @property
-    def is_spline(self) -> bool:
-        """Whether this is one of the newer motions, which do not blend with the classic ones."""
-        return self.startswith("S")
+    is_spline: bool
+    """Whether this is one of the newer motions, which do not blend with the classic ones."""
+    is_axis_motion: bool
+    """Whether the robot moves point to point, free of a path."""
+    is_circular: bool
+    """Whether the motion has an auxiliary point."""
+    is_relative: bool
+    """Whether the target is a shift from where the robot is."""
 
-    @property
-    def is_axis_motion(self) -> bool:
-        """Whether the robot moves point to point, free of a path."""
-        return "PTP" in self
-
-    @property
-    def is_circular(self) -> bool:
-        """Whether the motion has an auxiliary point."""
-        return "CIRC" in self
-
-    @property
-    def is_relative(self) -> bool:
-        """Whether the target is a shift from where the robot is."""
-        return self.endswith("_REL")
+    def __init__(self, word: str) -> None:
+        self.is_spline = word.startswith("S")
+        self.is_axis_motion = "PTP" in word
+        self.is_circular = "CIRC" in word
+        self.is_relative = word.endswith("_REL")
 
 
 @dataclass(frozen=True, slots=True)
