@@ -15,9 +15,7 @@ from postproc.krl.rules.subject import (
     Part,
     Step,
     Subject,
-    bas,
     key_of,
-    number,
     position_of,
 )
 from postproc.krl.text import (
@@ -29,7 +27,6 @@ from postproc.krl.text import (
     Move,
     Pose,
     Statement,
-    Value,
     WaitFor,
     WaitSec,
 )
@@ -47,12 +44,12 @@ _WRITES = ("$OUT[", "$ANOUT[")
 def blending(subject: Subject) -> None:
     """Row 18: kinds of blending, last motion, plunges, waits, borders."""
     for part in subject.parts:
-        for step in part.steps:
-            if step.move.blend:
-                _kind(subject, part, step)
+        blended = [place for place, words in enumerate(part.blends) if words]
+        for place in blended:
+            _kind(subject, part, part.steps[place])
         _plunges(subject, part)
-        for place, step in enumerate(part.steps):
-            if step.move.blend and step.index not in part.in_block:
+        for place in blended:
+            if part.steps[place].index not in part.in_block:
                 _behind(subject, part, place)
     _last_motions(subject)
 
@@ -117,7 +114,7 @@ def _plunges(subject: Subject, part: Part) -> None:
     way = np.diff(part.positions, axis=0)
     begin, end = _headings(part, way)
     turns = np.flatnonzero(np.einsum("ij,ij->i", end[:-1], begin[1:]) < _REVERSAL) + 1
-    speeds = _speeds(part) if len(turns) else []
+    speeds = part.path_speeds if len(turns) else []
     for place in turns.tolist():
         bottom, before = part.steps[place], part.steps[place - 1]
         path = part.is_path[place] and part.is_path[place + 1]
@@ -126,8 +123,7 @@ def _plunges(subject: Subject, part: Part) -> None:
         if bottom.move.blend:
             message = "blended where the tool turns back at feed: the depth is not reached"
             subject.add(18, ERROR, part.path, bottom.move.line, message)
-        down = _is_along_tool(bottom, way[place - 1])
-        if before.move.blend and down and _sets_feed(part, place):
+        if before.move.blend and _is_along_tool(bottom, way[place - 1]) and _sets_feed(part, place):
             message = "blended before a plunge: the tool goes down beside the hole"
             subject.add(18, ERROR, part.path, before.move.line, message)
 
@@ -193,27 +189,6 @@ def _sets_feed(part: Part, place: int) -> bool:
     return any(isinstance(s, Assign) and s.target == "$VEL.CP" for s in before)
 
 
-def _speeds(part: Part) -> list[float]:
-    """Return $VEL.CP [m/s] in force at each motion, NaN where the text does not tell."""
-    current, found = float("nan"), []
-    for statement in part.routine.statements:
-        if isinstance(statement, Move):
-            own = [s.value for s in statement.settings if s.target == "$VEL.CP"]
-            found.append(_known(own[0]) if own else current)
-        elif isinstance(statement, Assign) and statement.target == "$VEL.CP":
-            current = _known(statement.value)
-        elif isinstance(statement, Call):
-            command, argument = bas(statement)
-            if command in ("CP_PARAMS", "VEL_CP", "INITMOV"):
-                current = float("nan") if command == "INITMOV" else _known(argument)
-    return found
-
-
-def _known(value: Value | None) -> float:
-    found = number(value)
-    return float("nan") if found is None else found
-
-
 def _last_motions(subject: Subject) -> None:
     for module, routine in subject.entries():
         last: tuple[str, Move] | None = None
@@ -234,13 +209,12 @@ def advance_stops(subject: Subject) -> None:
     Checked between two path motions where the first is blended or made at feed.
     """
     for part in subject.parts:
-        speeds = _speeds(part)
-        for place in range(1, len(part.steps)):
-            if part.is_path[place] and part.is_path[place - 1]:
-                before = part.steps[place - 1]
-                between = part.between(before, part.steps[place])
-                if between and (before.move.blend or speeds[place - 1] <= FEED):
-                    _stops(subject, part, between)
+        speeds = part.path_speeds
+        for place in (np.flatnonzero(part.is_path[1:] & part.is_path[:-1]) + 1).tolist():
+            before = part.steps[place - 1]
+            between = part.between(before, part.steps[place])
+            if between and (before.move.blend or speeds[place - 1] <= FEED):
+                _stops(subject, part, between)
 
 
 def _stops(subject: Subject, part: Part, between: Sequence[Statement]) -> None:

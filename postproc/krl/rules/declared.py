@@ -13,6 +13,7 @@ from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
 from postproc.krl.text import (
     Aggregate,
     Assign,
+    Axes,
     Call,
     Control,
     Declaration,
@@ -22,6 +23,7 @@ from postproc.krl.text import (
     KrlModule,
     KrlSyntaxError,
     Move,
+    Pose,
     Raw,
     Routine,
     SplineBegin,
@@ -35,6 +37,8 @@ from postproc.krl.text import (
 )
 
 _SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
+_NAMELESS = frozenset({float, int, bool, Pose, Axes, type(None)})
+"""Values without a name in them."""
 _FORM_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
 _DEFINES = re.compile(
@@ -272,22 +276,29 @@ def _unused_points(subject: Subject, module: KrlModule, used: set[str]) -> None:
 
 
 def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
-    """Yield (name in upper case, whether it is called, line) of everything that is used."""
+    """Yield (name in upper case, whether it is called, line) of everything that is used.
+
+    What a text uses is said where it stands first.
+    """
+    said: set[str] = set()
     for statement in statements:
         kind = type(statement)
         if kind is Move:
             values: Iterable[Value | None] = _move_values(statement)  # type: ignore[arg-type]
         else:
             values, texts = _values_of(statement)
-            if isinstance(statement, Call):
-                yield statement.name.upper(), True, statement.line
+            if kind is Call:
+                yield statement.name.upper(), True, statement.line  # type: ignore[attr-defined]
             for text in texts:
-                yield from _names_of_text(text, statement.line)
+                if text not in said:
+                    said.add(text)
+                    yield from _names_of_text(text, statement.line)
             if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
                 for name, is_call, _ in _uses((statement.action,)):
                     yield name, is_call, statement.line
         for value in values:
-            yield from _names_of_value(value, statement.line)
+            if type(value) not in _NAMELESS:
+                yield from _names_of_value(value, statement.line)
 
 
 def _move_values(statement: Move) -> tuple[Value | None, ...]:

@@ -29,7 +29,7 @@ def initialised(subject: Subject) -> None:
 
 
 def _ini_places(subject: Subject, part: Part) -> None:
-    lines = [s.line for s in part.routine.statements if bas(s)[0] == "INITMOV"]
+    lines = [call.line for call in part.of(Call) if bas(call)[0] == "INITMOV"]
     for line in lines[1:]:
         subject.add(9, ERROR, part.path, line, f"INI stands twice in {part.routine.name}")
     if lines and part.key in subject.called_routines:
@@ -113,7 +113,7 @@ def frame_numbers(subject: Subject) -> None:
     """Row 10: tool and base exist on the controller; a form's FDAT agrees with them."""
     for part in subject.parts:
         active: dict[str, float] = {}
-        for statement in part.routine.statements:
+        for statement in part.of_kinds(Assign, Call):
             command, argument = bas(statement)
             if command in ("TOOL", "BASE"):
                 value = number(argument)
@@ -188,7 +188,7 @@ def first_motions(subject: Subject) -> None:
         fresh, why = True, "the first motion of the program"
         if is_called:
             why = f"the first motion of {part.routine.name}"
-        for statement in part.routine.statements:
+        for statement in part.of_kinds(Call, Move):
             if isinstance(statement, Call):
                 target = subject.called(statement.name, part.module)
                 if target is not None and key_of(*target) in subject.moving:

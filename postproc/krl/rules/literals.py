@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
-from functools import lru_cache
+
+import numpy as np
 
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
 from postproc.krl.text import (
     LONG_LINE,
     Aggregate,
-    Assign,
     Axes,
-    Call,
     Comment,
-    Declaration,
     Expr,
     FoldBegin,
     KrlModule,
@@ -23,7 +21,6 @@ from postproc.krl.text import (
     Pose,
     Statement,
     TextFacts,
-    Value,
     components,
 )
 
@@ -69,50 +66,17 @@ LONGEST_SEEN = 431
 
 def literals(subject: Subject) -> None:
     """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
-    for module in subject.modules:
-        for path, statement in all_statements(module):
-            for value, type_name in _values(statement):
-                kind = type(value)
-                if kind is Aggregate:
-                    _aggregate(subject, path, statement.line, value, type_name)  # type: ignore[arg-type]
-                elif kind is Pose or kind is Axes:
-                    _sizes(subject, path, statement.line, value)  # type: ignore[arg-type]
-                elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
-                    subject.add(7, ERROR, path, statement.line, f"{value.text} is no number")  # type: ignore[union-attr]
-
-
-def _values(statement: Statement) -> Iterator[tuple[Value, str]]:
-    """Yield the values of a statement with the type they must have, empty where any will do."""
-    kind = type(statement)
-    if kind is Move:
-        yield from _move_values(statement)  # type: ignore[arg-type]
-    elif isinstance(statement, Declaration):
-        for variable in statement.variables:
-            if variable.value is not None:
-                yield variable.value, statement.type_name.upper()
-    elif isinstance(statement, Assign):
-        yield statement.value, _type_of_target(statement.target)
-    elif isinstance(statement, Call):
-        yield from ((value, "") for value in statement.arguments if value is not None)
-
-
-def _move_values(statement: Move) -> Iterator[tuple[Value, str]]:
-    yield statement.target, "?"
-    if statement.auxiliary is not None:
-        yield statement.auxiliary, "FRAME"
-    for setting in statement.settings:
-        yield setting.value, ""
-
-
-@lru_cache(maxsize=1024)
-def _type_of_target(target: str) -> str:
-    upper = target.upper()
-    for name in ("FDAT", "PDAT", "LDAT", "LOAD"):
-        if upper.startswith((f"{name}_ACT", f"{name}_DATA[", f"${name}")) and "." not in upper:
-            return name
-    if upper in ("$TOOL", "$BASE"):
-        return "FRAME"
-    return upper if upper.startswith("$") else ""
+    points = subject.points
+    large = (np.abs(points.numbers) > _LARGEST).any(axis=1)
+    looked_at = set(points.place[large | points.more].tolist())
+    for place, (path, line, value, type_name) in enumerate(subject.written):
+        kind = type(value)
+        if kind is Aggregate:
+            _aggregate(subject, path, line, value, type_name)  # type: ignore[arg-type]
+        elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
+            subject.add(7, ERROR, path, line, f"{value.text} is no number")  # type: ignore[union-attr]
+        elif place in looked_at:
+            _sizes(subject, path, line, value)  # type: ignore[arg-type]
 
 
 def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
@@ -167,15 +131,12 @@ def _sizes(subject: Subject, path: str, line: int, value: Pose | Axes) -> None:
 def text(subject: Subject) -> None:
     """Row 8: ASCII, CR LF, no byte order mark, a final newline, lines and files not too long."""
     for module in subject.modules:
-        moves = [s for r in module.routines for s in r.statements if isinstance(s, Move)]
+        parts = [part for part in subject.parts if part.module is module]
+        moves = [move for part in parts for move in part.of(Move)]
         # Parameters and code of a form of KSS 8.6 are long lines on real controllers, too.
         forms = {move.line for move in moves if move.settings}
-        for routine in module.routines:
-            forms |= {
-                s.line
-                for s in routine.statements
-                if isinstance(s, Comment) and s.text.startswith("Params ")
-            }
+        for part in parts:
+            forms |= {s.line for s in part.of(Comment) if s.text.startswith("Params ")}
         for facts in (module.src_facts, module.dat_facts):
             if facts is not None:
                 _facts(subject, facts, forms if facts is module.src_facts else set())
@@ -211,27 +172,31 @@ def _facts(subject: Subject, facts: TextFacts, forms: set[int]) -> None:
 
 def traces(subject: Subject) -> None:
     """Row 26: no date or time in the text and no -0: two runs must give the same bytes."""
-    for module in subject.modules:
-        for path, statement in all_statements(module):
-            if isinstance(statement, Comment | FoldBegin):
-                found = _STAMP.search(statement.text)
-            else:
-                found = _STAMP.search(statement.comment) if statement.comment else None
-            if found:
-                message = f"a date or time in the text: {found.group()}"
-                subject.add(26, WARNING, path, statement.line, message)
-            for value, _ in _values(statement):
-                if isinstance(value, Pose | Axes) and _has_minus_zero(value):
-                    subject.add(26, WARNING, path, statement.line, "a number reads -0")
-        _attribute_stamps(subject, module)
+    found = [item for module in subject.modules for item in _stamps(module)]
+    points = subject.points
+    zero = ((points.numbers == 0.0) & np.signbit(points.numbers)).any(axis=1)
+    for path, line, point in subject.points_at(zero | points.more):
+        if _has_minus_zero(point):
+            found.append((path, line, "a number reads -0"))
+    for path, line, message in sorted(found):
+        subject.add(26, WARNING, path, line, message)
 
 
-def _attribute_stamps(subject: Subject, module: KrlModule) -> None:
-    for number, attribute in enumerate(module.attributes, 1):
-        found = _STAMP.search(attribute)
+def _stamps(module: KrlModule) -> Iterator[tuple[str, int, str]]:
+    """Yield file, line and message of every date or time."""
+    texts = [(path, s.line, _said(s)) for path, s in all_statements(module)]
+    texts += [(module.src_path, line, text) for line, text in enumerate(module.attributes, 1)]
+    if not _STAMP.search("\n".join(text for _, _, text in texts)):
+        return
+    for path, line, text in texts:
+        found = _STAMP.search(text)
         if found:
-            message = f"a date or time in the text: {found.group()}"
-            subject.add(26, WARNING, module.src_path, number, message)
+            yield path, line, f"a date or time in the text: {found.group()}"
+
+
+def _said(statement: Statement) -> str:
+    """Return what a line says to people."""
+    return statement.text if isinstance(statement, Comment | FoldBegin) else statement.comment
 
 
 def _has_minus_zero(value: Pose | Axes) -> bool:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from postproc.krl.rules.blending import FEED
 from postproc.krl.rules.subject import WARNING, Part, Subject, key_of, number
@@ -53,7 +55,9 @@ def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
     state = _Spindle()
     for here, statement in subject.walk(module, routine):
         place, name = (here.src_path, statement.line), _called(statement)
-        if _ON.search(name):
+        if not name:
+            _follow(state, statement, place)
+        elif _ON.search(name):
             if state.cut is not None:
                 message = "a cut at feed speed while the spindle stands"
                 subject.add(21, WARNING, *state.cut, message)
@@ -64,8 +68,6 @@ def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
                 subject.add(21, WARNING, *place, message)
             state.may_leave = state.on is not None
             state.on, state.used, state.cut = None, True, None
-        else:
-            _follow(state, statement, place)
     if state.on is not None:
         message = "the spindle is switched on and never off"
         subject.add(21, WARNING, *state.on, message, hint="call what stops it at the end")
@@ -95,13 +97,12 @@ def triggers(subject: Subject) -> None:
     """Row 22: a trigger belongs to the motion behind it; interrupt numbers are not shared."""
     for part in subject.parts:
         statements = part.routine.statements
-        for index, statement in enumerate(statements):
-            if isinstance(statement, Trigger):
-                _trigger(subject, part, statement, statements[index + 1 :])
+        for index in part.places(Trigger):
+            _trigger(subject, part, statements[index], islice(statements, index + 1, None))  # type: ignore[arg-type]
         _interrupts(subject, part)
 
 
-def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: tuple[Statement, ...]) -> None:
+def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[Statement]) -> None:
     stop = next((s for s in behind if _ends_search(subject, part, s)), None)
     following = stop if isinstance(stop, Move) else None
     line = trigger.line
@@ -127,8 +128,8 @@ def _ends_search(subject: Subject, part: Part, statement: Statement) -> bool:
 
 def _interrupts(subject: Subject, part: Part) -> None:
     seen: dict[float, int] = {}
-    for statement in part.routine.statements:
-        if not isinstance(statement, Interrupt) or statement.word != "DECL":
+    for statement in part.of(Interrupt):
+        if statement.word != "DECL":
             continue
         value = number(statement.number)
         if value is None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, known_number, number
 from postproc.krl.text import (
     Aggregate,
     Assign,
@@ -27,12 +27,13 @@ _ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")
 def speeds(subject: Subject) -> None:
     """Rows 15 to 17: all settings that stand in the text."""
     for part in subject.parts:
-        for statement in part.routine.statements:
+        for statement in part.of_kinds(Assign, Call, Move, SplineBegin):
+            if type(statement) is Move and not statement.settings:
+                continue
             for line, name, value in _settings(statement):
                 _setting(subject, part.path, line, name, value)
-            command, argument = bas(statement)
-            if command:
-                _bas(subject, part.path, statement, command, argument)
+            if type(statement) is Call:
+                _bas(subject, part.path, statement)
         _blend_lengths(subject, part)
         _without_advance(subject, part)
     for module in subject.modules:
@@ -41,33 +42,32 @@ def speeds(subject: Subject) -> None:
                 _motion_data(subject, module.dat_path, statement)
 
 
-def _settings(statement: Statement) -> Iterator[tuple[int, str, Value]]:
-    """Yield (line, variable, value) of everything a statement sets."""
+def _settings(statement: Statement) -> Sequence[tuple[int, str, Value]]:
+    """Return (line, variable, value) of everything a statement sets."""
     kind = type(statement)
     if kind is Assign:
-        assigned: tuple[Assign, ...] = (statement,)  # type: ignore[assignment]
-    elif isinstance(statement, Move | SplineBegin):
-        assigned = statement.settings
-    else:
-        return
-    for item in assigned:
-        name = item.target.upper()
-        if isinstance(item.value, Aggregate) and name in ("$VEL", "$ACC", "$APO"):
-            for component, value in item.value.fields:
-                yield statement.line, f"{name}.{component.upper()}", value
-        else:
-            yield statement.line, name, item.value
+        return _set(statement.line, statement)  # type: ignore[arg-type]
+    if kind is Move or kind is SplineBegin:
+        items = statement.settings  # type: ignore[attr-defined]
+        return [found for item in items for found in _set(statement.line, item)]
+    return ()
+
+
+def _set(line: int, item: Assign) -> Sequence[tuple[int, str, Value]]:
+    name, value = item.target.upper(), item.value
+    if isinstance(value, Aggregate) and name in ("$VEL", "$ACC", "$APO"):
+        return [(line, f"{name}.{key.upper()}", component) for key, component in value.fields]
+    return ((line, name, value),)
 
 
 def _setting(subject: Subject, path: str, line: int, name: str, value: Value) -> None:
-    indexed = _INDEXED.match(name)
-    if indexed:
-        _axis(subject, path, line, name, int(indexed.group(3)), number(value))
-        return
     found = number(value)
-    if found is None:
+    indexed = _INDEXED.match(name) if name.endswith("]") else None
+    if indexed:
+        _axis(subject, path, line, name, int(indexed.group(3)), found)
+    elif found is None:
         return
-    if name == "$VEL.CP":
+    elif name == "$VEL.CP":
         _path_speed(subject, path, line, found, by_bas=False)
     elif name in _ORIENTATION:
         most = subject.options.orientation_speed_max
@@ -119,17 +119,16 @@ def _axis(
         subject.add(16, ERROR, path, line, message)
 
 
-def _bas(
-    subject: Subject, path: str, statement: Statement, command: str, argument: Value | None
-) -> None:
+def _bas(subject: Subject, path: str, call: Call) -> None:
+    command, argument = bas(call)
     value = number(argument)
     if value is None:
         return
     if command in ("VEL_CP", "CP_PARAMS"):
-        _path_speed(subject, path, statement.line, value, by_bas=True)
+        _path_speed(subject, path, call.line, value, by_bas=True)
     elif command in ("VEL_PTP", "PTP_PARAMS", "ACC_PTP", "ACC_CP") and not 0.0 < value <= 100.0:
         message = f"BAS(#{command},{value:g}): percent, expected above 0 and at most 100"
-        subject.add(16, ERROR, path, statement.line, message)
+        subject.add(16, ERROR, path, call.line, message)
 
 
 def _motion_data(subject: Subject, path: str, statement: Declaration) -> None:
@@ -161,7 +160,7 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
     length = np.linalg.norm(np.diff(part.positions, axis=0), axis=1)
     short = 0.5 * np.fmin(length[:-1], length[1:])
     distance = np.array(_distances(part))[1:-1]
-    blended = np.array([bool({"C_DIS", "C_SPL"} & set(s.move.blend)) for s in part.steps])[1:-1]
+    blended = np.array(["C_DIS" in b or "C_SPL" in b for b in part.blends])[1:-1]
     known = np.isfinite(length[:-1]) & np.isfinite(length[1:]) & part.is_path[1:-1]
     cut = known & part.is_path[2:] & blended & (distance > short * (1.0 + 1e-6) + 1e-6)
     rows = np.flatnonzero(cut)
@@ -177,16 +176,15 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
 def _distances(part: Part) -> list[float]:
     """Return $APO.CDIS [mm] in force at each motion, NaN where it is not known."""
     current, found = float("nan"), []
-    for statement in part.routine.statements:
+    for statement in part.of_kinds(Move, Assign, Call):
         kind = type(statement)
         if kind is Move:
             found.append(current)
         elif kind is Assign:
-            for _, name, value in _settings(statement):
-                if name == "$APO.CDIS":
-                    known = number(value)
-                    current = float("nan") if known is None else known
-        elif kind is Call:
+            if statement.target.upper().startswith("$APO"):  # type: ignore[attr-defined]
+                for _, name, value in _settings(statement):
+                    current = known_number(value) if name == "$APO.CDIS" else current
+        else:
             command, _ = bas(statement)
             if command == "INITMOV" or command.endswith(("PARAMS", "_DAT")):
                 current = float("nan")
@@ -196,7 +194,10 @@ def _distances(part: Part) -> list[float]:
 def _without_advance(subject: Subject, part: Part) -> None:
     """Row 17: with $ADVANCE 0 nothing is blended."""
     advance: float | None = None
-    for statement in part.routine.statements:
+    settings = [item for item in part.of(Assign) if item.target == "$ADVANCE"]
+    if not settings:
+        return
+    for statement in part.of_kinds(Assign, Move):
         if isinstance(statement, Assign) and statement.target == "$ADVANCE":
             advance = number(statement.value)
         elif isinstance(statement, Move) and statement.blend and advance == 0:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, all_statements
-from postproc.krl.rules.values import poses_of
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject
 from postproc.krl.text import Axes, Pose
 
 _TURNS_OF_ROBOT = 1 << 6
@@ -12,10 +11,9 @@ _TURNS = 1 << 12
 
 def status_and_turn(subject: Subject) -> None:
     """Row 12: S and T are possible and agree about A5; S stays the same on a path."""
-    for module in subject.modules:
-        for path, statement in all_statements(module):
-            for pose in poses_of(statement):
-                _one(subject, path, statement.line, pose)
+    for path, line, point in subject.points_at(subject.points.more):
+        if isinstance(point, Pose):
+            _one(subject, path, line, point)
     for part in subject.parts:
         _chain(subject, part)
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from itertools import chain
+from typing import TypeVar
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Finding, Severity, SourceRef
+from postproc.krl.rules.values import Points, Written, points_among, written_in
 from postproc.krl.text import (
+    Assign,
     Axes,
     Call,
     Declaration,
@@ -28,11 +32,13 @@ from postproc.krl.text import (
     Trigger,
     Value,
 )
+from postproc.records import dataclass
 
 ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
 """Rows that programs of ours keep and a controller does not ask for: of its own modules they are
 worth a look at most."""
+_S = TypeVar("_S", bound=Statement)
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -113,25 +119,69 @@ class Part:
     """Motions in the order of the text."""
     in_block: frozenset[int] = field(init=False)
     """Statement indices of motions within a spline block."""
+    _places: dict[type, list[int]] = field(init=False)
+    """Statement indices of each kind."""
     _positions: FloatArray | None = field(init=False, default=None)
     _is_path: BoolArray | None = field(init=False, default=None)
+    _path_speeds: list[float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        """Find the motions."""
-        steps, block, inside = [], set(), False
+        """Sort the statements by kind, and find the motions."""
+        statements, point = self.routine.statements, self.subject.point
+        self._places = defaultdict(list)
+        for index, kind in enumerate(map(type, statements)):
+            self._places[kind].append(index)
+        self.steps = tuple(
+            Step(index, move, point(move.target, self.module))
+            for index, move in zip(self._places[Move], self.of(Move), strict=True)
+        )
+        self.in_block = frozenset(self._within_blocks())
+
+    def _within_blocks(self) -> Iterator[int]:
+        if not self._places[SplineBegin]:
+            return
+        inside = False
         for index, statement in enumerate(self.routine.statements):
             kind = type(statement)
-            if kind is Move:
-                target = self.subject.point(statement.target, self.module)  # type: ignore[attr-defined]
-                steps.append(Step(index, statement, target))  # type: ignore[arg-type]
-                if inside:
-                    block.add(index)
-            elif kind is SplineBegin:
-                inside = True
-            elif kind is SplineEnd:
-                inside = False
-        self.steps = tuple(steps)
-        self.in_block = frozenset(block)
+            if kind is Move and inside:
+                yield index
+            elif kind is SplineBegin or kind is SplineEnd:
+                inside = kind is SplineBegin
+
+    def places(self, *kinds: type[Statement]) -> list[int]:
+        """Return the indices of all statements of some kinds, in the order of the text."""
+        return sorted(chain.from_iterable(self._places.get(kind, ()) for kind in kinds))
+
+    def of(self, kind: type[_S]) -> list[_S]:
+        """Return all statements of a kind, in the order of the text."""
+        statements = self.routine.statements
+        return [statements[index] for index in self._places.get(kind, ())]  # type: ignore[misc]
+
+    def of_kinds(self, *kinds: type[Statement]) -> list[Statement]:
+        """Return all statements of some kinds, in the order of the text."""
+        statements = self.routine.statements
+        return [statements[index] for index in self.places(*kinds)]
+
+    @property
+    def path_speeds(self) -> list[float]:
+        """$VEL.CP [m/s] in force at each motion, NaN where the text does not tell."""
+        if self._path_speeds is None:
+            self._path_speeds = _path_speeds(self)
+        return self._path_speeds
+
+    @property
+    def calls(self) -> Iterator[Call]:
+        """All calls, those of triggers and interrupts included."""
+        for statement in self.of_kinds(Call, Trigger, Interrupt):
+            if isinstance(statement, Call):
+                yield statement
+            elif isinstance(statement, Trigger | Interrupt) and isinstance(statement.action, Call):
+                yield statement.action
+
+    @property
+    def blends(self) -> list[tuple[str, ...]]:
+        """How each motion is approximated, as its words say."""
+        return [step.move.blend for step in self.steps]
 
     @property
     def positions(self) -> FloatArray:
@@ -148,7 +198,7 @@ class Part:
     def is_path(self) -> BoolArray:
         """(k,) motions along a path of the TCP."""
         if self._is_path is None:
-            self._is_path = np.array([not s.move.word.is_axis_motion for s in self.steps])
+            self._is_path = np.array([not s.move.word.is_axis_motion for s in self.steps], bool)
         return self._is_path
 
     def between(self, first: Step, second: Step) -> Sequence[Statement]:
@@ -245,8 +295,28 @@ class Subject:
 
     def point(self, value: Value | None, module: KrlModule) -> Pose | Axes | None:
         """Return the pose or the joint angles that a target stands for; None if not known."""
-        found = value if type(value) is Pose else self.value(value, module)
+        kind = type(value)
+        if kind is Pose or kind is Axes:
+            return value  # type: ignore[return-value]
+        found = self.value(value, module)
         return found if isinstance(found, Pose | Axes) else None
+
+    @cached_property
+    def written(self) -> tuple[Written, ...]:
+        """All values that stand in the text and are no plain numbers."""
+        return tuple(written_in(chain.from_iterable(map(all_statements, self.modules))))
+
+    @cached_property
+    def points(self) -> Points:
+        """All points that stand in the text."""
+        return points_among(self.written)
+
+    def points_at(self, chosen: BoolArray) -> Iterator[tuple[str, int, Pose | Axes]]:
+        """Yield file, line and value of the chosen ``points`` (n,), in their order."""
+        for place in self.points.place[chosen].tolist():
+            path, line, value, _ = self.written[place]
+            if isinstance(value, Pose | Axes):
+                yield path, line, value
 
     # -------------------------------------------------------------------------------------- calls
 
@@ -272,7 +342,7 @@ class Subject:
         """All routines that something here calls."""
         found = set()
         for part in self.parts:
-            for call in calls_of(part.routine):
+            for call in part.calls:
                 target = self.called(call.name, part.module)
                 if target is not None and target[1] is not part.routine:
                     found.add(key_of(*target))
@@ -290,7 +360,7 @@ class Subject:
                 and any(
                     (target := self.called(call.name, part.module)) is not None
                     and key_of(*target) in moving
-                    for call in calls_of(part.routine)
+                    for call in part.calls
                 )
             }
             if not more:
@@ -325,15 +395,6 @@ class Subject:
 Rule = Callable[[Subject], None]
 
 
-def calls_of(routine: Routine) -> Iterator[Call]:
-    """Yield all calls of a routine, those of triggers and interrupts included."""
-    for statement in routine.statements:
-        if isinstance(statement, Call):
-            yield statement
-        elif isinstance(statement, Trigger | Interrupt) and isinstance(statement.action, Call):
-            yield statement.action
-
-
 def bas(statement: Statement) -> tuple[str, Value | None]:
     """Return command and argument of a BAS call, ("", None) for any other statement."""
     if not isinstance(statement, Call) or statement.name.upper() != "BAS":
@@ -349,6 +410,28 @@ def number(value: Value | None) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     return float(value)
+
+
+def known_number(value: Value | None) -> float:
+    """Return a literal number, NaN for anything else."""
+    found = number(value)
+    return float("nan") if found is None else found
+
+
+def _path_speeds(part: Part) -> list[float]:
+    current, found = float("nan"), []
+    for statement in part.of_kinds(Move, Assign, Call):
+        if isinstance(statement, Move):
+            own = [s.value for s in statement.settings if s.target == "$VEL.CP"]
+            found.append(known_number(own[0]) if own else current)
+        elif isinstance(statement, Assign):
+            if statement.target == "$VEL.CP":
+                current = known_number(statement.value)
+        else:
+            command, argument = bas(statement)
+            if command in ("CP_PARAMS", "VEL_CP", "INITMOV"):
+                current = float("nan") if command == "INITMOV" else known_number(argument)
+    return found
 
 
 def all_statements(module: KrlModule) -> Iterator[tuple[str, Statement]]:

@@ -1,25 +1,96 @@
-"""Literals in statements, for the checks of every point."""
+"""The values that stand in the text, for the checks of every literal."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+from operator import attrgetter
+from typing import Any, TypeAlias
 
-from postproc.krl.text import Assign, Declaration, Move, Pose, Statement
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.krl.text import Assign, Axes, Call, Declaration, Move, Pose, Statement, Value
+from postproc.records import dataclass
+
+_PLAIN = frozenset({float, int, bool})
 
 
-def poses_of(statement: Statement) -> Iterator[Pose]:
-    """Yield the pose literals of a motion, an assignment or a declaration."""
-    kind = type(statement)
-    if kind is Move:
-        target = statement.target  # type: ignore[attr-defined]
-        if type(target) is Pose:
-            yield target
-        auxiliary = statement.auxiliary  # type: ignore[attr-defined]
-        if type(auxiliary) is Pose:
-            yield auxiliary
-    elif isinstance(statement, Declaration):
-        for variable in statement.variables:
-            if isinstance(variable.value, Pose):
-                yield variable.value
-    elif isinstance(statement, Assign) and isinstance(statement.value, Pose):
-        yield statement.value
+Written: TypeAlias = tuple[str, int, Value, str]
+"""File, line, value and the type that it must have, empty where any will do."""
+_SIX = {
+    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
+    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """Poses and axes among values.
+
+    ``place`` (n,): which of the values; ``numbers`` (n, 6): X to C or A1 to A6 [mm, deg], NaN where
+    one is not written; ``more`` (n,): whether there is more to it: status, turn, external axes.
+    """
+
+    place: IndexArray
+    numbers: FloatArray
+    more: BoolArray
+
+
+def points_among(written: Sequence[Written]) -> Points:
+    """Return the points among values."""
+    place = [row for row, (_, _, value, _) in enumerate(written) if type(value) in _SIX]
+    points: list[Any] = [written[row][2] for row in place]
+    return Points(
+        np.array(place, dtype=np.int64),
+        np.array([_SIX[type(p)](p) for p in points], dtype=np.float64).reshape(-1, 6),
+        np.array([_is_more(point) for point in points], dtype=np.bool_),
+    )
+
+
+def _is_more(value: Pose | Axes) -> bool:
+    if value.external:
+        return True
+    return type(value) is Pose and (value.status is not None or value.turn is not None)
+
+
+def written_in(statements: Iterable[tuple[str, Statement]]) -> list[Written]:
+    """Return the values of statements, each with its file, but plain numbers of assignments."""
+    found: list[Written] = []
+    for path, statement in statements:
+        kind, line = type(statement), statement.line
+        if kind is Move:
+            found += _of_move(path, statement)  # type: ignore[arg-type]
+        elif kind is Assign:
+            value = statement.value  # type: ignore[attr-defined]
+            if type(value) not in _PLAIN:
+                found.append((path, line, value, type_of(statement.target)))  # type: ignore[attr-defined]
+        elif isinstance(statement, Declaration):
+            name = statement.type_name.upper()
+            found += [
+                (path, line, v.value, name) for v in statement.variables if v.value is not None
+            ]
+        elif isinstance(statement, Call):
+            found += [(path, line, value, "") for value in statement.arguments if value is not None]
+    return found
+
+
+def _of_move(path: str, move: Move) -> Sequence[Written]:
+    target: Written = path, move.line, move.target, "?"
+    if move.auxiliary is None and not move.settings:
+        return (target,)
+    auxiliary = () if move.auxiliary is None else ((path, move.line, move.auxiliary, "FRAME"),)
+    settings = [(path, move.line, setting.value, "") for setting in move.settings]
+    return (target, *auxiliary, *settings)
+
+
+@lru_cache(maxsize=1024)
+def type_of(target: str) -> str:
+    """Return the type that a value must have which is assigned to a target."""
+    upper = target.upper()
+    for name in ("FDAT", "PDAT", "LDAT", "LOAD"):
+        if upper.startswith((f"{name}_ACT", f"{name}_DATA[", f"${name}")) and "." not in upper:
+            return name
+    if upper in ("$TOOL", "$BASE"):
+        return "FRAME"
+    return upper if upper.startswith("$") else ""
