@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.planning.search.free_path import free_path
-from postproc.planning.states.ladder import NONE, Ladder
+from postproc.planning.states import NONE, Ladder
 from tests.planning.test_ladder import random_ladder
 
 

@@ -8,8 +8,8 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from postproc.planning.states import NONE, Ladder, Rule
 from postproc.planning.states import ladder as ladder_module
-from postproc.planning.states.ladder import NONE, Ladder, Rule
 
 
 def random_ladder(rng, rungs, most, dead=0.15, chain=0.5, least=1, width=2.5):

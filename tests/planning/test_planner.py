@@ -363,10 +363,10 @@ def test_planning_never_opens_a_socket(make_cell, make_path, monkeypatch):
 def test_every_option_changes_the_plan(make_cell, make_path, table, key, value):
     toolpath = options_path(make_path)
     name = "options" if table == "optimize" else table
-    beside = {"chord_mm": {"arcs": "lin"}, "turns": {"objective": {"travel": 1.0}}}
-    merged = beside.get(key, {})
-    plain = plan(toolpath, make_cell(**{name: merged}))
-    changed = plan(toolpath, make_cell(**{name: merged | {key: value}}))
+    merged = {"arcs": "lin"} if key == "chord_mm" else {}
+    wound = {"motion": {"home_deg": [0, -90, 90, 0, 0, 340]}} if key == "turns" else {}
+    plain = plan(toolpath, make_cell(**{name: merged}, **wound))
+    changed = plan(toolpath, make_cell(**{name: merged | {key: value}}, **wound))
     assert differ(plain, changed)
 
 

@@ -3,7 +3,8 @@
 from postproc.planning.states.candidates import States, context_of, evaluate, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
 from postproc.planning.states.given import strokes_into, take_joints
-from postproc.planning.states.ladder import NONE, Joined, Ladder, Rule
+from postproc.planning.states.graph import NONE, Joined, Rule
+from postproc.planning.states.ladder import Ladder
 from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
 from postproc.planning.states.place import (

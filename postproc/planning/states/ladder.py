@@ -1,141 +1,56 @@
-"""The ladder graph: one rung of states per tag, the cheapest way from the first rung to the last.
+"""The ladder: the cheapest way from the first rung of a graph to the last.
 
-Nothing here knows a robot. A state is a point of six coordinates with a cost of its own and a
-group; a step costs the weighted square of the distance between two points. Inside a chain (CP
-motion) a step must keep the group and no coordinate may move more than half a turn.
-
-The search is exact dynamic programming. Edges are never stored: the costs of all steps between
-two rungs are one matrix product, V(a) + |a|^2 - 2 a.b + |b|^2, and only the back pointers stay.
+The search is exact dynamic programming: only values and back pointers stay.
 Removing states (a collision found on the best way) repairs the values from the first changed rung
 on and stops as soon as the values agree again up to a constant. Until then a state whose best way
 changed by no more than any other way into it keeps that way without a look at its steps: behind a
 change few states take another one, and only by states that changed less. Parts of a long chain that
 never meet differ by another constant up to its end, so far behind a change the rest is put off: the
 way found meanwhile can be run, and ``settle`` makes it the best one.
-Between two wide rungs the matrix is worked out in blocks, a chain's group by group, so that memory
+Between two wide rungs the steps are worked out in blocks, a chain's group by group, so that memory
 stays bounded.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
-from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
 
-NONE = -1
-"""No state: the rung is empty."""
 WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""
 _SPLIT = 30_000
 """From so many steps on those of a chain are worked out group by group."""
-_BLOCK = 6000
-"""A block of steps of its own costs as much as so many steps."""
-_KEPT = 100_000
-"""Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _SAME = 1e-11
 NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
-_HALF_TURN = np.pi + 1e-9
-
-
-class Joined(NamedTuple):
-    """Which states a step of a chain may join at most.
-
-    ``now`` (m,), ``before`` (b,): the class of every state of a rung and of the one before;
-    ``may`` (classes now, classes before).
-    """
-
-    now: IndexArray
-    before: IndexArray
-    may: BoolArray
-
-
-class Joins(Protocol):
-    """What steps of a chain may join, beside the rules of ``Ladder``."""
-
-    def classes(self, i: int, cost: FloatArray) -> Joined:
-        """Return the classes of the states of rung ``i``; ``cost`` (N,): infinite if out."""
-
-    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
-        """Return those of rungs (m,) at which less may be joined than when last asked."""
-
-    def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
-        """Return (now, before) which steps of joined classes may not be done; None: all may."""
-
-
-class Rule(IntEnum):
-    """What a step into a rung may do."""
-
-    FREE = 0
-    """Any state to any state."""
-    CHAIN = 1
-    """Same group, no coordinate moves more than half a turn."""
-
-
-_CHAIN = int(Rule.CHAIN)  # looking a member up costs as much as a row of the search
+_AT_ONCE = 64
+"""Rungs of which the factors of the steps are made together."""
 
 
 @dataclass(slots=True)
-class Ladder:
-    """States of all rungs behind each other, with the values of the search.
+class Ladder(Graph):
+    """A graph with the values of the search; arguments as of ``Graph``."""
 
-    Args:
-        offsets: (n+1,) rung ``i`` holds the states ``offsets[i]:offsets[i+1]``.
-        position: (N, d) coordinates, joint angles [rad].
-        cost: (N,) cost of each state, infinite for one that is out.
-        group: (N,) label that a chain must keep.
-        rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
-        weight: (n,) weight of the squared distance of that step.
-        joins: which of them a chain may join, within a group; None: all.
-        reach: (n, d) by how much each coordinate may move in a chain's step into each rung, half a
-            turn at most; None: so much.
-    """
-
-    offsets: IndexArray
-    position: NDArray[np.floating[Any]]
-    cost: FloatArray
-    group: AnyIntArray
-    rule: IndexArray
-    weight: FloatArray
-    joins: Joins | None = None
-    reach: FloatArray | None = None
     value: FloatArray = field(init=False)
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
     _least: FloatArray = field(init=False)
-    _square: FloatArray = field(init=False)
-    _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _solved: bool = field(init=False, default=False)
     _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
-    _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
         """Allocate the values of the search."""
+        Graph.__post_init__(self)
         states = len(self.position)
-        self.cost = np.array(self.cost, dtype=np.float64)
         self.value = np.full(states, np.inf)
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
         self._least = np.zeros(len(self))
-        self._square = np.einsum(
-            "ij,ij->i", self.position, self.position, dtype=np.float64, casting="same_kind"
-        )
-        if len(self) and int(np.diff(self.offsets).max()) > np.iinfo(np.uint16).max:
-            raise ValueError("Ladder: more than 65535 states on one rung")
-
-    def __len__(self) -> int:
-        """Return the number of rungs."""
-        return len(self.offsets) - 1
-
-    def rung_of(self, states: IndexArray) -> IndexArray:
-        """Return the rung (m,) of each state."""
-        rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
-        return rungs
 
     def settle(self) -> bool:
         """Repair what was put off behind changes; return whether anything was."""
@@ -151,9 +66,45 @@ class Ladder:
 
     def solve(self) -> None:
         """Find the value of every state from scratch."""
-        for i in range(len(self)):
-            self._update(i)
+        size = np.diff(self.offsets)
+        product = np.append(0, size[1:] * size[:-1])
+        free = (self.rule != CHAIN) & (product > 0) & (product <= WIDE)
+        free[list(self.forbidden)] = False
+        for low, high in runs(free.astype(np.int64)):
+            if not free[low]:
+                for i in range(low, high):
+                    self._update(i)
+                continue
+            for first in range(low, high, _AT_ONCE):
+                self._sweep(first, min(first + _AT_ONCE, high))
         self._solved = True
+
+    def _sweep(self, first: int, last: int) -> None:
+        """Work out the values of rungs one after the other, into which every step may be done.
+
+        As ``_update`` would, with the factors of all steps made together.
+        """
+        offsets, weight = self.offsets[first - 1 : last + 1], self.weight[first:last]
+        size, start = np.diff(offsets), offsets.tolist()
+        lefts = self.left(slice(start[1], start[-1]), np.repeat(weight, size[1:]))
+        rights = self.right(slice(start[0], start[-2]), np.repeat(weight, size[:-1]))
+        every = np.arange(int(size.max()))
+        self.broken[first:last] = False
+        for i, (before, low, high) in enumerate(zip(start, start[1:], start[2:], strict=False)):
+            left = lefts[low - start[1] : high - start[1]]
+            right = rights[before - start[0] : low - start[0]]
+            right[:, -2] += self.value[before:low]
+            steps = np.matmul(left, right.T, out=self.room(high - low, low - before))
+            back = steps.argmin(axis=1)
+            value = steps[every[: high - low], back]
+            value += self.cost[low:high]
+            lowest = value[value.argmin()]
+            if not lowest < np.inf:
+                self._update(first + i)
+                continue
+            value -= lowest
+            self._least[first + i] = lowest
+            self.value[low:high], self.back[low:high] = value, back
 
     def take_over(self, known: Ladder, moved: IndexArray, rungs: IndexArray) -> None:
         """Take values and forbidden steps of a solved ladder, and solve what is new.
@@ -164,9 +115,9 @@ class Ladder:
                 states of a rung stay or none.
             rungs: here, those that are new, and those behind them.
         """
-        for steps in known._forbidden.values():
+        for steps in known.forbidden.values():
             ends = moved[steps]
-            self._forbid(ends[(ends != NONE).all(axis=1)])
+            self.take_out(ends[(ends != NONE).all(axis=1)])
         if not known._solved:
             return
         if len(rungs) == len(self):
@@ -216,20 +167,12 @@ class Ladder:
         if self.joins is not None and self._solved:
             behind = np.unique([rungs, rungs + 1])
             behind = behind[(behind > 0) & (behind < len(self))]
-            tighter = self.joins.tighter(behind[self.rule[behind] == _CHAIN], self.cost)
+            tighter = self.joins.tighter(behind[self.rule[behind] == CHAIN], self.cost)
         self._repair(tighter, rungs)
 
     def forbid(self, steps: list[tuple[int, int]]) -> None:
         """Take single steps (state from, state to) out and repair the values."""
-        self._repair(self._forbid(np.array(steps)))
-
-    def _forbid(self, steps: IndexArray) -> IndexArray:
-        """Keep steps (m, 2), state from and state to, as forbidden; return their rungs (m,)."""
-        rungs = self.rung_of(steps[:, 1])
-        for rung in np.unique(rungs).tolist():
-            known = self._forbidden.get(rung, np.zeros((0, 2), dtype=np.int64))
-            self._forbidden[rung] = np.concatenate([known, steps[rungs == rung]])
-        return rungs
+        self._repair(self.take_out(np.array(steps)))
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
@@ -329,7 +272,7 @@ class Ladder:
         A state whose best way changed by no more than any other that may lead to it keeps that way,
         and is not looked at; others may go by states that changed less. None where there is none.
         """
-        joined = self._joined(i) if self.rule[i] == _CHAIN else None
+        joined = self.joined(i) if self.rule[i] == CHAIN else None
         first = int(self.offsets[i - 1]) if i else low
         before, old = self.value[first:low], self.value[low:high]
         if not len(before) or not len(old):
@@ -361,22 +304,14 @@ class Ladder:
         np.minimum.at(least, joined.before[alive], shift[alive])
         return np.asarray(np.where(joined.may, least, np.inf).min(axis=1)[joined.now])
 
-    def _joined(self, i: int) -> Joined:
-        """Return which classes of states a step of a chain into a rung may join."""
-        before, low, high = (int(self.offsets[k]) for k in (i - 1, i, i + 1))
-        if self.joins is not None:
-            return self.joins.classes(i, self.cost)
-        label, of = np.unique(self.group[before:high], return_inverse=True)
-        return Joined(of[low - before :], of[: low - before], np.eye(len(label), dtype=np.bool_))
-
     def _step(self, i: int, low: int, high: int) -> FloatArray:
         """Return the values (m,) of a rung, from all steps into it."""
         cost: FloatArray = self.cost[low:high]
         before = int(self.offsets[i - 1]) if i else 0
         value = np.full(high - low, np.inf)
         if i and high > low > before:
-            joined = self._joined(i) if self.rule[i] == _CHAIN else None
-            if joined is not None and _is_sparse(joined):
+            joined = self.joined(i) if self.rule[i] == CHAIN else None
+            if joined is not None and joined.is_sparse:
                 self._by_class(i, joined, np.flatnonzero(cost < np.inf), value)
             else:
                 self._by_group(i, joined, value)
@@ -400,7 +335,7 @@ class Ladder:
         wanted = low + np.flatnonzero(self.cost[low:high] < np.inf)
         some, most = len(alive) * len(wanted), (low - before) * (high - low)
         if joined is None and some <= WIDE and 2 * some > most:
-            steps = self._steps(i, slice(before, low), slice(low, high), None)
+            steps = self.steps(i, self.value, slice(before, low), slice(low, high), None)
             back = steps.argmin(axis=1)
             self.back[low:high] = back
             value[:] = steps[np.arange(high - low), back] + self.cost[low:high]
@@ -422,114 +357,11 @@ class Ladder:
         before, low, size = int(self.offsets[i - 1]), int(self.offsets[i]), max(1, WIDE // len(a))
         for first in range(0, len(b), size):
             now = b[first : first + size]
-            steps = self._steps(i, a, now, joined)
+            steps = self.steps(i, self.value, a, now, joined)
             back = steps.argmin(axis=1)
-            if self.rule[i] == _CHAIN:
-                self._reach_again(i, steps, a, now, back)
+            if self.rule[i] == CHAIN:
+                self.reach_again(i, steps, a, now, back)
             found = steps[np.arange(len(now)), back] + self.cost[now]
             lower = found < value[now - low] - _SAME
             self.back[now[lower]] = a[back[lower]] - before
             value[now[lower] - low] = found[lower]
-
-    def _steps(
-        self,
-        i: int,
-        before: IndexArray | slice,
-        now: IndexArray | slice,
-        joined: Joined | None,
-    ) -> FloatArray:
-        """Return value + step cost (m now, m before) of states, both rising.
-
-        With ``joined`` those that it does not join are taken out. Good until the next call.
-        """
-        w = float(self.weight[i])
-        (a, square_a), (b, square_b) = self._at(before), self._at(now)
-        d = a.shape[1]
-        left = np.empty((len(b), d + 2))
-        right = np.empty((len(a), d + 2))
-        np.multiply(b, -2.0 * w, out=left[:, :d])
-        left[:, d] = 1.0
-        left[:, d + 1] = square_b
-        right[:, :d] = a
-        np.multiply(square_a, w, out=right[:, d])
-        right[:, d] += self.value[before]
-        right[:, d + 1] = w
-        size = len(b) * len(a)
-        if self._scratch.size < size <= _KEPT:
-            self._scratch = np.empty(_KEPT)
-        out = self._scratch[:size].reshape(len(b), len(a)) if size <= _KEPT else None
-        steps: FloatArray = np.matmul(left, right.T, out=out)
-        forbidden = self._forbidden.get(i)
-        if self.rule[i] == _CHAIN or forbidden is not None:
-            start, to = (
-                np.arange(at.start, at.stop) if isinstance(at, slice) else at
-                for at in (before, now)
-            )
-            if self.rule[i] == _CHAIN:
-                self._keep_chain(i, steps, start, to, joined)
-            if forbidden is not None:
-                _take_out(steps, start, to, forbidden)
-        return steps
-
-    def _at(self, states: IndexArray | slice) -> tuple[NDArray[np.floating[Any]], FloatArray]:
-        """Return positions (m, d) of states and their squares (m,)."""
-        if isinstance(states, slice):
-            return self.position[states], self._square[states]
-        return self.position.take(states, axis=0), self._square.take(states)
-
-    def _keep_chain(
-        self,
-        i: int,
-        steps: FloatArray,
-        before: IndexArray,
-        now: IndexArray,
-        joined: Joined | None,
-    ) -> None:
-        """Take out the steps that a chain may not do."""
-        if joined is not None:
-            of_now = joined.now[now - int(self.offsets[i])]
-            of_before = joined.before[before - int(self.offsets[i - 1])]
-            np.putmask(steps, ~joined.may[of_now][:, of_before], np.inf)
-        if self.joins is not None:
-            barred = self.joins.barred(i, before, now)
-            if barred is not None:
-                np.putmask(steps, barred, np.inf)
-
-    def _reach_again(
-        self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray, back: IndexArray
-    ) -> None:
-        """Correct the best steps ``back`` (m,) where a coordinate moves too far, in place.
-
-        Such steps are dear, and few are the best: they are taken out of the rows of those alone.
-        """
-        most = _HALF_TURN if self.reach is None else np.minimum(_HALF_TURN, self.reach[i])
-        gap = np.abs(self.position[now] - self.position[before[back]])
-        rows = np.flatnonzero((gap > most).any(axis=1))
-        if not len(rows):
-            return
-        a, b = self.position[before], self.position[now[rows]]
-        limit = np.broadcast_to(most, a.shape[1:])
-        some = steps[rows]
-        for j in range(a.shape[1]):
-            gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
-            np.putmask(some, gap > limit[j], np.inf)
-        steps[rows], back[rows] = some, some.argmin(axis=1)
-
-
-def _is_sparse(joined: Joined) -> bool:
-    """Return whether few steps are joined: so few that each class is better worked out alone."""
-    may = joined.may
-    now = np.bincount(joined.now, minlength=may.shape[0])
-    before = np.bincount(joined.before, minlength=may.shape[1])
-    work = int(now @ (may @ before)) + _BLOCK * int(may.any(axis=1).sum())
-    return work < len(joined.now) * len(joined.before)
-
-
-def _take_out(
-    steps: FloatArray, before: IndexArray, now: IndexArray, forbidden: IndexArray
-) -> None:
-    """Take single steps (k, 2) out of those from states before to states now, both rising."""
-    column = np.minimum(np.searchsorted(before, forbidden[:, 0]), len(before) - 1)
-    row = np.minimum(np.searchsorted(now, forbidden[:, 1]), len(now) - 1)
-    here = (before[column] == forbidden[:, 0]) & (now[row] == forbidden[:, 1])
-    steps[row[here], column[here]] = np.inf

@@ -1,0 +1,262 @@
+"""The graph of a ladder: rungs of states, and what the steps between two of them cost.
+
+Nothing here knows a robot. A state is a point of six coordinates with a cost of its own and a
+group; a step costs the weighted square of the distance between two points. Inside a chain (CP
+motion) a step must keep the group and no coordinate may move more than half a turn.
+
+Steps are never stored: the costs of all those between two rungs are one matrix product,
+w |a|^2 - 2 w a.b + w |b|^2 with what leads to each a added to the first term.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+
+NONE = -1
+"""No state: the rung is empty."""
+_KEPT = 100_000
+"""Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
+_BLOCK = 6000
+"""A block of steps of its own costs as much as so many steps."""
+_HALF_TURN = np.pi + 1e-9
+
+
+class Joined(NamedTuple):
+    """Which states a step of a chain may join at most.
+
+    ``now`` (m,), ``before`` (b,): the class of every state of a rung and of the one before;
+    ``may`` (classes now, classes before).
+    """
+
+    now: IndexArray
+    before: IndexArray
+    may: BoolArray
+
+    @property
+    def is_sparse(self) -> bool:
+        """Whether so few steps are joined that each class is better worked out alone."""
+        now = np.bincount(self.now, minlength=self.may.shape[0])
+        before = np.bincount(self.before, minlength=self.may.shape[1])
+        work = int(now @ (self.may @ before)) + _BLOCK * int(self.may.any(axis=1).sum())
+        return work < len(self.now) * len(self.before)
+
+
+class Joins(Protocol):
+    """What steps of a chain may join, beside the rules of ``Graph``."""
+
+    def classes(self, i: int, cost: FloatArray) -> Joined:
+        """Return the classes of the states of rung ``i``; ``cost`` (N,): infinite if out."""
+
+    def tighter(self, rungs: IndexArray, cost: FloatArray) -> IndexArray:
+        """Return those of rungs (m,) at which less may be joined than when last asked."""
+
+    def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
+        """Return (now, before) which steps of joined classes may not be done; None: all may."""
+
+
+class Rule(IntEnum):
+    """What a step into a rung may do."""
+
+    FREE = 0
+    """Any state to any state."""
+    CHAIN = 1
+    """Same group, no coordinate moves more than half a turn."""
+
+
+CHAIN = int(Rule.CHAIN)
+"""Looking a member up costs as much as a row of the search."""
+
+
+@dataclass(slots=True)
+class Graph:
+    """States of all rungs behind each other, and the steps between them.
+
+    Args:
+        offsets: (n+1,) rung ``i`` holds the states ``offsets[i]:offsets[i+1]``.
+        position: (N, d) coordinates, joint angles [rad].
+        cost: (N,) cost of each state, infinite for one that is out.
+        group: (N,) label that a chain must keep.
+        rule: (n,) ``Rule`` of the step into each rung; the first is ignored.
+        weight: (n,) weight of the squared distance of that step.
+        joins: which of them a chain may join, within a group; None: all.
+        reach: (n, d) by how much each coordinate may move in a chain's step into each rung, half a
+            turn at most; None: so much.
+    """
+
+    offsets: IndexArray
+    position: NDArray[np.floating[Any]]
+    cost: FloatArray
+    group: AnyIntArray
+    rule: IndexArray
+    weight: FloatArray
+    joins: Joins | None = None
+    reach: FloatArray | None = None
+    _square: FloatArray = field(init=False)
+    _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
+    _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        """Take costs of its own, and the squares of all positions."""
+        self.cost = np.array(self.cost, dtype=np.float64)
+        self._square = np.einsum(
+            "ij,ij->i", self.position, self.position, dtype=np.float64, casting="same_kind"
+        )
+        if len(self) and int(np.diff(self.offsets).max()) > np.iinfo(np.uint16).max:
+            raise ValueError("Ladder: more than 65535 states on one rung")
+
+    def __len__(self) -> int:
+        """Return the number of rungs."""
+        return len(self.offsets) - 1
+
+    def rung_of(self, states: IndexArray) -> IndexArray:
+        """Return the rung (m,) of each state."""
+        rungs: IndexArray = np.searchsorted(self.offsets, states, side="right") - 1
+        return rungs
+
+    def joined(self, i: int) -> Joined:
+        """Return which classes of states a step of a chain into a rung may join."""
+        before, low, high = (int(self.offsets[k]) for k in (i - 1, i, i + 1))
+        if self.joins is not None:
+            return self.joins.classes(i, self.cost)
+        label, of = np.unique(self.group[before:high], return_inverse=True)
+        return Joined(of[low - before :], of[: low - before], np.eye(len(label), dtype=np.bool_))
+
+    def take_out(self, steps: IndexArray) -> IndexArray:
+        """Keep steps (m, 2), state from and state to, as forbidden; return their rungs (m,)."""
+        rungs = self.rung_of(steps[:, 1])
+        for rung in np.unique(rungs).tolist():
+            known = self._forbidden.get(rung, np.zeros((0, 2), dtype=np.int64))
+            self._forbidden[rung] = np.concatenate([known, steps[rungs == rung]])
+        return rungs
+
+    @property
+    def forbidden(self) -> dict[int, IndexArray]:
+        """Steps (m, 2), state from and state to, that are taken out, by rung."""
+        return self._forbidden
+
+    def steps(
+        self,
+        i: int,
+        value: FloatArray,
+        before: IndexArray | slice,
+        now: IndexArray | slice,
+        joined: Joined | None,
+    ) -> FloatArray:
+        """Return value + step cost (m now, m before) of states, both rising.
+
+        Args:
+            i: rung of the states now.
+            value: (N,) of all states; those before count.
+            before: on the rung before.
+            now: on the rung.
+            joined: steps that it does not join are taken out.
+
+        Good until the next call.
+        """
+        weight = float(self.weight[i])
+        left, right = self.left(now, weight), self.right(before, weight)
+        right[:, -2] += value[before]
+        steps: FloatArray = np.matmul(left, right.T, out=self.room(len(left), len(right)))
+        forbidden = self._forbidden.get(i)
+        if self.rule[i] == CHAIN or forbidden is not None:
+            start, to = (
+                np.arange(at.start, at.stop) if isinstance(at, slice) else at
+                for at in (before, now)
+            )
+            if self.rule[i] == CHAIN:
+                self._keep_chain(i, steps, start, to, joined)
+            if forbidden is not None:
+                _put_out(steps, start, to, forbidden)
+        return steps
+
+    def left(self, now: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
+        """Return the rows (m, d+2) of the product of steps with weights (m,) into states.
+
+        All in double precision: joints in single place a state, and nothing is lost in between.
+        """
+        position, square = self._at(now)
+        rows = np.empty((len(square), position.shape[1] + 2))
+        scale = np.reshape(-2.0 * np.asarray(weight), (-1, 1))
+        np.multiply(position, scale, out=rows[:, :-2])
+        rows[:, -2], rows[:, -1] = 1.0, square
+        return rows
+
+    def right(self, before: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
+        """Return the columns (m, d+2) of the product of steps with weights (m,) out of states.
+
+        What leads to each is to be added to the last but one.
+        """
+        position, square = self._at(before)
+        columns = np.empty((len(square), position.shape[1] + 2))
+        columns[:, :-2] = position
+        np.multiply(square, weight, out=columns[:, -2])
+        columns[:, -1] = weight
+        return columns
+
+    def room(self, rows: int, columns: int) -> FloatArray | None:
+        """Return where to work steps out, None for new memory; good until the next call."""
+        size = rows * columns
+        if size > _KEPT:
+            return None
+        if self._scratch.size < size:
+            self._scratch = np.empty(_KEPT)
+        return self._scratch[:size].reshape(rows, columns)
+
+    def _at(self, states: IndexArray | slice) -> tuple[NDArray[np.floating[Any]], FloatArray]:
+        """Return positions (m, d) of states and their squares (m,)."""
+        if isinstance(states, slice):
+            return self.position[states], self._square[states]
+        return self.position.take(states, axis=0), self._square.take(states)
+
+    def _keep_chain(
+        self,
+        i: int,
+        steps: FloatArray,
+        before: IndexArray,
+        now: IndexArray,
+        joined: Joined | None,
+    ) -> None:
+        """Take out the steps that a chain may not do."""
+        if joined is not None:
+            of_now = joined.now[now - int(self.offsets[i])]
+            of_before = joined.before[before - int(self.offsets[i - 1])]
+            np.putmask(steps, ~joined.may[of_now][:, of_before], np.inf)
+        if self.joins is not None:
+            barred = self.joins.barred(i, before, now)
+            if barred is not None:
+                np.putmask(steps, barred, np.inf)
+
+    def reach_again(
+        self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray, back: IndexArray
+    ) -> None:
+        """Correct the best steps ``back`` (m,) where a coordinate moves too far, in place.
+
+        Such steps are dear, and few are the best: they are taken out of the rows of those alone.
+        """
+        most = _HALF_TURN if self.reach is None else np.minimum(_HALF_TURN, self.reach[i])
+        gap = np.abs(self.position[now] - self.position[before[back]])
+        rows = np.flatnonzero((gap > most).any(axis=1))
+        if not len(rows):
+            return
+        a, b = self.position[before], self.position[now[rows]]
+        limit = np.broadcast_to(most, a.shape[1:])
+        some = steps[rows]
+        for j in range(a.shape[1]):
+            gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
+            np.putmask(some, gap > limit[j], np.inf)
+        steps[rows], back[rows] = some, some.argmin(axis=1)
+
+
+def _put_out(steps: FloatArray, before: IndexArray, now: IndexArray, forbidden: IndexArray) -> None:
+    """Take single steps (k, 2) out of those from states before to states now, both rising."""
+    column = np.minimum(np.searchsorted(before, forbidden[:, 0]), len(before) - 1)
+    row = np.minimum(np.searchsorted(now, forbidden[:, 1]), len(now) - 1)
+    here = (before[column] == forbidden[:, 0]) & (now[row] == forbidden[:, 1])
+    steps[row[here], column[here]] = np.inf
