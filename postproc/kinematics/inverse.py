@@ -16,17 +16,18 @@ Degenerate poses keep all their branches:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.kinematics.branches import wrapped
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm
+from postproc.kinematics.solver import MayStand, Solver
 
-CHUNK = 1024
+CHUNK = 2048
 """Poses handled at once; (2, 2, CHUNK) intermediates stay in the second-level cache."""
 REACH_TOLERANCE = 1e-9
 """Excess of the elbow's cosine over 1 that still counts as the stretched arm."""
@@ -34,6 +35,9 @@ ON_AXIS = 1e-9
 """Distance [m] of the wrist centre from axis 1 below which axis 1 counts as free."""
 STRAIGHT = 1e-9
 """Sine of the wrist angle below which axes 4 and 6 count as one."""
+
+_ALL = np.array([[1.0], [-1.0]]), np.array([[[-1.0]], [[1.0]]])
+"""The signs of all branches as ``OpwSolver._first_three`` takes them."""
 
 
 class _Pose(NamedTuple):
@@ -77,12 +81,34 @@ class _Arm(NamedTuple):
     sin_23: FloatArray
     reached: BoolArray
 
+    def at(self, first: IndexArray, place: IndexArray) -> _Arm:
+        """Return solutions (m,): places in axis 1's entries flattened, and in those of the rest."""
+        return _Arm(
+            self.cos_1.take(first),
+            self.sin_1.take(first),
+            self.theta_2.take(place),
+            self.theta_3.take(place),
+            self.cos_23.take(place),
+            self.sin_23.take(place),
+            self.reached.take(place),
+        )
+
 
 @dataclass(frozen=True, slots=True)
-class OpwSolver:
+class OpwSolver(Solver):
     """Inverse kinematics of one arm."""
 
     arm: OpwArm
+    _T_flange_end: FloatArray | None = field(init=False)
+    _R_foot_robroot: FloatArray | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out what leads from the flange to the arm as the source draws it; None: nothing."""
+        T_flange_end = np.linalg.inv(self.arm.T_end_flange)
+        R_foot_robroot = self.arm.T_robroot_foot[:3, :3].T
+        for name, turn in (("_T_flange_end", T_flange_end), ("_R_foot_robroot", R_foot_robroot)):
+            is_nothing = np.array_equal(turn, np.eye(len(turn)))
+            object.__setattr__(self, name, None if is_nothing else turn)
 
     def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Return all branches of each pose.
@@ -115,56 +141,124 @@ class OpwSolver:
         valid = np.empty(count, dtype=np.bool_)
         for block in blocks(count, CHUNK):
             pose, s = self._pose(T_robroot_flange[block]), slot[block]
-            forward, elbow = np.where(s & 1, -1.0, 1.0), np.where(s & 2, 1.0, -1.0)
-            arm = self._first_three(pose, forward, elbow)
+            arm = self._first_three(pose, *_signs(s))
             wrist = self._wrist(pose, arm)
             is_upper = (s >= 4) != (self.arm.geometry.signs[4] > 0)
-            theta = (
-                np.arctan2(arm.sin_1, arm.cos_1),
-                arm.theta_2,
-                arm.theta_3,
-                *(np.where(is_upper, *pair) for pair in zip(wrist, _flipped(*wrist), strict=True)),
-            )
-            for joint, values in enumerate(theta):
-                q[block, joint] = self._signed(joint, values)
+            last = (np.where(is_upper, *p) for p in zip(wrist, _flipped(*wrist), strict=True))
+            for joint, theta in enumerate(self._arm_joints(arm)):
+                q[block, joint] = theta
+            for joint, theta in enumerate(last, start=3):
+                q[block, joint] = self._signed(joint, theta)
             valid[block] = arm.reached
             q[block][~arm.reached] = np.nan
         return q, valid
 
+    def solve_wrists(
+        self, T_robroot_flange: FloatArray, arm: AnyIntArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return both wrists of one arm branch of each pose, as ``solve`` has in its slots.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+            arm: (n,) 0..3, the lower bits of the branch.
+
+        Returns:
+            q (n, 2, 6) in slots ``arm`` and ``arm + 4``, and valid (n, 2).
+        """
+        count = len(T_robroot_flange)
+        q = np.empty((count, 2, 6))
+        valid = np.empty((count, 2), dtype=np.bool_)
+        for block in blocks(count, CHUNK):
+            pose = self._pose(T_robroot_flange[block])
+            solved = self._first_three(pose, *_signs(arm[block]))
+            for joint, theta in enumerate(self._arm_joints(solved)):
+                q[block, :, joint] = theta[:, None]
+            self._write_wrists(pose, solved, q[block].T)
+            valid[block] = solved.reached[:, None]
+            q[block][~solved.reached] = np.nan
+        return q, valid
+
+    def solve_where(
+        self, T_robroot_flange: FloatArray, may: MayStand
+    ) -> tuple[IndexArray, IndexArray, FloatArray, BoolArray]:
+        """Return the branches of poses (n, 4, 4) of which every joint may stand where it does.
+
+        As of ``Solver``; the wrist is solved only where the first three joints may stand.
+        """
+        valid = np.empty((len(T_robroot_flange), 8), dtype=np.bool_)
+        places, found = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 6))]
+        for block in blocks(len(valid), CHUNK):
+            place, q = self._where(self._pose(T_robroot_flange[block]), may, valid[block])
+            places.append(place + 8 * block.start)
+            found.append(q)
+        pose, slot = np.divmod(np.concatenate(places), 8)
+        return pose, slot, np.ascontiguousarray(np.concatenate(found)), valid
+
+    def _where(self, pose: _Pose, may: MayStand, valid: BoolArray) -> tuple[IndexArray, FloatArray]:
+        """Return pose times 8 plus slot (k,), rising, and q (k, 6); ``valid`` (n, 8) in place."""
+        count = len(pose.x)
+        arm = self._first_three(pose, *_ALL)
+        valid[:, :4] = valid[:, 4:] = arm.reached.reshape(4, count).T
+        joints = self._arm_joints(arm)
+        good = arm.reached
+        for joint, values in enumerate(joints):
+            good = good & may(joint, values)
+        row, branch = np.divmod(np.flatnonzero(good.reshape(4, count).T), 4)
+        at, side = branch * count + row, (branch & 1) * count + row
+        theta = np.empty((6, 2, len(row)))
+        for joint, values in enumerate(joints):
+            theta[joint] = values.take(at if joint else side)
+        self._write_wrists(_Pose(*(entry[row] for entry in pose)), arm.at(side, at), theta)
+        kept = np.ones(theta.shape[1:], dtype=np.bool_)
+        for joint in (3, 4, 5):
+            kept &= may(joint, theta[joint])
+        place = (row * 8 + branch + np.array([[0], [4]]))[kept]
+        order = np.argsort(place, kind="stable")
+        return place[order], theta[:, kept][:, order].T
+
     def _pose(self, T: FloatArray) -> _Pose:
         """Return the pose of the end in the foot frame by components."""
-        R_foot_robroot = self.arm.T_robroot_foot[:3, :3].T
-        p_foot = self.arm.T_robroot_foot[:3, 3]
-        T_flange_end = np.linalg.inv(self.arm.T_end_flange)
-        if not np.array_equal(T_flange_end, np.eye(4)):
-            T = T @ T_flange_end
+        if self._T_flange_end is not None:
+            T = T @ self._T_flange_end
         entries = np.moveaxis(T[:, :3, :], 0, -1)
+        p_foot = self.arm.T_robroot_foot[:3, 3]
         if p_foot.any():
             entries = np.concatenate(
                 [entries[:, :3], (entries[:, 3] - p_foot[:, None])[:, None]], 1
             )
-        if not np.array_equal(R_foot_robroot, np.eye(3)):
-            entries = np.einsum("ij,jkn->ikn", R_foot_robroot, entries)
+        if self._R_foot_robroot is not None:
+            entries = np.einsum("ij,jkn->ikn", self._R_foot_robroot, entries)
         e = np.ascontiguousarray(entries)
         return _Pose(*e[0, :3], *e[1, :3], *e[2, :3], *e[:, 3])
 
     def _solve_block(self, pose: _Pose, q: FloatArray, valid: BoolArray) -> None:
+        """Work out all branches of poses, q (n, 8, 6) and valid (n, 8), in place."""
         count = len(pose.x)
-        arm = self._first_three(pose, np.array([[1.0], [-1.0]]), np.array([[[-1.0]], [[1.0]]]))
+        arm = self._first_three(pose, *_ALL)
         theta = np.empty((6, 2, 2, 2, count))  # joint, wrist, elbow, overhead, pose
-        theta[0] = np.arctan2(arm.sin_1, arm.cos_1)
-        theta[1] = arm.theta_2
-        theta[2] = arm.theta_3
-        lower = 1 if self.arm.geometry.signs[4] > 0 else 0  # wrist slot 1: A5 below straight
-        wrist = self._wrist(pose, arm)
-        for joint, upper, under in zip((3, 4, 5), wrist, _flipped(*wrist), strict=True):
-            theta[joint, 1 - lower], theta[joint, lower] = upper, under
+        for joint, values in enumerate(self._arm_joints(arm)):
+            theta[joint] = values
+        self._write_wrists(pose, arm, theta)
         for joint in range(6):
-            q[:, :, joint] = self._signed(joint, theta[joint]).reshape(8, count).T
-        valid[:, :4] = arm.reached.reshape(4, count).T
-        valid[:, 4:] = valid[:, :4]
+            q[:, :, joint] = theta[joint].reshape(8, count).T
+        valid[:, :4] = valid[:, 4:] = arm.reached.reshape(4, count).T
         if not valid.all():
             q[~valid] = np.nan
+
+    def _arm_joints(self, arm: _Arm) -> Columns:
+        """Return the angles of the first three joints as their axes count them."""
+        theta_1 = self._signed(0, np.arctan2(arm.sin_1, arm.cos_1))
+        return theta_1, self._signed(1, arm.theta_2), self._signed(2, arm.theta_3)
+
+    def _write_wrists(self, pose: _Pose, arm: _Arm, theta: FloatArray) -> None:
+        """Write the angles of the last three joints into theta (6, 2, ...), by wrist slot."""
+        upper = self._wrist(pose, arm)
+        both = (upper, _flipped(*upper))
+        if self.arm.geometry.signs[4] < 0:  # wrist slot 1: A5 below straight
+            both = both[::-1]
+        for slot, wrist in enumerate(both):
+            for joint, values in enumerate(wrist, start=3):
+                theta[joint, slot] = self._signed(joint, values)
 
     def _signed(self, joint: int, theta: FloatArray) -> FloatArray:
         """Return the angles of a joint as its axis counts them."""
@@ -239,6 +333,11 @@ class OpwSolver:
         y6 = c4 * b1 - s4 * (c23 * a1 - s23 * pose.r31)
         x6 = c4 * b2 - s4 * (c23 * a2 - s23 * pose.r32)
         return np.arctan2(s4, c4), np.arctan2(sin_5, cos_5), np.arctan2(y6, x6)
+
+
+def _signs(branch: AnyIntArray) -> tuple[FloatArray, FloatArray]:
+    """Return the signs of branches (n,) as ``OpwSolver._first_three`` takes them."""
+    return np.where(branch & 1, -1.0, 1.0), np.where(branch & 2, 1.0, -1.0)
 
 
 def _flipped(theta_4: FloatArray, theta_5: FloatArray, theta_6: FloatArray) -> Columns:

@@ -3,36 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray, numbered
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, IntArray, numbered
 from postproc.errors import KinematicsError
 from postproc.kinematics.branches import TURN, Branches, wrapped
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
 from postproc.kinematics.opw import OpwArm, chain_of
+from postproc.kinematics.solver import MayStand, Solver
 
 STRAIGHT_WRIST = 1e-7
 """|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""
 _SLACK = 1e-9
 """Rounding [rad] by which an angle may pass a limit."""
-
-
-class Solver(Protocol):
-    """Inverse kinematics in eight fixed branch slots."""
-
-    def solve(self, T_robroot_flange: FloatArray) -> tuple[FloatArray, BoolArray]:
-        """Return q (n, 8, 6) principal values and valid (n, 8) for poses (n, 4, 4)."""
-        ...
-
-    def solve_in(
-        self, T_robroot_flange: FloatArray, slot: AnyIntArray
-    ) -> tuple[FloatArray, BoolArray]:
-        """Return q (n, 6) and valid (n,) in one branch slot (n,) of each pose."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,6 +102,47 @@ class Kinematics:
         q, valid = np.full((len(T), 6), np.nan), np.zeros(len(T), dtype=np.bool_)
         q[is_number], valid[is_number] = self.solver.solve_in(T[is_number], slot[is_number])
         return q, valid
+
+    def ik_wrists(
+        self, T_robroot_flange: FloatArray, arm: AnyIntArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return both wrists of one arm branch of each pose, as ``ik`` gives them.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+            arm: (n,) branches 0..3, without their wrist.
+
+        Returns:
+            q (n, 2, 6) and valid (n, 2) in slots ``arm`` and ``arm + 4``.
+        """
+        is_number = np.isfinite(T_robroot_flange).all(axis=(1, 2))
+        if is_number.all():
+            return self.solver.solve_wrists(T_robroot_flange, arm)
+        q, valid = np.full((len(arm), 2, 6), np.nan), np.zeros((len(arm), 2), dtype=np.bool_)
+        some = self.solver.solve_wrists(T_robroot_flange[is_number], arm[is_number])
+        q[is_number], valid[is_number] = some
+        return q, valid
+
+    def ik_where(
+        self, T_robroot_flange: FloatArray, may: MayStand
+    ) -> tuple[IndexArray, IndexArray, FloatArray, BoolArray]:
+        """Return the branches of poses of which every joint may stand where it does.
+
+        Args:
+            T_robroot_flange: (n, 4, 4) [m].
+            may: joint 0..5, its principal values (m,) [rad] -> (m,).
+
+        Returns:
+            Pose (k,), rising, slot (k,), rising within a pose, and q (k, 6) [rad] of each; valid
+            (n, 8) as of ``ik``, whether or not the joints may stand there.
+        """
+        is_number = np.isfinite(T_robroot_flange).all(axis=(1, 2))
+        if is_number.all():
+            return self.solver.solve_where(T_robroot_flange, may)
+        valid = np.zeros((len(T_robroot_flange), 8), dtype=np.bool_)
+        some = self.solver.solve_where(T_robroot_flange[is_number], may)
+        pose, slot, q, valid[is_number] = some
+        return np.flatnonzero(is_number)[pose], slot, q, valid
 
     def slot(self, q: ArrayLike) -> IntArray:
         """Return the branch slot (...,) 0..7 of joint angles (..., 6)."""

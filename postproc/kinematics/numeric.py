@@ -18,7 +18,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from postproc.geometry import vee
 from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain, blocks
-from postproc.kinematics.model import Solver
+from postproc.kinematics.solver import Solver
 
 CHUNK = 512
 """Poses whose starts are chosen at once."""
@@ -74,7 +74,7 @@ class DeterminantBranches(Branches):
 
 
 @dataclass(frozen=True, slots=True)
-class NumericSolver:
+class NumericSolver(Solver):
     """Inverse kinematics of any six-joint arm."""
 
     chain: SerialChain
@@ -146,7 +146,7 @@ class NumericSolver:
 
 
 @dataclass(frozen=True, slots=True)
-class PolishedSolver:
+class PolishedSolver(Solver):
     """Closed form of the nearest exact arm, brought onto the true one by Newton steps."""
 
     chain: SerialChain

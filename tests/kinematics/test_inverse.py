@@ -227,3 +227,27 @@ def test_a_pose_that_is_no_number_has_no_branch_and_spoils_no_other(wrong):
     assert not valid[1:3].any()
     assert np.isnan(branches[1:3]).all()
     np.testing.assert_array_equal(branches[[0, 3]], good[[0, 3]])
+
+
+def check_some_branches(arm, T, q, valid):
+    """Asked for some branches the arm gives those of q (n, 8, 6), all that are valid (n, 8)."""
+    low, high = np.array([-2.0, -2.2, -1.5, -2.5, -1.8, -3.0]), np.array([2, 0.5, 2.6, 3, 2, 2.5])
+    with np.errstate(invalid="ignore"):
+        wanted = valid & ((q >= low) & (q <= high)).all(axis=2)
+    pose, slot, some, reached = arm.ik_where(T, lambda j, a: (a >= low[j]) & (a <= high[j]))
+    assert len(pose) > 5
+    assert np.array_equal(np.argwhere(wanted), np.column_stack([pose, slot]))
+    assert np.array_equal(reached, valid)
+    assert np.abs(some - q[wanted]).max() < 1e-9
+    rows, which = np.arange(len(T)), np.arange(len(T)) % 4
+    both, good = arm.ik_wrists(T, which)
+    for wrist in (0, 1):
+        assert np.array_equal(good[:, wrist], valid[rows, which + 4 * wrist])
+        assert np.allclose(both[good[:, wrist], wrist], q[rows, which + 4 * wrist][good[:, wrist]])
+
+
+@pytest.mark.parametrize("arm", [KR500, skewed_arm()], ids=["kr500", "skewed"])
+def test_asking_for_some_branches_gives_those_of_all(arm):
+    T = arm.fk(np.random.default_rng(4).uniform(-np.pi, np.pi, (3000, 6)))
+    T[::3, :3, 3] *= 1.2  # some out of reach
+    check_some_branches(arm, T, *arm.ik(T))

@@ -11,6 +11,7 @@ from postproc.geometry.frames import rotation_about, transform
 from postproc.kinematics import build
 from postproc.kinematics.numeric import PolishedSolver
 from postproc.kinematics.singular import smallest_singular_value, wrist_distance
+from tests.kinematics.test_inverse import check_some_branches
 from tests.kinematics.urdf_text import joint, maker_style_urdf, urdf_of
 
 UR10_LIKE = [
@@ -113,6 +114,7 @@ def check_single_branches(arm, T, branches):
         one, valid = arm.ik_in(T, np.full(len(T), slot))
         np.testing.assert_allclose(one, branches[:, slot], rtol=0.0, atol=1e-9)
         np.testing.assert_array_equal(valid, np.isfinite(branches[:, slot, 0]))
+    check_some_branches(arm, T, branches, np.isfinite(branches[:, :, 0]))
 
 
 def test_a_calibrated_arm_with_slightly_wrong_axes_is_polished(tmp_path):

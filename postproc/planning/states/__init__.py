@@ -1,6 +1,6 @@
 """Which robot states serve a tag and what each costs."""
 
-from postproc.planning.states.candidates import States, context_of, evaluate, sample
+from postproc.planning.states.candidates import States, sample
 from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
 from postproc.planning.states.given import strokes_into, take_joints
 from postproc.planning.states.graph import NONE, Joined, Rule
@@ -21,6 +21,7 @@ from postproc.planning.states.place import (
     transported,
 )
 from postproc.planning.states.postures import Postures, postures
+from postproc.planning.states.pricing import context_of, evaluate
 from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes

@@ -11,15 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
-from postproc.planning.states.costs import StateContext, state_costs
+from postproc.arrays import FloatArray, IndexArray
 from postproc.planning.states.given import as_given
-from postproc.planning.states.problem import Problem, nearest_turn
+from postproc.planning.states.pricing import Orientation, costs_of
+from postproc.planning.states.problem import Problem
+from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import UPRIGHT
+from postproc.planning.states.turns import copies_of, nearest_copies, turn_range, turnable
 
 BRANCHES = 8
-_CHUNK = 2000
-_FULL_TURN = 2.0 * np.pi
+_CHUNK = 8000
 
 
 @dataclass(slots=True)
@@ -153,38 +154,38 @@ def _chunk(
     which = tags[row]
     T_base_tcp = problem.placement.tcp(which, attitude)
     T_robroot_flange = problem.placement.flange(T_base_tcp, problem.placement.external[which])
-    slots, valid = problem.kinematics.ik(T_robroot_flange)
-    valid &= problem.placement.given[which][:, None]
+    wanted = np.ones((len(which), BRANCHES), dtype=np.bool_)
     if branch is not None:
-        kept = np.zeros_like(valid)
-        kept[np.arange(len(which)), branch[row]] = True
-        valid &= kept
-    reached = np.flatnonzero(valid)
-    inside = _with_a_turn(problem, slots.reshape(-1, 6), reached)
-    bent = inside[problem.regular(slots.reshape(-1, 6)[inside])]
+        wanted = branch[row][:, None] == np.arange(BRANCHES)
+    wanted &= problem.placement.given[which][:, None]
+    pose, slot, q, valid = problem.kinematics.ik_where(T_robroot_flange, turnable(problem))
+    if not wanted.all():
+        kept = wanted[pose, slot]
+        pose, slot, q, valid = pose[kept], slot[kept], q[kept], valid & wanted
+    bent = problem.regular(q)
     tried = n_of(row, n) * (BRANCHES if branch is None else 1)
-    left = [tried, *(n_of(row[rows // BRANCHES], n) for rows in (reached, inside, bent))]
+    reached = np.bincount(row, valid.sum(axis=1), n).astype(np.int64)
+    left = [tried, reached, n_of(row[pose], n), n_of(row[pose[bent]], n)]
     refused = -np.diff(np.stack(left, axis=1), axis=1)
-    pose, slot = np.divmod(bent, BRANCHES)
-    q = slots[pose, slot]
-    low, high = _turn_range(problem, q)
-    ends = _StrokeEnds.of(problem, which, T_robroot_flange, pose, slot, q)
+    pose, slot, q = pose[bent], slot[bent], q[bent]
+    low, high = turn_range(problem, q)
+    ends = StrokeEnds.of(problem, which, T_robroot_flange, pose, slot, q)
     for k, bad in ((0, ~ends.reached), (2, ends.reached & ~ends.regular)):
         refused[:, k] += n_of(row[pose[bad]], n)
     good = ends.reached & ends.regular
     pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
     if near is not None:
-        q, source = _nearest(problem, q, near[row[pose]])
+        q, source = nearest_copies(problem, q, near[row[pose]])
     else:
-        q, source = _copies(q, low, high, all_turns=problem.cell.optimize.turns)
+        q, source = copies_of(q, low, high, all_turns=problem.cell.optimize.turns)
     fits = ends.within(problem, good, q, source)
     stay = n_of(source[fits], len(pose)) > 0
     refused[:, 1] += n_of(row[pose[(n_of(source, len(pose)) > 0) & ~stay]], n)
     may = fits & as_given(problem, which[pose[source]], q)
     if not may.all():
         q, source = q[may], source[may]
-    orientation = _Orientation.of(problem, which, T_base_tcp)
-    cost, index = _costs(problem, which, attitude[:, 0], orientation, pose, q, source)
+    orientation = Orientation.of(problem, which, T_base_tcp)
+    cost, index = costs_of(problem, which, attitude[:, 0], orientation, pose, q, source)
     owner = row[pose[source]]
     _subtract_best(cost, owner)
     return _Part(
@@ -199,56 +200,6 @@ def _chunk(
         refused=refused,
         tried=tried,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _StrokeEnds:
-    """How configurations (m,) get to the ends of strokes: within reach, off a straight wrist.
-
-    ``way``: (m, 6) [rad] by which the joints move there, for each end.
-    """
-
-    reached: BoolArray
-    regular: BoolArray
-    way: list[FloatArray]
-
-    @classmethod
-    def of(
-        cls,
-        problem: Problem,
-        tags: IndexArray,
-        T_robroot_flange: FloatArray,
-        pose: IndexArray,
-        slot: IndexArray,
-        q: FloatArray,
-    ) -> _StrokeEnds:
-        """Return the ends of configurations (m,), rising by ``pose``.
-
-        Args:
-            problem: what is asked.
-            tags: (k,) of the poses.
-            T_robroot_flange: (k, 4, 4) of the poses.
-            pose: (m,) each configuration's.
-            slot: (m,) branch of each.
-            q: (m, 6) joints [rad].
-        """
-        found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
-        for height in problem.strokes.levels(tags[pose]):
-            T = problem.placement.backed_off(T_robroot_flange[pose], height)
-            end, valid = problem.kinematics.ik_in(T, slot)
-            found.reached[:] &= valid
-            found.regular[:] &= problem.regular(end)
-            found.way.append(nearest_turn(end, q) - q)
-        return found
-
-    def within(
-        self, problem: Problem, kept: BoolArray, q: FloatArray, source: IndexArray
-    ) -> BoolArray:
-        """Return which turn copies (s, 6) of the configurations kept stay within limits."""
-        fits = np.ones(len(q), dtype=np.bool_)
-        for way in self.way:
-            fits &= problem.within(q + way[kept][source])
-        return fits
 
 
 def _attitudes(
@@ -266,153 +217,6 @@ def _attitudes(
 def n_of(rows: IndexArray, n: int) -> IndexArray:
     """Return how often each of ``0..n-1`` stands in ``rows``."""
     return np.bincount(rows, minlength=n).astype(np.int64)
-
-
-def _turn_range(
-    problem: Problem, q: FloatArray, joint: int | slice = slice(None)
-) -> tuple[FloatArray, FloatArray]:
-    """Return the fewest and the most whole turns that bring angles of joints within their limits.
-
-    Of all joints (m, 6), or of one (m,).
-    """
-    margin = problem.cell.limits.joint_margin - 1e-9
-    q_min = np.asarray(problem.kinematics.q_min)[joint]
-    q_max = np.asarray(problem.kinematics.q_max)[joint]
-    low = np.ceil((q_min + margin - q) / _FULL_TURN)
-    high = np.floor((q_max - margin - q) / _FULL_TURN)
-    return low, high
-
-
-def _with_a_turn(problem: Problem, q: FloatArray, rows: IndexArray) -> IndexArray:
-    """Return those of ``rows`` (m,) of q (k, 6) of which some turn lies within all limits."""
-    room = np.asarray(problem.kinematics.q_max) - np.asarray(problem.kinematics.q_min)
-    for joint in np.argsort(room, kind="stable").tolist():
-        low, high = _turn_range(problem, q[rows, joint], joint)
-        rows = rows[low <= high]
-    return rows
-
-
-def _copies(
-    q: FloatArray, low: FloatArray, high: FloatArray, *, all_turns: bool
-) -> tuple[FloatArray, IndexArray]:
-    """Return every in-limit turn of configurations (m, 6), and the row each comes from.
-
-    Ordered by row, that nearest to the principal value first; without ``all_turns`` it alone stays.
-    """
-    best = np.clip(0, low, high)
-    base = q + _FULL_TURN * best
-    if not all_turns or not len(q):
-        return base, np.arange(len(q))
-    wide = np.flatnonzero((high > low).any(axis=0)).tolist()
-    count = (high - low + 1.0).astype(np.int64)[:, wide]
-    own = np.zeros(len(q), dtype=np.int64)  # number of the base among the turns of its row
-    for k, joint in enumerate(wide):
-        own = own * count[:, k] + (best - low)[:, joint].astype(np.int64)
-    source, step = numbered(count.prod(axis=1))
-    step = np.where(step == 0, own[source], step - (step <= own[source]))
-    copies = base[source]
-    for k, joint in reversed(list(enumerate(wide))):
-        step, turn = np.divmod(step, count[source, k])
-        copies[:, joint] = q[source, joint] + _FULL_TURN * (low[source, joint] + turn)
-    return copies, source
-
-
-def _nearest(problem: Problem, q: FloatArray, q_near: FloatArray) -> tuple[FloatArray, IndexArray]:
-    moved = q + _FULL_TURN * np.round((q_near - q) / _FULL_TURN)
-    kept = np.nonzero(problem.within(moved))[0]
-    return moved[kept], kept
-
-
-@dataclass(frozen=True, slots=True)
-class _Orientation:
-    """How the tool stands in poses (m,): R_robroot_tcp (m, 3, 3), tilt (m,) [rad] or None."""
-
-    R_robroot_tcp: FloatArray
-    tilt: FloatArray | None
-
-    @classmethod
-    def of(cls, problem: Problem, tag: IndexArray, T_base_tcp: FloatArray) -> _Orientation:
-        """Return the orientation of the tool in poses (m, 4, 4) at tags (m,)."""
-        place = problem.placement
-        R_robroot_base = place.base(place.external[tag])[..., :3, :3]
-        return cls(R_robroot_base @ T_base_tcp[:, :3, :3], problem.tilt_of(tag, T_base_tcp))
-
-    def rows(self, index: IndexArray) -> _Orientation:
-        """Return some of them."""
-        return _Orientation(
-            self.R_robroot_tcp[index], None if self.tilt is None else self.tilt[index]
-        )
-
-
-def _costs(
-    problem: Problem,
-    tag: IndexArray,
-    spin: FloatArray,
-    orientation: _Orientation,
-    pose: IndexArray,
-    q: FloatArray,
-    source: IndexArray,
-) -> tuple[FloatArray, FloatArray]:
-    """Return cost and index of every state; turn copies share what does not depend on the turn.
-
-    Args:
-        problem: what is asked.
-        tag: (k,) of poses.
-        spin: (k,) [rad].
-        orientation: (k,).
-        pose: (m,) of configurations.
-        q: (s, 6) [rad] of states.
-        source: (s,) their configurations, rising.
-    """
-    weights = problem.settings.weights
-    if not weights.states or not len(q):
-        return np.zeros(len(q)), np.full(len(q), np.nan)
-
-    def context(states: IndexArray | slice) -> StateContext:
-        rows = pose[source[states]]
-        return _context(problem, tag[rows], spin[rows], orientation.rows(rows), q[states])
-
-    of_pose, of_turn = weights.split()
-    cost, index = np.zeros(len(q)), np.full(len(q), np.nan)
-    if of_pose.states:
-        first = np.flatnonzero(np.diff(source, prepend=-1))
-        shared = state_costs(of_pose, context(first))
-        count = np.diff(np.append(first, len(source)))
-        cost, index = np.repeat(shared[0], count), np.repeat(shared[1], count)
-    if of_turn.states:
-        cost = cost + state_costs(of_turn, context(slice(None)))[0]
-    return cost, index
-
-
-def evaluate(
-    problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return cost (m,) and stiffness index (m,) of poses with known joints."""
-    context = context_of(problem, tag, spin, T_base_tcp, q)
-    return state_costs(problem.settings.weights, context)
-
-
-def context_of(
-    problem: Problem, tag: IndexArray, spin: FloatArray, T_base_tcp: FloatArray, q: FloatArray
-) -> StateContext:
-    """Return what objectives and indices look at, for poses (m,) with known joints."""
-    return _context(problem, tag, spin, _Orientation.of(problem, tag, T_base_tcp), q)
-
-
-def _context(
-    problem: Problem, tag: IndexArray, spin: FloatArray, orientation: _Orientation, q: FloatArray
-) -> StateContext:
-    return StateContext(
-        kinematics=problem.kinematics,
-        cell=problem.cell,
-        q=q,
-        tag=tag,
-        spin=spin,
-        R_robroot_tcp=orientation.R_robroot_tcp,
-        normal=problem.normal[tag],
-        c_joint=None if problem.c_joint is None else problem.c_joint(q),
-        tilt=orientation.tilt,
-    )
 
 
 def _subtract_best(cost: FloatArray, row: IndexArray) -> None:

@@ -42,8 +42,8 @@ def sample_on(problem: Problem, tags: IndexArray, spins: FloatArray, stride: Ind
         rows = np.flatnonzero(stride == step)
         part = spins[::step] if spins.ndim == 1 else spins[rows][:, ::step]
         states = sample(problem, tags[rows], part, tilts=problem.tilts)
-        tilt, column = np.divmod(states.column.astype(np.int64), part.shape[-1])
-        states.column = (tilt * width + column * step).astype(np.int16)
+        fine = np.arange(len(states.tilts))[:, None] * width + step * np.arange(part.shape[-1])
+        states.column = fine.ravel().astype(np.int16)[states.column]
         states.spins = spins if spins.ndim == 1 else spins[rows]
         if result is None:
             result = Merged(states, tags[rows], np.ones(len(rows), np.bool_), np.zeros(0, int))

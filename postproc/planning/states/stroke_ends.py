@@ -1,0 +1,65 @@
+"""The ends of strokes: whether a configuration gets there, and by how much its joints move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.planning.states.problem import Problem, nearest_turn
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeEnds:
+    """How configurations (m,) get to the ends of strokes: within reach, off a straight wrist.
+
+    Both wrists of an arm are solved together: they mostly come together.
+
+    ``way``: (m, 6) [rad] by which the joints move there, for each end.
+    """
+
+    reached: BoolArray
+    regular: BoolArray
+    way: list[FloatArray]
+
+    @classmethod
+    def of(
+        cls,
+        problem: Problem,
+        tags: IndexArray,
+        T_robroot_flange: FloatArray,
+        pose: IndexArray,
+        slot: IndexArray,
+        q: FloatArray,
+    ) -> StrokeEnds:
+        """Return the ends of configurations (m,), rising by ``pose``.
+
+        Args:
+            problem: what is asked.
+            tags: (k,) of the poses.
+            T_robroot_flange: (k, 4, 4) of the poses.
+            pose: (m,) each configuration's.
+            slot: (m,) branch of each.
+            q: (m, 6) joints [rad].
+        """
+        found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
+        arms, which = np.unique(4 * pose + slot % 4, return_inverse=True)
+        own, arm = np.divmod(arms, 4)
+        for height in problem.strokes.levels(tags[own]):
+            T = problem.placement.backed_off(T_robroot_flange[own], height)
+            both, valid = problem.kinematics.ik_wrists(T, arm)
+            end = both[which, slot // 4]
+            found.reached[:] &= valid[which, slot // 4]
+            found.regular[:] &= problem.regular(end)
+            found.way.append(nearest_turn(end, q) - q)
+        return found
+
+    def within(
+        self, problem: Problem, kept: BoolArray, q: FloatArray, source: IndexArray
+    ) -> BoolArray:
+        """Return which turn copies (s, 6) of the configurations kept stay within limits."""
+        fits = np.ones(len(q), dtype=np.bool_)
+        for way in self.way:
+            fits &= problem.within(q + way[kept][source])
+        return fits
