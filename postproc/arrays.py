@@ -10,7 +10,7 @@ import itertools
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, fields
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +22,7 @@ IntArray = NDArray[np.int32]
 IndexArray = NDArray[np.int64]
 AnyIntArray = NDArray[np.signedinteger[Any]]
 """Whole numbers of either width."""
+Kind = TypeVar("Kind", bound=np.generic)
 Rows = AnyIntArray | BoolArray
 """Which rows: their numbers, or a mask."""
 
@@ -93,6 +94,18 @@ def numbered(count: AnyIntArray) -> tuple[IndexArray, IndexArray]:
     """
     owner = np.repeat(np.arange(len(count)), count)
     return owner, np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
+
+
+def taken(values: NDArray[Kind], rows: Rows) -> NDArray[Kind]:
+    """Return rows (k, ...) of an array: where rows are wide, several times as fast as ``[rows]``.
+
+    Args:
+        values: (n, ...).
+        rows: (k,) numbers, or a mask (n,).
+    """
+    if values.ndim == 1:
+        return np.asarray(values[rows])
+    return values.take(np.flatnonzero(rows) if rows.dtype == np.bool_ else rows, axis=0)
 
 
 def forward_filled(rows: FloatArray) -> FloatArray:
@@ -178,7 +191,7 @@ def _at(values: Any, index: AnyIntArray) -> Any:  # noqa: ANN401 - array, tuple,
     if values is None:
         return None
     if isinstance(values, np.ndarray):
-        return values[index]
+        return taken(values, index)
     if isinstance(values, Mapping):
         return {name: _at(part, index) for name, part in values.items()}
     return tuple(values[i] for i in index.tolist())
@@ -212,7 +225,7 @@ class Table:
 
     def rows(self, index: Rows) -> Self:
         """Return the rows ``index`` (k,)."""
-        return type(self)(*(getattr(self, name)[index] for name in self._names()))
+        return type(self)(*(taken(getattr(self, name), index) for name in self._names()))
 
     @classmethod
     def concat(cls, parts: Sequence[Self]) -> Self:

@@ -209,12 +209,13 @@ class OpwSolver(Solver):
         for joint, values in enumerate(joints):
             theta[joint] = values.take(at if joint else side)
         self._write_wrists(_Pose(*(entry[row] for entry in pose)), arm.at(side, at), theta)
-        kept = np.ones(theta.shape[1:], dtype=np.bool_)
+        may_stand = np.ones(theta.shape[1:], dtype=np.bool_)
         for joint in (3, 4, 5):
-            kept &= may(joint, theta[joint])
-        place = (row * 8 + branch + np.array([[0], [4]]))[kept]
+            may_stand &= may(joint, theta[joint])
+        kept = np.flatnonzero(may_stand)
+        place = (row * 8 + branch + np.array([[0], [4]])).ravel()[kept]
         order = np.argsort(place, kind="stable")
-        return place[order], theta[:, kept][:, order].T
+        return place[order], theta.reshape(6, -1).take(kept[order], axis=1).T
 
     def _pose(self, T: FloatArray) -> _Pose:
         """Return the pose of the end in the foot frame by components."""

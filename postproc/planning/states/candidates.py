@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray, taken
 from postproc.planning.states.given import as_given
 from postproc.planning.states.pricing import Orientation, costs_of
 from postproc.planning.states.problem import Problem
@@ -162,18 +162,19 @@ def _chunk(
     if not wanted.all():
         kept = wanted[pose, slot]
         pose, slot, q, valid = pose[kept], slot[kept], q[kept], valid & wanted
-    bent = problem.regular(q)
+    bent = np.flatnonzero(problem.regular(q))
     tried = n_of(row, n) * (BRANCHES if branch is None else 1)
     reached = np.bincount(row, valid.sum(axis=1), n).astype(np.int64)
     left = [tried, reached, n_of(row[pose], n), n_of(row[pose[bent]], n)]
     refused = -np.diff(np.stack(left, axis=1), axis=1)
-    pose, slot, q = pose[bent], slot[bent], q[bent]
+    pose, slot, q = pose[bent], slot[bent], taken(q, bent)
     low, high = turn_range(problem, q)
     ends = StrokeEnds.of(problem, which, T_robroot_flange, pose, slot, q)
     for k, bad in ((0, ~ends.reached), (2, ends.reached & ~ends.regular)):
         refused[:, k] += n_of(row[pose[bad]], n)
-    good = ends.reached & ends.regular
-    pose, slot, q, low, high = pose[good], slot[good], q[good], low[good], high[good]
+    good = np.flatnonzero(ends.reached & ends.regular)
+    pose, slot = pose[good], slot[good]
+    q, low, high = (taken(values, good) for values in (q, low, high))
     if near is not None:
         q, source = nearest_copies(problem, q, near[row[pose]])
     else:

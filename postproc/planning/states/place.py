@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.cell import Cell
 from postproc.errors import PlanError
 from postproc.geometry import inverse, rotation_about, rotation_from_vector, transform
@@ -83,7 +83,7 @@ class Placement:
 
     def axis_base(self, tags: IndexArray) -> FloatArray:
         """Return the CAM tool axis (m, 3) in the workpiece frame, into the part."""
-        axis: FloatArray = self.R_base_tcp[tags] @ self.tool_axis
+        axis: FloatArray = taken(self.R_base_tcp, tags) @ self.tool_axis
         return axis
 
     def tilts(self, tags: IndexArray, attitude: FloatArray) -> FloatArray:
@@ -98,7 +98,8 @@ class Placement:
     def rotation(self, tags: IndexArray, attitude: FloatArray) -> FloatArray:
         """Return R_base_tcp (m, 3, 3) of tags (m,) at attitudes (m, 3) or spins (m,) [rad]."""
         spin = attitude if attitude.ndim == 1 else attitude[:, 0]
-        R: FloatArray = self.R_base_tcp[tags] @ rotation_about(self.tool_axis, spin)
+        turn = rotation_about(self.tool_axis, spin)
+        R: FloatArray = taken(self.R_base_tcp, tags) @ turn
         tilts = self.tilts(tags, attitude)
         return rotation_from_vector(tilts) @ R if tilts.any() else R
 
@@ -112,7 +113,7 @@ class Placement:
             attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
             lift: (m,) or one for all.
         """
-        R, p = self.rotation(tags, attitude), self.p_base_tcp[tags]
+        R, p = self.rotation(tags, attitude), taken(self.p_base_tcp, tags)
         if np.any(lift):
             axis = self.axis_base(tags)
             tilts = self.tilts(tags, attitude)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray
+from postproc.arrays import FloatArray, IndexArray, taken
 from postproc.planning.states.costs import StateContext, state_costs
 from postproc.planning.states.problem import Problem
 
@@ -28,7 +28,7 @@ class Orientation:
     def rows(self, index: IndexArray) -> Orientation:
         """Return some of them."""
         return Orientation(
-            self.R_robroot_tcp[index], None if self.tilt is None else self.tilt[index]
+            taken(self.R_robroot_tcp, index), None if self.tilt is None else self.tilt[index]
         )
 
 
@@ -58,7 +58,8 @@ def costs_of(
 
     def context(states: IndexArray | slice) -> StateContext:
         rows = pose[source[states]]
-        return _context(problem, tag[rows], spin[rows], orientation.rows(rows), q[states])
+        at = q if isinstance(states, slice) else taken(q, states)
+        return _context(problem, tag[rows], spin[rows], orientation.rows(rows), at)
 
     of_pose, of_turn = weights.split()
     cost, index = np.zeros(len(q)), np.full(len(q), np.nan)
@@ -97,7 +98,7 @@ def _context(
         tag=tag,
         spin=spin,
         R_robroot_tcp=orientation.R_robroot_tcp,
-        normal=problem.normal[tag],
+        normal=taken(problem.normal, tag),
         c_joint=None if problem.c_joint is None else problem.c_joint(q),
         tilt=orientation.tilt,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.planning.states.problem import Problem, nearest_turn
 
 
@@ -46,20 +46,21 @@ class StrokeEnds:
         found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
         arms, which = np.unique(4 * pose + slot % 4, return_inverse=True)
         own, arm = np.divmod(arms, 4)
+        wrist = 2 * which + slot // 4
         for height in problem.strokes.levels(tags[own]):
-            T = problem.placement.backed_off(T_robroot_flange[own], height)
+            T = problem.placement.backed_off(taken(T_robroot_flange, own), height)
             both, valid = problem.kinematics.ik_wrists(T, arm)
-            end = both[which, slot // 4]
-            found.reached[:] &= valid[which, slot // 4]
+            end = taken(both.reshape(-1, 6), wrist)
+            found.reached[:] &= valid.ravel()[wrist]
             found.regular[:] &= problem.regular(end)
             found.way.append(nearest_turn(end, q) - q)
         return found
 
     def within(
-        self, problem: Problem, kept: BoolArray, q: FloatArray, source: IndexArray
+        self, problem: Problem, kept: IndexArray, q: FloatArray, source: IndexArray
     ) -> BoolArray:
         """Return which turn copies (s, 6) of the configurations kept stay within limits."""
         fits = np.ones(len(q), dtype=np.bool_)
         for way in self.way:
-            fits &= problem.within(q + way[kept][source])
+            fits &= problem.within(q + taken(way, kept[source]))
         return fits

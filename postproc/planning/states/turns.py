@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.planning.states.problem import Problem
 
 _FULL_TURN = 2.0 * np.pi
@@ -59,10 +59,10 @@ def copies_of(
         own = own * count[:, k] + (best - low)[:, joint].astype(np.int64)
     source, step = numbered(count.prod(axis=1))
     step = np.where(step == 0, own[source], step - (step <= own[source]))
-    copies = base[source]
+    copies = taken(base, source)
     for k, joint in reversed(list(enumerate(wide))):
-        step, turn = np.divmod(step, count[source, k])
-        copies[:, joint] = q[source, joint] + _FULL_TURN * (low[source, joint] + turn)
+        step, turn = np.divmod(step, count[:, k][source])
+        copies[:, joint] = q[:, joint][source] + _FULL_TURN * (low[:, joint][source] + turn)
     return copies, source
 
 
