@@ -23,6 +23,8 @@ _EXACT = 1e-14
 
 Columns = tuple[FloatArray, FloatArray, FloatArray]
 _Turn = tuple[FloatArray, FloatArray]
+_Weights = tuple[float, float, float]
+_Matrix = tuple[_Weights, _Weights, _Weights]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,19 +125,20 @@ class SerialChain:
             columns, origin = step.advance(columns, origin, cosine, sine)
             turns.append((columns[2], origin))
         columns, origin = self._steps[6].advance(columns, origin)
-        return turns, origin + _combined(columns, tcp) if tcp.any() else origin
+        return turns, origin + _combined(columns, _weights(tcp)) if tcp.any() else origin
 
 
 @dataclass(frozen=True, slots=True)
 class _Step:
     """From one joint's turned frame to the next one's, then about its z axis.
 
-    ``back`` (3, 3) leads from the turned frame to the link frame.
+    ``turn``, ``shift`` [m]; ``back`` leads from the turned frame to the link frame. Matrices stand
+    by columns, as plain numbers: whether one is 0 or 1 is asked for every block.
     """
 
-    turn: FloatArray
-    shift: FloatArray
-    back: FloatArray
+    turn: _Matrix
+    shift: _Weights
+    back: _Matrix
 
     def advance(
         self,
@@ -145,7 +148,7 @@ class _Step:
         sine: FloatArray | None = None,
     ) -> tuple[Columns, FloatArray]:
         """Return the frame's columns (3, n) each and its origin (3, n)."""
-        if self.shift.any():
+        if any(self.shift):
             origin = origin + _combined(columns, self.shift)
         x, y, z = _turned(columns, self.turn)
         if cosine is None or sine is None:
@@ -161,7 +164,7 @@ def _steps_of(placements: FloatArray, axes: FloatArray) -> tuple[_Step, ...]:
         after = _z_to(axes[joint]) if joint < 6 else np.eye(3)
         turn = before.T @ placements[joint, :3, :3] @ after
         shift = before.T @ placements[joint, :3, 3]
-        steps.append(_Step(_cleaned(turn), shift, after.T))
+        steps.append(_Step(_by_columns(_cleaned(turn)), _weights(shift), _by_columns(after.T)))
         before = after
     return tuple(steps)
 
@@ -184,7 +187,7 @@ def _trigonometry(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.cos(angles), np.sin(angles)
 
 
-def _combined(columns: Columns, weights: FloatArray) -> FloatArray:
+def _combined(columns: Columns, weights: _Weights) -> FloatArray:
     """Return the weighted sum of columns; weights 0, 1 and -1 cost no multiplication."""
     total: FloatArray | None = None
     for column, weight in zip(columns, weights, strict=True):
@@ -195,12 +198,18 @@ def _combined(columns: Columns, weights: FloatArray) -> FloatArray:
     return np.zeros_like(columns[0]) if total is None else total
 
 
-def _turned(columns: Columns, turn: FloatArray) -> Columns:
-    return (
-        _combined(columns, turn[:, 0]),
-        _combined(columns, turn[:, 1]),
-        _combined(columns, turn[:, 2]),
-    )
+def _turned(columns: Columns, turn: _Matrix) -> Columns:
+    x, y, z = turn
+    return _combined(columns, x), _combined(columns, y), _combined(columns, z)
+
+
+def _weights(vector: FloatArray) -> _Weights:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _by_columns(matrix: FloatArray) -> _Matrix:
+    return _weights(matrix[:, 0]), _weights(matrix[:, 1]), _weights(matrix[:, 2])
 
 
 def _cleaned(turn: FloatArray) -> FloatArray:

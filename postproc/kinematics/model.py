@@ -184,9 +184,11 @@ class Kinematics:
     def within_limits(self, q: ArrayLike, margin: float = 0.0) -> BoolArray:
         """Return (...,) whether all six angles keep ``margin`` [rad] to their limits."""
         angles = np.asarray(q, dtype=np.float64)
-        slack = margin - _SLACK
-        inside = (angles >= self.q_min + slack) & (angles <= self.q_max - slack)
-        return np.asarray(inside.all(axis=-1))
+        by_joint = np.ascontiguousarray(angles.reshape(-1, 6).T)
+        low = (self.q_min + (margin - _SLACK))[:, None]
+        high = (self.q_max - (margin - _SLACK))[:, None]
+        inside = ((by_joint >= low) & (by_joint <= high)).all(axis=0)
+        return np.asarray(inside.reshape(angles.shape[:-1]))
 
     def split_wrist(self, q: ArrayLike, q_ref: ArrayLike) -> FloatArray:
         """Return q (..., 6) with A4 of ``q_ref`` wherever the wrist is straight.

@@ -46,7 +46,8 @@ def of_rates(rates: ArrayLike, c_joint: ArrayLike) -> FloatArray:
         c_joint: (n,) or (..., n) [rad/(N*m)].
     """
     along = np.asarray(rates, dtype=np.float64)
-    give = np.sum(np.asarray(c_joint, dtype=np.float64) * along * along, axis=-1)
+    each = np.asarray(c_joint, dtype=np.float64) * along * along
+    give = np.ascontiguousarray(np.moveaxis(each, -1, 0)).sum(axis=0)
     with np.errstate(divide="ignore"):
         return np.asarray(1.0 / give)
 

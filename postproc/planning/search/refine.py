@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
 from postproc.planning.states import Problem, evaluate
 from postproc.units import DEG
 
@@ -237,9 +237,9 @@ class _Tries:
         numbers = (level[:, None] + ahead).ravel()
         rows = np.repeat(rows, len(ahead))[numbers < len(_SHARES)]
         level = numbers[numbers < len(_SHARES)]
-        attitude = angle.moved(now.attitude[rows], _SHARES[level] * step[rows])
+        attitude = angle.moved(taken(now.attitude, rows), _SHARES[level] * step[rows])
         T_base_tcp = problem.placement.tcp(poses.tags[rows], attitude)
-        q, good = _joints(problem, poses, rows, T_base_tcp, now.q[rows], with_strokes=True)
+        q, good = _joints(problem, poses, rows, T_base_tcp, taken(now.q, rows), with_strokes=True)
         cost = _costs(problem, poses, rows, T_base_tcp, attitude, q)
         for mine, found in zip(self._values, (attitude, q, cost), strict=True):
             mine[level, rows] = found
@@ -254,15 +254,17 @@ def _newton(
     beside = np.concatenate([angle.moved(now.attitude[rows], d) for d in (-_PROBE, _PROBE)])
     both = np.tile(rows, 2)
     T_base_tcp = problem.placement.tcp(poses.tags[both], beside)
-    solved, good = _joints(problem, poses, both, T_base_tcp, q[both])
+    known = taken(q, both)
+    solved, good = _joints(problem, poses, both, T_base_tcp, known)
     moving = good[:m] & good[m:]
-    solved = np.where(np.tile(moving, 2)[:, None], solved, q[both])
+    solved = np.where(np.tile(moving, 2)[:, None], solved, known)
     below, above = solved[:m], solved[m:]
     cost = _costs(problem, poses, both, T_base_tcp, beside, solved)
     cost_below, cost_above = cost[:m], cost[m:]
     rate = (above - below) / (2.0 * _PROBE)
     square = np.einsum("ij,ij->i", rate, rate)
-    leap, behind = np.diff(q, axis=0, prepend=q[:1])[rows], np.diff(q, axis=0, append=q[-1:])[rows]
+    leap = taken(np.diff(q, axis=0, prepend=q[:1]), rows)
+    behind = taken(np.diff(q, axis=0, append=q[-1:]), rows)
     into, out = 2.0 * w[rows], 2.0 * np.append(w[1:], 0.0)[rows]
     gradient = (cost_above - cost_below) / (2.0 * _PROBE)
     gradient += into * np.einsum("ij,ij->i", leap, rate)

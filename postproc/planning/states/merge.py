@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.planning.states.candidates import States, sample
 from postproc.planning.states.problem import Problem
 
@@ -74,7 +74,7 @@ def merged(known: States, tags: IndexArray, new: States, new_tags: IndexArray) -
         spins = np.concatenate([known.spins[kept], new.spins])[order]
     states = States(
         offsets=offsets,
-        q=np.concatenate([known.q, new.q])[pick],
+        q=taken(np.concatenate([known.q, new.q]), pick),
         column=np.concatenate([known.column, new.column])[pick],
         branch=np.concatenate([known.branch, new.branch])[pick],
         config=np.cumsum(ranks, dtype=np.int32),

@@ -139,8 +139,9 @@ class Placement:
             T_base_tcp: (m, 4, 4).
             external: (m, k) where the external axes stand [m or rad].
         """
-        T: FloatArray = self.base(external) @ T_base_tcp @ self.T_tcp_flange
-        return T
+        T_robroot_tcp: FloatArray = self.base(external) @ T_base_tcp
+        rows = T_robroot_tcp.reshape(-1, 4) @ self.T_tcp_flange  # one product, not one for each
+        return rows.reshape(T_robroot_tcp.shape)
 
     def backed_off(self, T_robroot_flange: FloatArray, height: FloatArray) -> FloatArray:
         """Return flange poses (m, 4, 4) moved back along the tool axis by heights (m,) [m]."""

@@ -29,13 +29,14 @@ def margin(context: StateContext) -> FloatArray:
 
     The margin counts beyond what the cell keeps anyway: 1 for standing at a limit that it allows.
     """
-    low, high = np.asarray(context.kinematics.q_min), np.asarray(context.kinematics.q_max)
-    kept = context.cell.limits
-    free = context.q - low
-    np.minimum(free, high - context.q, out=free)
+    kinematics, kept = context.kinematics, context.cell.limits
+    low, high = (np.asarray(end)[:, None] for end in (kinematics.q_min, kinematics.q_max))
+    q = np.ascontiguousarray(context.q.T)
+    free = q - low
+    np.minimum(free, high - q, out=free)
     free -= kept.joint_margin
-    wrist = wrist_distance(context.kinematics, context.q) - kept.singularity
-    return np.asarray(_lack(free).sum(axis=1) + _lack(wrist))
+    wrist = wrist_distance(kinematics, context.q) - kept.singularity
+    return np.asarray(_lack(free).sum(axis=0) + _lack(wrist))
 
 
 def _lack(free: FloatArray) -> FloatArray:
