@@ -55,7 +55,7 @@ class SerialChain:
         T[:, 3, 3] = 1.0
         steps = self._steps
         for block in blocks(len(flat)):
-            columns, origin = _identity(flat[block].shape[0])
+            columns, origin = _identity()
             for step, cosine, sine in zip(steps[:6], *_trigonometry(flat[block]), strict=True):
                 columns, origin = step.advance(columns, origin, cosine, sine)
             columns, origin = steps[6].advance(columns, origin)
@@ -71,7 +71,7 @@ class SerialChain:
         T[..., 3, 3] = 1.0
         steps = self._steps
         for block in blocks(len(flat)):
-            columns, origin = _identity(flat[block].shape[0])
+            columns, origin = _identity()
             joints = zip(steps[:6], *_trigonometry(flat[block]), strict=True)
             for link, (step, cosine, sine) in enumerate(joints, start=1):
                 columns, origin = step.advance(columns, origin, cosine, sine)
@@ -118,8 +118,11 @@ class SerialChain:
         return result
 
     def _turns(self, q: FloatArray, tcp: FloatArray) -> tuple[list[_Turn], FloatArray]:
-        """Return axis and origin (3, n) of each joint of a block, and the TCP (3, n); robroot."""
-        columns, origin = _identity(len(q))
+        """Return axis and origin of each joint of a block, and the TCP (3, n); robroot.
+
+        (3, n), or (3, 1) where no joint before moves them.
+        """
+        columns, origin = _identity()
         turns: list[_Turn] = []
         for step, cosine, sine in zip(self._steps[:6], *_trigonometry(q), strict=True):
             columns, origin = step.advance(columns, origin, cosine, sine)
@@ -175,11 +178,10 @@ def blocks(count: int, size: int = CHUNK) -> Iterator[slice]:
         yield slice(start, min(start + size, count))
 
 
-def _identity(count: int) -> tuple[Columns, FloatArray]:
-    unit = np.zeros((3, 3, count))
-    for axis in range(3):
-        unit[axis, axis] = 1.0
-    return (unit[0], unit[1], unit[2]), np.zeros((3, count))
+def _identity() -> tuple[Columns, FloatArray]:
+    """Return columns and origin (3, 1) of robroot itself; those of all poses, until one turns."""
+    x, y, z = np.eye(3)[:, :, None]
+    return (x, y, z), np.zeros((3, 1))
 
 
 def _trigonometry(q: FloatArray) -> tuple[FloatArray, FloatArray]:
