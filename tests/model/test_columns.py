@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 import pytest
 
-from postproc.arrays import column
+from postproc.arrays import column, taken
 from postproc.errors import Finding, Severity
 from postproc.model import Arcs, CamSetup, Event, EventKind, MotionKind, MoveKind, Plan, ToolPath
 from tests.emitters.plans import plan as plan_of
@@ -177,3 +177,12 @@ def test_the_plan_of_a_stretch_becomes_one_of_the_whole():
     np.testing.assert_array_equal(whole.stiffness[4:7], [1.0, 2.0, 3.0])
     np.testing.assert_array_equal(whole.wear[4:7], part.wear)
     assert np.isnan(np.delete(whole.wear, [4, 5, 6])).all()
+
+
+@pytest.mark.parametrize("shape", [(7,), (7, 6), (7, 4, 4)])
+def test_rows_taken_are_those_indexed(shape):
+    values = np.random.default_rng(2).normal(size=shape).astype(np.float32)
+    for rows in (np.array([3, 0, 0, -1]), np.zeros(0, dtype=np.int64), np.arange(7) % 2 == 0):
+        found = taken(values, rows)
+        assert found.dtype == values.dtype
+        assert np.array_equal(found, values[rows])

@@ -216,3 +216,25 @@ def test_wide_rungs_in_blocks_give_the_same(monkeypatch, seed, wide):
     assert np.array_equal(*paths)
     assert np.array_equal(whole.broken, blocks.broken)
     assert whole.total(paths[0]) == pytest.approx(blocks.total(paths[1]), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rungs_swept_together_give_what_each_alone_gives(monkeypatch, seed):
+    """Dead rungs, empty ones and chains between them."""
+    rng = np.random.default_rng(seed)
+    together = random_ladder(rng, rungs=40, most=5, dead=0.4, chain=0.1, least=0)
+    alone = Ladder(
+        together.offsets,
+        together.position,
+        together.cost,
+        together.group,
+        together.rule,
+        together.weight,
+    )
+    monkeypatch.setattr("postproc.planning.states.ladder._AT_ONCE", 7)
+    together.solve()
+    for i in range(len(alone)):
+        alone._update(i)
+    assert np.array_equal(together.broken, alone.broken)
+    assert together.value == pytest.approx(alone.value, abs=1e-12)
+    assert np.array_equal(together.path(), alone.path())
