@@ -14,11 +14,12 @@ stays bounded.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
 
 WIDE = 4_000_000
@@ -28,8 +29,26 @@ _SPLIT = 30_000
 _SAME = 1e-11
 NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
+_QUICK = 100_000
+"""So many free steps are worked out anew before it is known which of them changed."""
 _AT_ONCE = 64
 """Rungs of which the factors of the steps are made together."""
+
+
+class _Factors(NamedTuple):
+    """Factors of the steps into rungs ``first`` to ``last`` - 1, as of ``Graph``.
+
+    ``before``, ``low``: the first states of the rung before the first one, and of that one.
+    ``start``: of the factors on the right what is added to the values of their states.
+    """
+
+    first: int
+    last: int
+    before: int
+    low: int
+    left: FloatArray
+    right: FloatArray
+    start: FloatArray
 
 
 @dataclass(slots=True)
@@ -40,6 +59,8 @@ class Ladder(Graph):
     back: NDArray[np.uint16] = field(init=False)
     broken: BoolArray = field(init=False)
     _least: FloatArray = field(init=False)
+    _is_quick: BoolArray = field(init=False)
+    _factors: _Factors | None = field(init=False, default=None)
     _solved: bool = field(init=False, default=False)
     _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
 
@@ -51,6 +72,9 @@ class Ladder(Graph):
         self.back = np.zeros(states, dtype=np.uint16)
         self.broken = np.zeros(len(self), dtype=np.bool_)
         self._least = np.zeros(len(self))
+        size = np.diff(self.offsets)
+        steps = np.append(0, size[1:] * size[:-1])[: len(self)]
+        self._is_quick = (self.rule != CHAIN) & (steps > 0) & (steps <= _QUICK)
 
     def settle(self) -> bool:
         """Repair what was put off behind changes; return whether anything was."""
@@ -66,45 +90,42 @@ class Ladder(Graph):
 
     def solve(self) -> None:
         """Find the value of every state from scratch."""
-        size = np.diff(self.offsets)
-        product = np.append(0, size[1:] * size[:-1])
-        free = (self.rule != CHAIN) & (product > 0) & (product <= WIDE)
-        free[list(self.forbidden)] = False
-        for low, high in runs(free.astype(np.int64)):
-            if not free[low]:
-                for i in range(low, high):
-                    self._update(i)
-                continue
-            for first in range(low, high, _AT_ONCE):
-                self._sweep(first, min(first + _AT_ONCE, high))
+        for i in range(len(self)):
+            self._update(i)
         self._solved = True
 
-    def _sweep(self, first: int, last: int) -> None:
-        """Work out the values of rungs one after the other, into which every step may be done.
+    def _swept(self, i: int, low: int, high: int) -> FloatArray | None:
+        """Return the values (m,) of a rung into which every step may be done; None: none can be.
 
-        As ``_update`` would, with the factors of all steps made together.
+        The factors of the steps are made for it and those behind it together.
         """
-        offsets, weight = self.offsets[first - 1 : last + 1], self.weight[first:last]
-        size, start = np.diff(offsets), offsets.tolist()
-        lefts = self.left(slice(start[1], start[-1]), np.repeat(weight, size[1:]))
-        rights = self.right(slice(start[0], start[-2]), np.repeat(weight, size[:-1]))
-        every = np.arange(int(size.max()))
-        self.broken[first:last] = False
-        for i, (before, low, high) in enumerate(zip(start, start[1:], start[2:], strict=False)):
-            left = lefts[low - start[1] : high - start[1]]
-            right = rights[before - start[0] : low - start[0]]
-            right[:, -2] += self.value[before:low]
-            steps = np.matmul(left, right.T, out=self.room(high - low, low - before))
-            back = steps.argmin(axis=1)
-            value = steps[every[: high - low], back]
-            value += self.cost[low:high]
-            lowest = value[value.argmin()]
-            if not lowest < np.inf:
-                self._update(first + i)
-                continue
-            value -= lowest
-            self._least[first + i] = lowest
-            self.value[low:high], self.back[low:high] = value, back
+        part = self._factors
+        if part is None or not part.first <= i < part.last:
+            part = self._factors = self._factored(i)
+        before = int(self.offsets[i - 1])
+        left = part.left[low - part.low : high - part.low]
+        right = part.right[before - part.before : low - part.before]
+        start = part.start[before - part.before : low - part.before]
+        np.add(start, self.value[before:low], out=right[:, -2])
+        steps = np.matmul(left, right.T, out=self.room(high - low, low - before))
+        back = steps.argmin(axis=1)
+        value: FloatArray = steps[np.arange(high - low), back]
+        value += self.cost[low:high]
+        if not value[value.argmin()] < np.inf:
+            return None
+        self.back[low:high], self.broken[i] = back, False
+        return value
+
+    def _factored(self, first: int) -> _Factors:
+        """Return the factors of the steps into a rung and into some behind it."""
+        last = first + 1
+        while last < min(first + _AT_ONCE, len(self)) and self._is_quick[last]:
+            last += 1
+        before, low, end, high = self.offsets[[first - 1, first, last - 1, last]].tolist()
+        size, weight = np.diff(self.offsets[first - 1 : last + 1]), self.weight[first:last]
+        left = self.left(slice(low, high), np.repeat(weight, size[1:]))
+        right = self.right(slice(before, end), np.repeat(weight, size[:-1]))
+        return _Factors(first, last, before, low, left, right, right[:, -2].copy())
 
     def take_over(self, known: Ladder, moved: IndexArray, rungs: IndexArray) -> None:
         """Take values and forbidden steps of a solved ladder, and solve what is new.
@@ -256,7 +277,11 @@ class Ladder(Graph):
         """
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         old = self.value[low:high].copy()
-        value = None if shift is None or self.broken[i] else self._shifted(i, low, high, shift)
+        value = None
+        if self._is_quick[i] and i not in self.forbidden:
+            value = self._swept(i, low, high)
+        elif shift is not None and not self.broken[i]:
+            value = self._shifted(i, low, high, shift)
         if value is None:
             value = self._step(i, low, high)
         lowest = value.min() if high > low else np.inf
