@@ -6,7 +6,8 @@ on and stops as soon as the values agree again up to a constant. Until then a st
 changed by no more than any other way into it keeps that way without a look at its steps: behind a
 change few states take another one, and only by states that changed less. Parts of a long chain that
 never meet differ by another constant up to its end, so far behind a change the rest is put off: the
-way found meanwhile can be run, and ``settle`` makes it the best one.
+way found meanwhile can be run, and ``settle`` makes it the best one. A rung of few free steps is
+worked out anew at once: one product takes less time than to tell which of its states changed.
 Between two wide rungs the steps are worked out in blocks, a chain's group by group, so that memory
 stays bounded.
 """
