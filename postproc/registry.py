@@ -14,7 +14,8 @@ import pkgutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib.metadata import EntryPoint, entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -144,7 +145,7 @@ class Registry(Generic[T]):
         package = importlib.import_module(self._package)
         for module in pkgutil.iter_modules(package.__path__):
             importlib.import_module(f"{self._package}.{module.name}")
-        for entry in entry_points(group=f"postproc.{self.group}"):
+        for entry in plug_ins(self.group):
             problem = ""
             try:
                 self._add(entry.name, entry.load())
@@ -155,13 +156,25 @@ class Registry(Generic[T]):
             self._infos.append(PluginInfo(self.group, entry.name, *_origin(entry), problem))
 
 
+@cache
+def _installed() -> Any:  # noqa: ANN401 - SelectableGroups before Python 3.12, EntryPoints since
+    """Return the entry points of all installed packages: finding them reads a file of each."""
+    return entry_points()
+
+
+def plug_ins(group: str) -> EntryPoints:
+    """Return the entry points of foreign parts of a group."""
+    found: EntryPoints = _installed().select(group=f"postproc.{group}")
+    return found
+
+
 def foreign() -> tuple[str, ...]:
     """Return group, name, package and version of every installed plug-in, without loading any."""
     return tuple(
         sorted(
             " ".join((group, entry.name, *_origin(entry)))
             for group in GROUPS
-            for entry in entry_points(group=f"postproc.{group}")
+            for entry in plug_ins(group)
         )
     )
 
@@ -185,7 +198,7 @@ def part_names(group: str, package: str) -> tuple[str, ...]:
     top, *inner = package.split(".")
     folders = [str(Path(place, *inner)) for place in importlib.import_module(top).__path__]
     own = {module.name for module in pkgutil.iter_modules(folders)}
-    return tuple(sorted(own | {e.name for e in entry_points(group=f"postproc.{group}")}))
+    return tuple(sorted(own | {e.name for e in plug_ins(group)}))
 
 
 def _own_version() -> str:

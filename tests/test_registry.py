@@ -25,7 +25,7 @@ def test_an_unknown_name_lists_those_known():
 def test_a_broken_plug_in_is_named_and_left_out(monkeypatch):
     broken = EntryPoint("mine", "no_such_package.part:THING", "postproc.readers")
     good = EntryPoint("other", "math:pi", "postproc.readers")
-    monkeypatch.setattr(registry_module, "entry_points", lambda group: [broken, good])
+    monkeypatch.setattr(registry_module, "plug_ins", lambda group: [broken, good])
     monkeypatch.setattr(registry_module.pkgutil, "iter_modules", lambda path: [])
     parts = Registry("readers", "postproc.model")
     infos = {info.name: info for info in parts.infos()}
@@ -38,7 +38,7 @@ def test_a_broken_plug_in_is_named_and_left_out(monkeypatch):
 
 def test_a_plug_in_that_is_none_of_its_kind_is_named_and_left_out(monkeypatch):
     entries = [EntryPoint("number", "math:pi", "x"), EntryPoint("kind", "builtins:dict", "x")]
-    monkeypatch.setattr(registry_module, "entry_points", lambda group: entries)
+    monkeypatch.setattr(registry_module, "plug_ins", lambda group: entries)
     monkeypatch.setattr(registry_module.pkgutil, "iter_modules", lambda path: [])
     parts = Registry("readers", "postproc.model", dict)
     problems = {info.name: info.problem for info in parts.infos()}
@@ -50,7 +50,7 @@ def test_a_plug_in_that_is_none_of_its_kind_is_named_and_left_out(monkeypatch):
 def test_a_plug_in_never_takes_the_place_of_another(monkeypatch):
     """Nor does what is wrong with it hide that the other one is good."""
     twin = EntryPoint("x", "math:pi", "postproc.readers")
-    monkeypatch.setattr(registry_module, "entry_points", lambda group: [twin])
+    monkeypatch.setattr(registry_module, "plug_ins", lambda group: [twin])
     monkeypatch.setattr(registry_module.pkgutil, "iter_modules", lambda path: [])
     parts = Registry("readers", "postproc.model")
     parts.register("x")(1)
@@ -61,7 +61,7 @@ def test_a_plug_in_never_takes_the_place_of_another(monkeypatch):
 
 def test_what_a_foreign_part_fails_with_is_its_own_fault(monkeypatch):
     entry = EntryPoint("theirs", "math:pi", "postproc.readers")
-    monkeypatch.setattr(registry_module, "entry_points", lambda group: [entry])
+    monkeypatch.setattr(registry_module, "plug_ins", lambda group: [entry])
     monkeypatch.setattr(registry_module.pkgutil, "iter_modules", lambda path: [])
     parts = Registry("readers", "postproc.model")
     parts.register("ours")(1)
@@ -85,6 +85,6 @@ def test_a_part_is_registered_under_the_name_that_it_has():
 def test_installed_plug_ins_are_told_without_loading_them(monkeypatch):
     broken = EntryPoint("mine", "no_such_package.part:THING", "postproc.readers")
     monkeypatch.setattr(
-        registry_module, "entry_points", lambda group: [broken] if "readers" in group else []
+        registry_module, "plug_ins", lambda group: [broken] if "readers" in group else []
     )
     assert registry_module.foreign() == ("readers mine no_such_package.part:THING ?",)
