@@ -44,12 +44,12 @@ _SINGLE = {"M": "B", "K": "B", "X": "B"}
 
 def robot_names() -> tuple[str, ...]:
     """Return the names of the built-in robots, sorted."""
-    return tuple(_data()["arms"])
+    return tuple(_texts()[1])
 
 
 def robot_title(name: str) -> str:
     """Return the maker's name of a built-in robot."""
-    return str(_data()["arms"][name]["title"])
+    return str(_row(name)["title"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class RobotNotes:
 
 def robot_notes(name: str) -> RobotNotes:
     """Return trust, controller name and note of a built-in robot."""
-    row = _data()["arms"][name]
+    row = _row(name)
     return RobotNotes(row["trust"], row.get("trafoname", ""), row.get("note", ""))
 
 
@@ -77,7 +77,7 @@ def find_robot(name: str, source: SourceRef | None = None) -> str:
     Raises:
         CellError: CEL010 if no built-in robot, or more than one, has this name.
     """
-    if name in _data()["arms"]:
+    if name in _texts()[1]:
         return name
     found = _spellings().get(normal(name)) or _spellings().get(normal(type_of(name)))
     if found is not None:
@@ -167,15 +167,30 @@ def assumed_acceleration(speed: FloatArray) -> tuple[FloatArray, Origin]:
 
 
 @cache
-def _data() -> Mapping[str, Any]:
-    return tomllib.loads(_FILE.read_text(encoding="utf-8"))
+def _texts() -> tuple[str, Mapping[str, str]]:
+    """Return what stands before the arms, and the table of each by its name: one is read alone."""
+    sources, *arms = _FILE.read_text(encoding="utf-8").split("\n[arms.")
+    return sources, {text.partition("]")[0]: f"[arms.{text}" for text in arms}
+
+
+@cache
+def _row(name: str) -> Mapping[str, Any]:
+    row: Mapping[str, Any] = tomllib.loads(_texts()[1][name])["arms"][name]
+    return row
+
+
+@cache
+def _sources() -> Mapping[str, Mapping[str, str]]:
+    sources: Mapping[str, Mapping[str, str]] = tomllib.loads(_texts()[0])["sources"]
+    return sources
 
 
 @cache
 def _spellings() -> Mapping[str, str]:
     """Return the name of each arm by all its spellings, without signs between letters."""
     found: dict[str, str] = {}
-    for name, row in _data()["arms"].items():
+    for name in robot_names():
+        row = _row(name)
         own = [normal(name), normal(row["title"]), normal(row["title"].split(" (")[0])]
         own += [normal(row.get("trafoname", ""))]
         for spelling in own:
@@ -186,7 +201,7 @@ def _spellings() -> Mapping[str, str]:
 
 @cache
 def _load(name: str) -> Robot:
-    row = _data()["arms"][name]
+    row = _row(name)
     origins = _origins(row)
     qd_max = _values(row, "speed_deg_s", DEG)
     qdd_max = _optional(row, "acceleration_rad_s2", 1.0)
@@ -254,7 +269,7 @@ def _origins(row: Mapping[str, Any]) -> dict[str, Origin]:
 
 def _origin(key: str, trust: str) -> Origin:
     """Return the origin behind a key of ``[sources]``, or several joined by +."""
-    sources = [_data()["sources"][part] for part in key.split("+")]
+    sources = [_sources()[part] for part in key.split("+")]
     kind = Provenance(sources[0]["kind"])
     own = "" if kind is Provenance.ASSUMED else _SINGLE.get(key, sources[0].get("trust", "C"))
     return Origin(kind, "; ".join(source["text"] for source in sources), trust or own)

@@ -1,5 +1,8 @@
 """The built-in robots: complete, consistent, every number with its origin."""
 
+import tomllib
+from importlib.resources import files
+
 import numpy as np
 import pytest
 
@@ -24,6 +27,15 @@ REACH_MM = {
     "kuka_kr6_r900_sixx": 901.5, "kuka_kr6_r900_2": 900.7,
 }  # fmt: skip
 """Published reach, rounded to 0.1 mm."""
+
+
+def test_an_arm_is_read_alone_as_it_stands_in_the_whole_file():
+    whole = tomllib.loads((files("postproc.cell") / "robots.toml").read_text(encoding="utf-8"))
+    assert robot_names() == tuple(whole["arms"])
+    for name, row in whole["arms"].items():
+        assert robot_title(name) == row["title"]
+        assert robot_notes(name).note == row.get("note", "")
+        assert load_robot(name).geometry.c2 == pytest.approx(row["lengths_mm"][4] * MM, abs=1e-12)
 
 
 def test_all_promised_robots_are_there():
