@@ -162,7 +162,8 @@ class MotionCheck:
                     turns[together][tracks] - part.start,
                     share_at[:, part],
                 )
-                self._close_few(q_from[part], q_to[part], first - part.start, open_)
+                there = turns[together][tracks] - first + 1
+                self._close_few(q_from[part], q_to[part], first - part.start, there, open_)
                 left = np.flatnonzero(open_.any(axis=0))
                 parts.append((part.start + left, open_[:, left]))
             todo, open_ = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
@@ -195,16 +196,26 @@ class MotionCheck:
         return self._open_along((q_from, q_to), chord, starts, share, wanted, self._near)
 
     def _close_few(
-        self, q_from: FloatArray, q_to: FloatArray, starts: IndexArray, open_: BoolArray
+        self,
+        q_from: FloatArray,
+        q_to: FloatArray,
+        starts: IndexArray,
+        there: IndexArray,
+        open_: BoolArray,
     ) -> None:
         """Take out of pairs (p, m) that are open, in place, those free over a few motions.
 
-        ``starts`` (t,): first motion of each track.
+        Args:
+            q_from: (m, 6) [rad].
+            q_to: (m, 6) [rad].
+            starts: (t,) first motion of each track.
+            there: (t,) how many of its motions lead there; a few were looked at as one already.
+            open_: (p, m).
         """
-        rows = np.flatnonzero(open_.any(axis=0))
+        owner, step = numbered(np.diff(np.append(starts, len(q_from))))
+        rows = np.flatnonzero((there > _FEW)[owner] & open_.any(axis=0))
         if not len(rows):
             return
-        owner, step = numbered(np.diff(np.append(starts, len(q_from))))
         few = (owner * len(q_from) + step // _FEW)[rows]
         first = np.flatnonzero(np.diff(few, prepend=-1))
         count = np.diff(np.append(first, len(rows)))
