@@ -19,11 +19,15 @@ ROUNDS = 60
 """How often a tree grows at most."""
 _SEED = 20220115
 _BATCH = 48
-_STEPS = (0.6, 0.3)
-"""Longest move [rad] of a tree: in open space, and once that has not been enough."""
+_STEP = 0.6
+"""Longest move [rad] of a tree in open space."""
 _SHORTER = 20
-"""After so many rounds moves get shorter."""
-_AROUND = 1.2
+"""After so many rounds moves get half as long."""
+_AROUND = (0.2, 1.2)
+"""How far [rad] around both ends a tree looks: at first as far as half the way between them, but
+within these bounds; what is near needs no long way round."""
+_WIDER = 4
+"""After so many rounds it looks twice as far."""
 _SAMPLE = 0.3
 """Motions are looked at in steps of this [rad] at most before they are proven."""
 _PROVEN = 2
@@ -82,15 +86,18 @@ def rrt_connect(
         return None
     problem = checker.problem
     margin = problem.cell.limits.joint_margin
-    low = np.minimum(start, goal) - _AROUND
-    high = np.maximum(start, goal) + _AROUND
-    low = np.maximum(low, np.asarray(problem.kinematics.q_min) + margin)
-    high = np.minimum(high, np.asarray(problem.kinematics.q_max) - margin)
+    least = np.asarray(problem.kinematics.q_min) + margin
+    most = np.asarray(problem.kinematics.q_max) - margin
+    at_first = max(_AROUND[0], 0.5 * float(np.linalg.norm(goal - start)))
     rng = np.random.default_rng(_SEED)
     trees = (_Tree(start, external), _Tree(goal, external))
     for round_ in range(rounds):
         one, two = trees[round_ % 2], trees[1 - round_ % 2]
-        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), _STEPS[round_ >= _SHORTER])
+        around = min(_AROUND[1], at_first * 2.0 ** (round_ // _WIDER))
+        low = np.maximum(np.minimum(start, goal) - around, least)
+        high = np.minimum(np.maximum(start, goal) + around, most)
+        step = min(around, _STEP if round_ < _SHORTER else 0.5 * _STEP)
+        new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), step)
         way = _proven(checker, one, two, new)
         if way is not None:
             return (way[::-1] if round_ % 2 else way)[1:-1]
