@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 
 from postproc.cell.cell import Workpiece
+from postproc.cell.file import parse_cell
 from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks import explain
 from postproc.planning.planner import plan
 from postproc.units import DEG, MM
+from tests.cells import STIFFNESS, cell_text
+from tools.bench.contours import SOLIDS
 
 FRONT = np.array([-1.0, 0.0, 0.0])
 
@@ -72,3 +75,40 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
         near = f"at tag {name} near by: remedy of {tag}"
         assert hints[tag + 1 : tag + explain.ALIKE] == [near] * (explain.ALIKE - 1)
     assert all(f"at {explain.HELPED} tags before" in hint for hint in hints[-30:])
+
+
+def under_beam(height, approach):
+    """A cell in which a beam stands above the end of a cut of 300 mm, so high [mm] over it."""
+    beam = (
+        '[[obstacles]]\nname = "beam"\nbox = { size_mm = [60, 60, 60] }\n'
+        f"xyz_mm = [1900, 300, {700 + height}]\n"
+    )
+    motion = f"[motion]\nhome_deg = [0, -90, 90, 0, 45, 0]\napproach_mm = {approach}\n"
+    text = cell_text(beam, STIFFNESS, motion, tool=SOLIDS, origin=(1900, 0, 700))
+    return parse_cell(text.encode(), "beam.toml")
+
+
+@pytest.mark.parametrize("height", [280, 300])
+def test_the_end_of_a_cut_that_the_tool_cannot_come_away_from(make_path, height):
+    """The head, 227 mm high, stands free at every spin; it hits the beam when it backs off."""
+    n = 16
+    points = np.column_stack([np.zeros(n), np.linspace(0.0, 0.3, n), np.zeros(n)])
+    kind = np.full(n, MotionKind.LINEAR)
+    kind[0] = MotionKind.RAPID
+    toolpath = make_path(points, [0.0, 0.0, 1.0], kind, feed=np.full(n, 0.02))
+    finding = plan(toolpath, under_beam(height, 50)).errors[0]
+    assert (finding.code, finding.tag_index) == ("PLN104", n - 1)
+    assert "cannot come away from the cut" in finding.hint
+    assert "lower [motion] approach_mm" in finding.hint
+    assert not plan(toolpath, under_beam(height, 10)).errors
+
+
+def test_a_spin_that_is_named_serves_the_whole_stroke(make_path):
+    """Beside a beam over the hole the tool stands free, but not where its stroke begins."""
+    cycles = (Cycle("drill", 0.0, 0.0, 0.05, feed=0.002),)
+    toolpath = make_path(
+        [[0.0, 0.3, 0.0]], [0.0, 0.0, 1.0], MotionKind.HOLE, cycle=np.zeros(1, int), cycles=cycles
+    )
+    finding = plan(toolpath, under_beam(290, 50)).errors[0]
+    assert finding.code == "PLN104"
+    assert "not all along its stroke" in finding.hint

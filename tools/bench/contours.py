@@ -133,7 +133,8 @@ def brute_breaks(toolpath: ToolPath, cell: Cell, step: float = 5.0) -> list[int]
     states = sample(checker.problem, np.arange(n), spins)
     tag = states.tag_of(np.arange(len(states.q)))
     first = np.flatnonzero(np.diff(states.config, prepend=-1))
-    free = checker.poses(tag[first], states.q[first].astype(np.float64)).good[states.config]
+    q, branch = states.q[first].astype(np.float64), states.branch[first].astype(np.int64)
+    free = checker.states(tag[first], q, states.attitude_of(first), branch).good[states.config]
     breaks: list[int] = []
     alive = np.zeros(0, dtype=np.int64)
     for i in range(n):

@@ -13,10 +13,12 @@ from postproc.planning.checks.feasible import (
     poses_between,
 )
 from postproc.planning.checks.grade import CLOSE, NEAR, NEAR_BY, Grade, grade_counts, grades
+from postproc.planning.checks.remedy import LEAD_OUT
 from postproc.planning.checks.working import NEAR_SOLIDS, moves_of_tags, tag_clearances
 
 __all__ = [
     "CLOSE",
+    "LEAD_OUT",
     "LOWER",
     "MORE_CLEARANCE",
     "NEAR",

@@ -15,6 +15,8 @@ from postproc.units import DEG, MM
 
 TILTS = (2.0 * DEG, 5.0 * DEG, 10.0 * DEG, 15.0 * DEG, 30.0 * DEG)
 SHIFTS = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
+LEAD_OUT = "let the CAM file lead the tool out, or lower [motion] approach_mm"
+"""What helps where the tool cannot back off along its axis from the end of a cut."""
 _STEP = 10.0 * DEG
 _FEW = 20
 """A shift is tried with about so many tags first, evenly taken; if it serves those, with all."""
@@ -24,23 +26,36 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     """Return what would help a tag, in words, empty if nothing tried does.
 
     Tried in turn: any spin at all, lead and side tilt where the tool mills, shifts of the
-    workpiece; the smallest that gives a pose within reach and limits is named. A hole is never
-    tilted: it would be another hole. Spins and tilts are checked for collision as well; shifts
-    move the workpiece away from what it stands on, so only reach is checked.
+    workpiece; the smallest that gives a pose within reach and limits is named, stroke and way out
+    of material and all. A hole is never tilted: it would be another hole. Spins and tilts are
+    checked for collision as well; shifts move the workpiece away from what it stands on, so only
+    reach is checked.
     """
     spins = spin_values(_STEP, -np.pi, np.pi)
-    T = _poses(checker, tag, spins)
-    free = _free_spins(checker, tag, T)
+    standing, free = _free_spins(checker, tag, _upright(spins))
     if free.any():
-        best = spins[free][np.argmin(np.abs(spins[free]))]
         name = checker.problem.toolpath.tag_name(tag)
         how = "pin it there" if name in checker.problem.cell.optimize.pins else "widen range_deg"
-        return f"a spin of {best / DEG:.0f} deg about the tool axis would do: {how}"
+        return f"a spin of {_least(spins[free])} deg about the tool axis would do: {how}"
+    if standing.any() and checker.problem.ways_out[tag]:
+        return (
+            f"the tool stands free at a spin of {_least(spins[standing])} deg but cannot come away "
+            f"from the cut: {LEAD_OUT}"
+        )
     if text := _lead_or_side(checker, tag):
         return text
-    if reason is Reason.COLLISION:
-        return "no spin is free of collision here: move the workpiece or the obstacle"
-    return _shift(checker, tag, spins)
+    if reason is not Reason.COLLISION:
+        return _shift(checker, tag, spins)
+    away = "move the workpiece or the obstacle"
+    if not standing.any():
+        return f"no spin is free of collision here: {away}"
+    where = f"the tool stands free at a spin of {_least(spins[standing])} deg"
+    return f"{where} but not all along its stroke: {away}"
+
+
+def _least(spins: FloatArray) -> str:
+    """Return the smallest of spins (s,) [rad] in degrees."""
+    return f"{spins[np.argmin(np.abs(spins))] / DEG:.0f}"
 
 
 def _lead_or_side(checker: Checker, tag: int) -> str:
@@ -50,15 +65,14 @@ def _lead_or_side(checker: Checker, tag: int) -> str:
     feed = feed_directions(problem.toolpath, place.axis_base(np.arange(len(place))))
     if not np.isfinite(feed[tag]).all():
         return ""
-    free_to_tilt = replace(place, feed=feed)
+    tilted = replace(checker, problem=replace(problem, placement=replace(place, feed=feed)))
     words = (("lead angle", "lead_deg", allowed.lead), ("side tilt", "side_tilt_deg", allowed.side))
     for size in TILTS:
         for column, (word, key, (low, high)) in enumerate(words, start=1):
             for tilt in (size, -size):
-                attitude = np.zeros((len(spins), 3))
-                attitude[:, 0], attitude[:, column] = spins, tilt
-                T = free_to_tilt.tcp(np.full(len(spins), tag), attitude)
-                if _free_spins(checker, tag, T).any():
+                attitude = _upright(spins)
+                attitude[:, column] = tilt
+                if _free_spins(tilted, tag, attitude)[1].any():
                     way = f"widen {key}" if not low <= tilt <= high else "lower tilt_step_deg"
                     return f"a {word} of {tilt / DEG:.0f} deg would do: {way} in [optimize]"
     return ""
@@ -106,14 +120,18 @@ def _words(checker: Checker, shift: FloatArray) -> str:
 def _reached(checker: Checker, tags: IndexArray, spins: FloatArray, shift: FloatArray) -> BoolArray:
     """Return (t,) whether a tag is within reach and limits at some spin, workpiece shifted."""
     which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
-    T = checker.problem.placement.tcp(which, spin)
-    T[:, :3, 3] += shift
-    good = _within(checker, which, T).good
+    problem, strokes = checker.problem, checker.strokes
+    good = np.ones((len(which), 1), dtype=np.bool_)
+    for height in (0.0, np.where(strokes.is_stroke, strokes.top, problem.ways_out)[which]):
+        T = problem.placement.tcp(which, spin, height)
+        T[:, :3, 3] += shift
+        good = good & _within(checker, which, T).good
     return np.asarray(good.reshape(len(tags), -1).any(axis=1))
 
 
-def _poses(checker: Checker, tag: int, spins: FloatArray) -> FloatArray:
-    return checker.problem.placement.tcp(np.full(len(spins), tag), spins)
+def _upright(spins: FloatArray) -> FloatArray:
+    """Return attitudes (s, 3) [rad] at spins (s,) without a tilt."""
+    return np.stack([spins, np.zeros_like(spins), np.zeros_like(spins)], axis=1)
 
 
 def _within(checker: Checker, tags: IndexArray, T: FloatArray) -> Postures:
@@ -122,9 +140,19 @@ def _within(checker: Checker, tags: IndexArray, T: FloatArray) -> Postures:
     return postures(problem, tags, T, middle)
 
 
-def _free_spins(checker: Checker, tag: int, T: FloatArray) -> BoolArray:
-    """Return (s,) the poses that some branch reaches without a collision."""
-    found = _within(checker, np.full(len(T), tag), T)
-    free = found.good.copy()
-    free[free] = checker.poses(np.full(int(free.sum()), tag), found.q[free]).good
-    return np.asarray(free.any(axis=1))
+def _free_spins(checker: Checker, tag: int, attitude: FloatArray) -> tuple[BoolArray, BoolArray]:
+    """Return at which of attitudes (s, 3) [rad] a tool stands free, and where it also comes away.
+
+    Free of collision in some branch; coming away is the stroke, or the way out of material.
+    """
+    tags = np.full(len(attitude), tag)
+    found = _within(checker, tags, checker.problem.placement.tcp(tags, attitude))
+    row, branch = np.nonzero(found.good)
+    q = found.q[row, branch]
+    standing, free = np.zeros((2, len(attitude)), dtype=np.bool_)
+    away = checker.states(tags[row], q, attitude[row], branch).good
+    if checker.problem.ways_out[tag]:
+        away &= checker.problem.way_out(tags[row], attitude[row], branch, q)[2]
+    standing[row[checker.poses(tags[row], q).good]] = True
+    free[row[away]] = True
+    return standing, free

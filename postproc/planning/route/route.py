@@ -10,7 +10,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding
 from postproc.geometry import inverse
 from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
-from postproc.planning.checks import Checker, Lines, Reason, Verdict, failure
+from postproc.planning.checks import LEAD_OUT, Checker, Lines, Reason, Verdict, failure
 from postproc.planning.route.connect import (
     GIVE_UP,
     Detour,
@@ -159,7 +159,7 @@ def _out_of_material(
     ends = Ends(at, at, none, none, q[at], q[at], external, lift)
     up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
     if not is_free[0]:
-        findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK))
+        findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK, LEAD_OUT))
     return up[is_free]
 
 
@@ -229,6 +229,7 @@ def _decide(
         detail = _walled_in(checker, ends.q_to[row], ends.external[row])
         detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
         hint = _NOT_SEARCHED if count >= GIVE_UP else ""
+        hint = LEAD_OUT if verdict.good[stuck[i]] else hint
         findings.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
