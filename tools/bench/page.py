@@ -103,8 +103,9 @@ def holes(arguments: argparse.Namespace) -> Iterator[str]:
     yield (
         "`postproc convert` of the same holes with the defaults of a cell: objective `axial`, "
         "preset `balanced`, clearance 2 mm, strokes swept, program written, linted, run and "
-        "compared (`python -m tools.bench holes`). *Before* is the checkout that `--other` names, "
-        "measured right after; times carry what else the machine does, ratios less so.\n"
+        f"compared (`python -m tools.bench holes`). *Before* is {_version(arguments.other)}, the "
+        "checkout that `--other` names, measured right after; times carry what else the machine "
+        "does, ratios less so.\n"
     )
     yield "| cell | holes | time [s] | memory [MB] | before [s] | before [MB] | ratio |"
     yield "| --- | --: | --: | --: | --: | --: | --: |"
@@ -117,6 +118,15 @@ def holes(arguments: argparse.Namespace) -> Iterator[str]:
             f"| {KINDS['hard' if hard else 'base']}{'' if own.is_good else ' (tags fail)'} "
             f"| {size} | {own.cpu:.1f} | {own.mb:.0f} | {more or '| |'} |"
         )
+
+
+def _version(checkout: Path | None) -> str:
+    """Return name and version of the product in a checkout."""
+    if checkout is None:
+        return "nothing here"
+    words = [sys.executable, "-m", "postproc", "--version"]
+    done = subprocess.run(words, cwd=checkout, capture_output=True, text=True, check=True)
+    return done.stdout.strip().replace(", version", "")
 
 
 def commands(arguments: argparse.Namespace) -> Iterator[str]:
