@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
+from scipy.optimize import brentq, nnls
 
 from postproc.gap.answers.diagnose import diagnose
 from postproc.gap.choice import (
@@ -73,6 +73,19 @@ def test_what_earlier_loads_leave_is_their_relaxed_sum(samples):
         share = np.where(until >= 0, np.exp(-until / fade) - np.exp(-since / fade), 0.0)
         told = samples.column("past").reshape(len(time), len(FADES), 6)[:, k]
         np.testing.assert_allclose(told, share @ torque, atol=1e-9 * np.abs(torque).max())
+
+
+@pytest.mark.parametrize("fade", [350.0, 520.0, 700.0, 1600.0, 2500.0])
+def test_the_fixed_delays_stand_for_any_between_them(samples, fade):
+    """A relaxation of another delay, written out, by one number for each delay that is none."""
+    torque, time = samples.load_torque(), np.asarray(samples.time)
+    before = np.concatenate([time[:1], time[:-1]])
+    since, until = time[:, None] - before, time[:, None] - time
+    share = np.where(until >= 0, np.exp(-until / fade) - np.exp(-since / fade), 0.0)
+    told = samples.column("past").reshape(len(time), len(FADES), 6)
+    for joint in range(6):
+        wanted = share @ torque[:, joint]
+        assert nnls(told[:, :, joint], wanted)[1] < 0.04 * np.linalg.norm(wanted)
 
 
 def test_a_spring_is_refused_only_where_its_second_wave_is_surely_large(samples):

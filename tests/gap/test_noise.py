@@ -100,3 +100,19 @@ def test_a_wander_faster_than_the_readings_is_noise(poses):
         y = np.linalg.cholesky(C) @ np.random.default_rng(seed).normal(size=(60, 3))
         found = noise(replace(poses, time=time, course=time), y)
         assert found.sigma == pytest.approx(SIGMA, rel=0.3)
+
+
+@pytest.mark.parametrize("wander", [0.0, 3.0])
+def test_repeats_say_how_large_a_wander_may_be(poses, wander):
+    """Five readings of each pose over two hours, in another order each time."""
+    rng = np.random.default_rng(5)
+    time = np.concatenate([k * 1400.0 + 115.0 * rng.permutation(12) for k in range(5)])
+    time = time.reshape(5, 12).T.ravel()
+    C = np.exp(-np.abs(time[:, None] - time) / 1500.0)
+    course = wander * SIGMA * np.linalg.cholesky(C + 1e-9 * np.eye(60)) @ rng.normal(size=(60, 3))
+    y = rng.normal(0, SIGMA, (60, 3)) + course
+    found = noise(replace(poses, time=time, course=time), y)
+    assert all(most > wander * SIGMA for _, most in found.bounds)
+    assert found.lets(wander * SIGMA, 1500.0)
+    if not wander:
+        assert not found.lets(1.5 * SIGMA, 1500.0)

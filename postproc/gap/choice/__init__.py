@@ -18,6 +18,7 @@ from postproc.gap.choice.selection import (
     Prepared,
     elusive,
     prepare,
+    prepared_with,
     select,
     without_waves,
 )
@@ -55,6 +56,7 @@ __all__ = [
     "is_overshadowed",
     "is_undecided",
     "prepare",
+    "prepared_with",
     "price_of",
     "select",
     "smallest_of",

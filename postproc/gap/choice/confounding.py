@@ -42,12 +42,15 @@ def replaceable(regression: Regression, choice: Choice) -> Choice:
     """Return a choice without the names of effects that an alternative would replace as well.
 
     Where another effect of the library would do so too, the name stands, in that set. Where the
-    effect is small, nothing is called in its place.
+    effect is small, nothing is called in its place. What describes the effect more closely is none:
+    where it does no better than the effect, there is nothing to describe.
     """
     for key in sorted(choice.adopted):
         effect, item = regression.block(key).effect, choice.evidence[key]
         same = [effect_of(name) for name in item.confounded]
-        rivals = [e.name for e in same if e.is_mistaken_for(effect)]
+        rivals = [
+            e.name for e in same if e.is_mistaken_for(effect) and effect.name not in e.refines
+        ]
         if not rivals or not all(e.is_alternative for e in same):
             continue
         reason = f"the rows cannot tell it from {rivals[0]}, which is not a known cause"

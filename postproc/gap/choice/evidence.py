@@ -81,11 +81,24 @@ def unique_part(
     regression: Regression, found: Search, best: Subset, keys: Collection[str]
 ) -> float:
     """Return what only some blocks of a subset explain together, 3D rms [m]."""
-    rest = tuple(k for k in best if k not in keys)
-    with_it, without = (*found.always, *best), (*found.always, *rest)
     equations = found.plain or found.equations
-    more = equations.freedom(with_it) - equations.freedom(without)
-    drop = equations.left(without) - equations.left(with_it) - more
+    return only_by(regression, equations, (*found.always, *best), keys)
+
+
+def only_by(
+    regression: Regression, equations: NormalEquations, inside: Subset, keys: Collection[str]
+) -> float:
+    """Return what only some blocks explain together, 3D rms [m].
+
+    Args:
+        regression: rows.
+        equations: of all rows, without a smooth rest.
+        inside: the blocks that are fitted, these among them.
+        keys: of these blocks.
+    """
+    without = tuple(k for k in inside if k not in keys)
+    more = equations.freedom(inside) - equations.freedom(without)
+    drop = equations.left(without) - equations.left(inside) - more
     return regression.sigma * float(np.sqrt(max(drop, 0.0) / regression.rows))
 
 
@@ -118,7 +131,10 @@ def smallest_of(effect: Effect) -> float:
 def weakest(
     regression: Regression, best: Subset, evidence: Mapping[str, Evidence]
 ) -> tuple[str, str] | None:
-    """Return the block that least deserves its place and why, None if all do."""
+    """Return the block that least deserves its place and why, None if all do.
+
+    Where an alternative that describes it more closely takes its place, that one goes.
+    """
     failing = []
     for key in best:
         item = evidence[key]
@@ -130,7 +146,14 @@ def weakest(
             _FOLDS_WON_BY_OTHERS if regression.block(key).is_alternative else FOLDS_WON
         ):
             failing.append((1.0 + item.wins, key, UNHELPFUL))
-    return min(failing)[1:] if failing else None
+    if not failing:
+        return None
+    _, key, reason = min(failing)
+    for other in best:
+        effect = regression.block(other).effect
+        if effect.is_alternative and regression.name(key) in effect.refines:
+            return other, "others explain the same"
+    return key, reason
 
 
 def is_absorbed(regression: Regression, best: Subset, key: str) -> bool:
@@ -145,10 +168,16 @@ def absorbing(regression: Regression, best: Subset, key: str) -> tuple[str, ...]
 
 
 def unphysical(regression: Regression, found: Search, best: Subset) -> tuple[str, str] | None:
-    """Return a block of a subset whose fitted numbers are not physical, and why."""
-    arm = regression.samples.arm
-    for key, theta, deviation in numbers(regression, found.equations, (*found.always, *best)):
-        reason = regression.block(key).effect.objection(theta, deviation, arm)
+    """Return a block of a subset whose fitted numbers are not physical, and why.
+
+    Where the subset leaves more than noise its numbers are as unsure as that.
+    """
+    arm, inside = regression.samples.arm, (*found.always, *best)
+    equations = found.plain or found.equations
+    free = max(3.0 * equations.rows - equations.freedom(inside), 1.0)
+    excess = max(1.0, float(np.sqrt(equations.left(inside) / free)))
+    for key, theta, deviation in numbers(regression, found.equations, inside):
+        reason = regression.block(key).effect.objection(theta, excess * deviation, arm)
         if key in best and reason:
             return key, f"not physical: {reason}"
     return None

@@ -28,6 +28,8 @@ LARGEST = 10
 """Blocks in a subset; data that call for more are not explained by the library."""
 _ROWS_EACH = 8
 """Rows that each further block needs: a choice among many takes more than a fit."""
+FEW = LARGEST * _ROWS_EACH
+"""Rows below which a subset may not be as large as what is there."""
 _MERGES = 3
 
 

@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
-from postproc.arrays import BoolArray, FloatArray, Rows
+from postproc.arrays import FloatArray, Rows
 from postproc.gap.choice.choice import choose
 from postproc.gap.choice.evidence import FOLDS_WON
+from postproc.gap.choice.search import FEW, search
 from postproc.gap.choice.standing import Choice
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Kind, periodic_effect
@@ -26,6 +28,7 @@ from postproc.gap.fit import (
     Wave,
     block_of,
     find_waves,
+    gross_faults,
     is_gear_error,
     memory_of,
     noise_of,
@@ -39,6 +42,13 @@ _CALLS_FOR = 100.0
 """Nats that an effect of many numbers must bring beside all others, to be tried."""
 _ROWS_EACH = 4
 """Rows for each of its numbers."""
+_FREE, _CHANCE = 60.0, 1e-3
+"""Degrees of freedom from which the scatter of all rows bounds the noise, and the tail probability
+of repeats that scatter more by chance."""
+_MORE = 1.2
+"""Ratio of what is left to the scatter from which it counts."""
+_FAR_LESS = 0.8
+"""Ratio of the scatter with and without candidates that were found late, from which they count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +72,8 @@ def prepare(problem: Problem) -> Prepared:
     samples = evaluate(problem.samples.rows(index), problem.given)[1]
     y, relative = problem.gap[index], problem.relative[index]
     blocks = problem.blocks(problem.searchable)
-    level = _noise(problem, np.ones(len(problem), dtype=bool), float(np.median(np.abs(y))))
+    faults = index[gross_faults(y)]
+    level = _noise(problem, faults, float(np.median(np.abs(y))))
     least = level.sigma if level.known else LEAST
     rest = saturated(blocks, y, max(float(np.median(np.abs(y))), least) + 1e-6, least=0.5 * least)
     waves = find_waves(samples, y, _weights(rest, max(rest.sigma, least), relative), blocks)
@@ -75,12 +86,72 @@ def prepare(problem: Problem) -> Prepared:
     if tables:
         variants += tables
         rest = saturated((*blocks, *variants), y, rest.sigma, least=0.5 * least)
-    usable = np.ones(len(problem), dtype=bool)
-    usable[index[rest.outlier]] = False
-    level = _noise(problem, usable, rest.sigma)
+    found = _weighed(problem, samples, (*blocks, *variants), rest)
+    frames = [b for b in blocks if b.effect.kind == Kind.REGISTRATION]
+    weight = found.regression.weight
+    plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
+    if is_gear_error(plain) and plain != waves:
+        variants.append(wave_block(samples, plain, "frames"))
+    return _of_few(
+        replace(found, regression=replace(found.regression, blocks=(*blocks, *variants)))
+    )
+
+
+def _of_few(found: Prepared) -> Prepared:
+    """Return a preparation whose rows, where they are few, are weighed by what a subset leaves.
+
+    Few rows let few effects stand side by side. All candidates together may fit them to the noise,
+    and the best of such subsets leave many times that, of what they have no room for: by the noise
+    a flaw of a large effect would then count more than what is sought.
+    """
+    regression = found.regression
+    if regression.rows >= FEW:
+        return found
+    equations = regression.normal_equations()
+    scores = search(equations, regression.always).scores
+    inside = (*regression.always, *max(scores, key=lambda s: (scores[s], s)))
+    plain = regression.equations_at(np.arange(len(regression.y)))
+    free = max(3.0 * plain.rows - plain.freedom(inside), 1.0)
+    excess = float(np.sqrt(plain.left(inside) / free))
+    if excess < _MORE:
+        return found
+    weight = regression.weight / excess
+    sigma = found.memory.sigma * excess
+    return replace(
+        found,
+        regression=replace(regression, weight=weight),
+        memory=replace(found.memory, sigma=sigma),
+    )
+
+
+def prepared_with(problem: Problem, before: Prepared, blocks: tuple[Block, ...]) -> Prepared:
+    """Return the preparation with more candidates, where rows scatter far less beside those.
+
+    Waves are found in what a choice leaves. What they explain counted as scatter until then, and
+    perhaps as a wander of the readings.
+
+    Args:
+        problem: all rows.
+        before: the preparation without them.
+        blocks: all candidates.
+    """
+    least = before.noise.white if before.noise.known else LEAST
+    y = before.regression.y
+    rest = saturated(blocks, y, before.saturated.sigma, least=0.5 * least)
+    after = _of_few(_weighed(problem, before.regression.samples, blocks, rest))
+    return after if after.scatter < _FAR_LESS * before.scatter else before
+
+
+def _weighed(
+    problem: Problem, samples: Samples, blocks: tuple[Block, ...], rest: Saturated
+) -> Prepared:
+    """Return the regression on candidates whose common fit is known, weighed by its scatter."""
+    index = np.flatnonzero(problem.searchable)
+    y, relative = problem.gap[index], problem.relative[index]
+    level = _bounded(_noise(problem, index[rest.outlier], rest.sigma), rest)
     white = max(level.white, level.sigma if level.source is Source.ASSUMED else level.white)
     parts = [block.rows(index) for block in problem.processes]
-    memory = memory_of(parts, y, _weights(rest, white, relative), (*blocks, *variants), level)
+    memory = memory_of(parts, y, _weights(rest, white, relative), blocks, level, rest.sigma)
     if memory.wander > level.wander:
         level = replace(
             level,
@@ -88,22 +159,31 @@ def prepare(problem: Problem) -> Prepared:
             wander=memory.wander,
             correlation=memory.correlation,
         )
-    weight = _weights(rest, memory.sigma, relative)
-    frames = [b for b in blocks if b.effect.kind == Kind.REGISTRATION]
-    plain = find_waves(samples, y, weight, frames, at_most=4, highest=LOW_ORDERS)
-    if is_gear_error(plain) and plain != waves:
-        variants.append(wave_block(samples, plain, "frames"))
     regression = Regression(
         samples,
         y,
-        weight,
+        _weights(rest, memory.sigma, relative),
         problem.split.fold[index],
-        (*blocks, *variants),
+        blocks,
         problem.always,
         memory.blocks,
         problem.split.stretch[index],
     )
     return Prepared(regression, level, rest, memory)
+
+
+def _bounded(level: Noise, rest: Saturated) -> Noise:
+    """Return the noise, no larger than all rows scatter by beside every candidate.
+
+    Where readings of one pose surely scatter more than that, something moved them that a candidate
+    follows and that the few of them do not tell from noise: a growth with the temperature.
+    """
+    if level.source is not Source.REPEATS or level.wander or rest.freedom < _FREE:
+        return level
+    ratio = (level.white / rest.sigma) ** 2
+    if ratio < 1.0 or fdtrc(level.freedom, rest.freedom, ratio) > _CHANCE:
+        return level
+    return replace(level, sigma=rest.sigma, white=rest.sigma)
 
 
 def select(regression: Regression) -> tuple[Regression, Choice]:
@@ -112,14 +192,14 @@ def select(regression: Regression) -> tuple[Regression, Choice]:
     They are also looked for in the place of what follows a joint's own angle, as waves do.
     """
     choice = choose(regression)
-    for again in range(0 if periodic_effect().name in regression.excluded else 2):
+    for _ in range(0 if periodic_effect().name in regression.excluded else 2):
         others = without_waves(regression, choice)
         alone = [b for b in others if not b.effect.of_own_angle]
         more: list[Block] = []
         for place, beside in (("rest", others), ("place", alone)):
             if place == "rest" or len(alone) < len(others):
                 known = [*regression.blocks, *more]
-                more += _waves_beside(regression, beside, f"{place}{again}", known)
+                more += _waves_beside(regression, beside, f"{place}{len(known)}", known)
         if not more:
             break
         regression = replace(regression, blocks=(*regression.blocks, *more))
@@ -210,7 +290,9 @@ def _weights(rest: Saturated, sigma: float, relative: FloatArray) -> FloatArray:
     return np.where(rest.outlier, 0.0, 1.0 / (sigma * relative))
 
 
-def _noise(problem: Problem, usable: BoolArray, rest: float) -> Noise:
+def _noise(problem: Problem, faults: Rows, rest: float) -> Noise:
+    usable = np.ones(len(problem), dtype=bool)
+    usable[faults] = False
     return noise_of(
         problem.samples, problem.gap, usable, problem.set_ups.unit, problem.instrument, rest
     )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import fdtrc
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.classes import Part
-from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers
+from postproc.gap.choice.evidence import ABSORBED_GAIN, is_absorbed, numbers, only_by
 from postproc.gap.choice.fitting import fitted, point_without
 from postproc.gap.choice.residual import Dependence, dependences
 from postproc.gap.choice.rivals import INEXACT
@@ -24,6 +24,7 @@ from postproc.gap.fit import (
     Problem,
     Projection,
     Regression,
+    gross_faults,
     predicted,
 )
 from postproc.measurement import robust_sigma
@@ -64,12 +65,10 @@ def assess(
     full = fitted(problem, regression, choice.model, prepared.scatter, rows, index)
     rest = problem.measured[index] - full.point
     tests, structure = _tested(problem, regression, choice.model, rest, level, outlier)
-    gone = [k for k in choice.adopted if not _outweighs(regression, choice, k, structure)]
-    if structure <= tolerated(choice, level.sigma):
-        gone = []
-    if gone or choice.resembled:
-        reasons = {regression.name(k): "what is left may be imitating it" for k in gone}
-        choice = choice.moved(gone, Standing.REJECTED, reasons)
+    before = choice
+    if structure > tolerated(choice, level.sigma):
+        choice = _outweighing(regression, choice, structure)
+    if choice is not before or choice.resembled:
         full = fitted(problem, regression, choice.model, prepared.scatter, rows, index)
         rest = problem.measured[index] - point_without(problem, full, choice.resembled, index)
         known = (*choice.adopted, *choice.unnamed)
@@ -195,8 +194,11 @@ def _outliers(
     result = fitted(problem, regression, keys, level, rows)
     left = np.linalg.norm(problem.measured - result.point, axis=1)
     usual = max(level, robust_sigma(left[rows]))
+    gross = gross_faults(problem.gap)
     bad: BoolArray = np.asarray(left > 6.0 * usual)
-    return bad if bad.mean() <= 0.06 else np.asarray(bad & (left > np.quantile(left, 0.94)))
+    if bad[~gross].mean() > 0.06:
+        bad &= left > np.quantile(left[~gross], 0.94)
+    return np.asarray(bad | gross)
 
 
 def _tested(
@@ -221,6 +223,31 @@ def _tested(
     if level.freedom:
         return tests, _structure(residual[weight > 0], tests, level.sigma, level)
     return tests, _structure(rest[weight > 0], tests, level.white, level)
+
+
+def _outweighing(regression: Regression, choice: Choice, structure: float) -> Choice:
+    """Return a choice without the names that are not far larger than what nothing explains.
+
+    One after the other, the least first and what refines another before that: two that share what
+    they explain are each small beside the other, and what is left by one is the other's.
+    """
+    equations = regression.equations_at(np.arange(len(regression.y)))
+    while True:
+        weak = [k for k in choice.adopted if not _outweighs(regression, choice, k, structure)]
+        refined = {name for k in weak for name in regression.block(k).effect.refines}
+        first = [k for k in weak if regression.name(k) not in refined]
+        if not first:
+            return choice
+        least = min(first, key=lambda k: (choice.evidence[k].unique, k))
+        why = {regression.name(least): "what is left may be imitating it"}
+        choice = choice.moved([least], Standing.REJECTED, why)
+        inside = (*regression.always, *choice.model)
+        evidence = {
+            k: replace(item, unique=only_by(regression, equations, inside, (k,)))
+            for k, item in choice.evidence.items()
+            if k in inside
+        }
+        choice = replace(choice, evidence={**choice.evidence, **evidence})
 
 
 def _outweighs(regression: Regression, choice: Choice, key: str, structure: float) -> bool:

@@ -26,7 +26,7 @@ COLUMN_NAMES = {
 """Column of ``Samples`` to its names in the measurement file."""
 
 
-FADES = (300.0, 2000.0)
+FADES = (300.0, 900.0, 2700.0)
 """Times [s] in which the trace of a load fades."""
 _BY_ROW = ("q", "frames", "axes", "point", "load_point", "course", "seen", "set_up")
 
@@ -78,8 +78,8 @@ class Samples:
     nominal measured point; jacobian: (n, 3, 6) of it [m/rad]; load_point: (n, 3) where the wrench
     acts; course: (n,) the time [s], where it was not logged the number of the row: rows are taken
     to stand in the order of measuring; wrench (n, 6) ON the tool there [N, N*m]; temperature in
-    degrees Celsius. past: (n, 12) what earlier loads have left of their torque on each joint, for
-    either of ``FADES``, where loads and time were logged [N*m]. seen: (n, 3) the measured point of
+    degrees Celsius. past: (n, 18) what earlier loads have left of their torque on each joint, for
+    each of ``FADES``, where loads and time were logged [N*m]. seen: (n, 3) the measured point of
     each row in the flange [m], where there are several; set_up: (n, 2) numbers of station and
     reflector.
     """

@@ -12,14 +12,14 @@ from postproc.gap.effect import Basis, Effect, Parameter, Setting, diagonal, reg
 class LoadCreep(Effect):
     """A spring with a damper in each joint: it follows the torque with a delay.
 
-    Two delays of fixed length together stand for any between them. What a joint gives at once is
+    Three delays of fixed length together stand for any between them. What a joint gives at once is
     another effect, ``joint_compliance``. A load counts from the reading before the one that it was
     logged at.
     """
 
     name = "load_creep"
     title = "the joints go on giving under a load for minutes"
-    source = "dq = C s, T ds/dt = torque - s (Kelvin and Voigt), T of 300 s and 2000 s"
+    source = "dq = C s, T ds/dt = torque - s (Kelvin and Voigt), T of 300, 900 and 2700 s"
     action = "wait equally long under load before each reading; see to the grease of the gears"
     needs = ("past",)
     conditions = ("load", "time")
@@ -27,7 +27,7 @@ class LoadCreep(Effect):
     layout = tuple((f"after_{fade:.0f}_s_deg_per_Nm", 6) for fade in FADES)
 
     def parameters(self, arm: Arm, setting: Setting) -> tuple[Parameter, ...]:
-        """Return what each joint gives with either delay [rad/(N*m)], never negative."""
+        """Return what each joint gives with each delay [rad/(N*m)], never negative."""
         del setting
         usual = 2.0 * arm.reference.c_joint
         return tuple(

@@ -20,6 +20,7 @@ class NonlinearStiffness(Effect):
     needs = ("wrench",)
     conditions = ("load",)
     mistaken_for = ("joint_compliance", "variable_stiffness")
+    refines = ("joint_compliance",)
     parameter_list = tuple(
         Parameter(f"joint_{i}_{way}", 0.2, joint=i)
         for way in ("root", "even", "cubic")

@@ -12,7 +12,15 @@ from postproc.gap.fit.linear import (
 )
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.memory import REST, Memory, memory_of
-from postproc.gap.fit.noise import LEAST, Noise, Saturated, Source, noise_of, saturated
+from postproc.gap.fit.noise import (
+    LEAST,
+    Noise,
+    Saturated,
+    Source,
+    gross_faults,
+    noise_of,
+    saturated,
+)
 from postproc.gap.fit.problem import WIDE, Problem, pose_problem, seen_in, testable
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.regression import Regression
@@ -40,6 +48,7 @@ __all__ = [
     "deviations",
     "find_waves",
     "fit",
+    "gross_faults",
     "is_gear_error",
     "memory_of",
     "moved_by",

@@ -95,6 +95,7 @@ def memory_of(
     weight: FloatArray,
     blocks: Sequence[Block],
     noise: Noise,
+    most: float,
 ) -> Memory:
     """Return the processes that the rows ask for beside all candidates.
 
@@ -104,6 +105,8 @@ def memory_of(
         weight: (n,) 1/sigma [1/m] by the white noise.
         blocks: all candidates.
         noise: of the campaign; its wander counts where the revisited poses tell it.
+        most: how far rows scatter [m] per axis beside all candidates without any process. Few rows
+            leave so little freedom that the scatter beside both would end anywhere.
     """
     white = noise.white if np.isfinite(noise.white) else noise.sigma
     equations = NormalEquations.of((*blocks, *parts), y, weight)
@@ -113,7 +116,7 @@ def memory_of(
         before = sigma
         compare.scatter = before / white
         found = _sizes(compare, parts, noise, sigma)
-        sigma = max(white, compare.left(found) * white)
+        sigma = max(white, min(most, compare.left(found) * white))
         if abs(sigma / before - 1.0) < _SETTLED:
             break
     chosen = [b for b in parts if found.get(b.key)]
@@ -133,23 +136,26 @@ def _sizes(
     """Return the sizes [m] of the processes that rows ask for where they scatter by ``sigma``."""
     waves = [b for b in parts if b.key != REST]
     best, found = compare.evidence({}), dict[str, float]()
-    if noise.wander > 0.0 and waves:
+    told = noise.wander > 0.0
+    if told and waves:
         near = min(waves, key=lambda b: abs(np.log(b.setting["scale"] / noise.correlation)))
         found = {near.key: noise.wander}
         best = compare.evidence(found)
-    for key in [REST, *(() if found else (b.key for b in waves))]:
-        best, found = _grown(compare, key, sigma, best, found)
+    best, found = _grown(compare, REST, [size * sigma for size in _SIZES[1:]], best, found)
+    for block in [] if told else waves:
+        sizes = [size * sigma for size in _SIZES[1:4]]
+        let = [size for size in sizes if noise.lets(size, block.setting["scale"])]
+        best, found = _grown(compare, block.key, let, best, found)
     return found
 
 
 def _grown(
-    compare: _Comparison, key: str, white: float, best: float, found: dict[str, float]
+    compare: _Comparison, key: str, sizes: Sequence[float], best: float, found: dict[str, float]
 ) -> tuple[float, dict[str, float]]:
-    """Return evidence and sizes with one more process, where it is worth its price."""
-    is_wander = key != REST
-    kept = {k: v for k, v in found.items() if k == REST or not is_wander}
-    for size in _SIZES[1:4] if is_wander else _SIZES[1:]:
-        trial = kept | {key: size * white}
+    """Return evidence and sizes with one more process [m], where it is worth its price."""
+    kept = {k: v for k, v in found.items() if k == REST or key == REST}
+    for size in sizes:
+        trial = kept | {key: size}
         value = compare.evidence(trial)
         price = _SURE if key not in found and len(found) == len(kept) else 0.0
         if value > best + price:

@@ -12,13 +12,16 @@ from scipy.spatial import cKDTree
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, design_matrix
-from postproc.gap.fit.revisits import revisits
+from postproc.gap.fit.revisits import WanderBounds, revisits
 from postproc.measurement import robust_sigma
 from postproc.units import MM
 
 _OUTLIER = 5.5
 """Residual norm over sigma: chi-squared of 3 passes 30 once in 700,000 rows of noise."""
-_MOST_OUTLIERS = 0.06
+_MOST_OUTLIERS, _ALWAYS_OUTLIERS = 0.06, 2
+"""Share of the rows that may be faults, and how many may be in any campaign."""
+_FAR, _FARTHER = 20.0 * MM, 10.0
+"""Distance, and its ratio to the usual one, from which a reading is of something else."""
 LEAST = 2e-6
 """No reading of a point is surer than this [m]."""
 _CONFLICT = 3.0
@@ -47,7 +50,7 @@ class Noise:
     what the revisited poses do in the course of time beyond that; freedom: degrees of freedom of
     the repeats; repeats: how many; instrument: [m] of cell or file, NaN without; upper: [m] bound
     from neighbouring poses, for a noise that is only assumed; conflict: in words, where repeats
-    and instrument disagree.
+    and instrument disagree; bounds: what a wander has at most by the repeats, where they show none.
     """
 
     sigma: float
@@ -61,6 +64,13 @@ class Noise:
     instrument: float = float("nan")
     upper: float = float("nan")
     conflict: str = ""
+    bounds: WanderBounds = ()
+
+    def lets(self, wander: float, correlation: float) -> bool:
+        """Return whether the repeats let a wander [m] of a correlation time [s] be."""
+        if not self.bounds:
+            return True
+        return wander < min(self.bounds, key=lambda b: abs(np.log(b[0] / correlation)))[1]
 
     @property
     def known(self) -> bool:
@@ -107,6 +117,7 @@ def noise_of(
             again.drift,
             device,
             conflict=_conflict(again.noise, device),
+            bounds=again.bounds,
         )
     if instrument is not None:
         return Noise(device, Source.INSTRUMENT, white=device, instrument=device)
@@ -181,7 +192,9 @@ def saturated(
     """
     n = len(y)
     X = design_matrix(blocks, n)
-    use = np.ones(n, dtype=bool)
+    gross = gross_faults(y)
+    most = max(_ALWAYS_OUTLIERS, int(_MOST_OUTLIERS * n))
+    use = ~gross
     result = Saturated(y, sigma, 3.0 * n, ~use)
     for _ in range(rounds):
         A = X[use].reshape(-1, X.shape[2])
@@ -199,14 +212,21 @@ def saturated(
         new_sigma = max(float(np.sqrt(np.sum(raw[use] ** 2) / max(freedom, 1.0))), least)
         limit = _OUTLIER * max(min(robust, new_sigma), 1e-9)
         bad = norm > limit
-        if bad.sum() > _MOST_OUTLIERS * n:
-            bad = norm > np.sort(norm)[-int(_MOST_OUTLIERS * n) - 1]
+        if bad[~gross].sum() > most:
+            bad = norm > np.sort(norm[~gross])[-most - 1]
+        bad |= gross
         result = Saturated(out, new_sigma, freedom, bad)
         settled = bool(np.array_equal(bad, ~use)) and abs(new_sigma / sigma - 1.0) < 0.02
         use, sigma = ~bad, new_sigma
         if settled:
             break
     return result
+
+
+def gross_faults(y: FloatArray) -> BoolArray:
+    """Return the rows (n,) whose gap (n, 3) [m] is of another order than that of most."""
+    away = np.linalg.norm(y, axis=1)
+    return np.asarray(away > max(_FAR, _FARTHER * float(np.median(away))))
 
 
 def _whitened(raw: FloatArray, free: FloatArray) -> FloatArray:

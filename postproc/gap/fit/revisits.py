@@ -52,8 +52,14 @@ _SPLITS = 40
 _RATIOS = (0.5, 1.0, 2.0, 4.0)
 _SHARES = (0.01, 0.03, 0.1, 0.3)
 """Wander over white noise, and its correlation time over the length of the campaign."""
+_WANDERS, _WHITES = np.geomspace(0.25, 8.0, 11), (0.25, 0.5, 0.7, 1.0)
+"""Wanders that readings may refute, and the white noise beside one, over that without any."""
 _READINGS = 3.0
 """Time between readings that a correlation time must have, to be told from white noise."""
+
+
+WanderBounds = tuple[tuple[float, float], ...]
+"""Correlation times [s], each with the largest wander [m] that readings of one pose let be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +69,8 @@ class Revisits:
     rows: (m,) in the campaign; group: (m,) pose of each; rest: (m, 3) what the conditions leave of
     the differences [m]; sigma: [m] per axis, NaN without any; white, wander: [m] its two parts;
     correlation: [s] of the wander, NaN where there is none or no clock; drift: "ramp" or "step"
-    taken out of white and wander, else empty; freedom: what it rests on.
+    taken out of white and wander, else empty; freedom: what it rests on; bounds: what a wander has
+    at most where the readings tell that.
     """
 
     rows: IntArray
@@ -75,6 +82,7 @@ class Revisits:
     wander: float = 0.0
     correlation: float = float("nan")
     drift: str = ""
+    bounds: WanderBounds = ()
 
     @property
     def noise(self) -> float:
@@ -254,14 +262,14 @@ def _without_means(values: FloatArray, group: IntArray, keep: BoolArray) -> Floa
 
 def _course(
     samples: Samples, rest: FloatArray, group: IntArray, unit: IntArray, sigma: float
-) -> tuple[float, float, float, str]:
-    """Return white noise, wander [m], the correlation time of the wander [s], and the drift.
+) -> tuple[float, float, float, str, WanderBounds]:
+    """Return white noise, wander [m], its correlation time [s], the drift, bounds of a wander.
 
     First-order wander (Ornstein and Uhlenbeck), a ramp or a step beside white noise, by the
     restricted likelihood of the differences within each pose; white alone unless more is clearly
     there.
     """
-    nothing = (sigma, 0.0, float("nan"), "")
+    nothing: tuple[float, float, float, str, WanderBounds] = (sigma, 0.0, float("nan"), "", ())
     if len(rest) < 2 * FEWEST:
         return nothing
     few = np.sort(np.argsort(group, kind="stable")[:_LARGEST])
@@ -272,13 +280,17 @@ def _course(
     data, white = N.T @ rest, np.eye(N.shape[1])
     same = np.exp(-np.abs(time[:, None] - time)[None] / _scales(time)[:, None, None])
     waves = [N.T @ (C * (unit[:, None] == unit)) @ N for C in same]
-    best, found, chosen = _restricted(white, data)[0] + _SURE, nothing, white
+    bounds = tuple(
+        (float(share), _refuted(C, data, sigma))
+        for share, C in zip(_scales(time), waves, strict=True)
+    )
+    best, found, chosen = _restricted(white, data)[0] + _SURE, (*nothing[:4], bounds), white
     for share, C in zip(_scales(time), waves, strict=True):
         for ratio in _RATIOS:
             value, s = _restricted(white + ratio**2 * C, data)
             if value > best:
                 scale = sigma / np.hypot(1.0, ratio)
-                best, found, chosen = value, (scale, ratio * scale, float(share), ""), C
+                best, found, chosen = value, (scale, ratio * scale, float(share), "", ()), C
     calm = [(white, 0.0, float("nan"))]
     if found[1]:
         calm.append((white + chosen, 1.0, found[2]))
@@ -287,8 +299,30 @@ def _course(
         for C, ratio, share in calm:
             value, s = _restricted(C + _FREE**2 * np.outer(g, g), data)
             if value - price > best + _SURE:
-                best, found = value - price, (s, ratio * s, share, drift)
+                best, found = value - price, (s, ratio * s, share, drift, ())
     return found
+
+
+def _refuted(C: FloatArray, data: FloatArray, sigma: float) -> float:
+    """Return the wander [m] from which differences (k, 3) of readings speak against one.
+
+    Args:
+        C: (k, k) correlation that a wander gives the differences.
+        data: differences [m].
+        sigma: white noise [m] that explains them without any; beside a wander it may be less.
+    """
+    of_wander, axes = np.linalg.eigh(C)
+    square = np.sum((axes.T @ data) ** 2, axis=1)
+
+    def likelihood(wander: float, white: float) -> float:
+        variance = white**2 + wander**2 * of_wander
+        return float(-0.5 * np.sum(square / variance) - 1.5 * np.sum(np.log(variance)))
+
+    least = likelihood(0.0, sigma) - _SURE
+    for wander in sigma * _WANDERS:
+        if max(likelihood(wander, sigma * share) for share in _WHITES) < least:
+            return float(wander)
+    return float("inf")
 
 
 def _scales(time: FloatArray) -> FloatArray:
