@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from postproc.gap.answers.diagnose import diagnose
+from postproc.gap.choice import FOLDS_WON, choice, prepare
 from postproc.gap.fit.problem import pose_problem
 from postproc.measurement.file import read_measurements
 
@@ -40,6 +41,17 @@ def test_a_large_give_is_named_in_a_small_campaign(world, told, seed):
     assert "joint_compliance" in found.adopted
     before, after = found.total[:2]
     assert after < 0.5 * before
+
+
+def test_what_is_disqualified_last_does_not_stand(world, told, monkeypatch):
+    monkeypatch.setattr(choice, "_SEARCHES", 2)
+    causes = {"joint_compliance": 3e-3, "payload_error": 4e-4, "gear_coupling": 3e-4}
+    data, measured, *_ = world.make(8, causes, n=40, noise=NOISE, repeats=10)
+    prepared = prepare(told(data, measured).problem)
+    found = choice.choose(prepared.regression)
+    wins = {key: found.evidence[key].wins for key in (*found.adopted, *found.resembled)}
+    assert "joint_compliance" in wins
+    assert min(wins.values()) >= FOLDS_WON
 
 
 @pytest.mark.parametrize("seed", [3, 4])

@@ -36,6 +36,9 @@ from postproc.gap.choice.search import DECISIVE, TEMPERATURE, Search, search
 from postproc.gap.choice.standing import Choice, Standing
 from postproc.gap.fit import NormalEquations, Regression, Subset
 
+_SEARCHES = 12
+"""How often all subsets are searched anew without a block that was disqualified."""
+
 
 def choose(regression: Regression) -> Choice:
     """Return the names that the rows support."""
@@ -44,9 +47,9 @@ def choose(regression: Regression) -> Choice:
         [(part, whole.minus(part)) for part in parts]
         for parts in (regression.fold_equations(), regression.stretch_equations())
     ]
-    found, excluded = _searched(regression, folds, whole)
+    found, excluded, best = _searched(regression, folds, whole)
     reasons = {regression.name(key): why for key, why in excluded.items()}
-    found, best = _readmitted(regression, found, folds, found.best, reasons)
+    found, best = _readmitted(regression, found, folds, best, reasons)
     best = _pruned(regression, found, folds, best, reasons)
     found, best = _readmitted(regression, found, folds, best, reasons)
     evidence = _all_evidence(regression, found, folds, best)
@@ -89,25 +92,33 @@ def _standing(
 
 def _searched(
     regression: Regression, folds: Folds, plain: NormalEquations
-) -> tuple[Search, dict[str, str]]:
+) -> tuple[Search, dict[str, str], Subset]:
     """Search until nothing in the best subset is disqualified.
 
+    Where that takes too long the last one loses what is, block by block: few rows follow many
+    causes about as well, each of which fails, and what is there beside them does not.
+
     Returns:
-        the search, and keys that were excluded with the reason.
+        the search, keys that were excluded with the reason, and the best subset.
     """
     equations = regression.normal_equations()
     excluded: dict[str, str] = {}
     found = search(equations, regression.always, plain=plain)
-    for _ in range(12):
-        weak = _disqualified(regression, found, folds)
+    for _ in range(_SEARCHES):
+        weak = _disqualified(regression, found, folds, found.best)
         if weak is None:
-            break
+            return found, excluded, found.best
         key, reason = weak
         excluded[key] = reason
         found = search(
             equations, regression.always, excluded=excluded, known=found.scores, plain=plain
         )
-    return found, excluded
+    best = found.best
+    while weak := _disqualified(regression, found, folds, best):
+        key, reason = weak
+        excluded[key] = reason
+        best = tuple(k for k in best if k != key)
+    return found, excluded, best
 
 
 def _all_evidence(
@@ -116,8 +127,9 @@ def _all_evidence(
     return {k: evidence_of(regression, found, folds, best, k) for k in best}
 
 
-def _disqualified(regression: Regression, found: Search, folds: Folds) -> tuple[str, str] | None:
-    best = found.best
+def _disqualified(
+    regression: Regression, found: Search, folds: Folds, best: Subset
+) -> tuple[str, str] | None:
     evidence = _all_evidence(regression, found, folds, best)
     return (
         unphysical(regression, found, best)
