@@ -172,11 +172,10 @@ def unphysical(regression: Regression, found: Search, best: Subset) -> tuple[str
 
     Where the subset leaves more than noise its numbers are as unsure as that.
     """
-    arm, inside = regression.samples.arm, (*found.always, *best)
-    equations = found.plain or found.equations
+    arm, inside, equations = regression.samples.arm, (*found.always, *best), found.equations
     free = max(3.0 * equations.rows - equations.freedom(inside), 1.0)
     excess = max(1.0, float(np.sqrt(equations.left(inside) / free)))
-    for key, theta, deviation in numbers(regression, found.equations, inside):
+    for key, theta, deviation in numbers(regression, equations, inside):
         reason = regression.block(key).effect.objection(theta, excess * deviation, arm)
         if key in best and reason:
             return key, f"not physical: {reason}"
