@@ -61,7 +61,12 @@ class Table(BaseModel):
     """A TOML table: no unknown keys, no text for numbers, no nan or inf."""
 
     model_config = ConfigDict(
-        extra="forbid", strict=True, allow_inf_nan=False, frozen=True, validate_default=True
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        frozen=True,
+        validate_default=True,
+        defer_build=True,  # tables are only read as part of the whole file
     )
 
 
