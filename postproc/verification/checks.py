@@ -69,7 +69,7 @@ def _limits(
     result: Result, q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics
 ) -> None:
     margin = np.minimum(q - kinematics.q_min, kinematics.q_max - q)
-    wanted = cell.limits.joint_margin
+    wanted = _wanted(q, motion, cell, kinematics)
     tightest = int(margin.min(axis=1).argmin())
     axis = int(margin[tightest].argmin())
     result.measure(
@@ -80,7 +80,7 @@ def _limits(
         f"A{axis + 1}",
     )
     for axis in range(6):
-        bad = margin[:, axis] < wanted - SLACK
+        bad = margin[:, axis] < wanted[:, axis] - SLACK
         if not bad.any():
             continue
         row = int(np.argmin(margin[:, axis]))
@@ -93,8 +93,23 @@ def _limits(
             int(motion[row]),
             f"A{axis + 1} at {q[row, axis] / DEG:.3f} deg is {what} "
             f"[{kinematics.q_min[axis] / DEG:g}, {kinematics.q_max[axis] / DEG:g}] with "
-            f"{wanted / DEG:g} deg, {count} motions",
+            f"{cell.limits.joint_margin / DEG:g} deg, {count} motions",
         )
+
+
+def _wanted(q: FloatArray, motion: AnyIntArray, cell: Cell, kinematics: Kinematics) -> FloatArray:
+    """Return the margin (k, 6) [rad] that configurations have to keep from the limits.
+
+    That of the cell, but the ways to and from home may come as near as home itself.
+    """
+    wanted = np.full(q.shape, cell.limits.joint_margin)
+    home = cell.motion.home
+    if home is None:
+        return wanted
+    at_home = motion[(np.abs(q - home) < SLACK).all(axis=1)]
+    own = np.clip(np.minimum(home - kinematics.q_min, kinematics.q_max - home), 0.0, wanted[0])
+    wanted[np.isin(motion, np.concatenate([at_home, at_home + 1]))] = own
+    return wanted
 
 
 def _singularities(

@@ -21,7 +21,7 @@ from postproc.emitters.kuka import restart
 from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
-from postproc.emitters.kuka.motion import PartWriter
+from postproc.emitters.kuka.motion import ANCHOR_PERCENT, PartWriter
 from postproc.emitters.kuka.points import PointStore
 from postproc.emitters.kuka.restart import HoleGuards
 from postproc.emitters.kuka.setup import (
@@ -46,7 +46,7 @@ from postproc.krl import (
     suffixes,
 )
 from postproc.model import Event, MoveKind, Plan
-from postproc.units import DEG
+from postproc.units import DEG, PERCENT
 
 LAST_BASE_OF_KRC2 = 16
 """Larger numbers are its EX_BASE, which ``BAS(#FRAMES)`` selects and ``BAS(#BASE)`` refuses."""
@@ -202,6 +202,7 @@ class _Program:
             points=points,
             forms=FormWriter(points, style.kss),
             homes=self.homes,
+            anchor_percent=min(ANCHOR_PERCENT, self.cell.motion.rapid / PERCENT),
             guards=self.guards,
         )
 

@@ -34,7 +34,8 @@ from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
 from postproc.units import DEG
 
 ANCHOR_PERCENT = 10.0
-"""Axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain [%]."""
+"""Largest axis speed of the PTP of no length that begins a sub-program in the middle of a CP chain
+[%]; less where the cell moves slower."""
 SPLINE_SEGMENTS = 500
 """Longest spline block; a longer chain is cut into blocks that blend into each other."""
 FORM_ROLES = (MoveRole.ENTRY, MoveRole.APPROACH)
@@ -73,7 +74,8 @@ class PartWriter:
         style: the cell's choices; events: what events become.
         by_index: events by the move they come before; values: what the frame templates get at a
             move. points: the data list of this file; forms: writer of inline forms; homes: moves
-            that end where ``[motion] home_deg`` is.
+            that end where ``[motion] home_deg`` is; anchor_percent: axis speed of a PTP that only
+            makes sure of where the arm stands.
     """
 
     plan: Plan
@@ -86,6 +88,7 @@ class PartWriter:
     points: PointStore
     forms: FormWriter
     homes: frozenset[int]
+    anchor_percent: float
     guards: HoleGuards | None = None
     out: list[Statement] = field(default_factory=list)
     modal: Modal = field(default_factory=Modal)
@@ -187,7 +190,7 @@ class PartWriter:
         self.modal, self._key = Modal(), key
         way = None
         if guards.has_entry(key):
-            self._percent(self.table.percent[index] or ANCHOR_PERCENT)
+            self._percent(self.table.percent[index] or self.anchor_percent)
             way = Move(self._words[MoveKind.PTP], self._axes(int(guards.entry[key[1]])))
         self.out += guards.enter(key, index, way)
         if index == self.part.first and self.table.kind[index] != MoveKind.PTP:
@@ -243,7 +246,7 @@ class PartWriter:
 
     def _anchor(self, index: int) -> None:
         """Go to where the file before has ended: no length, but status, turn and place are sure."""
-        self._percent(ANCHOR_PERCENT)
+        self._percent(self.anchor_percent)
         self.out.append(Comment(" re-entry: where the file before ends"))
         self.out.append(Move(self._words[MoveKind.PTP], self._axes(index)))
 

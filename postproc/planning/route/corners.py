@@ -33,8 +33,8 @@ _ROUNDS = 4
 COARSE = 2.0 * MM
 """Where point and orientation of a corner are not in step, what is not proven free on ways of this
 length is not free; the check of the text looks closer."""
-SMALLEST = 0.02 * MM
-"""A shorter approximation is none."""
+SMALLEST = 0.001 * MM
+"""A shorter approximation is none: the text cannot say it."""
 NEGLIGIBLE = 0.01 * MM
 """Corners of a cut that the tool point passes by no more than this are as good as the path."""
 

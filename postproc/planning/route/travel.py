@@ -52,7 +52,8 @@ def travel_between(
     make_checker: MakeChecker,
 ) -> Travel | None:
     """Return a pose that is free while the external axes move, with free ways to and from it."""
-    low, high = np.asarray(cell.robot.q_min), np.asarray(cell.robot.q_max)
+    margin = cell.limits.joint_margin
+    low, high = np.asarray(cell.robot.q_min) + margin, np.asarray(cell.robot.q_max) - margin
     folded = [
         np.clip([a1, -90.0 * DEG, 90.0 * DEG, 0.0, 30.0 * DEG, 0.0], low, high)
         for a1 in (float(q_from[0]), 0.0)

@@ -1,0 +1,54 @@
+"""Legitimate values of ``[motion]`` and ``[robot]`` off the beaten track: programs, not refusals."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from postproc.cell import parse_cell
+from postproc.jobs.convert import ConvertRequest, convert
+from tests.cells import FEED, STIFFNESS, cell_text
+from tools.bench.contours import contour
+
+
+def converted(toolpath, *tables):
+    text = cell_text(STIFFNESS, *tables, origin=(1900, 0, 700))
+    cell = parse_cell(text.encode(), "cell.toml")
+    job = convert(ConvertRequest("contour", "cell"), toolpath=toolpath, cell=cell)
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]
+    return job
+
+
+def program(job):
+    return "".join(data.decode() for name, data in sorted(job.files.items()) if ".src" in name)
+
+
+@pytest.mark.parametrize("percent", [1, 5, 50])
+def test_a_cut_goes_on_in_the_next_file_however_slow_the_axes(percent):
+    job = converted(
+        contour("convex", 60, 1.0),
+        f"{FEED}rapid_percent = {percent}\n",
+        "[krl]\nmax_points_per_file = 20\n",
+    )
+    text = program(job)
+    assert "re-entry" in text
+    told = {int(word) for word in re.findall(r"\$VEL_AXIS\[1\]=(\d+)", text)}
+    assert max(told, default=percent) <= max(percent, 10)
+
+
+def test_points_that_lie_close_are_passed_without_a_stop():
+    slow, dense = contour("wavy", 150, 1.0), contour("wavy", 6000, 0.025)
+    fed = [replace(path, feed=0.0 * path.feed + 0.05) for path in (slow, dense)]
+    wide, close = (converted(path) for path in fed)
+    cuts = close.plan.blend[close.plan.role == close.plan.role[len(close.plan) // 2]]
+    assert (cuts[:-1] > 0.0).mean() > 0.99
+    assert close.plan.cycle_time == pytest.approx(wide.plan.cycle_time, rel=0.02)
+    assert program(close).count("C_DIS") > 5900
+
+
+def test_home_may_stand_in_the_margin_of_a_limit():
+    home = [0, -129, 90, 0, 45, 0]
+    job = converted(contour("s", 30, 1.0), f"{FEED}home_deg = {home}\n")
+    assert "A2 -129" in program(job)
