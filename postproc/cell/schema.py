@@ -772,7 +772,7 @@ class CellFile(Table):
     krl: KrlTable = Field(default=KrlTable(), description="program text")
     verify: VerifyTable = Field(default=VerifyTable(), description="judging of programs")
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
-        default=[], description="rails and positioners"
+        default=[], description="rails and positioners; a positioner carries those behind it"
     )
 
     @model_validator(mode="after")

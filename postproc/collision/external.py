@@ -23,7 +23,9 @@ PART_LINK = 8
 
 @dataclass(frozen=True, slots=True)
 class ExternalAxes:
-    """The external axes of a cell in the order E1..Ek; none: world and part stand still.
+    """The external axes of a cell in its order; none: world and part stand still.
+
+    A positioner carries those that come behind it.
 
     ``T_world_robroot`` (4, 4) is where the robot stands with all axes at 0.
     """

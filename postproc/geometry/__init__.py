@@ -28,6 +28,7 @@ from postproc.geometry.frames import (
     slerp,
     transform,
     transform_from_kuka,
+    turned_between,
     vee,
 )
 from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
@@ -62,5 +63,6 @@ __all__ = [
     "spline_tangents",
     "transform",
     "transform_from_kuka",
+    "turned_between",
     "vee",
 ]

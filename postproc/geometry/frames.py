@@ -190,6 +190,22 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> FloatArray:
     return np.asarray(np.arctan2(cross, np.einsum("...i,...i->...", u, v)))
 
 
+def turned_between(a: ArrayLike, b: ArrayLike, share: ArrayLike) -> FloatArray:
+    """Return unit vectors (..., 3) at ``share`` (...,) 0..1 of the even turn from a to b (..., 3).
+
+    Vectors that point against each other have no such turn; theirs is straight through zero.
+    """
+    u, v = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    angle, s = angle_between(u, v)[..., None], np.asarray(share, dtype=np.float64)[..., None]
+    sine = np.sin(angle)
+    is_even = sine > 1e-9
+    below = np.where(is_even, sine, 1.0)
+    first = np.where(is_even, np.sin((1.0 - s) * angle) / below, 1.0 - s)
+    second = np.where(is_even, np.sin(s * angle) / below, s)
+    mixed = first * u + second * v
+    return np.asarray(mixed / np.maximum(np.linalg.norm(mixed, axis=-1, keepdims=True), 1e-12))
+
+
 def across(axes: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return two unit vectors (..., 3) square to unit axes (..., 3) and to each other.
 

@@ -14,7 +14,7 @@ from postproc.units import DEG, MM
 
 @dataclass(frozen=True, slots=True)
 class Externals:
-    """The external axes of a cell, in the order E1..Ek.
+    """The external axes of a cell in its order: a positioner carries those that come behind it.
 
     Bases are fixed to the world or, with a positioner, to its table (a mathematically coupled
     base), so a base in robroot moves with the axes.

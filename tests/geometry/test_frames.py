@@ -120,3 +120,13 @@ def test_a_half_turn_has_one_sign(noise: float) -> None:
     for angles in ([np.pi + noise, 0.3, 0.2], [0.4, 0.3, np.pi + noise]):
         abc = frames.abc_from_rotation(frames.rotation_from_abc(angles))
         assert np.allclose(abc, angles, atol=1e-9)
+
+
+def test_vectors_turn_evenly_from_one_to_the_other():
+    a, b = np.array([1.0, 0.0, 0.0]), np.array([np.cos(2.0), np.sin(2.0), 0.0])
+    share = np.linspace(0.0, 1.0, 9)
+    wanted = np.stack([np.cos(2.0 * share), np.sin(2.0 * share), 0.0 * share], axis=1)
+    assert np.allclose(frames.turned_between(a, b, share), wanted, atol=1e-15)
+    assert np.allclose(frames.turned_between(a, a, share), a)
+    against = frames.turned_between(a, -a, np.array([0.0, 0.25, 1.0]))
+    assert np.allclose(against, [a, a, -a])

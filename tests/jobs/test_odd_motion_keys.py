@@ -1,4 +1,4 @@
-"""Legitimate values of ``[motion]`` and ``[robot]`` off the beaten track: programs, not refusals."""
+"""Legitimate values of ``[motion]`` off the beaten track: programs, not refusals."""
 
 from __future__ import annotations
 

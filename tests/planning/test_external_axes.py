@@ -35,6 +35,26 @@ def panel(make_path, n=25, width=6.0):
     )
 
 
+def test_a_tilt_turn_table_carries_its_turn_with_its_tilt(make_cell, make_path):
+    at = np.eye(4)
+    at[:3, 3] = [1.7, 0.0, 0.7]
+    tilt = ExternalAxis("E1", "positioner", np.array([0.0, 1.0, 0.0]), at, 20 * DEG, 60 * DEG, 1.0)
+    turn = ExternalAxis("E2", "positioner", np.array([0.0, 0.0, 1.0]), at, -6.0, 6.0, 1.0)
+    cell = replace(make_cell(), external_axes=(tilt, turn))
+    points = np.array([[1.75, 0.05, 0.75], [1.65, -0.05, 0.75], [1.7, 0.0, 0.8]])
+    axes = Rotation.from_euler("xyz", [[20, 10, 0], [-20, 15, 40], [0, 0, 0]], degrees=True)
+    result = plan(make_path(points, -axes.apply([0.0, 0.0, 1.0]), MotionKind.RAPID), cell)
+    assert not result.errors
+    tilted, turned = result.external.T
+    R = Rotation.from_euler("y", tilted[:, None]) * Rotation.from_euler("z", turned[:, None])
+    place = R.apply(result.T_base_tcp[:, :3, 3] - at[:3, 3]) + at[:3, 3]
+    T_flange = build(cell.robot).fk(result.q) @ cell.tool.T_flange_tcp
+    assert np.abs(tilted).min() > 0.3
+    assert np.abs(turned).max() > 0.1
+    assert np.allclose(T_flange[:, :3, 3], place, atol=1e-9)
+    assert np.allclose(T_flange[:, :3, :3], R.as_matrix() @ result.T_base_tcp[:, :3, :3], atol=1e-9)
+
+
 def test_a_panel_of_six_metres(make_cell, make_path):
     cell, toolpath = make_cell(), panel(make_path)
     assert plan(toolpath, cell).errors

@@ -9,8 +9,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
-from postproc.geometry import inverse, rotation_about, transform
 from postproc.kinematics import build
+from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, RESOLUTION, Checker
 from postproc.planning.route.connect import free_way
 from postproc.units import DEG
@@ -21,18 +21,7 @@ _STANDING = np.zeros(0)
 
 def cell_at(cell: Cell, values: FloatArray) -> Cell:
     """Return the cell with its external axes at values (k,) [m or rad], as one without them."""
-    T_world_robroot = np.asarray(cell.robot.T_world_robroot)
-    turned = np.eye(4)
-    for axis, value in zip(cell.external_axes, values.tolist(), strict=True):
-        if axis.kind == "rail":
-            T_world_robroot = transform(np.eye(3), value * axis.axis) @ T_world_robroot
-        else:
-            R = rotation_about(axis.axis, np.array(value))
-            origin = axis.T_world_axis[:3, 3]
-            turned = transform(R, origin - R @ origin) @ turned
-    robot = replace(cell.robot, T_world_robroot=T_world_robroot)
-    shift = inverse(T_world_robroot) @ turned @ np.asarray(cell.robot.T_world_robroot)
-    return replace(cell.rebased(lambda T: shift @ T), robot=robot, external_axes=())
+    return replace(Externals.of(cell).at(cell, values), external_axes=())
 
 
 @dataclass(frozen=True, slots=True)

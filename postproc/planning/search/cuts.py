@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
-from postproc.geometry import angle_between, rotation_angle
+from postproc.geometry import angle_between, rotation_angle, turned_between
 from postproc.model import MotionKind
 from postproc.planning.checks import PROBES, Checker, Lines, Reason, poses_between
 from postproc.planning.route import speed_caps
@@ -305,11 +305,11 @@ def _leaves_cam_axis(
     if not len(rows):
         return leaves
     k = len(_TILT_SHARES)
-    share = np.tile(_TILT_SHARES, len(rows))[:, None]
-    T = poses_between(lines, np.repeat(rows, k), share[:, 0])
+    share = np.tile(_TILT_SHARES, len(rows))
+    T = poses_between(lines, np.repeat(rows, k), share)
     axis = T[:, :3, :3] @ problem.placement.tool_axis
     a, b = (np.repeat(end[rows], k, axis=0) for end in axes)
-    off = angle_between(axis, a + share * (b - a)).reshape(len(rows), k).max(axis=1)
+    off = angle_between(axis, turned_between(a, b, share)).reshape(len(rows), k).max(axis=1)
     leaves[rows] = off > BETWEEN
     return leaves
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import TiltRange
-from postproc.geometry import rotation_from_vector
+from postproc.geometry import rotation_from_vector, turned_between
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST
 from postproc.units import DEG
@@ -138,18 +138,13 @@ def leaves_tilt_range(
     last = np.einsum("mij,mj->mi", rotation_from_vector(-around), feed[1])
     starts, ends = (np.where(np.isfinite(a), a, b) for a, b in ((feed[0], last), (last, feed[0])))
     turned = rotation_from_vector(share[:, None] * around[:, None])
-    ahead = np.einsum("mkij,mkj->mki", turned, _between(starts, ends, share))
-    found = lead_and_side(axis, _between(*holder, share), ahead)
+    feed_way, holder_way = (
+        turned_between(a[:, None], b[:, None], share) for a, b in ((starts, ends), holder)
+    )
+    found = lead_and_side(axis, holder_way, np.einsum("mkij,mkj->mki", turned, feed_way))
     low = np.array([allowed.lead[0], allowed.side[0]]) - BETWEEN
     high = np.array([allowed.lead[1], allowed.side[1]]) + BETWEEN
     return np.asarray(~((found >= low) & (found <= high)).all(axis=(1, 2)))
-
-
-def _between(a: FloatArray, b: FloatArray, share: FloatArray) -> FloatArray:
-    """Return unit vectors (m, k, 3) from a (m, 3) to b (m, 3)."""
-    mixed = a[:, None] + share[:, None] * (b - a)[:, None]
-    unit: FloatArray = mixed / np.maximum(np.linalg.norm(mixed, axis=2, keepdims=True), 1e-12)
-    return unit
 
 
 def tilt_grid(allowed: TiltRange, spins: int, tags: int) -> FloatArray:

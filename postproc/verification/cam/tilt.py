@@ -3,7 +3,7 @@
 Lead and side tilt of ``model.tilt``, found from the CAM file and the executed path alone. At a tag
 both must lie in their ranges; the error is the angle to the nearest allowed axis. Between two tags
 the range holds with ``BETWEEN`` more, against the CAM axis and the feed direction in between:
-linear from tag to tag, going round with an arc.
+turning evenly from tag to tag, going round with an arc.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, TiltRange
 from postproc.errors import RunKind
-from postproc.geometry import angle_between, rotation_about
+from postproc.geometry import angle_between, rotation_about, turned_between
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST, repeats
 from postproc.units import DEG
@@ -86,12 +86,11 @@ class Tilts:
         if arc is not None:
             end = rotation_about(arc.normal, -arc.sweep) @ end
         start, end = start if start.any() else end, end if end.any() else start
-        feed = start + share[:, None] * (end - start)
+        feed = turned_between(start, end, share)
         if arc is not None:
             turns = rotation_about(arc.normal, arc.sweep * share)
             feed = np.einsum("kij,kj->ki", turns, feed)
-        way = self.holder[row] - self.holder[row - 1]
-        holder = _unit(self.holder[row - 1] + share[:, None] * way)
+        holder = turned_between(self.holder[row - 1], self.holder[row], share)
         ahead = _unit(feed - np.einsum("ij,ij->i", feed, holder)[:, None] * holder)
         if not start.any():
             return angle_between(-axis, holder)
