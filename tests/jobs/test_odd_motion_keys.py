@@ -10,6 +10,7 @@ import pytest
 from postproc.cell import parse_cell
 from postproc.jobs.convert import ConvertRequest, convert
 from tests.cells import FEED, STIFFNESS, cell_text
+from tests.jobs.emitted import converted as converted_text
 from tools.bench.contours import contour
 
 
@@ -52,3 +53,32 @@ def test_home_may_stand_in_the_margin_of_a_limit():
     home = [0, -129, 90, 0, 45, 0]
     job = converted(contour("s", 30, 1.0), f"{FEED}home_deg = {home}\n")
     assert "A2 -129" in program(job)
+
+
+LIGHT_ARM_ON_A_RAIL = """
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr6_r900_2"
+[tool]
+frame = { xyz_mm = [0, 0, 120], abc_deg = [0, 0, 0] }
+axis = "+z"
+[workpiece]
+frame = { xyz_mm = [1094, 0, 400], abc_deg = [-90, 0, 90] }
+[[external_axes]]
+name = "E1"
+kind = "rail"
+axis = "+y"
+range_mm = [-2000, 2000]
+speed_mm_s = 800
+[motion]
+home_deg = [0, -90, 90, 0, 45, 0]
+"""
+
+
+def test_a_narrow_window_between_two_places_of_the_grid_is_found(tmp_path):
+    """The arm reaches the hole with the rail between 1265 and 1485 mm alone."""
+    hole = "id,x,y,z,i,j,k,depth,feed\nH00,-1375,0,0,0,0,1,10,150\n"
+    job = converted_text(tmp_path, hole, "hole.csv", LIGHT_ARM_ON_A_RAIL)
+    assert job.good
+    stands = job.plan.external[job.plan.tag == 0, 0]
+    assert ((stands > 1.26) & (stands < 1.49)).all()

@@ -30,6 +30,11 @@ RAIL_STEP = 0.25
 TURN_STEP = 30.0 * DEG
 """Angle between positions of a positioner."""
 MOST_POSITIONS = 400
+_FINER = 8
+"""Where no position of the grid reaches a tag, one so much finer is looked through for it."""
+_MOST_FINER = 1000
+_ADDED = 24
+"""Positions of the finer grid that are added at most."""
 CHANGE = 3.0
 """Price of a change of position, in the units of the objectives: 100 % of stiffness is about 1."""
 SLIDE = 0.05
@@ -54,11 +59,17 @@ _MICRON = 6
 CheckerAt = Callable[[FloatArray], Checker]
 
 
-def position_grid(cell: Cell) -> FloatArray:
-    """Return the grid of positions (g, k): 0 among each axis' values where its range holds it."""
+def position_grid(cell: Cell, finer: int = 1, most: int = MOST_POSITIONS) -> FloatArray:
+    """Return the grid of positions (g, k): 0 among each axis' values where its range holds it.
+
+    Args:
+        cell: with its external axes.
+        finer: by how much its steps are shorter than usual, as far as ``most`` allows.
+        most: about so many positions at most.
+    """
     columns = []
-    share = MOST_POSITIONS ** (1.0 / len(cell.external_axes))
-    for axis, step in zip(cell.external_axes, _steps(cell).tolist(), strict=True):
+    share = most ** (1.0 / len(cell.external_axes))
+    for axis, step in zip(cell.external_axes, (_steps(cell) / finer).tolist(), strict=True):
         step = max(step, (axis.q_max - axis.q_min) / max(share - 1.0, 1.0))
         low, high = np.ceil(axis.q_min / step - 1e-9), np.floor(axis.q_max / step + 1e-9)
         inner = np.arange(low, high + 1) * step
@@ -341,6 +352,7 @@ def rated(
     cost = np.column_stack(
         [_least_cost(problem.standing(value), knots, settings) for value in values]
     )
+    values, cost = _with_finer(problem, values, knots, cost, settings)
     best = cost.min(axis=1, keepdims=True)
     loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), np.nan)
     starts = np.unique(np.append(0, np.flatnonzero(~chain))) if n else np.zeros(0, np.int64)
@@ -349,6 +361,38 @@ def rated(
     may_move = np.array([axis.moves_in_cuts for axis in cell.external_axes])
     loss = np.nan_to_num(loss, nan=UNREACHED)
     return Positions(checker, values, units, knots, loss, way, may_move)
+
+
+def _with_finer(
+    problem: Problem, values: FloatArray, knots: IndexArray, cost: FloatArray, settings: Settings
+) -> tuple[FloatArray, FloatArray]:
+    """Return the positions (g, k) and costs (m, g) with those added that reach what no other does.
+
+    Args:
+        problem: of the toolpath.
+        values: (g, k) positions that were rated.
+        knots: (m,) tags that were rated there.
+        cost: (m, g) infinite where a tag has no pose.
+        settings: of the plan.
+    """
+    left = np.flatnonzero(~np.isfinite(cost).any(axis=1))
+    if not len(left):
+        return values, cost
+    fine = position_grid(problem.cell, _FINER, _MOST_FINER)
+    there = np.column_stack(
+        [_least_cost(problem.standing(value), knots[left], settings) for value in fine]
+    )
+    reached, added = np.isfinite(there), []
+    while reached.any() and len(added) < _ADDED:
+        count = reached.sum(axis=0)
+        total = np.where(reached, there, 0.0).sum(axis=0)
+        best = int(np.lexsort((total, -count))[0])
+        added.append(best)
+        reached[reached[:, best]] = False
+    if not added:
+        return values, cost
+    more = [_least_cost(problem.standing(value), knots, settings) for value in fine[added]]
+    return np.concatenate([values, fine[added]]), np.column_stack([cost, *more])
 
 
 def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> FloatArray:
