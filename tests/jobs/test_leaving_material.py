@@ -5,6 +5,7 @@ import re
 import numpy as np
 import pytest
 
+from tests.cells import STIFFNESS
 from tests.jobs.emitted import CELL, RAPID, converted, program, steps
 
 HEAD = "UNITS/MM\nRAPID\nGOTO/0,0,80,0,0,1\nFEDRAT/600,MMPM\nGOTO/0,0,-5\n"
@@ -98,3 +99,51 @@ def test_verify_asks_for_the_whole_height(tmp_path, run):
     words = ("--cell", tmp_path / "cell.toml", "--against", tmp_path / "part.apt", "--json")
     kinds = [item["kind"] for item in run("verify", low, *words)[1]["violations"]]
     assert kinds == ["retract"]
+
+
+THREE_PASSES = """\
+UNITS/MM
+MULTAX/ON
+SPINDL/RPM,3000,CLW
+RAPID
+GOTO/513.4464,363.1038,42.8256,0.172320,-0.244809,0.954135
+FEDRAT/800,MMPM
+GOTO/510.0000,368.0000,23.7429,0.172320,-0.244809,0.954135
+GOTO/512.0000,368.0000,23.3327,0.179604,-0.244485,0.952874
+GOTO/514.0000,368.0000,22.9053,0.186666,-0.244158,0.951600
+GOTO/516.0000,368.0000,22.4611,0.193500,-0.243829,0.950318
+GOTO/518.0000,368.0000,22.0005,0.200100,-0.243500,0.949035
+RAPID
+GOTO/522.0020,363.1300,40.9812,0.200100,-0.243500,0.949035
+RAPID
+GOTO/529.4256,363.1527,39.1599,0.221279,-0.242366,0.944613
+FEDRAT/800,MMPM
+GOTO/525.0000,368.0000,20.2676,0.221279,-0.242366,0.944613
+GOTO/527.0000,368.0000,19.7402,0.226763,-0.242052,0.943392
+GOTO/529.0000,368.0000,19.1995,0.231987,-0.241746,0.942200
+GOTO/531.0000,368.0000,18.6461,0.236948,-0.241449,0.941041
+GOTO/533.0000,368.0000,18.0806,0.241644,-0.241161,0.939920
+RAPID
+GOTO/537.8329,363.1768,36.8790,0.241644,-0.241161,0.939920
+RAPID
+GOTO/545.1189,363.1950,34.7427,0.255944,-0.240248,0.936362
+FEDRAT/800,MMPM
+GOTO/540.0000,368.0000,16.0155,0.255944,-0.240248,0.936362
+GOTO/542.0000,368.0000,15.4036,0.259412,-0.240019,0.935466
+GOTO/544.0000,368.0000,14.7832,0.262601,-0.239804,0.934631
+GOTO/546.0000,368.0000,14.1551,0.265511,-0.239606,0.933859
+GOTO/548.0000,368.0000,13.5198,0.268141,-0.239425,0.933154
+RAPID
+GOTO/553.3628,363.2115,32.1829,0.268141,-0.239425,0.933154
+FINI
+"""
+
+
+def test_a_cut_ends_where_the_tool_can_leave_it_as_the_file_does(tmp_path):
+    """At the end of a pass the stiffest spins have A5 at its limit: no way straight out."""
+    cell = CELL.replace("[150, 0, 300]", "[150, 0, 362]").replace("[1700, 0,", "[1800, -150,")
+    cell = cell.replace("step_deg = 60\nrefine = false\n", "").replace("rapid_percent = 50\n", "")
+    job = converted(tmp_path, THREE_PASSES, cell=cell + STIFFNESS)
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]
+    text = program(job)
+    assert len(re.findall("^PTP", text, re.M)) == 1

@@ -17,7 +17,7 @@ from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
-from postproc.process import back_off, in_material, least_feeds
+from postproc.process import back_off, in_material, least_feeds, on_the_way_out
 from postproc.stiffness import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]
@@ -64,16 +64,30 @@ class Problem:
 
     @cached_property
     def lifts(self) -> FloatArray:
-        """(n,) [m] by how much the tool backs off from a tag before any motion but a cut."""
+        """(n,) [m] by how much the tool backs off from a tag before any motion but a cut.
+
+        No farther than the CAM file itself where its next point is straight behind the cut.
+        """
         inside = in_material(self.toolpath, self.cell)
-        return np.where(inside, back_off(self.cell), 0.0)
+        return np.where(inside, np.minimum(back_off(self.cell), self._own_ways_out), 0.0)
+
+    @cached_property
+    def _own_ways_out(self) -> FloatArray:
+        """(n,) [m] by how much the rapid behind a tag backs off straight, infinite for others."""
+        path, ways = self.toolpath, np.full(len(self), np.inf)
+        rapid = np.flatnonzero(np.asarray(path.kind)[1:] == MotionKind.RAPID)
+        a, b = (tags + rapid for tags in (0, 1))
+        leaves = on_the_way_out(path.points[a], -path.axes[a], path.points[b], -path.axes[b])
+        length = np.linalg.norm(path.points[b] - path.points[a], axis=1)
+        ways[a] = np.where(leaves & (length > 0.0), length, np.inf)
+        return ways
 
     @cached_property
     def ways_out(self) -> FloatArray:
-        """(n,) [m] the same where neither a cut nor a straight rapid follows, else 0."""
+        """(n,) [m] the same where neither a cut nor a rapid another way follows, else 0."""
         kind = np.asarray(self.toolpath.kind)
-        goes_on = np.isin(kind, (*CUTS, MotionKind.RAPID))
-        return np.where(np.append(goes_on[1:], False), 0.0, self.lifts)
+        goes_on = np.append(np.isin(kind, (*CUTS, MotionKind.RAPID))[1:], False)
+        return np.where(goes_on & np.isinf(self._own_ways_out), 0.0, self.lifts)
 
     def tilt_of(self, tags: IndexArray, T_base_tcp: FloatArray) -> FloatArray | None:
         """Return the angle (m,) [rad] of the tool axis to the CAM data's; None: no tilt allowed."""
