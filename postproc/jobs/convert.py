@@ -20,7 +20,7 @@ from postproc.emitters import Against, Program, ReadBack, emit, emitter_of, read
 from postproc.errors import CellError, DataError, Finding, Severity, SourceRef, fold
 from postproc.jobs.arm_doubts import warned_doubts
 from postproc.jobs.joint_targets import with_joint_targets
-from postproc.jobs.trade import LOST, Outcome, outcomes
+from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
 from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
@@ -404,7 +404,7 @@ def _stiffness(conversion: Conversion) -> dict[str, Any] | None:
         "initial_mean_N_per_mm": float(initial.mean() / N_PER_MM) if len(initial) else None,
         "mean_N_per_mm": float(values.mean() / N_PER_MM),
         "min_N_per_mm": float(values.min() / N_PER_MM),
-        **{key: plan.settings[key] for key in LOST if key in plan.settings},
+        **lost_percent(plan),
     }
 
 

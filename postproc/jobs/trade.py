@@ -18,8 +18,19 @@ from postproc.model import Plan
 from postproc.planning import grade_counts
 from postproc.units import MM, N_PER_MM
 
-LOST = ("lost_mean_percent", "lost_max_percent")
-"""What tags lose of the best stiffness within their reach, collisions not asked."""
+
+def lost_percent(plan: Plan) -> dict[str, float]:
+    """Return what tags do without of the best stiffness within their reach, mean and largest [%].
+
+    Empty where nothing is known of any tag.
+    """
+    lost = 100.0 * plan.stiffness_lost[np.isfinite(plan.stiffness_lost)]
+    if not len(lost):
+        return {}
+    return {
+        "lost_mean_percent": round(float(lost.mean()), 3),
+        "lost_max_percent": round(float(lost.max()), 3),
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +38,7 @@ class Outcome:
     """One preset's plan in figures; None where there is nothing to count.
 
     ``failing``: tags that cannot be run. ``lost_mean``, ``lost_max`` [%] of the best stiffness that
-    key tags have within reach. ``grades``: tags by their margin. ``clearance`` [m].
+    tags have within reach. ``grades``: tags by their margin. ``clearance`` [m].
     """
 
     preset: str
@@ -99,19 +110,15 @@ def _outcome(plan: Plan, cell: Cell, *, is_chosen: bool) -> Outcome:
     stiffness = plan.stiffness[np.isfinite(plan.stiffness)]
     clearance = plan.clearance[np.isfinite(plan.clearance)]
     failing = {i.tag_index for i in plan.findings if i.severity is Severity.ERROR}
-    lost_mean, lost_max = (_number(plan.settings.get(key)) for key in LOST)
+    lost = lost_percent(plan)
     return Outcome(
         cell.optimize.preset.value,
         is_chosen,
         len(failing),
-        lost_mean,
-        lost_max,
+        lost.get("lost_mean_percent"),
+        lost.get("lost_max_percent"),
         float(stiffness.min()) if len(stiffness) else None,
         plan.cycle_time,
         grade_counts(plan, cell),
         float(clearance.min()) if len(clearance) else None,
     )
-
-
-def _number(value: object) -> float | None:
-    return value if isinstance(value, float) else None

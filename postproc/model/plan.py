@@ -75,6 +75,8 @@ class Plan:
             pose is that of the tool of its row in the base of its row.
         stiffness: (n,) index along the objective's direction per tag [N/m], NaN without stiffness.
         stiffness_initial: (n,) the same at spin 0 before optimisation.
+        stiffness_best: (n,) the best that a tag has within reach [N/m], NaN where unknown; None:
+            nowhere.
         clearance: (n,) smallest distance per tag [m], NaN where not asked for.
         restart: (n,) 1 where the way from home straight above a hole is free, 0 where it is not,
             NaN where nobody asks; None: nowhere.
@@ -106,6 +108,7 @@ class Plan:
     stiffness_initial: FloatArray = field(metadata=column("tag"))
     clearance: FloatArray = field(metadata=column("tag"))
     events: tuple[tuple[int, Event], ...] = ()
+    stiffness_best: FloatArray | None = field(default=None, metadata=column("tag"))
     restart: FloatArray | None = field(default=None, metadata=column("tag"))
     off_chord: FloatArray | None = field(default=None, metadata=column("tag"))
     off_axis: FloatArray | None = field(default=None, metadata=column("tag"))
@@ -119,7 +122,7 @@ class Plan:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
-        for name in ("restart", "off_chord", "off_axis"):
+        for name in ("stiffness_best", "restart", "off_chord", "off_axis"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.full(len(self.toolpath), np.nan))
         freeze_columns(self, move=len(self.kind), tag=len(self.toolpath))
@@ -155,6 +158,12 @@ class Plan:
     def __len__(self) -> int:
         """Return the number of moves."""
         return len(self.kind)
+
+    @property
+    def stiffness_lost(self) -> FloatArray:
+        """(n,) share of the best stiffness within reach that a tag does without, NaN if unknown."""
+        lost: FloatArray = 1.0 - self.stiffness / np.asarray(self.stiffness_best)
+        return lost
 
     @property
     def left_out(self) -> BoolArray:

@@ -200,7 +200,7 @@ def _planned(
     checker = checker_of(toolpath, cell, settings, external)
     problem = checker.problem
     clock.begin("search")
-    chosen, findings, record = choose(checker, clock.step)
+    chosen, findings, record, best = choose(checker, clock.step)
     take_joints(problem, chosen)
     findings += without_roll(checker, chosen)
     clock.begin("route")
@@ -220,6 +220,7 @@ def _planned(
     return replace(
         result,
         toolpath=toolpath,
+        stiffness_best=np.maximum(best, result.stiffness),
         restart=_straight_ways(checker, chosen),
         off_chord=routed.left.chord,
         off_axis=routed.left.axis,

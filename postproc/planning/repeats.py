@@ -49,6 +49,7 @@ def as_of(plan: Plan, toolpath: ToolPath, tag: IndexArray, row: IndexArray) -> P
         tag=np.where(plan.tag >= 0, tag[plan.tag], -1).astype(np.int32),
         stiffness=plan.stiffness[row],
         stiffness_initial=plan.stiffness_initial[row],
+        stiffness_best=np.asarray(plan.stiffness_best)[row],
         clearance=plan.clearance[row],
         restart=None if plan.restart is None else plan.restart[row],
         off_chord=None if plan.off_chord is None else plan.off_chord[row],

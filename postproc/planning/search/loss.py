@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import Wish
-from postproc.planning.states import NONE, Chosen, Problem, Rule, evaluate
+from postproc.planning.states import NONE, Chosen, Problem, Rule, Weights, evaluate
 
 _WORTH = 0.98
 _PATIENCE = 4
@@ -29,11 +29,19 @@ _SPACING = 0.01
 
 
 def best_index(checker: Checker, between: Interpolation) -> FloatArray:
-    """Return the best stiffness index (n,) [N/m] that each tag could have by itself."""
+    """Return the best stiffness index (n,) [N/m] that each tag could have by itself, collisions in.
+
+    The index of the stiffest state that is free, whatever else speaks for or against it.
+    """
     problem = checker.problem
     n = len(problem)
-    if problem.settings.weights.main is None or not n:
+    main = problem.settings.weights.main
+    if main is None or not n:
         return np.full(n, np.nan)
+    alone = Weights(((main[0], 1.0, main[1]),), 0.0)
+    checker = replace(
+        checker, problem=replace(problem, settings=replace(problem.settings, weights=alone))
+    )
     tags = np.flatnonzero(spaced(between.way, between.is_cut, _SPACING))
     search = PoseSearch.of(checker, tags, Wish(each=True), between)
     search.ladder.rule[:] = Rule.FREE
@@ -41,8 +49,14 @@ def best_index(checker: Checker, between: Interpolation) -> FloatArray:
     good = path != NONE
     best = np.full(len(tags), np.nan)
     best[good] = search.states.index[path[good]]
-    if len(tags) == n:
-        return best
+    return along(between, tags, best)
+
+
+def along(between: Interpolation, tags: IndexArray, best: FloatArray) -> FloatArray:
+    """Return values (n,) of all tags from those (k,) of tags (k,) along the way."""
+    n = len(between.way)
+    if len(tags) == n or not len(tags):
+        return best if len(tags) else np.full(n, np.nan)
     behind = np.clip(np.searchsorted(tags, np.arange(n)), 0, len(tags) - 1)
     ahead = np.where(tags[behind] == np.arange(n), behind, np.maximum(behind - 1, 0))
     length = between.way[tags[behind]] - between.way[tags[ahead]]
@@ -108,6 +122,6 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
     return Finding(
         Severity.WARNING,
         "PLN305",
-        f"{text}; no cuts that can be run keep it under the bound of {100.0 * bound:.0f} %",
-        hint='strategy "each" keeps every tag at its optimum, "global" weighs it against travel',
+        f"{text}; nothing was found that keeps it under the bound of {100.0 * bound:.0f} %",
+        hint='the preset "stiffest" gives up least; more key tags or a finer step_deg may help',
     )

@@ -11,10 +11,10 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.checks import NEAR_BY, Checker
 from postproc.planning.search.between import Interpolation, cubic, slopes
 from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
+from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
-from postproc.planning.search.rungs import best_of
-from postproc.planning.states import Chosen, Problem
+from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
 _SHARES = (0.5, 0.25)
@@ -30,8 +30,14 @@ _PATIENT = 5
 to each side every round: else each lets the next one move, and fail, in a round of its own."""
 
 
-def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
-    """Return the chosen poses moved off the grid, where that stands the checks."""
+def moved_off_grid(search: PoseSearch, chosen: Chosen, *, at_edges: bool = False) -> Chosen:
+    """Return the chosen poses moved off the grid, where that stands the checks.
+
+    Args:
+        search: what the poses were chosen by.
+        chosen: poses of the grid.
+        at_edges: whether tags by themselves begin at the edge of reach where that is stiffer.
+    """
     checker, between = search.checker, search.between
     problem, pins = checker.problem, checker.problem.cell.optimize.pins
     kept = chosen.good[search.tags]
@@ -47,7 +53,7 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         chosen.q[tags],
         linked,
         search.share[kept],
-        best_of(search.states)[kept],
+        search.edges.index[kept],
     )
     names, runs = problem.toolpath.tag_name, np.cumsum(linked == 0.0)
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
@@ -56,6 +62,9 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
     cuts = _cuts(between, grid)
     alone = np.bincount(cuts)[cuts] == 1
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
+    if at_edges:
+        may = alone & bounds.free[:, 0]
+        poses = _at_edges(problem, grid, search.edges, np.flatnonzero(kept), may)
     for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)
         poses = _slowed(problem, between, poses, bounds, _HEAVIEST * linked)
@@ -74,6 +83,34 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen) -> Chosen:
         bounds.free[nearer, 0] = True
         poses, awake, reach = poses.standing_as(grid, bad), within(bad, 1), 2 * reach + 1
     return _filled(checker, between, poses, chosen)
+
+
+def _at_edges(
+    problem: Problem, grid: TagPoses, edges: Edges, rows: IndexArray, may: BoolArray
+) -> TagPoses:
+    """Return poses of tags (n,), rows of ``edges``, at these where that gains more than it costs.
+
+    The ways to and from the tags beside count as they stand on the grid.
+    """
+    T = problem.placement.tcp(grid.tags, grid.attitude)
+    own = evaluate(problem, grid.tags, grid.attitude[:, 0], T, grid.q)[1]
+    index, q = np.where(edges.is_between, edges.index, np.nan)[rows], edges.q[rows]
+    gain = grid.share * np.log(np.where(index > own, index / own, 1.0))
+    dearer = np.zeros(len(rows))
+    for joints, sign in ((q, 1.0), (grid.q, -1.0)):
+        into = ((joints[1:] - grid.q[:-1]) ** 2).sum(axis=1)
+        onward = ((grid.q[1:] - joints[:-1]) ** 2).sum(axis=1)
+        dearer[1:] += sign * grid.weight[1:] * into
+        dearer[:-1] += sign * grid.weight[1:] * onward
+    there = may & (gain > dearer)
+    attitude = grid.attitude.copy()
+    attitude[there] = np.column_stack([edges.spin[rows], np.zeros((len(rows), 2))])[there]
+    return replace(
+        grid,
+        attitude=attitude,
+        branch=np.where(there, edges.branch[rows], grid.branch),
+        q=np.where(there[:, None], q, grid.q),
+    )
 
 
 def _nearer(
@@ -107,7 +144,9 @@ def _filled(checker: Checker, between: Interpolation, poses: TagPoses, chosen: C
     """Return the poses of all tags, the spin between key tags as a smooth curve where it runs."""
     attitude, q = chosen.attitude.copy(), chosen.q.copy()
     attitude[poses.tags], q[poses.tags] = poses.attitude, poses.q
-    result = Chosen(attitude, chosen.branch.copy(), q, chosen.good.copy(), chosen.entry)
+    branch = chosen.branch.copy()
+    branch[poses.tags] = poses.branch
+    result = Chosen(attitude, branch, q, chosen.good.copy(), chosen.entry)
     spans = spans_of(between, poses)
     spans = spans.rows(np.flatnonzero(spans.last - spans.first > 1))
     if len(spans):

@@ -15,6 +15,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.breaks import break_at
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.cuts import Spans, fill, judge
+from postproc.planning.search.edges import Edges
 from postproc.planning.search.failing_cuts import SHORT, FailingCuts
 from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
@@ -50,9 +51,10 @@ class PoseSearch:
     """A search over key tags: their states, the graph, and why states and steps failed.
 
     Tags between key tags follow by interpolation. ``stride`` (n,): every how many of the finest
-    spins a tag has; ``passed`` (N,): the state before from which the step into a state was found
-    good; ``failing``: what became of cuts that failed between key tags. ``fanned``: how often steps
-    into a tag failed; ``looked_at``: numbers of those that were looked at along with them.
+    spins a tag has; ``edges``: the stiffest pose of each tag; ``passed`` (N,): the state before
+    from which the step into a state was found good; ``failing``: what became of cuts that failed
+    between key tags. ``fanned``: how often steps into a tag failed; ``looked_at``: numbers of those
+    that were looked at along with them.
     """
 
     checker: Checker
@@ -66,6 +68,7 @@ class PoseSearch:
     weight: FloatArray
     share: FloatArray
     pinned: BoolArray
+    edges: Edges
     reason: AnyIntArray
     pair: AnyIntArray
     seen: BoolArray
@@ -99,7 +102,7 @@ class PoseSearch:
         problem = checker.problem
         between = between or Interpolation.of(problem)
         stride = np.full(len(tags), FINE if len(problem.settings.spins) > 1 else 1)
-        states, pinned = states_on(problem, tags, stride, wish)
+        states, pinned, edges = states_on(problem, tags, stride, wish)
         ladder, weight, share = ladder_of(problem, between, tags, states, wish)
         hasty = np.zeros(len(tags), dtype=np.bool_)
         bridges = bridges_of(problem, between, tags, states, stride, pinned, hasty, ladder)
@@ -116,6 +119,7 @@ class PoseSearch:
             weight,
             share,
             pinned,
+            edges,
             reason=np.zeros(size, dtype=np.int8),
             pair=np.full(size, NONE, dtype=np.int32),
             seen=np.zeros(size, dtype=np.bool_),
@@ -130,13 +134,13 @@ class PoseSearch:
     def grow(self, tags: IndexArray, stride: IndexArray) -> None:
         """Take more key tags (m,), or those known on a finer grid of spins; keep what is known."""
         problem = self.checker.problem
-        states, pinned = states_on(problem, tags, stride, self.wish)
+        states, pinned, edges = states_on(problem, tags, stride, self.wish)
         join = merged(self.states, self.tags, states, tags)
         known, kept = (self.ladder, self.bridges), np.isin(self.tags, tags, invert=True)
         rung = np.where(join.is_new, NONE, np.searchsorted(self.tags, join.tags))
 
         def by_tag(old: NDArray[Any], new: object) -> NDArray[Any]:
-            column = np.empty(len(join.tags), dtype=old.dtype)
+            column = np.empty((len(join.tags), *old.shape[1:]), dtype=old.dtype)
             column[join.is_new], column[~join.is_new] = new, old[kept]
             return column
 
@@ -150,6 +154,7 @@ class PoseSearch:
         self.tags, self.states, self.cells = join.tags, join.states, None
         self.looked_at = {}
         self.stride, self.pinned = by_tag(self.stride, stride), by_tag(self.pinned, pinned)
+        self.edges = self.edges.merged(edges, by_tag)
         self.failures, self.hasty = by_tag(self.failures, 0), by_tag(self.hasty, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)

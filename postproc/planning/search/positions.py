@@ -382,7 +382,8 @@ def _with_finer(
     there = np.column_stack(
         [_least_cost(problem.standing(value), knots[left], settings) for value in fine]
     )
-    reached, added = np.isfinite(there), []
+    reached = np.isfinite(there)
+    added: list[int] = []
     while reached.any() and len(added) < _ADDED:
         count = reached.sum(axis=0)
         total = np.where(reached, there, 0.0).sum(axis=0)

@@ -52,7 +52,12 @@ class TagPoses(Table):
     def standing_as(self, other: TagPoses, rows: BoolArray) -> TagPoses:
         """Return the same poses, but those of some tags (n,) as in another."""
         attitude = np.where(rows[:, None], other.attitude, self.attitude)
-        return replace(self, attitude=attitude, q=np.where(rows[:, None], other.q, self.q))
+        return replace(
+            self,
+            attitude=attitude,
+            branch=np.where(rows, other.branch, self.branch),
+            q=np.where(rows[:, None], other.q, self.q),
+        )
 
     def travel(self, q: FloatArray) -> FloatArray:
         """Return the weighted squared joint change (n,) into each tag along joints (n, 6)."""

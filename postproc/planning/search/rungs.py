@@ -12,6 +12,7 @@ from postproc.model import CUTS
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
+from postproc.planning.search.edges import Edges, edges_of
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import (
     NONE,
@@ -112,12 +113,13 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
 
 def states_on(
     problem: Problem, tags: IndexArray, stride: IndexArray, wish: Wish
-) -> tuple[States, BoolArray]:
-    """Return the states of tags (n,) on their grids of spins, and which tags are pinned."""
+) -> tuple[States, BoolArray, Edges]:
+    """Return the states of tags (n,) on their grids of spins, which are pinned, the stiffest."""
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
     states = sample_on(problem, tags, spins, stride)
-    best, price = best_of(states), problem.settings.weights.price
+    edges = edges_of(problem, tags, states, pinned, FINE if spins.shape[-1] > 1 else 1)
+    best, price = edges.index, problem.settings.weights.price
     for low in range(0, len(states.q), _AT_ONCE):
         part = np.arange(low, min(low + _AT_ONCE, len(states.q)))
         states.cost[part] += price(1.0 - states.index[part] / best[states.tag_of(part)])
@@ -133,7 +135,7 @@ def states_on(
     if wish.each:
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
-    return states, pinned
+    return states, pinned, edges
 
 
 def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:

@@ -16,8 +16,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray
-from postproc.cell import Strategy
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import Preset, Strategy
 from postproc.errors import Finding
 from postproc.planning.checks import Checker, explained, gave_up
 from postproc.planning.route import has_ways
@@ -25,17 +25,30 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.free_path import Found
 from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
-from postproc.planning.search.loss import DEFAULT_BOUND, LossBound, best_index, loss_of, loss_report
+from postproc.planning.search.loss import (
+    DEFAULT_BOUND,
+    LossBound,
+    along,
+    best_index,
+    loss_of,
+    loss_report,
+)
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.search.rungs import TIE_TRAVEL, Wish, best_of, changes_of_arm
+from postproc.planning.search.rungs import TIE_TRAVEL, Wish, changes_of_arm
 from postproc.planning.states import Chosen
 
 Step = Callable[[int, int, str], None]
 
 
-def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[str, object]]:
-    """Return the pose of every tag, the findings, and a record of the work."""
+def choose(
+    checker: Checker, step: Step
+) -> tuple[Chosen, list[Finding], dict[str, object], FloatArray]:
+    """Return the pose of every tag, the findings, a record of the work, and the best index.
+
+    That is (n,) [N/m], what each tag could have by itself: with the strategy ``smooth`` free of
+    collision, else within reach.
+    """
     problem = checker.problem
     wishes = problem.cell.optimize
     is_smooth = wishes.strategy is Strategy.SMOOTH
@@ -53,18 +66,19 @@ def choose(checker: Checker, step: Step) -> tuple[Chosen, list[Finding], dict[st
     record = search.record(found, chosen)
     if wishes.refine and wishes.strategy is Strategy.GLOBAL:
         step(0, 0, "refine")
-        chosen = moved_off_grid(search, chosen)
+        is_stiffest = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
+        chosen = moved_off_grid(search, chosen, at_edges=is_stiffest)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
-    record |= _lost(search, chosen)
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
+    best = along(between, search.tags, search.edges.index)
     if bound is not None:
-        loss = loss_of(problem, chosen, bound.best)
+        best, loss = bound.best, loss_of(problem, chosen, bound.best)
         findings.insert(0, loss_report(problem, loss, search.tags, most))
         record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
         if len(search.tags) > keys.sum():
             record["key_tags_added"] = len(search.tags) - int(keys.sum())
-    return chosen, findings, record
+    return chosen, findings, record, best
 
 
 def _wish(checker: Checker, bound: LossBound | None) -> Wish:
@@ -99,21 +113,6 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
                 return found, chosen
             search.keep_arm()
         found = search.run()
-
-
-def _lost(search: PoseSearch, chosen: Chosen) -> dict[str, object]:
-    """Return what key tags lose of the best stiffness that they have within reach [%]."""
-    problem, tags = search.checker.problem, search.tags
-    best = np.full(len(problem), np.nan)
-    best[tags] = best_of(search.states)
-    loss = loss_of(problem, chosen, best)[tags]
-    loss = 100.0 * loss[np.isfinite(loss)]
-    if not len(loss):
-        return {}
-    return {
-        "lost_mean_percent": round(float(loss.mean()), 3),
-        "lost_max_percent": round(float(loss.max()), 3),
-    }
 
 
 def _is_key(search: PoseSearch) -> BoolArray:

@@ -1,7 +1,14 @@
 """Which robot states serve a tag and what each costs."""
 
 from postproc.planning.states.candidates import States, sample
-from postproc.planning.states.costs import OBJECTIVES, TRAVEL, TRAVEL_UNIT, Objective, StateContext
+from postproc.planning.states.costs import (
+    OBJECTIVES,
+    TRAVEL,
+    TRAVEL_UNIT,
+    Objective,
+    StateContext,
+    Weights,
+)
 from postproc.planning.states.given import strokes_into, take_joints
 from postproc.planning.states.graph import NONE, Joined, Rule
 from postproc.planning.states.ladder import Ladder
@@ -25,6 +32,7 @@ from postproc.planning.states.pricing import context_of, evaluate
 from postproc.planning.states.problem import Compliance, Problem, path_normals, stiffness_of
 from postproc.planning.states.settings import PlanOptions, Settings, settle
 from postproc.planning.states.stroke import Strokes
+from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import (
     BETWEEN,
     REENTRY,
@@ -58,7 +66,9 @@ __all__ = [
     "Settings",
     "StateContext",
     "States",
+    "StrokeEnds",
     "Strokes",
+    "Weights",
     "beside_in_grid",
     "context_of",
     "cross_axes",

@@ -37,7 +37,7 @@ there, or more than the price of what most tags could gain, so that they keep 5 
 PRICE_OF = {Preset.STIFFEST: (0.02, 30.0), Preset.BALANCED: (0.05, 10.0)}
 """Loss of stiffness at a tag, and what each further 1 (100 %) of it costs, by preset: with
 ``balanced`` 10 % beyond 5 % must save as much as a way of 30 degrees of a joint costs."""
-BOUND_PRICE = 300.0
+BOUND_PRICE = 1e6
 """The same beyond a bound that the cell sets."""
 DEFAULT_TILT = 0.1
 """Weight of tilt, where the cell allows any: 5 degrees must gain 2.5 % of stiffness, 10 degrees

@@ -1,0 +1,168 @@
+"""Poses between two spins of the grid, at the edge of what can be reached: often the stiffest.
+
+A stretched arm is stiff along itself, so stiffness mostly rises up to the edge of reach or to a
+limit, and the edge lies between two spins of the grid. It is looked for where the rise leads to
+more than the grid has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.planning.states import Problem, States, StrokeEnds, evaluate
+
+AnyArray = NDArray[Any]
+_BRANCHES = 8
+_HALVINGS = 6
+"""A step of the grid is halved so often."""
+_GAIN = 1.005
+"""Edges are looked at where this times the best of the grid may stand there."""
+_STEEPER = 1.5
+"""From the last spin to the edge stiffness rises by no more than this times the step before."""
+_TAGS = 512
+"""Tags that are looked at together, so that memory stays bounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Edges:
+    """For each of n tags the stiffest pose: index (n,) [N/m], spin (n,), branch (n,), q (n, 6).
+
+    Angles [rad]. ``is_between`` (n,): it stands between two spins of the grid, at an edge; the
+    other values but the index mean nothing where it does not.
+    """
+
+    index: FloatArray
+    spin: FloatArray
+    branch: IndexArray
+    q: FloatArray
+    is_between: BoolArray
+
+    def merged(self, other: Edges, join: Callable[[AnyArray, AnyArray], AnyArray]) -> Edges:
+        """Return these with those of other tags, each column joined by ``join``."""
+        names = [column.name for column in fields(self)]
+        return Edges(*(join(getattr(self, name), getattr(other, name)) for name in names))
+
+
+def edges_of(
+    problem: Problem, tags: IndexArray, states: States, pinned: BoolArray, stride: int
+) -> Edges:
+    """Return the stiffest poses of tags (n,) within reach, collisions not asked.
+
+    Args:
+        problem: what is asked.
+        tags: (n,).
+        states: of these tags.
+        pinned: (n,) tags whose spin is given.
+        stride: every how many of the finest spins are in the grid.
+    """
+    n = len(tags)
+    found = Edges(
+        np.full(n, np.nan),
+        np.zeros(n),
+        np.zeros(n, dtype=np.int64),
+        np.zeros((n, 6)),
+        np.zeros(n, dtype=np.bool_),
+    )
+    for low in range(0, n, _TAGS):
+        rows = np.arange(low, min(low + _TAGS, n))
+        at, column = _last_before_edges(problem, states, rows, stride, found)
+        kept = ~pinned[at[0]]
+        if kept.any():
+            at = (at[0][kept], at[1][kept], at[2][kept])
+            _halve(problem, tags[at[0]], states, at, column[kept] * stride, found)
+    return found
+
+
+def _last_before_edges(
+    problem: Problem, states: States, rows: IndexArray, stride: int, found: Edges
+) -> tuple[tuple[IndexArray, IndexArray, IndexArray], IndexArray]:
+    """Return the states (m,) behind which the stiffest pose may stand, and in which sense (m,).
+
+    Row of tag, branch and number of each. Notes the best of the grid for the tags ``rows`` (k,),
+    which follow each other.
+    """
+    own = np.arange(states.offsets[rows[0]], states.offsets[rows[-1] + 1])
+    width = states.spins.shape[-1]
+    own = own[(states.column[own] < width) & (states.column[own] % stride == 0)]
+    count = -(-width // stride)
+    row = states.tag_of(own) - rows[0]
+    place = (row, states.branch[own].astype(np.int64), states.column[own] // stride)
+    index = np.full((len(rows), _BRANCHES, count), -np.inf)
+    which = np.zeros(index.shape, dtype=np.int64)
+    index[place], which[place] = states.index[own], own
+    best = index.max(axis=(1, 2))
+    known = np.isfinite(best)
+    found.index[rows[known]] = best[known]
+    low, high = problem.cell.optimize.range
+    is_ring = high - low >= 2.0 * np.pi - 1e-9
+    parts = []
+    for sense in (1, -1):
+        ahead, behind = np.roll(index, -sense, axis=2), np.roll(index, sense, axis=2)
+        with np.errstate(invalid="ignore"):
+            rise = np.where(np.isfinite(behind), np.maximum(index - behind, 0.0), 0.0)
+            edge = np.isfinite(index) & ~np.isfinite(ahead) & (count > 1)
+            edge &= index + _STEEPER * rise > _GAIN * best[:, None, None]
+        if not is_ring:
+            edge[:, :, -1 if sense > 0 else 0] = False
+        tag, branch, column = np.nonzero(edge)
+        parts.append((rows[tag], branch, which[tag, branch, column], np.full(len(tag), sense)))
+    row, branch, state, senses = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return (row, branch, state), senses
+
+
+def _halve(
+    problem: Problem,
+    tag: IndexArray,
+    states: States,
+    at: tuple[IndexArray, IndexArray, IndexArray],
+    columns: IndexArray,
+    found: Edges,
+) -> None:
+    """Note the last poses that can be reached behind states, where they are the stiffest.
+
+    Args:
+        problem: what is asked.
+        tag: (m,) of the states.
+        states: of all tags.
+        at: (m,) row of ``found``, branch and number of the state from which on.
+        columns: (m,) how many columns the next spin of the grid is away, of either sense.
+        found: for all tags, changed in place.
+    """
+    row, branch, state = at
+    good_spin = states.spin_of(state)
+    step = columns * _finest(states)
+    q, reach = states.q[state].astype(np.float64), np.zeros(len(row))
+    index = states.index[state].astype(np.float64)
+    share = 1.0
+    for _ in range(_HALVINGS):
+        share *= 0.5
+        spin = good_spin + (reach + share) * step
+        attitude = np.column_stack([spin, np.zeros((len(spin), 2))])
+        T = problem.placement.tcp(tag, attitude)
+        T_flange = problem.placement.flange(T, problem.placement.external[tag])
+        solved, good = problem.solve_flange(T_flange, branch, q)
+        solved = np.where(good[:, None], solved, q)
+        good &= problem.within(solved) & problem.regular(solved)
+        every = np.arange(len(spin))
+        ends = StrokeEnds.of(problem, tag, T_flange, every, branch, solved)
+        good &= ends.reached & ends.regular & ends.within(problem, every, solved, every)
+        value = evaluate(problem, tag, spin, T, solved)[1]
+        q[good], index[good] = solved[good], value[good]
+        reach[good] += share
+    for k in np.flatnonzero(reach > 0.0).tolist():
+        if index[k] > found.index[row[k]]:
+            found.index[row[k]], found.is_between[row[k]] = index[k], True
+            found.spin[row[k]] = good_spin[k] + reach[k] * step[k]
+            found.branch[row[k]], found.q[row[k]] = branch[k], q[k]
+
+
+def _finest(states: States) -> float:
+    """Return the step [rad] of the finest grid of spins."""
+    spins = states.spins if states.spins.ndim == 1 else states.spins[0]
+    return float(spins[1] - spins[0])
