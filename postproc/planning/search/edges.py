@@ -49,6 +49,15 @@ class Edges:
         return Edges(*(join(getattr(self, name), getattr(other, name)) for name in names))
 
 
+def best_of(states: States) -> FloatArray:
+    """Return the best index (n,) [N/m] among the states of each tag, NaN without."""
+    best = np.full(len(states), np.nan)
+    full = np.flatnonzero(np.diff(states.offsets))
+    if len(full):
+        best[full] = np.maximum.reduceat(states.index, states.offsets[full])
+    return best
+
+
 def edges_of(
     problem: Problem, tags: IndexArray, states: States, pinned: BoolArray, stride: int
 ) -> Edges:
@@ -63,7 +72,7 @@ def edges_of(
     """
     n = len(tags)
     found = Edges(
-        np.full(n, np.nan),
+        best_of(states).astype(np.float64),
         np.zeros(n),
         np.zeros(n, dtype=np.int64),
         np.zeros((n, 6)),
@@ -84,8 +93,7 @@ def _last_before_edges(
 ) -> tuple[tuple[IndexArray, IndexArray, IndexArray], IndexArray]:
     """Return the states (m,) behind which the stiffest pose may stand, and in which sense (m,).
 
-    Row of tag, branch and number of each. Notes the best of the grid for the tags ``rows`` (k,),
-    which follow each other.
+    Row of tag, branch and number of each; for the tags ``rows`` (k,), which follow each other.
     """
     own = np.arange(states.offsets[rows[0]], states.offsets[rows[-1] + 1])
     width = states.spins.shape[-1]
@@ -93,12 +101,10 @@ def _last_before_edges(
     count = -(-width // stride)
     row = states.tag_of(own) - rows[0]
     place = (row, states.branch[own].astype(np.int64), states.column[own] // stride)
-    index = np.full((len(rows), _BRANCHES, count), -np.inf)
-    which = np.zeros(index.shape, dtype=np.int64)
+    index = np.full((len(rows), _BRANCHES, count), -np.inf, dtype=np.float32)
+    which = np.zeros(index.shape, dtype=np.int32)
     index[place], which[place] = states.index[own], own
-    best = index.max(axis=(1, 2))
-    known = np.isfinite(best)
-    found.index[rows[known]] = best[known]
+    best = np.nan_to_num(found.index[rows], nan=np.inf)[:, None, None]
     low, high = problem.cell.optimize.range
     is_ring = high - low >= 2.0 * np.pi - 1e-9
     parts = []
@@ -107,7 +113,7 @@ def _last_before_edges(
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(behind), np.maximum(index - behind, 0.0), 0.0)
             edge = np.isfinite(index) & ~np.isfinite(ahead) & (count > 1)
-            edge &= index + _STEEPER * rise > _GAIN * best[:, None, None]
+            edge &= index + _STEEPER * rise > _GAIN * best
         if not is_ring:
             edge[:, :, -1 if sense > 0 else 0] = False
         tag, branch, column = np.nonzero(edge)

@@ -18,9 +18,10 @@ from postproc.geometry import angle_between
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import cubic, slopes
+from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import arc_length, spaced
 from postproc.planning.search.refine import tridiagonal
-from postproc.planning.search.rungs import best_of, step_rules
+from postproc.planning.search.rungs import step_rules
 from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
 from postproc.process import feeds_of
 from postproc.units import DEG

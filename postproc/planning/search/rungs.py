@@ -149,15 +149,6 @@ def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:
     return np.asarray(rows[~problem.way_out(at, states.attitude_of(rows), branch, q)[2]])
 
 
-def best_of(states: States) -> FloatArray:
-    """Return the best index (n,) [N/m] among the states of each tag, NaN without."""
-    best = np.full(len(states), np.nan)
-    full = np.flatnonzero(np.diff(states.offsets))
-    if len(full):
-        best[full] = np.maximum.reduceat(states.index, states.offsets[full])
-    return best
-
-
 def ladder_of(
     problem: Problem, between: Interpolation, tags: IndexArray, states: States, wish: Wish
 ) -> tuple[Ladder, FloatArray, FloatArray]:

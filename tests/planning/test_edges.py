@@ -1,0 +1,61 @@
+"""The stiffest pose of a tag, edges of reach between two spins of the grid included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.cell import parse_cell
+from postproc.model import MotionKind
+from postproc.planning import plan
+from tests.cells import STIFFNESS, cell_text
+
+
+def far_holes(make_path, seed, n=6):
+    """Return a row of holes about as far as the arm reaches, the tool pointing down."""
+    rng = np.random.default_rng(seed)
+    reach, turn = rng.uniform(2.2, 2.7), rng.uniform(-0.8, 0.8)
+    points = reach * np.array([np.cos(turn), np.sin(turn), 0.0]) + np.array([0.0, 0.0, 0.4])
+    points = points + np.outer(np.arange(n) * 0.02, [-np.sin(turn), np.cos(turn), 0.0])
+    lean = rng.normal(0.0, 0.3, 3)
+    axis = np.array([0.0, 0.0, -1.0]) + lean
+    return make_path(points, axis / np.linalg.norm(axis), MotionKind.RAPID)
+
+
+def cell_of(optimize):
+    text = cell_text(STIFFNESS, f"[optimize]\n{optimize}\n", origin=(0, 0, 0))
+    return parse_cell(text.encode(), "cell.toml")
+
+
+@pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize("seed", range(12))
+def test_it_is_that_of_a_grid_of_half_degrees(make_path, seed):
+    toolpath = far_holes(make_path, seed)
+    made = plan(toolpath, cell_of("step_deg = 10"))
+    fine = plan(toolpath, cell_of('step_deg = 1\nrefine = false\npreset = "stiffest"'))
+    assert not made.errors
+    best, wanted = np.asarray(made.stiffness_best), np.asarray(fine.stiffness_best)
+    assert np.all(best > 0.97 * wanted)
+    assert np.all(best < 1.03 * wanted)
+    assert np.all(made.stiffness <= best * (1.0 + 1e-9))
+
+
+@pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize("seed", range(12))
+def test_no_preset_is_stiffer_than_stiffest(make_path, seed):
+    toolpath = far_holes(make_path, seed)
+    lost = [
+        float(np.mean(plan(toolpath, cell_of(f'preset = "{preset}"')).stiffness_lost))
+        for preset in ("stiffest", "balanced", "fastest")
+    ]
+    assert lost[0] <= min(lost) + 0.005
+    assert lost[0] >= -1e-9
+
+
+@pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize("preset", ["stiffest", "balanced", "fastest"])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_bound_of_loss_that_can_be_kept_is_kept_in_global(make_path, seed, preset):
+    toolpath = far_holes(make_path, seed)
+    made = plan(toolpath, cell_of(f'preset = "{preset}"\nloss_bound_percent = 5'))
+    assert np.max(made.stiffness_lost) < 0.0501
