@@ -348,7 +348,7 @@ class OptimizeTable(Table):
     preset: Annotated[Preset, _Choice] = Field(
         default=Preset.BALANCED,
         description="of an objective by name: stiffest, balanced (a tag loses more than 5 % of "
-        "its stiffness only where that saves much travel) or fastest",
+        "its stiffness only for a way or a margin that is worth more) or fastest",
     )
     turns: bool = Field(
         default=True, description="also use angles a whole turn away where the limits allow them"

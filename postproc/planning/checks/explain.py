@@ -164,7 +164,7 @@ def _shifted(checker: Checker, findings: list[Finding]) -> list[Finding]:
     shift = common_shift(checker) if count >= MANY else ""
     if not shift:
         return []
-    text = f"{count} tags are out of reach: moving the workpiece {shift} would bring all within"
+    text = f"{count} tags have no pose: moving the workpiece {shift} would give each one"
     return [Finding(Severity.NOTE, "PLN320", text)]
 
 
@@ -233,7 +233,7 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
 def _nearest(checker: Checker, found: Break) -> str:
     """Return the nearest change that would let a pose lead on."""
     ways = []
-    if Reason.JOINT_LIMIT in found.reasons:
+    if Reason.JOINT_LIMIT in found.reasons and found.over > 0.0:
         ways.append(f"gain {np.ceil(10.0 * found.over / DEG) / 10.0:g} deg at A{found.axis + 1}")
     if Reason.SINGULAR in found.reasons and found.bent < checker.problem.cell.limits.singularity:
         ways.append(f"allow A5 at {np.floor(10.0 * found.bent / DEG) / 10.0:g} deg")

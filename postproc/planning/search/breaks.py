@@ -62,11 +62,15 @@ def _told(search: PoseSearch, judged: Judged, count: int) -> Break:
 
 
 def _over(search: PoseSearch, q: FloatArray) -> tuple[float, int]:
-    """Return by how much the least of joints (k, 6) is beyond its limits [rad], and which axis."""
+    """Return by how much the least of joints (k, 6) is beyond its limits [rad], and which axis.
+
+    0 where none of them is: those broke a limit on their way.
+    """
     arm = search.checker.problem.kinematics
     margin = search.checker.problem.cell.limits.joint_margin
     beyond = np.maximum(np.asarray(arm.q_min) + margin - q, q - np.asarray(arm.q_max) + margin)
-    if not len(q):
+    beyond = beyond[beyond.max(axis=1) > 0.0]
+    if not len(beyond):
         return 0.0, 0
     least = int(np.argmin(beyond.max(axis=1)))
     return float(beyond[least].max()), int(np.argmax(beyond[least]))

@@ -85,10 +85,10 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
     lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:_MOST_LINES])
     more = f" and {len(rolling) - _MOST_LINES} more" if len(rolling) > _MOST_LINES else ""
     text = (
-        f"the tool rolls by up to {max(roll for roll, _ in rolling) / DEG:.2g} deg while it goes "
+        f"the tool rolls by up to {max(roll for roll, _ in rolling) / DEG:.0f} deg while it goes "
         f"straight along its axis: lines {lines}{more}"
     )
-    hint = "cuts go on from both ends of the stroke, or no single turn serves all of it"
+    hint = "cuts go on from both ends of the stroke, or no single turn was found for all of it"
     source = toolpath.source(first)
     return [Finding(Severity.NOTE, "PLN308", text, first, source, hint=hint)]
 
