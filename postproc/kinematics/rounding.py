@@ -29,24 +29,28 @@ def corner_miss(a: FloatArray, corner: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def within_tolerance(
-    distance: FloatArray, miss: Callable[[IndexArray, FloatArray], FloatArray], tolerance: float
+    distance: FloatArray,
+    miss: Callable[[IndexArray, FloatArray], FloatArray],
+    tolerance: FloatArray | float,
 ) -> FloatArray:
     """Return the approximation distances (c,) [m] by which no corner is passed too far.
 
     Args:
         distance: (c,) as far as wished [m].
         miss: corners (k,) and their distances (k,) [m] to how far they may be passed (k,) [m].
-        tolerance: how far they may be [m].
+        tolerance: how far they may be [m], all or each (c,).
 
     Returns:
         Those that keep it as they are, the others round ones, 0 where none was found.
     """
-    kept, at, most = distance.copy(), np.arange(len(distance)), max(tolerance - _DIGITS, 0.0)
+    kept, at = distance.copy(), np.arange(len(distance))
+    most = np.broadcast_to(np.maximum(tolerance - _DIGITS, 0.0), distance.shape)
     for _ in range(_ROUNDS):
         passed = miss(at, kept[at])
-        at, passed = at[passed > most], passed[passed > most]
+        far = passed > most[at]
+        at, passed = at[far], passed[far]
         if not len(at):
             return kept
-        kept[at] = stepped(kept[at] * most / passed)
+        kept[at] = stepped(kept[at] * most[at] / passed)
     kept[at] = 0.0
     return kept

@@ -155,8 +155,8 @@ def _left_out_note(result: Plan) -> list[Finding]:
     cuts = int(np.isin(np.asarray(result.toolpath.kind), CUTS).sum())
     chord, axis = (np.nanmax(np.asarray(v)) for v in (result.off_chord, result.off_axis))
     text = (
-        f"{cuts - int(left.sum())} of {cuts} points of cuts are written, the others passed within "
-        f"{chord / MM:.4f} mm and {axis / DEG:.4f} deg"
+        f"{cuts - int(left.sum())} of {cuts} points of cuts are written, the lines pass the others "
+        f"within {chord / MM:.4f} mm and {axis / DEG:.4f} deg"
     )
     return [Finding(Severity.NOTE, "PLN309", text)]
 

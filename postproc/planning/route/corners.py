@@ -40,7 +40,12 @@ NEGLIGIBLE = 0.01 * MM
 
 
 def lowered_blends(
-    checker: Checker, table: Moves, lines: Lines, rows: IndexArray, blend: FloatArray
+    checker: Checker,
+    table: Moves,
+    lines: Lines,
+    rows: IndexArray,
+    blend: FloatArray,
+    tolerance: FloatArray,
 ) -> FloatArray:
     """Return the approximation distances (m,) [m] that are kept.
 
@@ -50,6 +55,7 @@ def lowered_blends(
         lines: the path moves among them.
         rows: their rows in the table.
         blend: (m,) [m] as far as wished, 0 for an exact stop.
+        tolerance: (m,) [m] how far the tool point may pass corners between cuts.
     """
     kept = blend.copy()
     legs = _Legs(checker, table, lines, rows)
@@ -59,7 +65,7 @@ def lowered_blends(
     feed = at[at_feed]
     motion = checker.problem.cell.motion
     kept[feed] = within_tolerance(
-        kept[feed], lambda rows, far: legs.miss(feed[rows], far), motion.corner_tolerance
+        kept[feed], lambda rows, far: legs.miss(feed[rows], far), tolerance[feed]
     )
     kept = evened(kept, motion.approximation)
     if checker.scene is not None:

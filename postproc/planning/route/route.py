@@ -22,7 +22,7 @@ from postproc.planning.route.connect import (
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, timed
-from postproc.planning.route.thin import Left, thinned
+from postproc.planning.route.thin import Left, corner_tolerances, thinned
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import hole_steps, on_the_way_out
 
@@ -77,7 +77,8 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     if extra:
         table = in_order([table, *extra])
     table, left = _thinned(checker, table)
-    result = timed(checker, table, _stops_before(problem, table), findings, runs=runs)
+    tolerance = corner_tolerances(problem, table, left)
+    result = timed(checker, table, _stops_before(problem, table), findings, tolerance, runs=runs)
     return Route(table, result, left, findings)
 
 

@@ -53,14 +53,15 @@ def timed(
     table: Moves,
     stops_before: BoolArray,
     findings: list[Finding],
+    tolerance: FloatArray,
     *,
     runs: bool = True,
 ) -> Timed:
     """Return speeds that the axes can follow, blends, and times.
 
-    A cut without a feed, and a motion too fast for an axis at any speed, are findings. Where it is
-    known that the moves cannot be run (``runs``) no corner is blended: how far one may be takes
-    long to find out.
+    Corners between cuts are passed by no more than ``tolerance`` (m,) [m]. A cut without a feed,
+    and a motion too fast for an axis at any speed, are findings. Where it is known that the moves
+    cannot be run (``runs``) no corner is blended: how far one may be takes long to find out.
     """
     problem = checker.problem
     is_path = table.kind != MoveKind.PTP
@@ -75,7 +76,7 @@ def timed(
     speed = _capped(problem, table, rows, cap, findings)
     blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
     if runs and not any(finding.is_error for finding in findings):
-        blend = lowered_blends(checker, table, lines, rows, blend)
+        blend = lowered_blends(checker, table, lines, rows, blend, tolerance)
     else:
         blend[:] = 0.0
     fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)

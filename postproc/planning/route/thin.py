@@ -36,6 +36,8 @@ DIGITS = 2e-4 * MM
 """By so much [m] the digits of a text may move a line."""
 DIGITS_OF_TURN = 1e-4 * DEG
 """By so much [rad] the digits of a text may turn the tool."""
+COURSE_SHARE = 0.75
+"""Lines take this share of the chord tolerance; what is left of it is for approximated corners."""
 ROLL = 1.0 * DEG
 """By so much [rad] the tool may be turned about its axis against the turn that was planned."""
 _WIDEST = 90.0 * DEG
@@ -169,7 +171,7 @@ def thinned(
     course = Course(
         table.T_base_tcp,
         table.external,
-        thin.chord - DIGITS,
+        COURSE_SHARE * thin.chord - DIGITS,
         thin.axis - DIGITS_OF_TURN,
         np.array([axis.kind != "rail" for axis in axes], dtype=np.bool_),
         problem.placement.tool_axis if problem.toolpath.rotations is None else None,
@@ -180,6 +182,22 @@ def thinned(
     _, row, chord, axis = course.off(kept[:-1], kept[1:])
     left.chord[table.tag[row]], left.axis[table.tag[row]] = chord, axis
     return kept, left
+
+
+def corner_tolerances(problem: Problem, table: Moves, left: Left) -> FloatArray:
+    """Return how far (m,) [m] corners at the ends of moves may be passed.
+
+    Beside points that are left out no farther than what the lines leave of the chord tolerance.
+    """
+    motion = problem.cell.motion
+    tolerance = np.full(len(table), motion.corner_tolerance)
+    tags = np.flatnonzero(np.isfinite(left.chord))
+    if motion.thin is None or not len(tags):
+        return tolerance
+    worst = np.full(len(table) + 1, -np.inf)
+    np.maximum.at(worst, np.searchsorted(table.tag, tags, side="right"), left.chord[tags])
+    beside = np.maximum(worst[:-1], worst[1:])
+    return np.asarray(np.minimum(tolerance, motion.thin.chord - DIGITS - beside))
 
 
 def _may_go(

@@ -16,9 +16,10 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
-from postproc.controller import MotionType
+from postproc.controller import Blend, MotionType
 from postproc.errors import RunKind
-from postproc.model import ToolPath
+from postproc.kinematics import corner_miss
+from postproc.model import BLEND_SHARE, ToolPath
 from postproc.paths import Displacement, Paths
 from postproc.process import claimed, may_be_passed, only
 from postproc.units import DEG, MM
@@ -39,7 +40,11 @@ _BACK = 0.005 * MM
 
 @dataclass(frozen=True, slots=True)
 class Passed:
-    """Tags (k,) that are passed: by which ``motion``, where on it, how far off [m]."""
+    """Tags (k,) that are passed: by which ``motion``, where on it, how far off [m].
+
+    Where the motion begins or ends with an approximated corner there, by how far that may be passed
+    is in it.
+    """
 
     tag: IndexArray
     motion: AnyIntArray
@@ -94,7 +99,32 @@ def _passed(
     others = np.append(0, np.cumsum(~is_way))
     fine &= (high >= low) & (others[high + 1] == others[low])
     rows, low, high = rows[fine], low[fine], high[fine]
-    return _nearest(paths, real, np.asarray(toolpath.points), rows, low, high)
+    found = _nearest(paths, real, np.asarray(toolpath.points), rows, low, high)
+    found.chord[:] += _rounded(paths, found)
+    return found
+
+
+def _rounded(paths: Paths, passed: Passed) -> FloatArray:
+    """Return by how much (k,) [m] approximation may lead away from where tags are passed."""
+    trace, point = paths.trace, paths.end_point
+    length = np.linalg.norm(np.diff(point, axis=0, prepend=point[:1]), axis=1)
+    is_line = np.append(trace.motion_type == MotionType.LIN, False)
+    reach = np.minimum(length, np.append(length[1:], 0.0)) * BLEND_SHARE
+    reach = np.minimum(reach, np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf))
+    off = np.zeros(len(passed.tag))
+    for corner, way in (
+        (passed.motion, (1.0 - passed.share) * length[passed.motion]),
+        (passed.motion - 1, passed.share * length[passed.motion]),
+    ):
+        near = is_line[corner] & is_line[corner + 1] & ~trace.is_exact[corner]
+        near &= (way < reach[corner]) & (corner > 0)
+        at = corner[near]
+        ends = [
+            point[at] + (reach[at] / length[next_])[:, None] * (point[other] - point[at])
+            for other, next_ in ((at - 1, at), (at + 1, at + 1))
+        ]
+        off[near] = np.maximum(off[near], corner_miss(ends[0], point[at], ends[1]))
+    return off
 
 
 def _nearest(
