@@ -10,6 +10,7 @@ from postproc.arrays import BoolArray, IndexArray
 from postproc.cell import Cell
 from postproc.model import MotionKind, ToolPath
 from postproc.process.feeds import feeds_of
+from postproc.process.repeats import repeats
 
 
 def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
@@ -17,7 +18,8 @@ def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
 
     The first and the last point of a cut, the ends of arcs and every point at which feed,
     operation, tool or coordinates change, or an event stands, are none of them. An event stands
-    before a tag, which is at the point of the tag before.
+    before a tag, which is at the point of the tag before. A point that repeats the one before is
+    no motion: it is passed where that one is.
 
     Args:
         toolpath: n tags.
@@ -28,6 +30,10 @@ def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
     """
     if not len(toolpath):
         return np.zeros(0, dtype=np.bool_)
+    distinct = ~repeats(toolpath)
+    if not distinct.all():
+        may = may_be_passed(only(toolpath, np.flatnonzero(distinct)), cell)
+        return np.asarray(may[np.cumsum(distinct) - 1])
     is_line = np.asarray(toolpath.kind) == MotionKind.LINEAR
     inner = is_line[:-1] & is_line[1:]
     feed = feeds_of(toolpath, cell)

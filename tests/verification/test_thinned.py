@@ -170,3 +170,17 @@ def test_approximation_leads_past_points_left_out_no_farther_than_they_may_be():
     assert 0.0 < at <= 0.02
     wider = re.sub(rb"\$APO\.CDIS=[\d.]+", b"$APO.CDIS=1.0", text)
     assert not judged({**job.files, name: wider}, cell, toolpath).ok
+
+
+def test_a_point_given_twice_within_a_cut_is_passed_like_one_given_once():
+    toolpath = contour("s", 300, 1.0, LEAN)
+    again = np.sort(np.append(np.arange(300), [100, 200]))
+    kind = np.asarray(toolpath.rows(again).kind).copy()
+    kind[101] = MotionKind.RAPID  # to where the tool is
+    twice = replace(toolpath.rows(again), kind=kind)
+    cell = cell_of()
+    job = made(twice, cell)
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]
+    report = judged(job.files, cell, twice)
+    assert report.ok
+    assert report.passed > 150
