@@ -149,3 +149,16 @@ def test_torques_without_inertias_are_refused(tmp_path):
     built_in = re.sub("(model = .*)", r"\1\ntorque_nm = [1, 1, 1, 1, 1, 1]", cell_text())
     with pytest.raises(CellError, match="torque_nm goes with urdf only"):
         parse_cell(built_in.encode(), "cell.toml")
+
+
+@pytest.mark.parametrize(
+    "krl", ["advance = 0", "orientation_speed_deg_s = 2", "path_speed_max_m_s = 0.6"]
+)
+def test_the_estimate_knows_what_the_head_of_the_program_sets(toolpath, krl):
+    text = cell_text(STIFFNESS, f"[krl]\n{krl}\n", origin=(1900, 0, 700))
+    cell = parse_cell(text.encode(), "cell.toml")
+    job = convert(ConvertRequest("contour", "cell"), toolpath=toolpath, cell=cell)
+    modules = parse_files(job.files)
+    ran = verify(modules, modules[0].name, cell, toolpath)
+    assert ran.ok
+    assert job.plan.cycle_time == pytest.approx(ran.cycle_time, rel=0.03)

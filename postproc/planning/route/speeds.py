@@ -17,7 +17,6 @@ from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
-    ORIENTATION_SPEED,
     JointPath,
     axis_speed_cap,
     joint_move_time,
@@ -299,7 +298,7 @@ def _durations(
     joints: JointPath | None,
 ) -> FloatArray:
     """Return the estimated time (m,) [s] of each move, without its dwell."""
-    robot = problem.cell.robot
+    robot, krl = problem.cell.robot, problem.cell.krl
     duration = np.zeros(len(table))
     joint = np.nonzero(table.kind == MoveKind.PTP)[0]
     later = joint[joint > 0]
@@ -312,13 +311,13 @@ def _durations(
         torques_of(robot, [problem.cell.tool]),
     )
     path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
-    stop = blend[path] == 0.0
+    stop = (blend[path] == 0.0) | (krl.advance == 0)  # without advance run no corner is blended
     stop[:-1] |= np.diff(path) > 1
     R = table.T_base_tcp[:, :3, :3]
     turned = np.zeros(len(table))
     turned[1:] = rotation_angle(R[:-1], R[1:])
-    turning = turned / np.where(np.isfinite(orientation), orientation, ORIENTATION_SPEED)
+    turning = turned / np.where(np.isfinite(orientation), orientation, krl.orientation_speed)
     chain = np.cumsum(np.r_[True, stop[:-1]][: len(path)])
-    top = np.maximum(speed[path], SLOWEST)
+    top = np.clip(speed[path], SLOWEST, krl.path_speed_max)
     duration[path] = path_times(length[path], top, chain, turning[path], joints=joints)
     return duration
