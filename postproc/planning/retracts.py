@@ -57,6 +57,7 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
     last = cuts[np.searchsorted(cuts, first) - 1]
     leap = np.abs(chosen.q[first] - chosen.q[last]).max(axis=1, initial=0.0) > np.pi
     leap |= chosen.branch[first] != chosen.branch[last]
+    leap &= chosen.good[first]  # else it is inside a cut, at a tag that cannot be run
     leap &= ~np.asarray(toolpath.extra.get(REENTRY, np.zeros(len(toolpath))), np.bool_)[first]
     new = first[leap]
     if not len(new):

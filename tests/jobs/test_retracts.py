@@ -163,3 +163,13 @@ def test_a_change_between_two_cuts_is_told():
     assert told.source.line == toolpath.line[21]
     assert not {"PLN308", "PLN310"} & {finding.code for finding in job.findings}
     assert abs(job.plan.q[left(job.plan)[0] + 1, 0] - job.plan.q[left(job.plan)[0], 0]) > np.pi
+
+
+def test_a_point_out_of_reach_within_a_cut_is_no_change_between_two():
+    cut = around(first=100, last=184, step=2)
+    points = np.array(cut.points)
+    points[-3] *= 4.0
+    job = made(replace(cut, points=points), cell_of())
+    codes = {finding.code for finding in job.findings}
+    assert "PLN101" in codes
+    assert "PLN311" not in codes
