@@ -233,8 +233,21 @@ def test_the_rail_moves_along_a_cut_longer_than_the_reach(make_cell, make_path):
     assert (np.abs(np.diff(e)) / time[1:]).max() < RAIL.qd_max
 
 
-def test_a_slow_rail_slows_the_feed_and_says_so(make_cell, make_path):
+def test_a_rail_that_is_fast_enough_over_the_whole_way_does_not_slow_the_feed(make_cell, make_path):
+    """At 0.4 of the feed it gets along if it moves all the time, and no farther than it must."""
     slow = replace(RAIL, qd_max=0.02)
+    result = plan(long_cut(make_path, feed=0.05), make_cell(external_axes=(slow,)))
+    assert not result.errors
+    assert "PLN301" not in {finding.code for finding in result.findings}
+    cut = np.flatnonzero(result.role == MoveRole.CUT)
+    step = np.linalg.norm(np.diff(result.T_base_tcp[:, :3, 3], axis=0), axis=1)[cut - 1]
+    speed = np.abs(np.diff(result.external[:, 0]))[cut - 1] * result.speed[cut] / step
+    assert 0.5 * slow.qd_max < speed.max() <= slow.qd_max
+    assert np.allclose(result.speed[cut], 0.05)
+
+
+def test_a_slow_rail_slows_the_feed_and_says_so(make_cell, make_path):
+    slow = replace(RAIL, qd_max=0.005)
     toolpath = long_cut(make_path, feed=0.05)
     result = plan(toolpath, make_cell(external_axes=(slow,)))
     assert not result.errors

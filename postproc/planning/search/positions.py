@@ -23,7 +23,7 @@ from postproc.planning.search.keytags import arc_length, spaced
 from postproc.planning.search.refine import tridiagonal
 from postproc.planning.search.rungs import step_rules
 from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
-from postproc.process import feeds_of
+from postproc.process import AXIS_SHARE, feeds_of
 from postproc.units import DEG
 
 RAIL_STEP = 0.25
@@ -52,7 +52,7 @@ KNOT_TURN = 10.0 * DEG
 """... and as often as the tool axis turns by so much."""
 _TURN_LENGTH = 0.1
 """A radian that the tool axis turns counts as so much way [m]."""
-_LEAST_CALM = 0.02
+_LEAST_CALM, _MOST_CALM = 0.02, 16.0
 CALM = 0.5
 """Steps on the grid are smoothed over so much way [m]; less where the arm cannot follow."""
 _MICRON = 6
@@ -221,7 +221,8 @@ class Positions:
     def _smooth(self, run: Run) -> None:
         """Make the steps of moving cuts in a run smooth, in place; their ends stay.
 
-        Less so where the arm would come to positions at which it has no free pose.
+        Less so where the arm would come to positions at which it has no free pose, more so where an
+        axis would be too slow for the feed.
         """
         for unit, calm in self.calm.items():
             low, high = self.units[unit]
@@ -230,15 +231,35 @@ class Positions:
             at = self.knots_of(unit)
             knots, rows = self.knots[at], np.arange(at.start, at.stop)
             stepped = run.external[knots - run.low]
-            bound = self.loss[rows, self._nearest(stepped)] + 0.5 * BLOCKED
-            while True:
-                value = _calmed(self.way[knots], stepped, calm)
+            value, fits = self._calmed(rows, stepped, calm)
+            while not fits and calm >= 2.0 * _LEAST_CALM:
                 calm *= 0.5
-                if calm < _LEAST_CALM or (self.loss[rows, self._nearest(value)] < bound).all():
-                    break
+                value, fits = self._calmed(rows, stepped, calm)
+            while fits and calm < _MOST_CALM and self._too_fast(knots, value):
+                calm *= 2.0
+                calmer, fits = self._calmed(rows, stepped, calm)
+                value = calmer if fits else value
             curve = _curve(self.way[knots], value, self.way[low:high])
             curve[[0, -1]] = stepped[[0, -1]]
             run.external[low - run.low : high - run.low] = curve
+
+    def _calmed(
+        self, rows: IndexArray, stepped: FloatArray, length: float
+    ) -> tuple[FloatArray, bool]:
+        """Return positions (m, k) at knots ``rows`` (m,) smoothed over so much way [m].
+
+        And whether the arm has a free pose there, as far as it has one where they are stepped.
+        """
+        bound = self.loss[rows, self._nearest(stepped)] + 0.5 * BLOCKED
+        value = _calmed(self.way[self.knots[rows]], stepped, length)
+        return value, bool((self.loss[rows, self._nearest(value)] < bound).all())
+
+    def _too_fast(self, knots: IndexArray, value: FloatArray) -> bool:
+        """Return whether an axis is too slow for its way (m, k) between knots (m,) at the feed."""
+        feed = feeds_of(self.toolpath, self.cell)[knots[1:]]
+        rate = np.abs(np.diff(value, axis=0)) / np.diff(self.way[knots])[:, None]
+        top = np.array([axis.qd_max for axis in self.cell.external_axes])
+        return bool((np.nan_to_num(feed)[:, None] * rate > AXIS_SHARE * top).any())
 
     def _nearest(self, external: FloatArray) -> IndexArray:
         """Return the positions (m,) of the grid nearest to where the axes stand (m, k)."""
@@ -258,9 +279,7 @@ class Positions:
             between = change
             if row.slides:
                 time = (self.way[row.low] - self.way[before.low]) / feed[row.low]
-                within = np.maximum(
-                    np.nan_to_num(speed * time, nan=np.inf) / _steps(self.cell), 1.0
-                )
+                within = np.nan_to_num(speed * time, nan=np.inf) / _steps(self.cell)
                 between = slide + STEEP * np.maximum(steps - within, 0.0).sum(axis=2)
                 between[too_far] = UNREACHED
             total = value[:, None] + between
