@@ -41,7 +41,7 @@ def test_a_cut_goes_on_in_the_next_file_however_slow_the_axes(percent):
 
 def test_points_that_lie_close_are_passed_without_a_stop():
     slow, dense = contour("wavy", 150, 1.0), contour("wavy", 6000, 0.025)
-    fed = [replace(path, feed=0.0 * path.feed + 0.05) for path in (slow, dense)]
+    fed = [replace(path, feed=0.0 * path.feed + 0.01) for path in (slow, dense)]
     wide, close = (converted(path) for path in fed)
     cuts = close.plan.blend[close.plan.role == close.plan.role[len(close.plan) // 2]]
     assert (cuts[:-1] > 0.0).mean() > 0.99

@@ -114,7 +114,9 @@ def test_it_is_the_fastest_way_that_a_convex_solver_finds(seed, lopsided):
         constraints={"type": "ineq", "fun": room},
         options={"maxiter": 400, "ftol": 1e-10},
     )
-    assert best.success
+    # 8: no step downhill is left within rounding, which depends on the machine
+    assert best.status in (0, 8)
+    assert room(best.x).min() > -1e-6
     assert best.fun * (1.0 - 1e-6) < seconds(mine[1:-1] ** 2) < 1.02 * best.fun
 
 

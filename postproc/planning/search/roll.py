@@ -84,8 +84,9 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
     toolpath, first = checker.problem.toolpath, rolling[0][1]
     lines = ", ".join(str(int(toolpath.line[tag])) for _, tag in rolling[:_MOST_LINES])
     more = f" and {len(rolling) - _MOST_LINES} more" if len(rolling) > _MOST_LINES else ""
+    most = max(roll for roll, _ in rolling) / DEG
     text = (
-        f"the tool rolls by up to {max(roll for roll, _ in rolling) / DEG:.0f} deg while it goes "
+        f"the tool rolls by up to {most:{'.0f' if most > 10.0 else '.2g'}} deg while it goes "
         f"straight along its axis: lines {lines}{more}"
     )
     hint = "cuts go on from both ends of the stroke, or no single turn was found for all of it"
