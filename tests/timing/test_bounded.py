@@ -107,16 +107,17 @@ def test_it_is_the_fastest_way_that_a_convex_solver_finds(seed, lopsided):
         return (2.0 * step / (v[1:] + v[:-1])).sum()
 
     mine, _, _ = bounded_speed(step, cap, push, bounds_of(first, second, low, high))
-    best = minimize(
-        *(seconds, 0.2 * mine[1:-1] ** 2),
-        method="SLSQP",
-        bounds=[(1e-9, 1.2**2)] * (k - 1),
-        constraints={"type": "ineq", "fun": room},
-        options={"maxiter": 400, "ftol": 1e-10},
-    )
-    # 8: no step downhill is left within rounding, which depends on the machine
-    assert best.status in (0, 8)
-    assert room(best.x).min() > -1e-6
+    for share in (0.2, 0.5, 0.05):  # by rounding, the solver may give up halfway
+        best = minimize(
+            *(seconds, share * mine[1:-1] ** 2),
+            method="SLSQP",
+            bounds=[(1e-9, 1.2**2)] * (k - 1),
+            constraints={"type": "ineq", "fun": room},
+            options={"maxiter": 400, "ftol": 1e-10},
+        )
+        if best.success:
+            break
+    assert best.success
     assert best.fun * (1.0 - 1e-6) < seconds(mine[1:-1] ** 2) < 1.02 * best.fun
 
 
