@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.kinematics import elbow_distance
 from postproc.planning.states import Problem, States, StrokeEnds, evaluate
+from postproc.units import DEG
 
 AnyArray = NDArray[Any]
 _BRANCHES = 8
@@ -25,6 +27,8 @@ _GAIN = 1.005
 """Edges are looked at where this times the best of the grid may stand there."""
 _STEEPER = 1.5
 """From the last spin to the edge stiffness rises by no more than this times the step before."""
+_STRETCHED = 3.0 * DEG
+"""Nearer to the stretched arm nothing is looked for: A3 races there, and checks warn."""
 _TAGS = 512
 """Tags that are looked at together, so that memory stays bounded."""
 
@@ -142,7 +146,7 @@ def _halve(
     """
     row, branch, state = at
     good_spin = states.spin_of(state)
-    step = columns * _finest(states)
+    step = columns * _finest(states, row)
     q, reach = states.q[state].astype(np.float64), np.zeros(len(row))
     index = states.index[state].astype(np.float64)
     share = 1.0
@@ -155,6 +159,7 @@ def _halve(
         solved, good = problem.solve_flange(T_flange, branch, q)
         solved = np.where(good[:, None], solved, q)
         good &= problem.within(solved) & problem.regular(solved)
+        good &= elbow_distance(problem.kinematics, solved) >= _STRETCHED
         every = np.arange(len(spin))
         ends = StrokeEnds.of(problem, tag, T_flange, every, branch, solved)
         good &= ends.reached & ends.regular & ends.within(problem, every, solved, every)
@@ -168,7 +173,7 @@ def _halve(
             found.branch[row[k]], found.q[row[k]] = branch[k], q[k]
 
 
-def _finest(states: States) -> float:
-    """Return the step [rad] of the finest grid of spins."""
-    spins = states.spins if states.spins.ndim == 1 else states.spins[0]
-    return float(spins[1] - spins[0])
+def _finest(states: States, row: IndexArray) -> FloatArray:
+    """Return the step (m,) [rad] of the finest grid of spins of tags, by row."""
+    spins = np.broadcast_to(states.spins, (len(states), states.spins.shape[-1]))
+    return np.asarray(spins[row, 1] - spins[row, 0])

@@ -90,7 +90,7 @@ def _told(
         part = reach[places.knots_of(unit)]
         text, hint = "", ""
         if not part.any(axis=1).all():
-            text = f"none of the {len(places.values)} places of {names} tried reaches all of this"
+            text = f"none of the places of {names} tried reaches all of this"
         elif unit in places.calm:
             run = next(run for run in runs if run.low <= low < run.high)
             told.append(_moving(places, run.external[low - run.low : high - run.low], low, high))

@@ -117,11 +117,11 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
             f"; loss against each tag's own optimum: mean {100.0 * float(np.nanmean(loss)):.2f} %, "
             f"largest {100.0 * float(loss[worst]):.2f} % at tag {problem.toolpath.tag_name(worst)}"
         )
-    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound:
+    if not np.nan_to_num(loss, nan=0.0).max(initial=0.0) > bound + ROUNDING:
         return Finding(Severity.NOTE, "PLN304", text)
     return Finding(
         Severity.WARNING,
         "PLN305",
-        f"{text}; nothing was found that keeps it under the bound of {100.0 * bound:.0f} %",
+        f"{text}; nothing was found that keeps it under the bound of {100.0 * bound:g} %",
         hint='the preset "stiffest" gives up least; more key tags or a finer step_deg may help',
     )

@@ -14,6 +14,7 @@ from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
+from postproc.planning.search.rungs import yardstick
 from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
@@ -53,7 +54,7 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen, *, at_edges: bool = False
         chosen.q[tags],
         linked,
         search.share[kept],
-        search.edges.index[kept],
+        yardstick(problem, search.states, search.edges)[kept],
     )
     names, runs = problem.toolpath.tag_name, np.cumsum(linked == 0.0)
     free = np.array([names(tag) not in pins for tag in tags.tolist()])
@@ -95,7 +96,10 @@ def _at_edges(
     T = problem.placement.tcp(grid.tags, grid.attitude)
     own = evaluate(problem, grid.tags, grid.attitude[:, 0], T, grid.q)[1]
     index, q = np.where(edges.is_between, edges.index, np.nan)[rows], edges.q[rows]
-    gain = grid.share * np.log(np.where(index > own, index / own, 1.0))
+    price, is_stiffer = problem.settings.weights.price, index > own
+    gain = np.log(np.where(is_stiffer, index / own, 1.0))
+    gain += np.where(is_stiffer, price(1.0 - own / grid.best) - price(1.0 - index / grid.best), 0.0)
+    gain *= grid.share
     dearer = np.zeros(len(rows))
     for joints, sign in ((q, 1.0), (grid.q, -1.0)):
         into = ((joints[1:] - grid.q[:-1]) ** 2).sum(axis=1)

@@ -12,7 +12,7 @@ from postproc.model import CUTS
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
-from postproc.planning.search.edges import Edges, edges_of
+from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import (
     NONE,
@@ -32,6 +32,8 @@ TIE_TRAVEL = 1e-7
 """Weight of travel that only breaks ties."""
 DEAR = 30.0
 """Cost of a state beyond the bound of loss: taken only where nothing else can be run."""
+DEARER = 300.0
+"""What each further 1 (100 %) of loss beyond the bound costs."""
 CUT_TRAVEL = 3e-3
 """Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
@@ -119,14 +121,15 @@ def states_on(
     pinned = pin != NONE
     states = sample_on(problem, tags, spins, stride)
     edges = edges_of(problem, tags, states, pinned, FINE if spins.shape[-1] > 1 else 1)
-    best, price = edges.index, problem.settings.weights.price
+    best, price = yardstick(problem, states, edges), problem.settings.weights.price
     for low in range(0, len(states.q), _AT_ONCE):
         part = np.arange(low, min(low + _AT_ONCE, len(states.q)))
         states.cost[part] += price(1.0 - states.index[part] / best[states.tag_of(part)])
     if wish.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
         dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
-        states.cost[dear] += DEAR
+        lacking = 1.0 - states.index[dear] / wish.least[tags][owner[dear]]
+        states.cost[dear] += DEAR + DEARER * np.nan_to_num(lacking)
     states.cost[_stuck(problem, tags, states)] += STUCK
     if pinned.any():
         owner = states.tag_of(np.arange(len(states.q)))
@@ -136,6 +139,15 @@ def states_on(
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     return states, pinned, edges
+
+
+def yardstick(problem: Problem, states: States, edges: Edges) -> FloatArray:
+    """Return the index (n,) [N/m] that losses of tags are priced against.
+
+    The best of the grid: what only the very edge of reach has, next to the stretched arm, draws
+    nothing there. A bound that the cell sets is one of the best there is.
+    """
+    return best_of(states) if problem.cell.optimize.loss_bound is None else edges.index
 
 
 def _stuck(problem: Problem, tags: IndexArray, states: States) -> IndexArray:

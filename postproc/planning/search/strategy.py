@@ -27,6 +27,7 @@ from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
 from postproc.planning.search.loss import (
     DEFAULT_BOUND,
+    ROUNDING,
     LossBound,
     along,
     best_index,
@@ -66,8 +67,9 @@ def choose(
     record = search.record(found, chosen)
     if wishes.refine and wishes.strategy is Strategy.GLOBAL:
         step(0, 0, "refine")
-        is_stiffest = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
-        chosen = moved_off_grid(search, chosen, at_edges=is_stiffest)
+        at_edges = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
+        at_edges |= wishes.loss_bound is not None
+        chosen = moved_off_grid(search, chosen, at_edges=at_edges)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
@@ -78,6 +80,10 @@ def choose(
         record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
         if len(search.tags) > keys.sum():
             record["key_tags_added"] = len(search.tags) - int(keys.sum())
+    elif wishes.loss_bound is not None:
+        loss = loss_of(problem, chosen, best)
+        if np.nan_to_num(loss).max(initial=0.0) > wishes.loss_bound + ROUNDING:
+            findings.insert(0, loss_report(problem, loss, search.tags, wishes.loss_bound))
     return chosen, findings, record, best
 
 
