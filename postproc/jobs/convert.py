@@ -23,7 +23,7 @@ from postproc.jobs.joint_targets import with_joint_targets
 from postproc.jobs.trade import Outcome, lost_percent, outcomes
 from postproc.kinematics import build
 from postproc.model import ModelFile, Plan, ToolPath, load_model
-from postproc.planning import NEAR_SOLIDS, PlanOptions, grade_counts, settle, tag_clearances
+from postproc.planning import PlanOptions, grade_counts, near_solids, settle, tag_clearances
 from postproc.planning import plan as plan_toolpath
 from postproc.process import (
     bases_named,
@@ -369,12 +369,13 @@ def smallest_clearance(conversion: Conversion) -> dict[str, Any] | None:
         "tag": None,
         "line": None,
     }
-    if value >= NEAR_SOLIDS:
+    most = near_solids(cell)
+    if value >= most:
         return entry
     here = plan.rows(np.flatnonzero(plan.tag == tag))
     frames = int(here.tool_of_moves[0]), int(here.base_of_moves[0])
     scene = Scene.shared(cell.with_tool(*frames), build(cell.robot))
-    pair = int(tag_clearances(here, scene)[1][tag])
+    pair = int(tag_clearances(here, scene, most)[1][tag])
     names = list(scene.pairs[pair]) if pair >= 0 else None
     line = int(plan.toolpath.line[tag])
     return {**entry, "pair": names, "tag": plan.toolpath.tag_name(tag), "line": line}

@@ -3,9 +3,9 @@
 from postproc.planning.checks import (
     CLOSE,
     NEAR,
-    NEAR_SOLIDS,
     Grade,
     grade_counts,
+    near_solids,
     tag_clearances,
 )
 from postproc.planning.maps import (
@@ -40,7 +40,6 @@ __all__ = [
     "CLOSE",
     "INDICES",
     "NEAR",
-    "NEAR_SOLIDS",
     "OBJECTIVES",
     "FailingPose",
     "Grade",
@@ -58,6 +57,7 @@ __all__ = [
     "frames_across",
     "grade_counts",
     "has_pose",
+    "near_solids",
     "plan",
     "plan_maps",
     "settle",

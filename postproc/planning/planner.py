@@ -13,7 +13,7 @@ from postproc.errors import Finding, PlanError, Severity
 from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
-from postproc.planning.checks import MORE_CLEARANCE, Checker, tag_clearances
+from postproc.planning.checks import MORE_CLEARANCE, Checker, near_solids, tag_clearances
 from postproc.planning.repeats import with_repeats
 from postproc.planning.retracts import changes_between, with_retracts
 from postproc.planning.route import Route, route, step_rows
@@ -333,7 +333,7 @@ def _routed(
 def _clearance(checker: Checker, result: Plan) -> FloatArray:
     if checker.scene is None:
         return np.full(len(result.toolpath), np.nan)
-    return tag_clearances(result, checker.scene)[0]
+    return tag_clearances(result, checker.scene, near_solids(checker.problem.cell))[0]
 
 
 def _straight_ways(checker: Checker, chosen: Chosen) -> FloatArray:

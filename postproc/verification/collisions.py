@@ -57,6 +57,10 @@ def check_collisions(
         scene = Scene.shared(cell.with_tool(*pair.tolist()), kinematics)
         if not scene.pairs:
             continue
+        if motion[0] == 0 and own[0]:  # where the program begins nothing may touch yet
+            first = scene.check(q[:1])
+            if first.hit[0]:
+                reported.add(0, first.pairs[int(first.pair[0])])
         hits = scene.check_paths(q[rows], q[rows + 1], steps[rows], track=motion[rows + 1])
         for row in np.flatnonzero(hits.hit).tolist():
             reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])

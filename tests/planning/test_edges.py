@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,3 +61,15 @@ def test_a_bound_of_loss_that_can_be_kept_is_kept_in_global(make_path, seed, pre
     toolpath = far_holes(make_path, seed)
     made = plan(toolpath, cell_of(f'preset = "{preset}"\nloss_bound_percent = 5'))
     assert np.max(made.stiffness_lost) < 0.0501
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_a_pin_changes_what_its_own_tag_can_have_alone(make_path):
+    toolpath = far_holes(make_path, 3)
+    cell = cell_of("step_deg = 10")
+    free = np.asarray(plan(toolpath, cell).stiffness_best)
+    name, spin = toolpath.tag_name(0), float(plan(toolpath, cell).spin[0])
+    pinned = replace(cell, optimize=replace(cell.optimize, pins={name: spin}))
+    best = np.asarray(plan(toolpath, pinned).stiffness_best)
+    assert np.allclose(best[1:], free[1:], rtol=1e-6)
+    assert best[0] < free[0] * (1.0 + 1e-6)

@@ -14,7 +14,7 @@ from postproc.planning.checks.feasible import (
 )
 from postproc.planning.checks.grade import CLOSE, NEAR, NEAR_BY, Grade, grade_counts, grades
 from postproc.planning.checks.remedy import LEAD_OUT
-from postproc.planning.checks.working import NEAR_SOLIDS, moves_of_tags, tag_clearances
+from postproc.planning.checks.working import moves_of_tags, near_solids, tag_clearances
 
 __all__ = [
     "CLOSE",
@@ -23,7 +23,6 @@ __all__ = [
     "MORE_CLEARANCE",
     "NEAR",
     "NEAR_BY",
-    "NEAR_SOLIDS",
     "PROBES",
     "RESOLUTION",
     "Break",
@@ -40,6 +39,7 @@ __all__ = [
     "grade_counts",
     "grades",
     "moves_of_tags",
+    "near_solids",
     "poses_between",
     "tag_clearances",
 ]

@@ -5,14 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
+from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.model import MoveRole, Plan
+from postproc.planning.checks.grade import NEAR_BY
 from postproc.process import repeats
 
-NEAR_SOLIDS = 0.01
-"""Clearances beyond this [m] are given as this: near solids matter, and far ones cost time."""
+_NEAR_SOLIDS = 0.01
+_BEYOND = 2.0 * NEAR_BY
 _SAME_PLACE = 1e-6
 _WORKING = (MoveRole.CUT, MoveRole.PLUNGE)
+
+
+def near_solids(cell: Cell) -> float:
+    """Return the clearance [m] beyond which none is told: near solids matter, far ones cost time.
+
+    More than what the margins of tags ask for beyond the clearance of the cell.
+    """
+    return max(_NEAR_SOLIDS, cell.limits.clearance + _BEYOND)
 
 
 def moves_of_tags(plan: Plan) -> IndexArray:
@@ -35,10 +45,11 @@ def moves_of_tags(plan: Plan) -> IndexArray:
     return last
 
 
-def tag_clearances(plan: Plan, scene: Scene) -> tuple[FloatArray, IndexArray]:
+def tag_clearances(plan: Plan, scene: Scene, most: float) -> tuple[FloatArray, IndexArray]:
     """Return the smallest distance (n,) [m] where the tool works at each tag, and its pair (n,).
 
-    ``NEAR_SOLIDS`` and -1 where nothing is that near; NaN without a move that ends there.
+    ``most`` [m], as ``near_solids`` says, and -1 where nothing is that near; NaN without a move
+    that ends there.
     """
     moves = moves_of_tags(plan)
     found, pair = np.full(len(moves), np.nan), np.full(len(moves), -1)
@@ -47,5 +58,5 @@ def tag_clearances(plan: Plan, scene: Scene) -> tuple[FloatArray, IndexArray]:
         rows = moves[tags]
         contact = np.isin(plan.role[rows], _WORKING)
         poses = np.hstack([plan.q, plan.external])[rows]
-        found[tags], pair[tags] = scene.nearest(poses, contact, NEAR_SOLIDS)
+        found[tags], pair[tags] = scene.nearest(poses, contact, most)
     return found, pair

@@ -11,7 +11,7 @@ from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import Finding
 from postproc.model import Plan
-from postproc.planning.checks import NEAR_SOLIDS, grade_counts, moves_of_tags
+from postproc.planning.checks import grade_counts, moves_of_tags, near_solids
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
 from postproc.process import claimed
@@ -37,9 +37,9 @@ class PlanMaps:
     no_spins: str = ""
 
 
-def _clearances(plan: Plan) -> FloatArray:
+def _clearances(plan: Plan, cell: Cell) -> FloatArray:
     """Return the clearances of a plan, all NaN where nothing is near anywhere."""
-    near = plan.clearance < NEAR_SOLIDS
+    near = plan.clearance < near_solids(cell)
     return plan.clearance if near.any() else np.full(len(plan.clearance), np.nan)
 
 
@@ -56,7 +56,7 @@ def plan_maps(plan: Plan, cell: Cell, findings: Sequence[Finding]) -> PlanMaps:
         moves,
         claims.tool,
         claims.base,
-        _clearances(plan),
+        _clearances(plan, cell),
         grade_counts(plan, cell),
         spin_index(plan, cell, moves),
         failing_poses(plan, cell, moves, findings),

@@ -118,9 +118,15 @@ def _first_and_last(
     """Return the moves from home to the first tag's approach and from the last back home."""
     problem = checker.problem
     tags = np.nonzero(chosen.good)[0]
-    if not len(tags) or (problem.cell.motion.home is None and not goes_on):
+    if not len(tags):
         return []
     first, last = int(tags[0]), int(tags[-1])
+    if problem.cell.motion.home is None:
+        what = _walled_in(checker, q[first], problem.placement.external[first])
+        if what:
+            findings.append(failure(problem, first, Reason.COLLISION, what))
+        if not goes_on and last == len(problem) - 1:
+            return []  # the file itself ends here
     out = _out_of_material(checker, chosen, last, q, findings)
     parts = [_moves_to(problem, last, LEAVE + 1, out, MoveKind.LIN)]
     if problem.cell.motion.home is None:
