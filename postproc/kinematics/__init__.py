@@ -14,6 +14,7 @@ from postproc.kinematics.dynamics import Dynamics, dynamics_of
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.rounding import corner_miss, within_tolerance
 from postproc.kinematics.singular import (
+    STRETCHED,
     elbow_distance,
     shoulder_distance,
     smallest_singular_value,
@@ -25,6 +26,7 @@ from postproc.kinematics.tool_axis import is_coaxial_with_axis_6
 __all__ = [
     "IN_STEP",
     "NEARER",
+    "STRETCHED",
     "Bound",
     "Corners",
     "Dynamics",

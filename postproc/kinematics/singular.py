@@ -7,6 +7,10 @@ from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
 from postproc.kinematics.model import Kinematics
+from postproc.units import DEG
+
+STRETCHED = 3.0 * DEG
+"""An arm nearer to being stretched than this is worth a warning, and no pose to look for."""
 
 
 def wrist_distance(kinematics: Kinematics, q: ArrayLike) -> FloatArray:

@@ -8,15 +8,19 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.controller import Blend, EventWord
 from postproc.errors import RunKind, Severity
-from postproc.kinematics import Kinematics, elbow_distance, shoulder_distance, wrist_distance
+from postproc.kinematics import (
+    STRETCHED,
+    Kinematics,
+    elbow_distance,
+    shoulder_distance,
+    wrist_distance,
+)
 from postproc.paths import SLOWEST, Paths, speed_shares
 from postproc.units import DEG, MM, PERCENT
 from postproc.verification.report import Result
 
 SLACK = 0.01 * DEG
 """Digits of the text may cost this much of a margin [rad]."""
-STRETCHED = 3.0 * DEG
-"""Nearer to the stretched arm than this is worth a warning."""
 OVERHEAD = 0.05
 """Wrist centre nearer to axis 1 than this [m] is worth a warning."""
 SPEED_SLACK = 1e-3

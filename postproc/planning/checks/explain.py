@@ -12,7 +12,7 @@ from postproc.errors import Finding, Severity
 from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import common_shift, remedy
-from postproc.planning.states import NO_POSE, Chosen, Problem, States
+from postproc.planning.states import BRANCHES, NO_POSE, Chosen, Problem, States
 from postproc.units import DEG
 
 WORDS = {
@@ -29,7 +29,6 @@ HELPED = 20
 """At so many failing tags a remedy is looked for."""
 ALIKE = 50
 """So many tags at most that fail one after the other for the same reason share a remedy."""
-BRANCHES = 8
 COUNTED = (Reason.UNREACHABLE, Reason.JOINT_LIMIT, Reason.SINGULAR)
 HURDLES = (Reason.COLLISION, Reason.SPEED, Reason.SINGULAR, Reason.JOINT_LIMIT, Reason.UNREACHABLE)
 """What stands in the way, the last that is checked first."""

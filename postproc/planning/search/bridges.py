@@ -15,15 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.planning.states import NONE, Joined, States
+from postproc.planning.states import BRANCHES, NONE, Joined, States
 
 NEAR = 0.5 * np.pi
 """States of spins beside each other, and of the same spin at successive tags, follow each other if
 no joint moves more [rad]."""
 Joints = NDArray[np.float32]
 _FULL_TURN = 2.0 * np.pi
-_BRANCHES = 8
-_SAME_BRANCH = np.eye(_BRANCHES, dtype=np.bool_)
+_SAME_BRANCH = np.eye(BRANCHES, dtype=np.bool_)
 _OUT = 0
 """Class of the states that are out."""
 _AT_ONCE = 2000
@@ -134,7 +133,7 @@ class Bridges:
         order = np.argsort(place * width + spin, kind="stable")
         states, place, spin = states[order], place[order], spin[order]
         q = self.states.q[states]
-        beyond = spin + self.stride[place // _BRANCHES]
+        beyond = spin + self.stride[place // BRANCHES]
         wraps = beyond >= width
         target = place * width + np.where(wraps & self.closed, beyond % width, beyond)
         target[wraps & (not self.closed)] = NONE
@@ -144,7 +143,7 @@ class Bridges:
 
     def _place(self, states: IndexArray) -> IndexArray:
         """Return a number (m,) for rung and branch of states."""
-        return np.asarray(self.states.tag_of(states) * _BRANCHES + self.states.branch[states])
+        return np.asarray(self.states.tag_of(states) * BRANCHES + self.states.branch[states])
 
     def _join(self, i: int) -> None:
         """Find which runs may join at a rung, and at those behind it where that is not known."""
@@ -182,7 +181,7 @@ class Bridges:
         width, q = self.states.spins.shape[-1], self.states.q
         key = self._place(states) * width + self.states.column[states]
         order = np.argsort(key, kind="stable")
-        found = _near(key[order], q[states[order]], key - _BRANCHES * width, q[states])
+        found = _near(key[order], q[states[order]], key - BRANCHES * width, q[states])
         hit = np.flatnonzero(found != NONE)
         return states[hit], states[order[found[hit]]]
 

@@ -15,20 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.kinematics import elbow_distance
-from postproc.planning.states import Problem, States, StrokeEnds, evaluate
-from postproc.units import DEG
+from postproc.kinematics import STRETCHED, elbow_distance
+from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
 
 AnyArray = NDArray[Any]
-_BRANCHES = 8
 _HALVINGS = 6
 """A step of the grid is halved so often."""
 _GAIN = 1.005
 """Edges are looked at where this times the best of the grid may stand there."""
 _STEEPER = 1.5
 """From the last spin to the edge stiffness rises by no more than this times the step before."""
-_STRETCHED = 3.0 * DEG
-"""Nearer to the stretched arm nothing is looked for: A3 races there, and checks warn."""
 _TAGS = 512
 """Tags that are looked at together, so that memory stays bounded."""
 
@@ -82,6 +78,8 @@ def edges_of(
         np.zeros((n, 6)),
         np.zeros(n, dtype=np.bool_),
     )
+    if problem.settings.weights.main is None:
+        return found
     for low in range(0, n, _TAGS):
         rows = np.arange(low, min(low + _TAGS, n))
         at, column = _last_before_edges(problem, states, rows, stride, found)
@@ -105,15 +103,15 @@ def _last_before_edges(
     count = -(-width // stride)
     row = states.tag_of(own) - rows[0]
     place = (row, states.branch[own].astype(np.int64), states.column[own] // stride)
-    index = np.full((len(rows), _BRANCHES, count), -np.inf, dtype=np.float32)
+    index = np.full((len(rows), BRANCHES, count), -np.inf, dtype=np.float32)
     which = np.zeros(index.shape, dtype=np.int32)
     index[place], which[place] = states.index[own], own
     best = np.nan_to_num(found.index[rows], nan=np.inf)[:, None, None]
     low, high = problem.cell.optimize.range
     is_ring = high - low >= 2.0 * np.pi - 1e-9
+    up, down = np.roll(index, -1, axis=2), np.roll(index, 1, axis=2)
     parts = []
-    for sense in (1, -1):
-        ahead, behind = np.roll(index, -sense, axis=2), np.roll(index, sense, axis=2)
+    for sense, ahead, behind in ((1, up, down), (-1, down, up)):
         with np.errstate(invalid="ignore"):
             rise = np.where(np.isfinite(behind), np.maximum(index - behind, 0.0), 0.0)
             edge = np.isfinite(index) & ~np.isfinite(ahead) & (count > 1)
@@ -159,7 +157,7 @@ def _halve(
         solved, good = problem.solve_flange(T_flange, branch, q)
         solved = np.where(good[:, None], solved, q)
         good &= problem.within(solved) & problem.regular(solved)
-        good &= elbow_distance(problem.kinematics, solved) >= _STRETCHED
+        good &= elbow_distance(problem.kinematics, solved) >= STRETCHED  # nearer A3 races
         every = np.arange(len(spin))
         ends = StrokeEnds.of(problem, tag, T_flange, every, branch, solved)
         good &= ends.reached & ends.regular & ends.within(problem, every, solved, every)

@@ -177,6 +177,11 @@ class Positions:
         return self.checker.problem.cell
 
     @property
+    def _speeds(self) -> FloatArray:
+        """Largest speeds (k,) of the axes [m/s or rad/s]."""
+        return np.array([axis.qd_max for axis in self.cell.external_axes])
+
+    @property
     def toolpath(self) -> ToolPath:
         """What is to be done."""
         return self.checker.problem.toolpath
@@ -231,19 +236,19 @@ class Positions:
             at = self.knots_of(unit)
             knots, rows = self.knots[at], np.arange(at.start, at.stop)
             stepped = run.external[knots - run.low]
-            value, fits = self._calmed(rows, stepped, calm)
+            value, fits = self._calmed_way(rows, stepped, calm)
             while not fits and calm >= 2.0 * _LEAST_CALM:
                 calm *= 0.5
-                value, fits = self._calmed(rows, stepped, calm)
+                value, fits = self._calmed_way(rows, stepped, calm)
             while fits and calm < _MOST_CALM and self._too_fast(knots, value):
                 calm *= 2.0
-                calmer, fits = self._calmed(rows, stepped, calm)
+                calmer, fits = self._calmed_way(rows, stepped, calm)
                 value = calmer if fits else value
             curve = _curve(self.way[knots], value, self.way[low:high])
             curve[[0, -1]] = stepped[[0, -1]]
             run.external[low - run.low : high - run.low] = curve
 
-    def _calmed(
+    def _calmed_way(
         self, rows: IndexArray, stepped: FloatArray, length: float
     ) -> tuple[FloatArray, bool]:
         """Return positions (m, k) at knots ``rows`` (m,) smoothed over so much way [m].
@@ -258,8 +263,7 @@ class Positions:
         """Return whether an axis is too slow for its way (m, k) between knots (m,) at the feed."""
         feed = feeds_of(self.toolpath, self.cell)[knots[1:]]
         rate = np.abs(np.diff(value, axis=0)) / np.diff(self.way[knots])[:, None]
-        top = np.array([axis.qd_max for axis in self.cell.external_axes])
-        return bool((np.nan_to_num(feed)[:, None] * rate > AXIS_SHARE * top).any())
+        return bool((np.nan_to_num(feed)[:, None] * rate > AXIS_SHARE * self._speeds).any())
 
     def _nearest(self, external: FloatArray) -> IndexArray:
         """Return the positions (m,) of the grid nearest to where the axes stand (m, k)."""
@@ -273,13 +277,12 @@ class Positions:
         slide = SLIDE * steps.sum(axis=2)
         too_far = (steps > np.where(self.may_move, 1.0 + 1e-9, 0.0)).any(axis=2)
         feed = feeds_of(self.toolpath, self.cell)
-        speed = np.array([axis.qd_max for axis in self.cell.external_axes])
         value, back = rows[0].cost.copy(), []
         for before, row in itertools.pairwise(rows):
             between = change
             if row.slides:
                 time = (self.way[row.low] - self.way[before.low]) / feed[row.low]
-                within = np.nan_to_num(speed * time, nan=np.inf) / _steps(self.cell)
+                within = np.nan_to_num(self._speeds * time, nan=np.inf) / _steps(self.cell)
                 between = slide + STEEP * np.maximum(steps - within, 0.0).sum(axis=2)
                 between[too_far] = UNREACHED
             total = value[:, None] + between

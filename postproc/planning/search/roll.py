@@ -16,10 +16,9 @@ from postproc.arrays import FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
-from postproc.planning.states import Chosen, cross_axes, strokes_into
+from postproc.planning.states import BRANCHES, Chosen, cross_axes, strokes_into
 from postproc.units import DEG
 
-_BRANCHES = 8
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
 _MOST_LINES = 12
@@ -110,7 +109,7 @@ def _ways(
         return
     others = checker.problem.settings.spins
     order = others[np.argsort(np.abs(others - spins[0]), kind="stable")].tolist()
-    branches = [own[0], *(branch for branch in range(_BRANCHES) if branch != own[0])]
+    branches = [own[0], *(branch for branch in range(BRANCHES) if branch != own[0])]
     yield from ((spin, branch, -1) for branch, spin in itertools.product(branches, order))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Preset, Strategy
-from postproc.errors import Finding
+from postproc.errors import Finding, Severity
 from postproc.planning.checks import Checker, explained, gave_up
 from postproc.planning.route import has_ways
 from postproc.planning.search.between import Interpolation
@@ -27,7 +27,6 @@ from postproc.planning.search.growth import Growth
 from postproc.planning.search.keytags import dense_key_tags, key_tags, stretches
 from postproc.planning.search.loss import (
     DEFAULT_BOUND,
-    ROUNDING,
     LossBound,
     along,
     best_index,
@@ -73,17 +72,16 @@ def choose(
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
-    best = along(between, search.tags, search.edges.index)
-    if bound is not None:
-        best, loss = bound.best, loss_of(problem, chosen, bound.best)
-        findings.insert(0, loss_report(problem, loss, search.tags, most))
-        record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
-        if len(search.tags) > keys.sum():
-            record["key_tags_added"] = len(search.tags) - int(keys.sum())
-    elif wishes.loss_bound is not None:
+    best = along(between, search.tags, search.edges.index) if bound is None else bound.best
+    if is_smooth or wishes.loss_bound is not None:
         loss = loss_of(problem, chosen, best)
-        if np.nan_to_num(loss).max(initial=0.0) > wishes.loss_bound + ROUNDING:
-            findings.insert(0, loss_report(problem, loss, search.tags, wishes.loss_bound))
+        told = loss_report(problem, loss, search.tags, most)
+        if is_smooth or told.severity is Severity.WARNING:
+            findings.insert(0, told)
+        if is_smooth:
+            record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
+            if len(search.tags) > keys.sum():
+                record["key_tags_added"] = len(search.tags) - int(keys.sum())
     return chosen, findings, record, best
 
 

@@ -1,6 +1,6 @@
 """Which robot states serve a tag and what each costs."""
 
-from postproc.planning.states.candidates import States, sample
+from postproc.planning.states.candidates import BRANCHES, States, sample
 from postproc.planning.states.costs import (
     OBJECTIVES,
     TRAVEL,
@@ -45,6 +45,7 @@ from postproc.planning.states.tilt import (
 
 __all__ = [
     "BETWEEN",
+    "BRANCHES",
     "NONE",
     "NO_POSE",
     "OBJECTIVES",

@@ -20,6 +20,7 @@ from postproc.planning.states.tilt import UPRIGHT
 from postproc.planning.states.turns import copies_of, nearest_copies, turn_range, turnable
 
 BRANCHES = 8
+"""Arm configurations: shoulder, elbow and wrist."""
 _CHUNK = 4000
 """Poses of states sampled at once: the columns of more are fetched from the system every time."""
 
