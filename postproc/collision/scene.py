@@ -108,6 +108,11 @@ class Scene:
         return self._engine.names
 
     @property
+    def distances_kept(self) -> FloatArray:
+        """(p,) distance [m] below which a pair counts as colliding, 0 where only contact does."""
+        return np.where(self._engine.keeps, self._engine.table.margin, 0.0)
+
+    @property
     def external_axes(self) -> tuple[ExternalAxis, ...]:
         """The external axes, whose positions follow the joints."""
         return self._cell.external_axes

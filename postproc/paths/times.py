@@ -9,11 +9,13 @@ import numpy as np
 from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, Robot, Tool
 from postproc.controller import Blend, EventWord
+from postproc.geometry import rotation_about
 from postproc.kinematics import dynamics_of
 from postproc.paths.motion import Paths
 from postproc.timing import (
     RAMP,
     SPEED_UP_TIME,
+    Bends,
     JointPath,
     Torques,
     joint_move_time,
@@ -85,6 +87,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
         np.nan_to_num(turning[cp]),
         trace.column("acceleration")[cp],
         _joints_along(paths, cell, cp),
+        _bends(paths, cp),
     )
     joint = np.flatnonzero(~trace.is_cp)
     joint = joint[joint > 0]
@@ -166,10 +169,30 @@ def _joints_along(paths: Paths, cell: Cell, cp: AnyIntArray) -> JointPath | None
     mine = paths.trace.is_cp[paths.row]
     row = np.searchsorted(cp, paths.row[mine])
     q, start = np.nan_to_num(paths.q_sample[mine]), np.nan_to_num(paths.q)[np.maximum(cp - 1, 0)]
-    trace = paths.trace
-    blend = np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf)[cp]
+    blend = _blending_distances(paths)[cp]
     torques = torques_of(cell.robot, cell.tools, paths.station.tool[cp])
     return joint_path(cell.robot, row, paths.share[mine], q, start, blend, torques)
+
+
+def _bends(paths: Paths, cp: AnyIntArray) -> Bends:
+    """Return where path motions (m,) turn; splines between points as their chords do."""
+    curves = paths.curves
+    start, end = curves.T_start[:, :3, 3], curves.T_end[:, :3, 3]
+    begin = np.nan_to_num(end - start)
+    leave, radius = begin.copy(), np.full(len(end), np.inf)
+    rows = np.flatnonzero(curves.circle >= 0)
+    arcs, number = curves.circles, curves.circle[rows]
+    radius[rows] = arcs.radius[number]
+    begin[rows] = np.cross(arcs.normal[number], start[rows] - arcs.centre[number])
+    R = rotation_about(arcs.normal[number], arcs.sweep[number])
+    leave[rows] = np.einsum("ijk,ik->ij", R, begin[rows])
+    return Bends(begin[cp], leave[cp], radius[cp], _blending_distances(paths)[cp])
+
+
+def _blending_distances(paths: Paths) -> FloatArray:
+    """Return (m,) [m] how far before the end of each motion the next is approached at most."""
+    trace = paths.trace
+    return np.where(trace.blend == Blend.DISTANCE, trace.column("cdis"), np.inf)
 
 
 def at_speed(paths: Paths) -> tuple[AnyIntArray, FloatArray, FloatArray, FloatArray]:

@@ -84,7 +84,7 @@ def bounded_times(
     """Return the times (high - low,) [s] of the motions ``low`` to ``high`` from stop to stop.
 
     At a corner the slope of the joints goes from that of the one motion to that of the next within
-    the blending distances. The ramp of the jerk is spread over all, as in ``chain_profile``.
+    the blending distances. Jerk is not limited.
 
     Args:
         length: (m,) of all motions [m].
@@ -101,7 +101,6 @@ def bounded_times(
     segment, step = row[1:], np.diff(way)
     found = bounded_speed(step, speed[segment], push[segment], joints.bounds(row, *path))
     times = segment_times(step, *found)
-    times *= 1.0 + joints.ramp / times.sum()
     return np.asarray(np.bincount(segment - low, times, minlength=high - low), np.float64)
 
 

@@ -36,6 +36,8 @@ speeds up most if it is short."""
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
+_STOPS = 1e-7
+"""A corner that turns back is passed at this speed [m/s]: times are finite."""
 
 
 def joint_move_time(
@@ -119,11 +121,53 @@ class PathSpeed:
     duration: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Bends:
+    """Where path motions (m,) turn, which costs speed: what turns them is acceleration too.
+
+    Args:
+        begin: (m, 3) heading at the start of each, of any length; end: (m, 3) at its end.
+        radius: (m,) of arcs [m], infinite for straight motions.
+        blend: (m,) distance [m] at the end of each from which on the next one is approached;
+            infinite for half the way.
+    """
+
+    begin: FloatArray
+    end: FloatArray
+    radius: FloatArray
+    blend: FloatArray
+
+    def corner_speeds(self, length: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return the largest speed (m - 1,) [m/s] between each motion and the next.
+
+        A corner by an angle a is rounded as by the parabola that leaves both ways at the blending
+        distance d; at its vertex the radius is d cos^2(a/2) / sin(a/2).
+
+        Args:
+            length: (m,) of the motions [m].
+            acceleration: (m,) that may turn the motion [m/s^2].
+        """
+        end, begin = self.end[:-1], self.begin[1:]
+        size = np.linalg.norm(end, axis=1) * np.linalg.norm(begin, axis=1)
+        moves = size > _TINY
+        cosine = np.einsum("ij,ij->i", end, begin) / np.where(moves, size, 1.0)
+        half = 0.5 * np.arccos(np.clip(np.where(moves, cosine, 1.0), -1.0, 1.0))
+        distance = np.minimum(self.blend[:-1], 0.5 * np.minimum(length[:-1], length[1:]))
+        bend = np.maximum(np.sin(half), _TINY)
+        square = np.minimum(acceleration[:-1], acceleration[1:]) * distance / bend
+        return np.where(moves, np.maximum(np.sqrt(square) * np.cos(half), _STOPS), np.inf)
+
+    def slowed(self, speed: FloatArray, acceleration: FloatArray) -> FloatArray:
+        """Return the speeds (m,) [m/s], lowered on arcs to what turns at their radius."""
+        return np.minimum(speed, np.sqrt(acceleration * self.radius))
+
+
 def chain_profile(
     way: ArrayLike,
     cap: ArrayLike,
     acceleration: ArrayLike = PATH_ACCELERATION,
     ramp: float = RAMP,
+    corner: ArrayLike = np.inf,
 ) -> PathSpeed:
     """Return the speed along a chain that starts and ends at rest.
 
@@ -132,13 +176,14 @@ def chain_profile(
         cap: (k-1,) largest speed on each segment [m/s] (feed and axis speeds).
         acceleration: one or (k-1,) largest acceleration on each segment [m/s^2].
         ramp: jerk is acceleration / ramp.
+        corner: one or (k-2,) largest speed at each knot inside the chain [m/s].
     """
     s = np.asarray(way, dtype=np.float64)
     step = np.diff(s)
     top = np.asarray(cap, dtype=np.float64)
     push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), step.shape)
     limit = np.zeros(len(s))
-    limit[1:-1] = np.minimum(top[:-1], top[1:])
+    limit[1:-1] = np.minimum(np.minimum(top[:-1], top[1:]), corner)
     gain = (2.0 * push * step).tolist()
     square = (limit**2).tolist()
     for i in range(len(step)):
@@ -160,6 +205,7 @@ def path_times(
     turning: FloatArray,
     acceleration: ArrayLike = PATH_ACCELERATION,
     joints: JointPath | None = None,
+    bends: Bends | None = None,
 ) -> FloatArray:
     """Return the time (m,) [s] of path motions in order.
 
@@ -170,22 +216,45 @@ def path_times(
         turning: (m,) time that the orientation needs at least [s].
         acceleration: one or (m,) along the path [m/s^2].
         joints: of the motions, where the axes bound the acceleration as well.
+        bends: of the motions, where they are not all in one line.
     """
     push = np.broadcast_to(np.asarray(acceleration, dtype=np.float64), length.shape)
-    times = np.zeros(len(length))
-    bounds = runs(chain)
+    corner = np.full(max(len(length) - 1, 0), np.inf)
+    if bends is not None:
+        speed, corner = bends.slowed(speed, push), bends.corner_speeds(length, push)
+    times, push = np.zeros(len(length)), push.copy()
     ramp = RAMP if joints is None else joints.ramp
-    alone = np.array([low for low, high in bounds if high - low == 1], dtype=np.int64)
-    times[alone] = line_time(length[alone], speed[alone], push[alone], ramp)
-    for low, high in bounds:
-        if high - low > 1:
-            way = np.concatenate([[0.0], np.cumsum(length[low:high])])
-            times[low:high] = chain_profile(way, speed[low:high], push[low:high], ramp).duration
+    alone = []
+    for low, high in runs(chain):
+        part = slice(low, high)
+        needed = np.zeros(high - low)
         if joints is not None:
-            times[low:high] = np.maximum(
-                times[low:high], bounded_times(length, speed, push, joints, (low, high))
-            )
+            needed = bounded_times(length, speed, push, joints, (low, high))
+        if high - low == 1:
+            alone.append(low)
+            push[low] = min(push[low], _even_push(length[low], speed[low], needed[0]))
+            continue
+        way = np.concatenate([[0.0], np.cumsum(length[part])])
+        inner = corner[low : high - 1]
+        times[part] = chain_profile(way, speed[part], push[part], ramp, inner).duration
+        needed *= 1.0 + ramp / max(float(needed.sum()), _TINY)
+        times[part] = np.maximum(times[part], needed)
+    times[alone] = line_time(length[alone], speed[alone], push[alone], ramp)
     return np.maximum(times, turning)
+
+
+def _even_push(length: float, speed: float, time: float) -> float:
+    """Return the acceleration [m/s^2] that, the same all along, takes a time [s] from stop to stop.
+
+    Args:
+        length: [m].
+        speed: reached at most [m/s].
+        time: without a limit of jerk; 0 where nothing is known of it.
+    """
+    if time * speed <= length + _TINY:
+        return np.inf
+    ramps = time - length / speed
+    return speed / ramps if ramps * speed <= length else 4.0 * length / time**2
 
 
 def axis_speed_cap(

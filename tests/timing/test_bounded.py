@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import ruckig
 from scipy.optimize import minimize
 
 from postproc.timing import JointPath, joint_move_time, path_times
@@ -168,3 +169,19 @@ def test_a_corner_is_as_slow_as_its_blend_is_short():
         want = 2.0 * ((2.0 * peak - corner) / 3.0 + blend / corner)
         assert seconds(blend) == pytest.approx(want, rel=0.02)
         assert seconds(blend, 10) == pytest.approx(seconds(blend), rel=0.02)
+
+
+@pytest.mark.parametrize("way", [0.0005, 0.002, 0.01, 0.2])
+def test_a_short_stroke_from_stop_to_stop_is_the_double_s_of_the_axis_that_bounds_it(way):
+    """One axis, straight in joint space: what ruckig says of it, not its ramp on top of that."""
+    share = np.arange(1, 41) / 40.0
+    q = 0.5 * way * share[:, None]
+    joints = JointPath(
+        np.zeros(40, int), share, q, np.zeros((1, 1)), np.full(1, np.inf), np.array([0.6]), 0.1
+    )
+    plain = (np.array([way]), np.array([0.1]), np.zeros(1, int), np.zeros(1), 9.0)
+    request, trajectory = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    request.current_position, request.target_position = [0.0], [way]
+    request.max_velocity, request.max_acceleration, request.max_jerk = [0.1], [1.2], [12.0]
+    ruckig.Ruckig(1).calculate(request, trajectory)
+    assert path_times(*plain, joints)[0] == pytest.approx(trajectory.duration, rel=1e-6)

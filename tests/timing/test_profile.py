@@ -9,6 +9,8 @@ import pytest
 
 from postproc.timing import profile
 from postproc.timing.profile import (
+    RAMP,
+    Bends,
     axis_speed_cap,
     chain_profile,
     joint_move_time,
@@ -152,3 +154,50 @@ def test_path_times_are_those_of_each_chain():
     want = [double_s(0.05, 0.01, 2.3, 23.0), blended[0], 9.0, blended[2], 0.5]
     assert np.allclose(got, want, rtol=5e-6)
     assert path_times(*np.zeros((2, 0)), np.zeros(0, dtype=int), np.zeros(0)).shape == (0,)
+
+
+def bezier_radius(angle, distance):
+    """Smallest radius of the quadratic curve that rounds a corner, sampled densely."""
+    corner = np.array([0.0, 0.0])
+    start = corner - distance * np.array([1.0, 0.0])
+    end = corner + distance * np.array([np.cos(angle), np.sin(angle)])
+    t = np.linspace(0.0, 1.0, 20001)[:, None]
+    points = (1 - t) ** 2 * start + 2 * t * (1 - t) * corner + t**2 * end
+    first = np.gradient(points, axis=0)
+    second = np.gradient(first, axis=0)
+    cross = first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]
+    bend = np.abs(cross) / np.linalg.norm(first, axis=1) ** 3
+    return 1.0 / bend[10:-10].max()
+
+
+@pytest.mark.parametrize("angle", [3.0, 30.0, 90.0, 140.0])
+def test_a_corner_is_passed_at_what_turns_at_the_radius_of_its_rounding(angle):
+    way = np.radians(angle)
+    heading = np.array([[2.0, 0.0, 0.0], [np.cos(way), np.sin(way), 0.0]])
+    bends = Bends(heading, heading, np.full(2, np.inf), np.array([0.001, np.inf]))
+    speed = bends.corner_speeds(np.array([0.1, 0.1]), np.array([2.0, 3.0]))
+    assert speed == pytest.approx(np.sqrt(2.0 * bezier_radius(way, 0.001)), rel=1e-3)
+    short = bends.corner_speeds(np.array([0.1, 0.0005]), np.array([2.0, 3.0]))
+    assert short == pytest.approx(speed / 2.0)
+
+
+def test_corners_and_arcs_cost_time():
+    """A square of 1 m/s with corners of 1 mm is slower than a straight way; a small arc is too."""
+    heading = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    length, speed, chain = np.full(4, 0.5), np.full(4, 1.0), np.zeros(4, dtype=int)
+    straight = path_times(length, speed, chain, np.zeros(4))
+    bends = Bends(heading, heading, np.full(4, np.inf), np.full(4, 1e-3))
+    turned = path_times(length, speed, chain, np.zeros(4), bends=bends)
+    lost = 1.0 - np.sqrt(2.3 * bezier_radius(0.5 * np.pi, 1e-3))
+    assert turned.sum() - straight.sum() == pytest.approx(3 * lost**2 / 2.3, rel=1e-3)
+    arc = Bends(heading, np.roll(heading, -1, axis=0), np.full(4, 0.02), np.zeros(4))
+    round_ = path_times(length, speed, chain, np.zeros(4), bends=arc)
+    assert round_.sum() > 2.0 / np.sqrt(2.3 * 0.02)
+
+
+def test_a_way_that_turns_back_or_stands_has_a_finite_time():
+    heading = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    bends = Bends(heading, heading, np.full(3, np.inf), np.full(3, np.inf))
+    length = np.array([0.1, 0.1, 0.0])
+    times = path_times(length, np.full(3, 0.5), np.zeros(3, dtype=int), np.zeros(3), bends=bends)
+    assert times.sum() == pytest.approx(4.0 * np.sqrt(0.1 / 2.3) + RAMP, rel=1e-4)

@@ -203,8 +203,7 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
     numbers, counts = np.unique(pairs[pairs >= 0], return_counts=True)
     if not len(numbers):
         return "solids collide"
-    names = checker.pairs[int(numbers[np.argmax(counts)])]
-    return f"most often {names[0]} hits {names[1]}"
+    return f"most often {checker.met(int(numbers[np.argmax(counts)]))}"
 
 
 def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
@@ -223,8 +222,7 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     if other := pinned(checker.problem, int(evidence.tags[row - 1])):
         detail += f"; tag {before} is {other.rstrip(': ')}"
     if 0 <= found.pair < len(checker.pairs):
-        a, b = checker.pairs[found.pair]
-        detail += f"; most often {a} hits {b}"
+        detail += f"; most often {checker.met(found.pair)}"
     hint = "" if pin else f"lift the tool off here, {LEAVE} or {_nearest(checker, found)}"
     return failure(checker.problem, tag, found.main, detail, hint)
 

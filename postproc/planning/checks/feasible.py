@@ -332,6 +332,12 @@ class Checker:
         place = ", ".join(f"{value:.1f}" for value in point)
         return f"{one} stands in {two}, about [{place}] mm from the robot root"
 
+    def met(self, pair: int) -> str:
+        """Return in words what hits what, and how near is as bad where solids keep a distance."""
+        one, two = self.pairs[pair]
+        near = 0.0 if self.scene is None else float(self.scene.distances_kept[pair])
+        return f"{one} hits {two}" + (f" or comes nearer than {near / MM:.3g} mm" if near else "")
+
     def joint_moves(self, q_from: FloatArray, q_to: FloatArray, external: FloatArray) -> Verdict:
         """Check straight joint moves (m, 6) to (m, 6) for collision.
 

@@ -49,7 +49,7 @@ def wished_blends(
 
 def _turns_back(table: Moves) -> BoolArray:
     """Return (m-1,) whether the path turns back at the end of a move: its depth must be met."""
-    begin, end = _headings(table)
+    begin, end = headings(table)
     size = np.linalg.norm(end, axis=1)
     cosine = np.einsum("ij,ij->i", end[:-1], begin[1:])
     back = cosine < -0.5 * size[:-1] * np.linalg.norm(begin[1:], axis=1)
@@ -57,7 +57,7 @@ def _turns_back(table: Moves) -> BoolArray:
     return np.asarray(back & path[:-1] & path[1:] & (size[:-1] > _SHORT))
 
 
-def _headings(table: Moves) -> tuple[FloatArray, FloatArray]:
+def headings(table: Moves) -> tuple[FloatArray, FloatArray]:
     """Return the directions (m, 3), of any length, in which moves begin and end."""
     point = table.T_base_tcp[:, :3, 3]
     begin = np.diff(point, axis=0, prepend=point[:1])

@@ -12,11 +12,12 @@ from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.paths import jerk_ramps, joint_path, torques_of
 from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
-from postproc.planning.route.blends import wished_blends
+from postproc.planning.route.blends import headings, wished_blends
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
+    Bends,
     JointPath,
     axis_speed_cap,
     joint_move_time,
@@ -319,5 +320,9 @@ def _durations(
     turning = turned / np.where(np.isfinite(orientation), orientation, krl.orientation_speed)
     chain = np.cumsum(np.r_[True, stop[:-1]][: len(path)])
     top = np.clip(speed[path], SLOWEST, krl.path_speed_max)
-    duration[path] = path_times(length[path], top, chain, turning[path], joints=joints)
+    begin, end = headings(table)
+    away = np.linalg.norm(table.T_base_tcp[:, :3, 3] - table.centre, axis=1)
+    radius = np.where(table.sweep > 0.0, away, np.inf)
+    bends = Bends(begin[path], end[path], radius[path], blend[path])
+    duration[path] = path_times(length[path], top, chain, turning[path], joints=joints, bends=bends)
     return duration
