@@ -226,19 +226,20 @@ def path_times(
     ramp = RAMP if joints is None else joints.ramp
     alone = []
     for low, high in runs(chain):
-        part = slice(low, high)
-        needed = np.zeros(high - low)
+        part, needed = slice(low, high), None
         if joints is not None:
             needed = bounded_times(length, speed, push, joints, (low, high))
         if high - low == 1:
             alone.append(low)
-            push[low] = min(push[low], _even_push(length[low], speed[low], needed[0]))
+            if needed is not None:
+                push[low] = min(push[low], _even_push(length[low], speed[low], needed[0]))
             continue
         way = np.concatenate([[0.0], np.cumsum(length[part])])
         inner = corner[low : high - 1]
         times[part] = chain_profile(way, speed[part], push[part], ramp, inner).duration
-        needed *= 1.0 + ramp / max(float(needed.sum()), _TINY)
-        times[part] = np.maximum(times[part], needed)
+        if needed is not None:
+            needed *= 1.0 + ramp / max(float(needed.sum()), _TINY)
+            times[part] = np.maximum(times[part], needed)
     times[alone] = line_time(length[alone], speed[alone], push[alone], ramp)
     return np.maximum(times, turning)
 
