@@ -2,6 +2,7 @@
 
 from postproc.planning.checks.explain import LOWER, Break, Evidence, explained, failure, gave_up
 from postproc.planning.checks.feasible import (
+    LONG_WAY,
     MORE_CLEARANCE,
     PROBES,
     RESOLUTION,
@@ -19,6 +20,7 @@ from postproc.planning.checks.working import moves_of_tags, near_solids, tag_cle
 __all__ = [
     "CLOSE",
     "LEAD_OUT",
+    "LONG_WAY",
     "LOWER",
     "MORE_CLEARANCE",
     "NEAR",

@@ -33,6 +33,8 @@ JUMP = 40.0 * DEG
 """A joint that moves more than this over such a piece is passing a singularity."""
 LONG = 8
 """A motion of so many checked poses is probed before it is swept ..."""
+LONG_WAY = (LONG - 1) * STEP_LENGTH
+"""A straight motion of so many is longer than this [m]."""
 PROBES = np.array([0.5, 0.25, 0.75])
 """... at these shares of it."""
 SAME_POSE = 1e-9
@@ -395,7 +397,7 @@ class Checker:
     def meets(self, lines: Lines, share: float) -> BoolArray:
         """Return which long motions (m,) cannot stand at ``share`` of them, collisions included."""
         met = np.zeros(len(lines), dtype=np.bool_)
-        rows = np.flatnonzero(lines.length > (LONG - 1) * STEP_LENGTH)
+        rows = np.flatnonzero(lines.length > LONG_WAY)
         if not len(rows):
             return met
         shares = np.full(len(rows), share)

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
+from postproc.planning.checks import LONG_WAY
 from postproc.planning.search.cuts import judge, probed
 from postproc.planning.search.free_path import Steps
-from postproc.units import DEG
 
 if TYPE_CHECKING:
     from postproc.planning.search.pose_search import PoseSearch
@@ -25,16 +25,14 @@ _SWEPT, _LEAST = 5.0, 32
 """They are no longer than this together [m], but never fewer."""
 _PROBED = 100_000
 """So many of them at most are looked at half way."""
-_TURN = 45.0 * DEG
-"""Where steps between two tags fail again, all steps that turn the tool by less are checked."""
 
 
 def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
     """Return the steps worth a check along with failing ones, and steps known to fail.
 
-    Those that leave or enter the same states; where steps into a tag failed before, all that
-    turn the tool by less than ``_TURN``. Of long ones many fail half way, and few are checked.
-    None along with a cut over tags between: it costs too much.
+    Those that leave or enter the same states; where steps into a tag failed before, the cheapest
+    of all: those that the search would try next. Of long ones many fail half way, and few are
+    checked. None along with a cut over tags between: it costs too much.
     """
     more: set[tuple[int, int]] = set()
     known: Steps = []
@@ -44,16 +42,10 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
         if tag - search.tags[rung - 1] > 1:
             continue
         search.fanned[tag] = search.fanned.get(tag, 0) + 1
-        before = np.arange(search.states.offsets[rung - 1], search.states.offsets[rung])
-        now = np.arange(search.states.offsets[rung], search.states.offsets[rung + 1])
         if search.fanned[tag] == 1:
-            to, start = now[_open(search, now, b, a)], before[_open(search, before, a, b)]
-            leave = np.column_stack([np.full(len(to), a), to])
-            pairs = np.concatenate([leave, np.column_stack([start, np.full(len(start), b)])])
-            few = _few(search, tag, pairs)
+            few = _few(search, tag, _beside(search, rung, a, b))
         elif search.fanned[tag] == 2 or search.fanned[tag] % _OFTEN == 0:
-            pairs = _all_steps(search, before, now)
-            few = _few(search, tag, pairs, _TURN * (search.fanned[tag] == 2))
+            few = _few(search, tag, search.ladder.cheapest(rung, _PROBED))
         else:
             continue
         more.update(few[0])
@@ -61,23 +53,30 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
     return sorted(more.difference(steps, known)), known
 
 
-def _few(search: PoseSearch, tag: int, pairs: IndexArray, most: float = 0.0) -> tuple[Steps, Steps]:
+def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
+    """Return the steps (k, 2) that leave a state or enter another, the least turn first."""
+    before = np.arange(search.states.offsets[rung - 1], search.states.offsets[rung])
+    now = np.arange(search.states.offsets[rung], search.states.offsets[rung + 1])
+    to, start = now[_open(search, now, b, a)], before[_open(search, before, a, b)]
+    leave = np.column_stack([np.full(len(to), a), to])
+    pairs = np.concatenate([leave, np.column_stack([start, np.full(len(start), b)])])
+    turn = np.abs(search.states.spin_of(pairs[:, 1]) - search.states.spin_of(pairs[:, 0]))
+    return pairs[np.argsort(np.minimum(turn, 2.0 * np.pi - turn), kind="stable")]
+
+
+def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]:
     """Return the steps to a tag, of some (k, 2), worth a check, and those known to fail.
 
-    Those that turn the tool least and were not looked at before: ``_MANY`` by the joints alone,
-    fewer of long ones all along. ``most`` [rad]: only those that turn it no farther, 0: all.
+    The first ones that were not looked at before: ``_MANY`` by the joints alone, fewer of long ones
+    all along.
     """
-    turn = np.abs(search.states.spin_of(pairs[:, 1]) - search.states.spin_of(pairs[:, 0]))
-    turn = np.minimum(turn, 2.0 * np.pi - turn)
-    order = np.argsort(turn, kind="stable")
-    if most:
-        order = order[turn[order] <= most + 1e-9]
-    pairs = pairs[order]
-    pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))][:_PROBED]
+    pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
     if not len(pairs):
         return [], []
-    met = probed(search.checker, search.spans(pairs[:, 0], pairs[:, 1]))
     length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
+    met = np.zeros(len(pairs), dtype=np.bool_)
+    if length > LONG_WAY:
+        met = probed(search.checker, search.spans(pairs[:, 0], pairs[:, 1]))
     count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
     failing, rest = pairs[met], pairs[~met][:_MANY]
     if len(rest) > count:
@@ -103,15 +102,3 @@ def _open(search: PoseSearch, states: IndexArray, like: int, end: int) -> BoolAr
     width = search.states.spins.shape[-1]
     near &= search.states.column[states] // width == search.states.column[like] // width
     return np.asarray(near & (search.states.branch[states] == search.states.branch[like]))
-
-
-def _all_steps(search: PoseSearch, before: IndexArray, now: IndexArray) -> IndexArray:
-    """Return the steps (k, 2) that a chain may do from some states to others."""
-    before = before[np.isfinite(search.ladder.cost[before])]
-    now = now[np.isfinite(search.ladder.cost[now])]
-    near = search.states.branch[now][:, None] == search.states.branch[before][None]
-    for j in range(6):
-        gap = np.subtract.outer(search.states.q[now, j], search.states.q[before, j])
-        near &= np.abs(gap) <= np.pi
-    to, start = np.nonzero(near)
-    return np.column_stack([before[start], now[to]])

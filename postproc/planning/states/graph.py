@@ -240,18 +240,27 @@ class Graph:
 
         Such steps are dear, and few are the best: they are taken out of the rows of those alone.
         """
-        most = _HALF_TURN if self.reach is None else np.minimum(_HALF_TURN, self.reach[i])
         gap = np.abs(self.position[now] - self.position[before[back]])
-        rows = np.flatnonzero((gap > most).any(axis=1))
+        rows = np.flatnonzero((gap > self._most(i)).any(axis=1))
         if not len(rows):
             return
-        a, b = self.position[before], self.position[now[rows]]
-        limit = np.broadcast_to(most, a.shape[1:])
         some = steps[rows]
+        self.put_out_of_reach(i, some, before, now[rows])
+        steps[rows], back[rows] = some, some.argmin(axis=1)
+
+    def put_out_of_reach(
+        self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray
+    ) -> None:
+        """Take the steps (m now, m before) out in which a coordinate moves too far, in place."""
+        a, b = self.position[before], self.position[now]
+        limit = np.broadcast_to(self._most(i), a.shape[1:])
         for j in range(a.shape[1]):
             gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
-            np.putmask(some, gap > limit[j], np.inf)
-        steps[rows], back[rows] = some, some.argmin(axis=1)
+            np.putmask(steps, gap > limit[j], np.inf)
+
+    def _most(self, i: int) -> FloatArray | float:
+        """Return how far each coordinate (d,) may move in a step of a chain into a rung."""
+        return _HALF_TURN if self.reach is None else np.minimum(_HALF_TURN, self.reach[i])
 
 
 def _put_out(steps: FloatArray, before: IndexArray, now: IndexArray, forbidden: IndexArray) -> None:

@@ -196,6 +196,32 @@ class Ladder(Graph):
         """Take single steps (state from, state to) out and repair the values."""
         self._repair(self.take_out(np.array(steps)))
 
+    def cheapest(self, i: int, most: int) -> IndexArray:
+        """Return up to ``most`` steps (k, 2) that may lead into a rung, cheapest first.
+
+        State from and state to, by what the best way to the one costs, the step and the other.
+        """
+        low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+        first = int(self.offsets[i - 1])
+        a = first + np.flatnonzero(self.value[first:low] < np.inf)
+        b = low + np.flatnonzero(self.cost[low:high] < np.inf)
+        found, prices = [np.zeros((0, 2), dtype=np.int64)], [np.zeros(0)]
+        joined = self.joined(i) if self.rule[i] == CHAIN else None
+        size = max(1, WIDE // max(1, len(a)))
+        for now in (b[k : k + size] for k in range(0, len(b) * bool(len(a)), size)):
+            price = self.steps(i, self.value, a, now, joined) + self.cost[now][:, None]
+            if self.rule[i] == CHAIN:
+                self.put_out_of_reach(i, price, a, now)
+            steps = np.flatnonzero(price < np.inf)
+            of = price.ravel()[steps]
+            if len(steps) > most:
+                kept = np.argpartition(of, most)[:most]
+                steps, of = steps[kept], of[kept]
+            found.append(np.column_stack([a[steps % len(a)], now[steps // len(a)]]))
+            prices.append(of)
+        steps, of = np.concatenate(found), np.concatenate(prices)
+        return steps[np.lexsort((steps[:, 1], steps[:, 0], of))[:most]]
+
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
         chosen = np.full(len(self), NONE, dtype=np.int64)
