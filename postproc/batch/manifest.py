@@ -28,7 +28,7 @@ _KEYS = {"status", "program", "tags", "cycle_time_s", "files", "errors", "finger
 
 @dataclass(slots=True)
 class Manifest:
-    """Entries by job key; each: fingerprint, status, program, files with hashes, errors, tags."""
+    """Entries by job key; each: fingerprint, status, program, files with hashes, tags, findings."""
 
     folder: Path
     entries: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -85,6 +85,7 @@ class Manifest:
             "cycle_time_s": result.cycle_time,
             "files": {name: digest(content) for name, content in sorted(files.items())},
             "errors": list(result.errors),
+            "warnings": list(result.warnings) if result.status == "ok" else [],
             "fingerprint": dict(marks),
         }
         self.entries[result.key] = entry

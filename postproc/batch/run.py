@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -21,6 +23,7 @@ from postproc.errors import PostprocError
 
 Progress = Callable[[int, int, int], None]
 """Called with (done, of how many, how many of them failed)."""
+_CODE = re.compile(r"warning ([\w-]+):")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,18 @@ class BatchOutcome:
     def good(self) -> bool:
         """Whether every input of this batch has a good program, and the manifest says so."""
         return not self.bad and not self.unsaved
+
+    def warnings(self) -> list[str]:
+        """Return one line for each kind of warning: the first, and how many programs have it."""
+        first: dict[str, str] = {}
+        count: Counter[str] = Counter()
+        for key in self.keys:
+            lines = self.manifest.entries[key].get("warnings", ())
+            kinds = {_kind(line): line for line in reversed(lines)}
+            first = kinds | first
+            count.update(list(kinds))
+        more = {kind: f"\n    in {n} programs" if n > 1 else "" for kind, n in count.items()}
+        return [first[kind] + more[kind] for kind in sorted(first)]
 
     def document(self) -> dict[str, Any]:
         """Return the ``postproc.batch_result/1`` document."""
@@ -191,6 +206,12 @@ def vanished(manifest: Manifest, keys: Sequence[str]) -> dict[str, list[str]]:
     mine, given = set(keys), _places(keys)
     gone = sorted(k for k in manifest.entries if k not in mine and _is_gone(k, given))
     return {key: [f for f in manifest.entries[key]["files"] if f not in keep] for key in gone}
+
+
+def _kind(line: str) -> str:
+    """Return the code of a line of warning."""
+    found = _CODE.search(line)
+    return found[1] if found else line
 
 
 def _sweep(outcome: BatchOutcome, prune: bool) -> None:

@@ -20,7 +20,8 @@ class JobResult:
     """The outcome of one job.
 
     ``status``: ``ok``; ``failed`` (tags fail, nothing written); ``error`` (wrong input);
-    ``timeout``, ``memory``, ``crash`` (the worker died). ``errors``: one line each.
+    ``timeout``, ``memory``, ``crash`` (the worker died). ``errors``, ``warnings``: one line each;
+    the latter are of the program.
     """
 
     key: str
@@ -28,6 +29,7 @@ class JobResult:
     name: str = ""
     files: Mapping[str, bytes] = field(default_factory=dict)
     errors: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     tags: int = 0
     cycle_time: float = 0.0
 
@@ -70,13 +72,17 @@ def _convert(job: Job) -> JobResult:
 
     request = replace(job.request, cam_lines=job.toolpath is None)
     conversion = convert(request, toolpath=job.toolpath)
-    errors = tuple(str(i) for i in conversion.findings if i.severity is Severity.ERROR)
+    errors, warnings = (
+        tuple(str(finding) for finding in conversion.findings if finding.severity is severity)
+        for severity in (Severity.ERROR, Severity.WARNING)
+    )
     return JobResult(
         key=job.key,
         status="failed" if errors else "ok",
         name=conversion.name,
         files=dict(conversion.files),
         errors=errors,
+        warnings=warnings,
         tags=len(conversion.toolpath),
         cycle_time=round(conversion.plan.cycle_time, 3),
     )

@@ -1,8 +1,9 @@
 """Cuts that no single arm configuration serves, left and entered again where the cell allows it.
 
 The tool backs off along its axis, the arm goes round to the other configuration clear of
-collisions, and the tool comes down along its axis at the feed to the point that it left. Where the
-cut can go on at all it can from there, so that no other place need be tried.
+collisions, and the tool comes down along its axis at the feed to the point that it left. The last
+point before the break serves as long as the tool can leave it; where it cannot, points before it
+that the other configuration reaches too are tried.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from postproc.process import back_off
 from postproc.units import DEG
 
 _LISTED = 12
-_ROUNDS = 10
-"""So many times at most more places are found once the cut has been left at the known ones."""
+_ROUNDS = 16
+"""So often at most another place is taken once the cut has been left at the known ones."""
 
 
 def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath], Plan]) -> Plan:
@@ -37,16 +38,44 @@ def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath]
     refused = result = plan_here(toolpath)
     if not cell.motion.retract_in_cuts:
         return result
-    places = np.zeros(0, dtype=np.int64)
+    places: dict[int, int] = {}
+    stuck = broken = np.zeros(0, dtype=np.int64)
     for _ in range(_ROUNDS):
         if not result.errors:
             return result
-        more = _broken(result)
-        if more is None or np.isin(more, places).any():
+        if not places:
+            broken = _tags_of_errors(result)
+        if not _is_left_elsewhere(toolpath, places, stuck, broken):
             return refused
-        places = np.union1d(places, more)
-        result = _left_at(toolpath, places, back_off(cell), plan_here)
+        at = np.unique(np.array(list(places.values()), dtype=np.int64))
+        result, stuck, broken = _left_at(toolpath, at, back_off(cell), plan_here)
     return refused
+
+
+def _is_left_elsewhere(
+    toolpath: ToolPath, places: dict[int, int], stuck: IndexArray, broken: IndexArray
+) -> bool:
+    """Take other places at which cuts are left, in place; return whether that may help.
+
+    Args:
+        toolpath: what is asked for.
+        places: the tag into which each cut breaks, and the tag before which it is left.
+        stuck: (k,) the latter from which the tool cannot go: twice as many tags earlier, as long as
+            that is inside the cut.
+        broken: (k,) tags at which other errors stand. From where a cut was left on nothing serves
+            it as far as its break: to leave it earlier helps no more.
+    """
+    kind = np.asarray(toolpath.kind)
+    known = any(place <= tag <= end for end, place in places.items() for tag in broken.tolist())
+    if known or not (broken >= 1).all() or not np.isin(kind[broken], CUTS).all():
+        return False
+    for end in [end for end, place in places.items() if place in stuck]:
+        place = end - max(1, 2 * (end - places[end]))
+        if place < 2 or not np.isin(kind[place - 1 : end], CUTS).all():
+            return False
+        places[end] = place
+    places |= {tag: tag for tag in broken.tolist()}
+    return True
 
 
 def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
@@ -72,20 +101,19 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
     return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]
 
 
-def _broken(plan: Plan) -> IndexArray | None:
-    """Return the tags (k,) of cuts at which errors stand, None if others stand elsewhere."""
+def _tags_of_errors(plan: Plan) -> IndexArray:
+    """Return the tags (k,) at which errors stand, -1 for those of the whole job."""
     tags = [-1 if error.tag_index is None else error.tag_index for error in plan.errors]
-    found = np.unique(np.array(tags, dtype=np.int64))
-    kind = np.asarray(plan.toolpath.kind)
-    if found[0] < 1 or not np.isin(kind[found], CUTS).all():
-        return None
-    return found
+    return np.unique(np.array(tags, dtype=np.int64))
 
 
 def _left_at(
     toolpath: ToolPath, places: IndexArray, height: float, plan_here: Callable[[ToolPath], Plan]
-) -> Plan:
-    """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again."""
+) -> tuple[Plan, IndexArray, IndexArray]:
+    """Return the plan in which the cuts into tags ``places`` (k,) are left and entered again.
+
+    With it the places that the tool cannot leave, and the tags at which other errors stand.
+    """
     n, named = len(toolpath), toolpath.named()
     source = np.sort(np.concatenate([np.arange(n), np.repeat(places - 1, 2)]))
     row = np.searchsorted(source, np.arange(n))
@@ -104,11 +132,13 @@ def _left_at(
     longer = replace(longer, points=points, kind=kind, feed=feed, joints=joints, extra=extra)
     found = plan_here(longer)
     tag = source + anew
-    result = as_of(found, toolpath, tag, row)
-    if result.errors:
-        return result
+    result, errors = as_of(found, toolpath, tag, row), _tags_of_errors(found)
+    if len(errors):
+        stuck = np.isin(errors, above)
+        others = np.where(errors < 0, -1, tag[errors])[~stuck]
+        return result, tag[errors[stuck]], others
     told = (_told(found, toolpath, int(place), int(row[place])) for place in places)
-    return replace(result, findings=(*result.findings, *told))
+    return replace(result, findings=(*result.findings, *told)), errors, errors
 
 
 def _told(found: Plan, toolpath: ToolPath, place: int, row: int) -> Finding:

@@ -250,3 +250,18 @@ def test_a_batch_without_a_cell_is_refused(work, capsys):
 def test_rules_that_match_nothing_are_told(batch, work):
     (work / "batch.toml").write_text('[[input]]\nmatch = "typo*"\nunits = "inch"\n')
     assert "warning BAT005: match = 'typo*'" in batch("--config", "batch.toml").err
+
+
+def test_warnings_are_told_once_a_kind_and_kept_with_each_program(batch, work):
+    """So little memory that each program is too large for it: of `convert` that is a warning."""
+    small = f"{CELL}[krl]\nmemory_mb = 0.001\n"
+    (work / "cell.toml").write_text(small)
+    done = batch()
+    assert done.err.count("warning memory") == 1
+    assert "in 2 programs" in done.err
+    for key in ("parts/a.csv", "parts/b.csv"):
+        lines = done.document["entries"][key]["warnings"]
+        assert sum("warning memory" in line for line in lines) == 1
+    again = batch()
+    assert again.document["kept"] == 2
+    assert again.err.count("warning memory") == 1

@@ -12,6 +12,7 @@ from postproc.errors import CellError, Severity
 from postproc.jobs.convert import ConvertRequest, convert
 from postproc.krl.text.parse import parse_files
 from postproc.model import Event, EventKind, MotionKind, MoveKind, MoveRole
+from postproc.readers import read
 from postproc.units import DEG, MM
 from postproc.verification.verify import verify
 from tests.cells import STIFFNESS, cell_text
@@ -173,3 +174,75 @@ def test_a_point_out_of_reach_within_a_cut_is_no_change_between_two():
     codes = {finding.code for finding in job.findings}
     assert "PLN101" in codes
     assert "PLN311" not in codes
+
+
+WALL = """\
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr16_2"
+base = { xyz_mm = [0, 0, 1500], abc_deg = [0, 90, 0] }
+[tool]
+frame = { xyz_mm = [0, 0, 262], abc_deg = [0, 0, 0] }
+axis = "+z"
+[workpiece]
+frame = { xyz_mm = [936.6744, -0.4034, 545.5132], abc_deg = [0, -90, 10] }
+[motion]
+retract_in_cuts = true
+home_deg = [0, -90, 90, 0, 30, 0]
+feed_mm_min = 300
+"""
+RIM = """\
+UNITS/MM
+RAPID
+GOTO/269.530708,263.573246,20.
+FEDRAT/288.6,MMPM
+GOTO/269.530708,263.573246,-2.4
+CIRCLE/154.48744,154.487094,-2.4,0,0,-1.
+GOTO/312.970875,158.699323,-2.4
+CIRCLE/304.973775,158.486773,-2.4,0,0,-1.
+GOTO/304.973665,150.486849,-2.4
+GOTO/300.281982,150.486855,-2.4
+CIRCLE/154.487389,154.486625,-2.4,0,0,-1.
+GOTO/260.408003,54.22254,-2.4
+GOTO/263.725551,50.905,-2.4
+CIRCLE/258.068684,45.24815,-2.4,0,0,-1.
+GOTO/263.573246,39.442989,-2.4
+CIRCLE/154.487094,154.486257,-2.4,0,0,-1.
+GOTO/158.699323,-3.997178,-2.4
+CIRCLE/158.486773,3.999923,-2.4,0,0,-1.
+GOTO/150.486849,4.000032,-2.4
+GOTO/150.486855,8.691716,-2.4
+RAPID
+GOTO/150.486855,8.691716,50.
+FINI
+"""
+
+
+@pytest.mark.parametrize("height", [10, 25])
+def test_where_the_tool_cannot_rise_at_the_last_point_it_is_left_earlier(tmp_path, height):
+    """On the wall A1 runs into its limit of 183 degrees, and further into it as the tool rises."""
+    source = tmp_path / "rim.apt"
+    source.write_text(RIM)
+    cell = parse_cell(f"{WALL}approach_mm = {height}\n".encode(), "cell.toml")
+    toolpath = read(str(source))
+    job = convert(ConvertRequest("rim", "cell"), toolpath=toolpath, cell=cell)
+    assert job.good
+    (told,) = (finding for finding in job.findings if finding.code == "PLN310")
+    assert told.tag_index == (7 if height == 10 else 6)
+    modules = parse_files(job.files)
+    assert verify(modules, modules[0].name, cell, toolpath).ok
+
+
+def test_why_the_tool_cannot_leave_a_cut_is_told(tmp_path):
+    """No solid is near: A1 is at its limit."""
+    source = tmp_path / "rim.apt"
+    source.write_text(RIM)
+    text = f"{WALL}approach_mm = 25\n".replace("retract_in_cuts = true\n", "")
+    job = convert(
+        ConvertRequest("rim", "cell"),
+        toolpath=read(str(source)),
+        cell=parse_cell(text.encode(), "c"),
+    )
+    assert not job.files
+    (stuck,) = (i for i in job.plan.errors if "cannot back off" in i.message)
+    assert (stuck.code, "joint limit" in stuck.message) == ("PLN102", True)

@@ -9,6 +9,7 @@ import numpy as np
 from postproc.cell import load_cell
 from postproc.kinematics import build
 from postproc.model.toolpath import MotionKind
+from postproc.planning.checks import Grade, grade_counts, grades
 from postproc.planning.planner import plan
 from postproc.readers import read
 from postproc.units import DEG
@@ -83,3 +84,16 @@ def test_a_pose_whose_best_neighbour_hits_goes_part_of_the_way_to_it():
         least[name] = margins(build(cell.robot), result.q).min()
     assert least["grid"] < 0.6 * GOOD
     assert least["moved"] > GOOD
+
+
+def test_a_repeated_point_stands_as_the_one_that_it_repeats(make_cell, make_path):
+    points = [[2.0, 0.0, 0.9], [2.0, 0.1, 0.9], [2.0, 0.1, 0.9], [2.0, 0.2, 0.9]]
+    cell = make_cell()
+    found = plan(make_path(points, [0.0, 0.0, -1.0]), cell)
+    assert not found.errors
+    told = grades(found, cell)
+    assert told[2] == told[1]
+    assert grade_counts(found, cell)["invalid"] == 0
+    points[1][0] = points[2][0] = 9.0
+    found = plan(make_path(points, [0.0, 0.0, -1.0]), cell)
+    assert grades(found, cell)[1:3].tolist() == [Grade.INVALID] * 2

@@ -100,7 +100,9 @@ def test_every_point_left_out_is_passed_within_the_tolerances(seed):
     assert axis.max() / DEG == pytest.approx(worst[:, 1].max(), abs=1e-3)
 
 
-@pytest.mark.parametrize(("limit", "roll"), [(0.01, ROLL / DEG), (0.3, ROLL / DEG)])
+@pytest.mark.parametrize(
+    ("limit", "roll"), [(0.01, ROLL / DEG), (0.3, ROLL / DEG), (3.0, ROLL / DEG)]
+)
 def test_a_turn_about_the_tool_axis_alone_is_held_to_the_roll(limit, roll):
     """The parabola of the turn is about the tool's own axis, which it does not move."""
     s, a = np.arange(480.0), 2e-4
@@ -122,6 +124,8 @@ def test_the_tool_axis_is_within_the_tolerance_where_the_tool_may_roll(seed):
     assert worst[:, 0].max() <= 0.01 + 5e-5
     assert worst[:, 1].max() <= ROLL / DEG + 1e-3
     assert worst[:, 2].max() <= 0.005 + 1e-3
+    told = free.off(kept[:-1], kept[1:])[3].max() / DEG
+    assert told == pytest.approx(worst[:, 2].max(), abs=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(4))

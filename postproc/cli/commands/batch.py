@@ -127,6 +127,8 @@ def _run(
     for key in outcome.bad:
         for line in document["entries"][key]["errors"][:3]:
             session.say(line)
+    for line in outcome.warnings():
+        session.say(line)
     if outcome.unsaved:
         session.say(outcome.unsaved)
     session.document(document)

@@ -22,7 +22,7 @@ WORDS = {
     Reason.COLLISION: "collision",
     Reason.SPEED: "speed",
 }
-LEAVE = "let it be lifted off ([motion] retract_in_cuts),"
+_LEAVE = "let it be lifted off ([motion] retract_in_cuts), or "
 LOWER = "let the feed be lowered more ([process] least_feed_percent)"
 """What frees a cut on which an axis cannot follow the lowest feed of the process."""
 HELPED = 20
@@ -114,7 +114,7 @@ def _given_up(problem: Problem, tag: int) -> Finding:
         "not every one is refuted",
         tag,
         problem.toolpath.source(tag),
-        hint=f"lift the tool off before this tag, {LEAVE} or split the cut",
+        hint=f"lift the tool off before this tag, {_leave(problem)}split the cut",
     )
 
 
@@ -223,8 +223,14 @@ def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
         detail += f"; tag {before} is {other.rstrip(': ')}"
     if 0 <= found.pair < len(checker.pairs):
         detail += f"; most often {checker.met(found.pair)}"
-    hint = "" if pin else f"lift the tool off here, {LEAVE} or {_nearest(checker, found)}"
+    nearest = _nearest(checker, found)
+    hint = "" if pin else f"lift the tool off here, {_leave(checker.problem)}{nearest}"
     return failure(checker.problem, tag, found.main, detail, hint)
+
+
+def _leave(problem: Problem) -> str:
+    """Return the key that lets a cut be left, with what joins it to the next hint; empty if set."""
+    return "or " if problem.cell.motion.retract_in_cuts else _LEAVE
 
 
 def _nearest(checker: Checker, found: Break) -> str:

@@ -15,6 +15,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray, least_by
 from postproc.cell import Cell
 from postproc.kinematics import build, wrist_distance
 from postproc.model import Plan
+from postproc.process import repeats
 from postproc.units import DEG
 
 NEAR = 5.0 * DEG
@@ -39,7 +40,9 @@ class Grade(IntEnum):
 
 
 def grades(result: Plan, cell: Cell) -> IntArray:
-    """Return the ``Grade`` (n,) of every tag of a plan; invalid: fails, or has no move.
+    """Return the ``Grade`` (n,) of every tag of a plan; invalid: fails, or is not run.
+
+    A repeated tag stands as the one that it repeats.
 
     Args:
         result: the plan.
@@ -56,6 +59,9 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     least = _passed(least, result.left_out)
     runs = np.isfinite(least)
     runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
+    first = np.where(repeats(result.toolpath), 0, np.arange(len(least)))
+    first = np.maximum.accumulate(first)
+    least, runs = least[first], runs[first]
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
     grade[runs] = Grade.GOOD
     spare = np.where(np.isnan(result.clearance), np.inf, result.clearance) - cell.limits.clearance

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
-from postproc.planning.checks import Checker, Lines
+from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
@@ -104,6 +104,21 @@ def backed_off(
     start = (ends.tag_from, ends.height_from, ends.q_from)
     q, is_free = _lifted(checker, *start, attitude, branch, ends.lift, ends.lift > 0.0)
     return q, is_free & (ends.lift > 0.0)
+
+
+def why_stuck(
+    checker: Checker, ends: Ends, row: int, attitude: FloatArray, branch: IndexArray
+) -> Reason:
+    """Return why the tool of a connection cannot back off as it must at its start."""
+    problem, at = checker.problem, ends.tag_from[row : row + 1]
+    height = ends.height_from[row] + ends.lift[row]
+    T, external = problem.placement.tcp(at, attitude[at], height), ends.external[row : row + 1]
+    q, reached = problem.solve(T, external, branch[at], ends.q_from[row : row + 1])
+    if not reached[0]:
+        return Reason.UNREACHABLE
+    if not problem.within(q)[0]:
+        return Reason.JOINT_LIMIT
+    return Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
 
 
 def _by_trees(

@@ -18,6 +18,7 @@ from postproc.planning.route.connect import (
     backed_off,
     detours,
     free_way,
+    why_stuck,
 )
 from postproc.planning.route.cuts import cut_moves
 from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
@@ -166,7 +167,8 @@ def _out_of_material(
     ends = Ends(at, at, none, none, q[at], q[at], external, lift)
     up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
     if not is_free[0]:
-        findings.append(failure(checker.problem, tag, Reason.COLLISION, _STUCK, LEAD_OUT))
+        why = why_stuck(checker, ends, 0, chosen.attitude, chosen.branch)
+        findings.append(failure(checker.problem, tag, why, _STUCK, LEAD_OUT))
     return up[is_free]
 
 
@@ -235,9 +237,10 @@ def _decide(
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
         detail = _walled_in(checker, ends.q_to[row], ends.external[row])
         detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
-        hint = _NOT_SEARCHED if count >= GIVE_UP else ""
-        hint = LEAD_OUT if verdict.good[stuck[i]] else hint
-        findings.append(failure(problem, int(ends.tag_to[row]), Reason.COLLISION, detail, hint))
+        hint, why = _NOT_SEARCHED if count >= GIVE_UP else "", Reason.COLLISION
+        if verdict.good[stuck[i]]:
+            hint, why = LEAD_OUT, why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
+        findings.append(failure(problem, int(ends.tag_to[row]), why, detail, hint))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 

@@ -81,9 +81,8 @@ class Course:
 
         Returns:
             span (p,) and row (p,) of each point between, its distance (p,) [m] from the line and
-            the angle (p,) [rad] by which the tool is turned there against its own, that of its axis
-            alone where this makes the line pass; infinite where the line goes back, goes nowhere,
-            or turns too far.
+            the angle (p,) [rad] by which the tool, or with ``tool_axis`` its axis, is turned there
+            against its own; infinite where the line goes back, goes nowhere, or turns too far.
         """
         span, between = numbered(last - first - 1)
         row = first[span] + 1 + between
@@ -101,10 +100,9 @@ class Course:
         turned = start[span, :3, :3] @ rotation_about(axis[span], angle[span] * share)
         off = rotation_angle(turned, self.T[row, :3, :3])
         if self.tool_axis is not None:
-            more = np.flatnonzero((off > self.axis) & (off <= ROLL))
-            both = turned[more], self.T[row[more], :3, :3]
-            off[more] = angle_between(*(R @ self.tool_axis for R in both))
-            off[off > ROLL] = np.inf
+            ends = turned @ self.tool_axis, self.T[row, :3, :3] @ self.tool_axis
+            lean = angle_between(*ends)
+            off = np.where(off**2 - lean**2 > ROLL**2, np.inf, lean)
         if self.external.shape[1]:
             moved = self.external[first][span]
             moved = moved + share[:, None] * (self.external[last][span] - moved)
