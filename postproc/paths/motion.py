@@ -21,6 +21,7 @@ from postproc.geometry import STEP_SWEEP, inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
+from postproc.timing import resolved
 from postproc.units import DEG
 
 STEP_LENGTH = 0.015
@@ -180,6 +181,11 @@ class Station:
         return self.externals.shift(external) @ T if self.externals else T
 
 
+def top_speeds(cell: Cell) -> FloatArray:
+    """Return the largest speeds (6 + k,) of the arm's axes and the external ones."""
+    return np.append(cell.robot.qd_max, [axis.qd_max for axis in cell.external_axes])
+
+
 def joint_paths(
     trace: Trace,
     cell: Cell,
@@ -217,6 +223,7 @@ class _Solver:
         self.curves = curves_of(trace, kinematics, self.externals, self.external)
         self.row, self.share = self._samples(step_length, step_angle)
         self.q = np.full((len(trace), 6), np.nan)
+        self.slot = np.zeros(len(trace), dtype=np.int64)
         self.q_sample = np.full((len(self.row), 6), np.nan)
         self.point = np.full((len(self.row), 3), np.nan)
         self.axis = np.full((len(self.row), 3), np.nan)
@@ -233,6 +240,7 @@ class _Solver:
             if index < len(self.trace):
                 self._nearest_target(index)
             start = index
+        self._resolve()
         ends = self.curves.T_robroot_flange
         end_point, end_axis = self.station.in_part(ends, self.external, np.arange(len(ends)))
         return Paths(
@@ -355,10 +363,14 @@ class _Solver:
         heads = np.flatnonzero(is_first)
         q_start = self._run_starts(row[heads])
         slot = self._branches(low + heads, q_start)
+        self.slot[row] = slot[run]
         principal = np.full((high - low, 6), np.nan)
         for at in range(0, high - low, _CHUNK):
             part = slice(at, min(at + _CHUNK, high - low))
-            principal[part] = self._solve(low + at, low + part.stop, slot[run[part]])
+            inside = slice(low + part.start, low + part.stop)
+            principal[part], self.point[inside], self.axis[inside] = self._solve(
+                self.row[inside], self.share[inside]
+            )
         self.q_sample[low:high] = _continued(principal, run, heads, q_start, self.kinematics)
         ends = np.r_[row[1:] != row[:-1], True]
         self.q[row[ends]] = self.q_sample[low:high][ends]
@@ -381,7 +393,7 @@ class _Solver:
     def _branches(self, heads: AnyIntArray, q_start: FloatArray) -> AnyIntArray:
         """Return the branch (r,) of each run: that of its start, or where it goes on."""
         slot = np.asarray(self.kinematics.slot(q_start)).astype(np.int64)
-        T = self._flanges(heads)
+        T = self._flanges(self.row[heads], self.share[heads])
         slots, valid = self.kinematics.ik(T)
         gap = np.abs((slots - q_start[:, None, :] + np.pi) % _TURN - np.pi).max(axis=2)
         gap = np.where(valid, gap, np.inf)
@@ -390,22 +402,64 @@ class _Solver:
         # At the border between two branches rounding must not decide.
         return np.where(gap[rows, slot] > gap[rows, best] + _LEAP, best, slot)
 
-    def _flanges(self, samples: AnyIntArray) -> FloatArray:
-        """Return T_robroot_flange (n, 4, 4) of samples."""
-        row, share = self.row[samples], self.share[samples]
+    def _flanges(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
+        """Return T_robroot_flange (n, 4, 4) at ``share`` (n,) of path motions ``row`` (n,)."""
         return self.curves.flange(row, share, self.externals, self.external)
 
-    def _solve(self, low: int, high: int, slot: AnyIntArray) -> FloatArray:
-        """Return principal joints (n, 6) of samples low..high-1; note points in the part."""
-        samples = np.arange(low, high)
-        T = self._flanges(samples)
+    def _solve(
+        self, row: AnyIntArray, share: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return principal joints (n, 6), TCP and tool axis (n, 3) in the part, at samples."""
+        T = self._flanges(row, share)
         slots, valid = self.kinematics.ik(T)
-        rows = np.arange(len(T))
-        external = self.curves.external_at(self.row[samples], self.share[samples], self.external)
-        self.point[low:high], self.axis[low:high] = self.station.in_part(
-            T, external, self.row[samples]
+        rows, slot = np.arange(len(T)), self.slot[row]
+        external = self.curves.external_at(row, share, self.external)
+        point, axis = self.station.in_part(T, external, row)
+        return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan), point, axis
+
+    def _resolve(self) -> None:
+        """Put samples between those where an axis races, so that its largest speed is known."""
+        begins = self.trace.is_cp.copy()
+        begins[:1] = False  # nobody knows where the first motion comes from
+        starts, mine = np.flatnonzero(begins), np.flatnonzero(begins[self.row])
+        row = np.concatenate([starts, self.row[mine]])
+        share = np.concatenate([np.zeros(len(starts)), self.share[mine]])
+        q = np.vstack([self.q[starts - 1], self.q_sample[mine]])
+        order = np.lexsort((share, row))
+        coarse = row[order], share[order], self._places(row, share, q)[order]
+        row, share, places = resolved(coarse, self._times(), top_speeds(self.cell), self._near)
+        count = [np.bincount(rows, minlength=len(self.trace)) for rows in (coarse[0], row)]
+        finer = count[0] != count[1]
+        old, new = np.flatnonzero(~finer[self.row]), np.flatnonzero(finer[row] & (share > 0.0))
+        if not len(new):
+            return
+        _, point, axis = self._solve(row[new], share[new])
+        columns = (
+            (self.row, row[new]),
+            (self.share, share[new]),
+            (self.q_sample, places[new, :6]),
+            (self.point, point),
+            (self.axis, axis),
         )
-        return np.where(valid[rows, slot][:, None], slots[rows, slot], np.nan)
+        merged = [np.concatenate([before[old], more]) for before, more in columns]
+        order = np.lexsort((merged[1], merged[0]))
+        self.share, self.q_sample, self.point, self.axis = (m[order] for m in merged[1:])
+        self.row = merged[0][order].astype(np.int32)
+
+    def _near(self, row: AnyIntArray, share: FloatArray, near: FloatArray) -> FloatArray:
+        """Return where the axes are (n, 6 + k), nearest to ``near``; NaN out of reach."""
+        q = self.kinematics.split_wrist(self._solve(row, share)[0], near[:, :6])
+        return self._places(row, share, q + _TURN * np.rint((near[:, :6] - q) / _TURN))
+
+    def _places(self, row: AnyIntArray, share: FloatArray, q: FloatArray) -> FloatArray:
+        return np.hstack([q, self.curves.external_at(row, share, self.external)])
+
+    def _times(self) -> FloatArray:
+        """Return the time (m,) [s] of path motions at their programmed speed, as a feed asks."""
+        speed, turning = (self.trace.column(n) for n in ("speed", "orientation_speed"))
+        length = self.curves.length
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(length > 0.0, length / speed, self.curves.angle / turning)
 
     def _note_unreachable(self, row: AnyIntArray, principal: FloatArray) -> None:
         lost = np.unique(row[~np.isfinite(principal[:, 0])])

@@ -11,7 +11,7 @@ from postproc.cell import Cell, Robot, Tool
 from postproc.controller import Blend, EventWord
 from postproc.geometry import rotation_about
 from postproc.kinematics import dynamics_of
-from postproc.paths.motion import Paths
+from postproc.paths.motion import Paths, top_speeds
 from postproc.timing import (
     RAMP,
     SPEED_UP_TIME,
@@ -94,7 +94,7 @@ def durations(paths: Paths, cell: Cell) -> FloatArray:
     share = np.array([s.ptp for s in trace.settings]).reshape(-1, 6)[trace.setting[joint]]
     share = np.hstack([share, np.tile(share[:, :1], (1, len(cell.external_axes)))])
     places = np.nan_to_num(np.hstack([paths.q, paths.external]))
-    speed = _top_speeds(cell)
+    speed = top_speeds(cell)
     push = np.append(cell.robot.qdd_max, speed[6:] / SPEED_UP_TIME)
     top = np.maximum(speed * share, _SLOWEST_AXIS)
     ramps = np.append(jerk_ramps(cell.robot), np.full(len(speed) - 6, RAMP))
@@ -234,11 +234,6 @@ def speed_shares(paths: Paths, cell: Cell) -> FloatArray:
     return _shares(paths, cell, motion_times(paths))
 
 
-def _top_speeds(cell: Cell) -> FloatArray:
-    """Return the largest speeds (6 + k,) of the arm's axes and the external ones."""
-    return np.append(cell.robot.qd_max, [axis.qd_max for axis in cell.external_axes])
-
-
 def _shares(paths: Paths, cell: Cell, times: FloatArray) -> FloatArray:
     first = np.r_[True, paths.row[1:] != paths.row[:-1]]
     external = paths.curves.external_at(paths.row, paths.share, paths.external)
@@ -248,6 +243,6 @@ def _shares(paths: Paths, cell: Cell, times: FloatArray) -> FloatArray:
     share = np.where(first, paths.share, paths.share - np.roll(paths.share, 1))
     dt = times[paths.row] * share
     with np.errstate(divide="ignore", invalid="ignore"):
-        needed = np.abs(sample - before) / dt[:, None] / _top_speeds(cell)
+        needed = np.abs(sample - before) / dt[:, None] / top_speeds(cell)
     needed[(paths.row == 0) | ~(dt > _TINY)] = np.nan
     return np.where(np.isfinite(needed), needed, 0.0)

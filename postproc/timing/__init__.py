@@ -13,6 +13,7 @@ from postproc.timing.profile import (
     line_time,
     path_times,
 )
+from postproc.timing.racing import resolved
 from postproc.timing.torques import Torques
 
 __all__ = [
@@ -28,5 +29,6 @@ __all__ = [
     "joint_move_time",
     "line_time",
     "path_times",
+    "resolved",
     "slopes",
 ]

@@ -11,7 +11,16 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.paths import jerk_ramps, joint_path, torques_of
-from postproc.planning.checks import LOWER, Checker, Lines, Reason, Track, Verdict, failure
+from postproc.planning.checks import (
+    LOWER,
+    Checker,
+    Lines,
+    Reason,
+    Track,
+    Verdict,
+    failure,
+    poses_between,
+)
 from postproc.planning.route.blends import headings, wished_blends
 from postproc.planning.route.corners import lowered_blends
 from postproc.planning.states import Moves, Problem
@@ -22,6 +31,7 @@ from postproc.timing import (
     axis_speed_cap,
     joint_move_time,
     path_times,
+    resolved,
 )
 from postproc.units import MM_PER_MIN
 
@@ -72,7 +82,8 @@ def timed(
     length[rows] = lines.length
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
     track = checker.track(lines, Verdict.clean(len(lines)))
-    cap[rows], orientation[rows] = speed_caps(problem, lines, track)
+    track = _raced(problem, lines, track, table.speed[rows])
+    cap[rows], orientation[rows] = speed_caps(problem, lines, track, table.speed[rows])
     speed = _capped(problem, table, rows, cap, findings)
     blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
     if runs and not any(finding.is_error for finding in findings):
@@ -103,7 +114,7 @@ def followed_speeds(checker: Checker, table: Moves) -> FloatArray:
     lines = _lines(table, rows, _branches(checker.problem, table))
     cap = np.full(len(table), np.inf)
     track = checker.track(lines, Verdict.clean(len(lines)))
-    cap[rows] = speed_caps(checker.problem, lines, track)[0]
+    cap[rows] = speed_caps(checker.problem, lines, track, table.speed[rows])[0]
     least = least_of_moves(checker.problem, table)
     return np.where(is_path, _followed(table.speed, cap, least), np.nan)
 
@@ -128,15 +139,19 @@ def _branches(problem: Problem, table: Moves) -> IndexArray:
     return np.asarray(problem.kinematics.slot(table.q), dtype=np.int64)
 
 
-def speed_caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
+def speed_caps(
+    problem: Problem, lines: Lines, track: Track, asked: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the largest path speed (m,) [m/s] at which no axis exceeds its speed on the way.
 
-    A move that turns the tool on the spot, or nearly so, has no useful path speed: there it is the
-    speed of the orientation (m,) [rad/s] that is lowered, NaN where the cell's will do.
+    Well above the speed ``asked`` (m,) [m/s] it is an estimate. A move that turns the tool on the
+    spot, or nearly so, has no useful path speed: there it is the speed of the orientation (m,)
+    [rad/s] that is lowered, NaN where the cell's will do.
     """
     cap, orientation = np.full(len(lines), np.inf), np.full(len(lines), np.nan)
     if not len(lines):
         return cap, orientation
+    track = _raced(problem, lines, track, asked)
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
     piece = (np.diff(track.share)[same]) * lines.length[row]
@@ -155,16 +170,33 @@ def speed_caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray
     return cap, orientation
 
 
+def _raced(problem: Problem, lines: Lines, track: Track, asked: FloatArray) -> Track:
+    """Return joint paths sampled finely enough for the speeds of the axes at the speed asked."""
+    angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
+    way = lines.length / np.where(asked > 0.0, asked, np.inf)
+    time = np.where(lines.length > ON_THE_SPOT, way, angle / problem.cell.krl.orientation_speed)
+
+    def places_at(row: IndexArray, share: FloatArray, near: FloatArray) -> FloatArray:
+        T, external = poses_between(lines, row, share), lines.external_at(row, share)
+        q, reached = problem.solve(T, external, lines.branch[row], near[:, :6])
+        q[~reached] = np.nan
+        return np.hstack([q, external])
+
+    places = np.hstack([track.q, lines.external_at(track.row, track.share)])
+    samples = track.row, track.share, places
+    row, share, places = resolved(samples, time, _axis_speeds(problem), places_at)
+    return Track(row, share, places[:, :6])
+
+
 def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
     """Return which straight rapids (m,) are no cuts for all that a text says of their speed.
 
     ``track``: the joint paths of the lines.
     """
     cell = problem.cell
-    cap = speed_caps(problem, lines, track)[0]
-    return ~machining_speeds(
-        _followed(np.full(len(lines), cell.motion.rapid_speed), cap, 0.0), cell
-    )
+    rapid = np.full(len(lines), cell.motion.rapid_speed)
+    cap = speed_caps(problem, lines, track, rapid)[0]
+    return ~machining_speeds(_followed(rapid, cap, 0.0), cell)
 
 
 def _axis_speeds(problem: Problem) -> FloatArray:

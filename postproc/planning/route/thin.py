@@ -227,6 +227,7 @@ def _runnable(checker: Checker, table: Moves, kept: IndexArray) -> IndexArray:
     )
     verdict, track = checker.lines(lines, np.arange(len(long)) // _TOGETHER)
     least = checker.problem.least_feeds[table.tag[last]]
-    bad = np.flatnonzero(~verdict.good | (speed_caps(checker.problem, lines, track)[0] < least))
+    cap = speed_caps(checker.problem, lines, track, least)[0]
+    bad = np.flatnonzero(~verdict.good | (cap < least))
     back = [np.arange(first[row] + 1, last[row]) for row in bad.tolist()]
     return np.sort(np.concatenate([kept, *back]))

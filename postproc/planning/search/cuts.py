@@ -264,7 +264,7 @@ def _check_motions(
     verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
     least = checker.problem.least_feeds
     if least.any():
-        cap, _ = speed_caps(checker.problem, lines, track)
+        cap, _ = speed_caps(checker.problem, lines, track, least[tags[1]])
         verdict.refuse(np.flatnonzero(cap < least[tags[1]]), Reason.SPEED)
     judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
 
