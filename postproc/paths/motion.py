@@ -21,7 +21,7 @@ from postproc.geometry import STEP_SWEEP, inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
-from postproc.timing import resolved
+from postproc.timing import Samples, resolved
 from postproc.units import DEG
 
 STEP_LENGTH = 0.015
@@ -426,9 +426,9 @@ class _Solver:
         share = np.concatenate([np.zeros(len(starts)), self.share[mine]])
         q = np.vstack([self.q[starts - 1], self.q_sample[mine]])
         order = np.lexsort((share, row))
-        coarse = row[order], share[order], self._places(row, share, q)[order]
+        coarse = Samples(row, share, self._places(row, share, q)).of(order)
         row, share, places = resolved(coarse, self._times(), top_speeds(self.cell), self._near)
-        count = [np.bincount(rows, minlength=len(self.trace)) for rows in (coarse[0], row)]
+        count = [np.bincount(rows, minlength=len(self.trace)) for rows in (coarse.row, row)]
         finer = count[0] != count[1]
         old, new = np.flatnonzero(~finer[self.row]), np.flatnonzero(finer[row] & (share > 0.0))
         if not len(new):

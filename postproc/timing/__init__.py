@@ -13,7 +13,7 @@ from postproc.timing.profile import (
     line_time,
     path_times,
 )
-from postproc.timing.racing import resolved
+from postproc.timing.racing import Samples, resolved
 from postproc.timing.torques import Torques
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "SPEED_UP_TIME",
     "Bends",
     "JointPath",
+    "Samples",
     "Torques",
     "axis_speed_cap",
     "chain_profile",

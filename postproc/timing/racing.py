@@ -7,15 +7,17 @@ centre passes near axis 1, or the arm is nearly stretched: a mean over a longer 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Rows
 
 PlacesAt = Callable[[IndexArray, FloatArray, FloatArray], FloatArray]
 """Places (k, d) at shares (k,) of motions (k,), near to places (k, d); NaN out of reach."""
-_RACING = 0.2
-"""A motion is looked at more closely where an axis needs this share of its speed."""
+_RACING = 0.05
+"""A motion is looked at more closely where an axis needs this share of its speed: next to the
+stretched arm A3 needs twenty times its mean speed over a centimetre."""
 _FEWEST = 4
 """With fewer pieces the speeds of neighbouring ones do not show where an axis races."""
 _ERROR = 0.02
@@ -23,61 +25,90 @@ _ERROR = 0.02
 _HALVINGS = 14
 
 
-def resolved(
-    samples: tuple[IndexArray, FloatArray, FloatArray],
-    time: FloatArray,
-    top: FloatArray,
-    places_at: PlacesAt,
-) -> tuple[IndexArray, FloatArray, FloatArray]:
+class Samples(NamedTuple):
+    """Motion (s,) and share of it (s,) 0..1, both rising; places (s, d) of the axes [rad or m]."""
+
+    row: IndexArray
+    share: FloatArray
+    places: FloatArray
+
+    def of(self, mine: Rows) -> Samples:
+        """Return those samples."""
+        return Samples(self.row[mine], self.share[mine], self.places[mine])
+
+
+def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: PlacesAt) -> Samples:
     """Return samples with more between them until the largest speed of each motion is known.
 
     Mean speeds over two neighbouring pieces tell that where they meet; a piece is halved while this
-    exceeds the largest mean of its motion. Motions on which no axis comes near its speed keep
-    their samples.
+    exceeds the largest mean of its motion. Motions on which that shows no higher speed keep their
+    samples.
 
     Args:
-        samples: motion (s,) and share of it (s,) 0..1 of each sample, both rising, the start of
-            each motion included, and places of the axes (s, d) [rad or m].
+        samples: of all motions, the start of each included.
         time: (m,) of each motion [s].
         top: (d,) largest speeds [rad/s or m/s].
         places_at: where the axes are in between.
     """
+    known, unsure = _speeds(samples, time, top)
+    fine, found = samples, known
+    open_ = np.zeros(len(time), dtype=np.bool_)
+    done = []
     for _ in range(_HALVINGS):
-        row, share, places = samples
-        first = np.flatnonzero(_unresolved(samples, time, top))
-        if not len(first):
+        open_[:] = False
+        open_[fine.row[:-1][unsure]] = True
+        mine = open_[fine.row]
+        done.append(fine.of(~mine))
+        first = (np.cumsum(mine) - 1)[np.flatnonzero(unsure)]
+        fine = _halved(fine.of(mine), first, places_at)
+        if not len(fine.row):
             break
-        middle = 0.5 * (share[first] + share[first + 1])
-        near = 0.5 * (places[first] + places[first + 1])
-        between = places_at(row[first], middle, near)
-        known = np.isfinite(between).all(axis=1)
-        first, middle, between = first[known], middle[known], between[known]
-        samples = (
-            np.insert(row, first + 1, row[first]),
-            np.insert(share, first + 1, middle),
-            np.insert(places, first + 1, between, axis=0),
-        )
-    return samples
+        best, unsure = _speeds(fine, time, top)
+        found = np.maximum(found, best)
+    more = found > (1.0 + _ERROR) * known
+    if not more.any():
+        return samples
+    parts = [samples.of(~more[samples.row]), *(part.of(more[part.row]) for part in [*done, fine])]
+    row, share, places = zip(*parts, strict=True)
+    joined = Samples(np.concatenate(row), np.concatenate(share), np.concatenate(places))
+    return joined.of(np.lexsort((joined.share, joined.row)))
 
 
-def _unresolved(
-    samples: tuple[IndexArray, FloatArray, FloatArray], time: FloatArray, top: FloatArray
-) -> BoolArray:
-    """Return which pieces (s - 1,) between samples may hide a higher speed than is known."""
+def _halved(samples: Samples, first: IndexArray, places_at: PlacesAt) -> Samples:
+    """Return the samples with one more in the middle behind each of those (k,)."""
     row, share, places = samples
-    same = row[1:] == row[:-1]
+    middle = 0.5 * (share[first] + share[first + 1])
+    between = places_at(row[first], middle, 0.5 * (places[first] + places[first + 1]))
+    known = np.isfinite(between).all(axis=1)
+    at = first[known] + 1
+    return Samples(
+        np.insert(row, at, row[at - 1]),
+        np.insert(share, at, middle[known]),
+        np.insert(places, at, between[known], axis=0),
+    )
+
+
+def _speeds(samples: Samples, time: FloatArray, top: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the largest share (m,) of its speed that an axis needs over a piece of each motion.
+
+    And which pieces (s - 1,) between samples may hide a higher one.
+    """
+    row, share, places = samples
+    best, unsure = np.zeros(len(time)), np.zeros(max(len(row) - 1, 0), dtype=np.bool_)
     seconds = np.diff(share) * time[row[:-1]]
-    same &= seconds > 0.0
-    chord = np.diff(places, axis=0) / top / np.where(same, seconds, np.inf)[:, None]
-    mean = np.nan_to_num(np.abs(chord).max(axis=1, initial=0.0))
-    best, pieces = np.zeros(len(time)), np.bincount(row[:-1][same], minlength=len(time))
-    np.maximum.at(best, row[:-1][same], mean[same])
+    piece = np.flatnonzero((row[1:] == row[:-1]) & (seconds > 0.0))
+    seconds, motion = seconds[piece, None], row[piece]
+    chord = np.nan_to_num((places[piece + 1] - places[piece]) / top / seconds)
+    mean = np.abs(chord).max(axis=1, initial=0.0)
+    np.maximum.at(best, motion, mean)
+    after = np.flatnonzero(motion[1:] == motion[:-1])
+    bend = np.abs(chord[after + 1] - chord[after]) / (seconds[after] + seconds[after + 1])
     peak = mean.copy()
-    inner = np.flatnonzero(same[1:] & same[:-1])  # pieces that another of their motion follows
-    bend = np.abs(chord[inner + 1] - chord[inner]) / (seconds[inner] + seconds[inner + 1])[:, None]
-    for piece in (inner, inner + 1):
-        reached = np.abs(chord[piece]) + bend * seconds[piece][:, None]
-        np.maximum.at(peak, piece, np.nan_to_num(reached.max(axis=1, initial=0.0)))
-    largest = best[row[:-1]]
-    unsure = (pieces[row[:-1]] < _FEWEST) | (peak > (1.0 + _ERROR) * largest)
-    return np.asarray(same & (np.maximum(peak, largest) > _RACING) & unsure)
+    for beside in (after, after + 1):
+        reached = np.abs(chord[beside]) + bend * seconds[beside]
+        peak[beside] = np.maximum(peak[beside], reached.max(axis=1, initial=0.0))
+    few = np.bincount(motion, minlength=len(time))[motion] < _FEWEST
+    largest = best[motion]
+    unsure[piece] = few | (peak > (1.0 + _ERROR) * largest)
+    unsure[piece] &= np.maximum(peak, largest) > _RACING
+    return best, unsure

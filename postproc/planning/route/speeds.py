@@ -28,6 +28,7 @@ from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
     Bends,
     JointPath,
+    Samples,
     axis_speed_cap,
     joint_move_time,
     path_times,
@@ -183,7 +184,7 @@ def _raced(problem: Problem, lines: Lines, track: Track, asked: FloatArray) -> T
         return np.hstack([q, external])
 
     places = np.hstack([track.q, lines.external_at(track.row, track.share)])
-    samples = track.row, track.share, places
+    samples = Samples(track.row, track.share, places)
     row, share, places = resolved(samples, time, _axis_speeds(problem), places_at)
     return Track(row, share, places[:, :6])
 

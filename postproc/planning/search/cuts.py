@@ -264,8 +264,9 @@ def _check_motions(
     verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
     least = checker.problem.least_feeds
     if least.any():
-        cap, _ = speed_caps(checker.problem, lines, track, least[tags[1]])
-        verdict.refuse(np.flatnonzero(cap < least[tags[1]]), Reason.SPEED)
+        asked = np.where(verdict.good, least[tags[1]], 0.0)
+        cap, _ = speed_caps(checker.problem, lines, track, asked)
+        verdict.refuse(np.flatnonzero(cap < asked), Reason.SPEED)
     judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
 
 
