@@ -2,7 +2,7 @@
 
 from postproc.planning.route.drill import step_rows
 from postproc.planning.route.route import Route, has_ways, route
-from postproc.planning.route.speeds import ON_THE_SPOT, speed_caps
+from postproc.planning.route.speeds import ON_THE_SPOT, is_too_fast
 from postproc.planning.route.travel import MakeChecker, Travel, cell_at, travel_between
 
 __all__ = [
@@ -12,8 +12,8 @@ __all__ = [
     "Travel",
     "cell_at",
     "has_ways",
+    "is_too_fast",
     "route",
-    "speed_caps",
     "step_rows",
     "travel_between",
 ]

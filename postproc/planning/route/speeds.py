@@ -149,10 +149,19 @@ def speed_caps(
     spot, or nearly so, has no useful path speed: there it is the speed of the orientation (m,)
     [rad/s] that is lowered, NaN where the cell's will do.
     """
+    return _caps(problem, lines, _raced(problem, lines, track, asked))
+
+
+def is_too_fast(problem: Problem, lines: Lines, track: Track, least: FloatArray) -> BoolArray:
+    """Return at which motions (m,) an axis cannot follow the lowest speed (m,) [m/s] allowed."""
+    known = _caps(problem, lines, track)[0] < least  # the mean over a piece needs more already
+    fine = _raced(problem, lines, track, np.where(known, 0.0, least))
+    return known | (_caps(problem, lines, fine)[0] < least)
+
+
+def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, FloatArray]:
+    """Return as ``speed_caps`` what mean speeds between the samples of a track allow."""
     cap, orientation = np.full(len(lines), np.inf), np.full(len(lines), np.nan)
-    if not len(lines):
-        return cap, orientation
-    track = _raced(problem, lines, track, asked)
     same = track.row[1:] == track.row[:-1]
     row = track.row[1:][same]
     piece = (np.diff(track.share)[same]) * lines.length[row]

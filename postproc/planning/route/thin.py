@@ -23,7 +23,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import angle_between, axis_angle, rotation_about, rotation_angle
 from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
-from postproc.planning.route.speeds import speed_caps
+from postproc.planning.route.speeds import is_too_fast
 from postproc.process import may_be_passed
 from postproc.units import DEG, MM
 
@@ -227,7 +227,6 @@ def _runnable(checker: Checker, table: Moves, kept: IndexArray) -> IndexArray:
     )
     verdict, track = checker.lines(lines, np.arange(len(long)) // _TOGETHER)
     least = checker.problem.least_feeds[table.tag[last]]
-    cap = speed_caps(checker.problem, lines, track, least)[0]
-    bad = np.flatnonzero(~verdict.good | (cap < least))
+    bad = np.flatnonzero(~verdict.good | is_too_fast(checker.problem, lines, track, least))
     back = [np.arange(first[row] + 1, last[row]) for row in bad.tolist()]
     return np.sort(np.concatenate([kept, *back]))

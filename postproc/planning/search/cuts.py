@@ -16,7 +16,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.geometry import angle_between, rotation_angle, turned_between
 from postproc.model import MotionKind
 from postproc.planning.checks import PROBES, Checker, Lines, Reason, poses_between
-from postproc.planning.route import speed_caps
+from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
 from postproc.planning.states import BETWEEN, Chosen, Problem, leaves_tilt_range
 
@@ -265,8 +265,7 @@ def _check_motions(
     least = checker.problem.least_feeds
     if least.any():
         asked = np.where(verdict.good, least[tags[1]], 0.0)
-        cap, _ = speed_caps(checker.problem, lines, track, asked)
-        verdict.refuse(np.flatnonzero(cap < asked), Reason.SPEED)
+        verdict.refuse(is_too_fast(checker.problem, lines, track, asked), Reason.SPEED)
     judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
 
 
