@@ -11,12 +11,13 @@ from postproc.model import WORKING, MotionKind, ToolPath
 
 AXIS_SHARE = 0.95 * 0.98
 """Share of an axis's speed that a feed may need; a higher feed is lowered to it. The rest is for
-what an axis needs between two samples of the way."""
-LOWERED_FROM = 0.85
-"""A feed is rightly lowered if it would need more than this share: the samples of whoever judges
-a program are others than those of whoever made it."""
-LOWERED_TO = 0.75
-"""A lowered feed still needs this share at least, by the same reason; else it is too low."""
+what samples of the way miss, and for the digits of the text."""
+LOWERED_FROM = 0.88
+"""A feed is rightly lowered if it would need more than this share: whoever judges a program samples
+it elsewhere than whoever made it, and reads rounded points."""
+LOWERED_TO = 0.78
+"""A lowered feed still needs this share at least, by the same reason and as lowered feeds are
+rounded down by up to 9 %; else it is too low."""
 
 
 def feeds_of(toolpath: ToolPath, cell: Cell) -> FloatArray:

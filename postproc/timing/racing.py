@@ -46,7 +46,7 @@ def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: Pla
 
     Args:
         samples: of all motions, the start of each included.
-        time: (m,) of each motion [s].
+        time: (m,) of each motion [s]; infinite where nothing is asked of its speed.
         top: (d,) largest speeds [rad/s or m/s].
         places_at: where the axes are in between.
     """
@@ -55,14 +55,14 @@ def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: Pla
     open_ = np.zeros(len(time), dtype=np.bool_)
     done = []
     for _ in range(_HALVINGS):
+        if not unsure.any():
+            break
         open_[:] = False
         open_[fine.row[:-1][unsure]] = True
         mine = open_[fine.row]
         done.append(fine.of(~mine))
         first = (np.cumsum(mine) - 1)[np.flatnonzero(unsure)]
         fine = _halved(fine.of(mine), first, places_at)
-        if not len(fine.row):
-            break
         best, unsure = _speeds(fine, time, top)
         found = np.maximum(found, best)
     more = found > (1.0 + _ERROR) * known
@@ -96,7 +96,7 @@ def _speeds(samples: Samples, time: FloatArray, top: FloatArray) -> tuple[FloatA
     row, share, places = samples
     best, unsure = np.zeros(len(time)), np.zeros(max(len(row) - 1, 0), dtype=np.bool_)
     seconds = np.diff(share) * time[row[:-1]]
-    piece = np.flatnonzero((row[1:] == row[:-1]) & (seconds > 0.0))
+    piece = np.flatnonzero((row[1:] == row[:-1]) & (seconds > 0.0) & np.isfinite(seconds))
     seconds, motion = seconds[piece, None], row[piece]
     chord = np.nan_to_num((places[piece + 1] - places[piece]) / top / seconds)
     mean = np.abs(chord).max(axis=1, initial=0.0)

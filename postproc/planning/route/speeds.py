@@ -183,7 +183,8 @@ def _caps(problem: Problem, lines: Lines, track: Track) -> tuple[FloatArray, Flo
 def _raced(problem: Problem, lines: Lines, track: Track, asked: FloatArray) -> Track:
     """Return joint paths sampled finely enough for the speeds of the axes at the speed asked."""
     angle = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
-    way = lines.length / np.where(asked > 0.0, asked, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        way = lines.length / np.where(asked > 0.0, asked, 0.0)
     time = np.where(lines.length > ON_THE_SPOT, way, angle / problem.cell.krl.orientation_speed)
 
     def places_at(row: IndexArray, share: FloatArray, near: FloatArray) -> FloatArray:
