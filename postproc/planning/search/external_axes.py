@@ -2,8 +2,9 @@
 
 Where one position serves a cut the axes stand still while the tool works, and move between
 positions with the arm in a pose that is free all along. A cut that no single position serves runs
-with the axes moving: where they stand is a smooth function of the way along it. Each run of tags
-that needs no other move of the axes is planned as a job of its own.
+with the axes moving: where they stand is a smooth function of the way along it. So does one that
+is refused, slowed or less stiff where they stand, if it is better off with the work carried past
+the arm. Each run of tags that needs no other move of the axes is planned as a job of its own.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.paths import jerk_ramps, torques_of
 from postproc.planning.checks import Reason
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
+from postproc.planning.search.carried import carried_where_better
 from postproc.planning.search.positions import (
     UNREACHED,
     CheckerAt,
@@ -62,19 +64,24 @@ def plan_with_external_axes(
     places = rated(toolpath, cell, settings, values, checker_at)
     reach = places.loss < UNREACHED
     done: dict[tuple[int, int, bytes], Plan] = {}
+
+    def planned(run: Run) -> Plan:
+        key = (run.low, run.high, run.external.tobytes())
+        if key not in done:
+            part = toolpath.rows(np.arange(run.low, run.high))
+            here = cell if run.moves else cell_at(cell, run.external[0])
+            external = run.external if run.moves else None
+            done[key] = plan_here(part, here, run.high < len(toolpath), external)
+        return done[key]
+
     for _ in range(_ROUNDS):
         runs, again = places.runs(), False
         for run in runs:
-            key = (run.low, run.high, run.external.tobytes())
-            if key not in done:
-                part = toolpath.rows(np.arange(run.low, run.high))
-                here = cell if run.moves else cell_at(cell, run.external[0])
-                external = run.external if run.moves else None
-                done[key] = plan_here(part, here, run.high < len(toolpath), external)
-            again |= places.blame(run, done[key])
+            again |= places.blame(run, planned(run))
         if not again:
             break
-    plans = [done[run.low, run.high, run.external.tobytes()] for run in runs]
+    runs = carried_where_better(places, runs, planned)
+    plans = [planned(run) for run in runs]
     result = _joined(toolpath, cell, runs, plans, make_checker)
     return replace(result, findings=_told(result, places, runs, reach))
 

@@ -7,6 +7,7 @@ position has a price, and inside a moving cut every step on the grid; steps are 
 from __future__ import annotations
 
 import itertools
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -46,6 +47,14 @@ _COARSE = 3
 STEEP = 1.0
 """What each step more costs that an axis cannot make at the feed, likewise."""
 UNREACHED = 1e6
+AWAY = (1.0, 4.0)
+"""What a metre or a radian costs, likewise, by which the tool stands away from where the axes carry
+the work to, at a knot of a carried cut; more where the feed is slowed with less."""
+_MOST_STARTS = 24
+"""So many places to carry the work to are tried."""
+_PATIENCE = 2
+"""After so many refusals of a carried cut the axes are held at the places that are left, and of a
+held one that cannot be entered or left it is carried."""
 KNOT = 0.1
 """On cuts positions are rated this often [m] ..."""
 KNOT_TURN = 10.0 * DEG
@@ -96,6 +105,18 @@ class _Row:
     slides: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class _State:
+    """What is known and chosen for one unit, as columns of ``Positions``."""
+
+    calm: float | None
+    carried: FloatArray | None
+    is_looked_at: bool
+    loss: FloatArray
+    shut: BoolArray
+    closed: BoolArray
+
+
 @dataclass(slots=True)
 class Run:
     """Tags [low, high) between two moves of the external axes; ``external`` (n, k) at each."""
@@ -132,11 +153,15 @@ class Positions:
     way: FloatArray
     may_move: BoolArray
     closed: BoolArray = field(init=False)
+    shut: BoolArray = field(init=False)
     calm: dict[int, float] = field(init=False, default_factory=dict)
+    carried: dict[int, FloatArray] = field(init=False, default_factory=dict)
+    refused: Counter[int] = field(init=False, default_factory=Counter)
     looked_at: set[int] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
         """Let cuts move that no single position reaches, as far as any reaches them."""
+        self.shut = np.zeros(self.loss.shape, dtype=np.bool_)
         self.closed = np.zeros((len(self.units), len(self.values)), dtype=np.bool_)
         for unit in range(len(self.units)):
             loss = self.loss[self.knots_of(unit)]
@@ -144,13 +169,95 @@ class Positions:
             if not (loss[some] < UNREACHED).all(axis=0).any():
                 self._set_moving(unit)
 
-    def _set_moving(self, unit: int) -> bool:
+    def may_be_cut_moving(self, unit: int) -> bool:
+        """Return whether the axes may move along a unit."""
         low, high = self.units[unit]
-        if not self.may_move.any() or high - low < 2 or unit in self.calm:
+        return bool(self.may_move.any()) and high - low > 1
+
+    def is_reached(self, unit: int) -> bool:
+        """Return whether every knot of a unit is reached from some position."""
+        return bool((self.loss[self.knots_of(unit)] < UNREACHED).any(axis=1).all())
+
+    def _set_moving(self, unit: int) -> bool:
+        if not self.may_be_cut_moving(unit) or unit in self.calm:
             return False
         self.calm[unit] = CALM
         self._avoid_collisions(unit)
         return True
+
+    def carry(self, unit: int, price: float) -> bool:
+        """Let the axes carry the work of a unit past an arm that keeps about its pose.
+
+        As far as they reach: where the tool stands to the arm is held against each of the places
+        at which the unit could begin, and the cheapest of these is taken.
+
+        Args:
+            unit: that may be cut moving.
+            price: of a metre or a radian by which the tool stands away from there at a knot.
+        """
+        if not self.may_be_cut_moving(unit):
+            return False
+        self.calm[unit] = CALM
+        self._avoid_collisions(unit)
+        self.carried[unit], _ = self._towards(unit, price)
+        return True
+
+    def gains(self, unit: int, run: Run, worth: float) -> bool:
+        """Return whether the mean loss of a unit may be lower by ``worth`` when carried.
+
+        Than in a run. Collisions are not asked for.
+        """
+        at = self.knots_of(unit)
+        loss, rows = self.loss[at], np.arange(at.stop - at.start)
+        there = self._nearest(run.external[self.knots[at] - run.low])
+        spare = loss[rows, there].mean() - worth
+        return bool(spare > 0.0 and loss[rows, self._towards(unit, AWAY[0])[1]].mean() < spare)
+
+    def _towards(self, unit: int, price: float) -> tuple[FloatArray, IndexArray]:
+        """Return what standing away costs (m, g) a carried unit, and its positions (m,)."""
+        at = self.knots_of(unit)
+        place, T = self.checker.problem.placement, self.checker.problem.placement.base(self.values)
+        tags = self.knots[at]
+        tips = np.einsum("gij,mj->mgi", T[:, :3, :3], place.p_base_tcp[tags]) + T[:, :3, 3]
+        axes = np.einsum("gij,mj->mgi", T[:, :3, :3], place.axis_base(tags))
+        first = self.loss[at.start]
+        starts = np.flatnonzero((first < UNREACHED) | (first == first.min()))
+        found = []
+        for start in starts[:: max(1, -(-len(starts) // _MOST_STARTS))].tolist():
+            away = np.linalg.norm(tips - tips[0, start], axis=2)
+            away = price * (away + angle_between(axes, axes[0, start]))
+            chosen, cost = self._cheapest(self._moving_rows(unit, self.loss[at] + away))
+            found.append((cost, away, chosen))
+        return min(found, key=lambda way: way[0])[1:]
+
+    def state(self, unit: int) -> _State:
+        """Return what is known and chosen for a unit."""
+        at = self.knots_of(unit)
+        return _State(
+            self.calm.get(unit),
+            self.carried.get(unit),
+            unit in self.looked_at,
+            self.loss[at].copy(),
+            self.shut[at].copy(),
+            self.closed[unit].copy(),
+        )
+
+    def restore(self, unit: int, state: _State) -> None:
+        """Take back what was known and chosen for a unit."""
+        at = self.knots_of(unit)
+        self._stand(unit)
+        if state.calm is not None:
+            self.calm[unit] = state.calm
+        if state.carried is not None:
+            self.carried[unit] = state.carried
+        if not state.is_looked_at:
+            self.looked_at.discard(unit)
+        self.loss[at], self.shut[at], self.closed[unit] = state.loss, state.shut, state.closed
+
+    def _stand(self, unit: int) -> None:
+        """Let the axes stand along a unit."""
+        self.calm.pop(unit, None)
+        self.carried.pop(unit, None)
 
     def _avoid_collisions(self, unit: int) -> None:
         """Make dear for knots of a unit the positions at which no pose of a coarse grid is free."""
@@ -160,16 +267,17 @@ class Positions:
         knots = self.knots_of(unit)
         problem, tags = self.checker.problem, self.knots[knots]
         spins = problem.settings.spins[::_COARSE]
-        for g, value in enumerate(self.values):
-            here = problem.standing(value)
+        first, of_first = _distinct(problem, self.values)
+        for number, g in enumerate(first.tolist()):
+            here, same = problem.standing(self.values[g]), np.flatnonzero(of_first == number)
             rows = np.flatnonzero(self.loss[knots, g] < UNREACHED)
             states = sample(here, tags[rows], spins)
-            first = np.flatnonzero(np.diff(states.config, prepend=-1))
-            of, q = states.tag_of(first), states.q[first].astype(np.float64)
+            each = np.flatnonzero(np.diff(states.config, prepend=-1))
+            of, q = states.tag_of(each), states.q[each].astype(np.float64)
             good = replace(self.checker, problem=here).poses(tags[rows[of]], q).good
             free = np.zeros(len(rows), dtype=np.bool_)
             free[of[good]] = True
-            self.loss[np.arange(knots.start, knots.stop)[rows[~free]], g] += BLOCKED
+            self.loss[np.ix_(knots.start + rows[~free], same)] += BLOCKED
 
     @property
     def cell(self) -> Cell:
@@ -197,20 +305,23 @@ class Positions:
         for unit, (low, high) in enumerate(self.units):
             at = self.knots_of(unit)
             if unit in self.calm:
-                ends = [*self.knots[at].tolist(), high]
-                rows += [
-                    _Row(unit, ends[i], ends[i + 1], self.loss[at][i], i > 0)
-                    for i in range(len(ends) - 1)
-                ]
+                cost = np.where(self.shut[at], UNREACHED, self.loss[at])
+                rows += self._moving_rows(unit, cost + self.carried.get(unit, 0.0))
             else:
                 cost = np.minimum((count[at] * self.loss[at]).sum(axis=0), UNREACHED)
                 rows.append(_Row(unit, low, high, np.where(self.closed[unit], UNREACHED, cost)))
         return rows
 
+    def _moving_rows(self, unit: int, cost: FloatArray) -> list[_Row]:
+        """Return a row for every knot of a unit, of costs (m, g)."""
+        ends = [*self.knots[self.knots_of(unit)].tolist(), self.units[unit][1]]
+        pairs = enumerate(itertools.pairwise(ends))
+        return [_Row(unit, low, high, cost[i], i > 0) for i, (low, high) in pairs]
+
     def runs(self) -> list[Run]:
         """Return the runs of tags with where the axes stand, at least total cost."""
         rows = self._rows()
-        chosen = self._cheapest(rows)
+        chosen, _ = self._cheapest(rows)
         runs: list[Run] = []
         for number, (row, position) in enumerate(zip(rows, chosen.tolist(), strict=True)):
             place = np.tile(self.values[position], (row.high - row.low, 1))
@@ -255,9 +366,10 @@ class Positions:
 
         And whether the arm has a free pose there, as far as it has one where they are stepped.
         """
-        bound = self.loss[rows, self._nearest(stepped)] + 0.5 * BLOCKED
+        loss = np.where(self.shut, UNREACHED, self.loss)
+        bound = loss[rows, self._nearest(stepped)] + 0.5 * BLOCKED
         value = _calmed(self.way[self.knots[rows]], stepped, length)
-        return value, bool((self.loss[rows, self._nearest(value)] < bound).all())
+        return value, bool((loss[rows, self._nearest(value)] < bound).all())
 
     def _too_fast(self, knots: IndexArray, value: FloatArray) -> bool:
         """Return whether an axis is too slow for its way (m, k) between knots (m,) at the feed."""
@@ -270,8 +382,8 @@ class Positions:
         off = np.abs(self.values[None] - external[:, None]) / _steps(self.cell)
         return np.asarray(off.max(axis=2).argmin(axis=1))
 
-    def _cheapest(self, rows: list[_Row]) -> IndexArray:
-        """Return the position (u,) of every row by dynamic programming."""
+    def _cheapest(self, rows: list[_Row]) -> tuple[IndexArray, float]:
+        """Return the position (u,) of every row by dynamic programming, and what all cost."""
         change = self._change()
         steps = np.abs(self.values[:, None] - self.values[None]) / _steps(self.cell)
         slide = SLIDE * steps.sum(axis=2)
@@ -291,7 +403,7 @@ class Positions:
         chosen = [int(np.argmin(value))]
         for pointers in reversed(back):
             chosen.append(int(pointers[chosen[-1]]))
-        return np.array(chosen[::-1], dtype=np.int64)
+        return np.array(chosen[::-1], dtype=np.int64), float(value.min())
 
     def _change(self) -> FloatArray:
         reach = np.array([axis.q_max - axis.q_min for axis in self.cell.external_axes])
@@ -300,31 +412,56 @@ class Positions:
 
     def blame(self, run: Run, result: Plan) -> bool:
         """Close positions to what failed there; return whether there is another way."""
-        again = False
+        again, moving = False, frozenset(self.calm)
         for finding in result.errors:
             if finding.tag_index is None:
                 continue
             tag = run.low + finding.tag_index
-            unit = next(i for i, (a, b) in enumerate(self.units) if a <= tag < b)
+            unit = next(i for i, (low, high) in enumerate(self.units) if low <= tag < high)
+            low, high = self.units[unit]
             position = int(self._nearest(run.external[tag - run.low][None])[0])
-            if unit in self.calm:
+            if unit in moving:
+                self.refused[unit] += 1
                 again |= self._close_knot(unit, tag, position)
             elif not self.closed[unit, position]:
                 self.closed[unit, position] = True
-                self._avoid_collisions(unit)
-                at = self.knots_of(unit)
-                left = ~self.closed[unit] & (self.loss[at] < UNREACHED).all(axis=0)
-                again |= bool(left.any()) or self._set_moving(unit)
+                again |= self._elsewhere(unit, position, tag in (low, high - 1))
+        for unit in moving & self.carried.keys():
+            if self.refused[unit] >= _PATIENCE and self._left(unit).any():
+                self._stand(unit)
+                again = True
         return again
+
+    def _left(self, unit: int) -> BoolArray:
+        """Return (g,) the positions at which a unit may still be done held."""
+        reached = (self.loss[self.knots_of(unit)] < UNREACHED).all(axis=0)
+        return np.asarray(~self.closed[unit] & reached)
+
+    def _elsewhere(self, unit: int, position: int, is_at_end: bool) -> bool:
+        """Look for another way for a unit refused at a position; return whether there is one.
+
+        Where the arm had no free pose at some knot, or could not come or go, another place may
+        serve. Else it is the way from pose to pose that fails, as it will elsewhere: the axes carry
+        the work along it.
+        """
+        self._avoid_collisions(unit)
+        left, loss = self._left(unit), self.loss[self.knots_of(unit)]
+        is_blocked = loss.max(axis=0) >= BLOCKED
+        may_serve = is_blocked[position] or (is_at_end and self.closed[unit].sum() <= _PATIENCE)
+        if may_serve and (left & ~is_blocked).any():
+            return True
+        if not self.refused[unit] and self.carry(unit, AWAY[0]):
+            return True
+        return bool(left.any()) or self._set_moving(unit)
 
     def _close_knot(self, unit: int, tag: int, position: int) -> bool:
         """Close a position to the knot before a tag of a moving cut; it moves less calmly then."""
         knot = int(np.searchsorted(self.knots, tag, side="right")) - 1
-        if self.loss[knot, position] >= UNREACHED:
+        if self.shut[knot, position] or self.loss[knot, position] >= UNREACHED:
             return False
-        self.loss[knot, position] = UNREACHED
+        self.shut[knot, position] = True
         self.calm[unit] = max(0.7 * self.calm[unit], KNOT)
-        return bool((self.loss[knot] < UNREACHED).any())
+        return bool((~self.shut[knot] & (self.loss[knot] < UNREACHED)).any())
 
 
 def _calmed(way: FloatArray, value: FloatArray, length: float) -> FloatArray:
@@ -372,9 +509,10 @@ def rated(
     is_knot = spaced(arc_length(toolpath), chain, KNOT)
     is_knot[1:] |= np.diff(np.floor(turned / KNOT_TURN)) != 0
     knots = np.flatnonzero(is_knot)
+    first, of_first = _distinct(problem, values)
     cost = np.column_stack(
-        [_least_cost(problem.standing(value), knots, settings) for value in values]
-    )
+        [_least_cost(problem.standing(value), knots, settings) for value in values[first]]
+    )[:, of_first]
     values, cost = _with_finer(problem, values, knots, cost, settings)
     best = cost.min(axis=1, keepdims=True)
     loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), np.nan)
@@ -384,6 +522,17 @@ def rated(
     may_move = np.array([axis.moves_in_cuts for axis in cell.external_axes])
     loss = np.nan_to_num(loss, nan=UNREACHED)
     return Positions(checker, values, units, knots, loss, way, may_move)
+
+
+def _distinct(problem: Problem, values: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Return the first position (d,) of each kind, and of which kind each (g,) is.
+
+    Whole turns of a positioner bring the work to where it was.
+    """
+    bases = np.round(problem.placement.base(values).reshape(len(values), 16), 9)
+    seen: dict[bytes, int] = {}
+    of_kind = np.array([seen.setdefault(row.tobytes(), len(seen)) for row in bases + 0.0])
+    return np.unique(of_kind, return_index=True)[1], of_kind
 
 
 def _with_finer(

@@ -1,0 +1,155 @@
+"""Cuts run with the axes standing or with the work carried past the arm, whichever is better.
+
+Standing is the quieter way: carrying is looked at where a cut is refused, slowed, or gives away
+stiffness that it could have, and has to be better by as much as is worth it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from postproc.arrays import FloatArray
+from postproc.model import MoveRole, Plan
+from postproc.planning.search.keytags import arc_length
+from postproc.planning.search.positions import AWAY, Positions, Run
+from postproc.planning.states import Weights
+from postproc.process import feeds_of
+
+WORTH = 0.1
+"""What carrying has to gain, in the units of the objectives: an axis that moves adds its errors."""
+SLOWED = 0.01
+"""A feed lowered by more than this share is looked at."""
+_SLOW = 10.0
+"""What the time of a cut at full feed costs likewise, as long again as it takes: 1 % of it is as
+bad as 10 % of stiffness."""
+_ROUNDS = 2
+"""So often a carried cut is planned anew where it was refused."""
+PlanRun = Callable[[Run], Plan]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of one cut in a plan.
+
+    Args:
+        errors: how many findings refuse it.
+        is_slowed: whether a feed was lowered.
+        time: how long it takes against the time at full feed.
+        share: (n,) of the way that belongs to each tag, 1 in all.
+        index, best: (n,) [N/m] stiffness of each tag, and the best it could have where the axes
+            stand; NaN without.
+    """
+
+    errors: int
+    is_slowed: bool
+    time: float
+    share: FloatArray
+    index: FloatArray
+    best: FloatArray
+
+    @classmethod
+    def of(cls, places: Positions, unit: int, run: Run, plan: Plan) -> Outcome:
+        """Return what became of a unit in the plan of its run."""
+        low, high = places.units[unit]
+        rows, tags = np.arange(low, high), range(low - run.low, high - run.low)
+        way = arc_length(places.toolpath)
+        cuts = np.flatnonzero(plan.role == MoveRole.CUT)
+        cuts = cuts[np.isin(plan.tag[cuts], tags)]
+        end = plan.tag[cuts] + run.low
+        feed = feeds_of(places.toolpath, places.cell)[end]
+        at_feed = np.diff(way[end], prepend=way[low]) / feed
+        share = np.gradient(way[rows])
+        best = plan.stiffness if plan.stiffness_best is None else plan.stiffness_best
+        return cls(
+            sum(finding.tag_index in tags for finding in plan.errors),
+            bool((plan.speed[cuts] < (1.0 - SLOWED) * feed).any()),
+            float(plan.duration[cuts].sum() / max(np.nansum(at_feed), 1e-9)),
+            share / max(share.sum(), 1e-9),
+            plan.stiffness[tags.start : tags.stop],
+            best[tags.start : tags.stop],
+        )
+
+    @property
+    def worst_loss(self) -> float:
+        """The largest loss of stiffness at a tag, as a share of its best; 0 without stiffness."""
+        return float(np.nan_to_num(1.0 - self.index / self.best).max(initial=0.0))
+
+    def cost(self, weights: Weights) -> float:
+        """Return what the cut costs: its feed, its stiffness, and what it loses of its best."""
+        loss = weights.price(1.0 - self.index / self.best) - np.log(self.index)
+        return _SLOW * self.time + float(np.nansum(self.share * loss))
+
+    def is_better(self, other: Outcome, weights: Weights) -> bool:
+        """Return whether this is clearly better: it can be run and the other not, or is cheaper."""
+        if self.errors or other.errors:
+            return self.errors < other.errors
+        return self.cost(weights) < other.cost(weights) - WORTH
+
+
+def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -> list[Run]:
+    """Return the runs with every cut carried that is clearly better off so.
+
+    Args:
+        places: the search, brought to what is returned.
+        runs: found so far.
+        planned: run to its plan, the same for the same run.
+    """
+    weights = places.checker.problem.settings.weights
+    for price in AWAY:
+        before = _outcomes(places, runs, planned)
+        units = [
+            unit
+            for unit, now in before.items()
+            if _is_worth_a_look(places, unit, now, _run_of(places, unit, runs))
+        ]
+        if not units:
+            break
+        kept = {unit: places.state(unit) for unit in units}
+        for unit in units:
+            places.carry(unit, price)
+        for _ in range(_ROUNDS):
+            trial = places.runs()
+            if not any([places.blame(run, planned(run)) for run in trial]):
+                break
+        after = _outcomes(places, trial, planned)
+        worse = {unit for unit in units if not after[unit].is_better(before[unit], weights)}
+        for unit in worse:
+            places.restore(unit, kept[unit])
+        trial = places.runs()
+        if worse != kept.keys() and _errors(trial, planned) <= _errors(runs, planned):
+            runs = trial
+        else:
+            for unit in units:
+                places.restore(unit, kept[unit])
+    return runs
+
+
+def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bool:
+    """Return whether a unit in a run may be better off carried, or more so than it is."""
+    if now.errors:
+        return places.is_reached(unit)
+    bound = places.cell.optimize.loss_bound
+    if now.is_slowed or (bound is not None and now.worst_loss > bound):
+        return True
+    return unit not in places.carried and places.gains(unit, run, WORTH)
+
+
+def _outcomes(places: Positions, runs: list[Run], planned: PlanRun) -> dict[int, Outcome]:
+    """Return what became of each unit that may be cut moving."""
+    return {
+        unit: Outcome.of(places, unit, run, planned(run))
+        for unit in range(len(places.units))
+        if places.may_be_cut_moving(unit)
+        for run in [_run_of(places, unit, runs)]
+    }
+
+
+def _run_of(places: Positions, unit: int, runs: list[Run]) -> Run:
+    return next(run for run in runs if run.low <= places.units[unit][0] < run.high)
+
+
+def _errors(runs: list[Run], planned: PlanRun) -> int:
+    return sum(len(planned(run).errors) for run in runs)
