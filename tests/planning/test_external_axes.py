@@ -16,7 +16,10 @@ from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning import planner
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
+from postproc.planning.search import positions
+from postproc.planning.search.between import carried_twist
 from postproc.planning.search.positions import position_grid
+from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
 
 RAIL = ExternalAxis("E1", "rail", np.array([0.0, 1.0, 0.0]), np.eye(4), -3.5, 3.5, 1.0)
@@ -374,3 +377,97 @@ def test_the_way_along_the_rail_is_looked_at_without_gaps(make_cell, radius):
         where = np.linspace(beside[0], beside[1], 501)
         dense = Scene.build(cell, arm).check(np.hstack([np.tile(q, (501, 1)), where]))
         assert _slides_free(cell, q, beside, checker) == (not dense.hit.any())
+
+
+def rim(make_path, radius, tilt, n=121):
+    """Return a way round a part that stands at (2, 0, 0.8), and a turntable under it.
+
+    The tool leans out of the plane of the way by ``tilt`` [rad].
+    """
+    centre, angle = np.array([2.0, 0.0, 0.8]), np.linspace(-np.pi, np.pi, n)
+    out = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
+    points = centre + radius * out
+    points = np.concatenate([points[:1] + 0.03 * out[:1], points, points[-1:] + 0.03 * out[-1:]])
+    out = out[np.r_[0, 0:n, n - 1]]
+    axes = np.cos(tilt) * out + np.sin(tilt) * np.array([0.0, 0.0, 1.0])
+    kind = np.full(n + 2, MotionKind.LINEAR)
+    kind[0] = MotionKind.RAPID
+    T = np.eye(4)
+    T[:3, 3] = centre
+    turn = ExternalAxis("E1", "positioner", np.array([0.0, 0, 1.0]), T, -3.3, 3.3, 0.5)
+    return make_path(points, axes, kind, feed=np.full(n + 2, 0.025)), turn
+
+
+def test_a_rim_is_carried_past_the_arm_where_that_is_stiffer(make_cell, make_path):
+    """Held, the arm reaches all round the part, into postures that give way."""
+    toolpath, turn = rim(make_path, 0.25, 45.0 * DEG)
+    held = plan(toolpath, make_cell(external_axes=(replace(turn, moves_in_cuts=False),)))
+    result = plan(toolpath, make_cell(external_axes=(turn,)))
+    assert not held.errors
+    assert not result.errors
+    assert np.ptp(held.external) == 0.0
+    assert np.ptp(result.external) > 240.0 * DEG
+    assert [f.code for f in result.findings].count("PLN307") == 1
+    assert np.log(result.stiffness).mean() > np.log(held.stiffness).mean()
+    assert result.stiffness.min() > 1.05 * held.stiffness.min()
+
+
+def test_a_rim_that_is_as_good_held_stays_held(make_cell, make_path):
+    toolpath, turn = rim(make_path, 0.1, 90.0 * DEG)
+    result = plan(toolpath, make_cell(external_axes=(turn,)))
+    assert not result.errors
+    assert np.ptp(result.external) == 0.0
+
+
+def test_a_rim_refused_where_the_table_stands_is_carried_at_once(make_cell, make_path, monkeypatch):
+    """A disc in the way of the arm: no place of the table serves, nor is each of them tried."""
+    toolpath, turn = rim(make_path, 0.305, 90.0 * DEG)
+    T = turn.T_world_axis.copy()
+    T[2, 3] -= 0.005
+    disc = MeshPlacement("disc", T, radius=0.3, length=0.06)
+    cell = make_cell(external_axes=(turn,))
+    cell = replace(cell, bases=(replace(cell.workpiece, meshes=(disc,)),))
+    planned = []
+    own = planner._planned
+
+    def counted(*args, **more):
+        planned.append(own(*args, **more))
+        return planned[-1]
+
+    monkeypatch.setattr(planner, "_planned", counted)
+    result = plan(toolpath, cell)
+    assert not result.errors
+    assert planned[0].errors
+    assert np.ptp(result.external) > 180.0 * DEG
+    assert len(planned) <= 3
+    q, external, _ = along_cuts(result, cell, shares=4)
+    contact = np.ones(len(q), dtype=bool)
+    assert (
+        not Scene.build(cell, build(cell.robot)).check(np.hstack([q, external]), contact).hit.any()
+    )
+
+
+def test_a_tool_that_stands_still_on_a_turning_table_does_not_twist(make_cell, make_path):
+    n, turned = 13, np.linspace(0.0, 2.0, 13)
+    cell = make_cell(external_axes=(rim(make_path, 0.1, 0.0)[1],))
+    toolpath = make_path(np.tile([2.1, 0.0, 0.8], (n, 1)), [0.0, 0.0, 1.0])
+    settings = settle(cell, PlanOptions())[1]
+    place = planner.problem_of(toolpath, cell, settings, turned[:, None]).placement
+    # spins that make up for the turn of the table leave the tool as it stands to the arm
+    spin = carried_twist(place)[0] - carried_twist(place)
+    T = place.base(place.external) @ place.tcp(np.arange(n), spin)
+    assert np.allclose(T[:, :3, :3], T[0, :3, :3], atol=1e-9)
+
+
+def test_whole_turns_of_a_table_are_rated_once(make_cell, make_path, monkeypatch):
+    toolpath, turn = rim(make_path, 0.25, 45.0 * DEG, n=31)
+    cell = make_cell(external_axes=(replace(turn, q_min=-4.0 * np.pi, q_max=4.0 * np.pi),))
+    rated, own = [], positions._least_cost
+
+    def counted(problem, *args):
+        rated.append(problem)
+        return own(problem, *args)
+
+    monkeypatch.setattr(positions, "_least_cost", counted)
+    assert not plan(toolpath, cell).errors
+    assert len(rated) == 12

@@ -20,14 +20,24 @@ from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
 
 _FULL_TURN = 2.0 * np.pi
+_TURNED = 1e-9
+"""From such a change of its rotation on a positioner turns the work along a path."""
 
 
 def carried_twist(placement: Placement) -> FloatArray:
-    """Return (n,) [rad] what to add to the spin of each tag for its twist along the path."""
+    """Return (n,) [rad] what to add to the spin of each tag for its twist along the path.
+
+    As the arm sees the path: where a positioner turns the work along it, the tool that stands still
+    in robroot does not twist.
+    """
     n = len(placement)
     axis = placement.axis_base(np.arange(n))
     first, _ = cross_axes(placement.tool_axis)
     cross = placement.R_base_tcp @ first
+    R_robroot_base = placement.base(placement.external)[..., :3, :3]
+    if R_robroot_base.ndim == 3 and np.ptp(R_robroot_base, axis=0).max(initial=0.0) > _TURNED:
+        axis = np.einsum("nij,nj->ni", R_robroot_base, axis)
+        cross = np.einsum("nij,nj->ni", R_robroot_base, cross)
     k = np.cross(axis[:-1], axis[1:])
     cosine = np.einsum("ij,ij->i", axis[:-1], axis[1:])
     u = cross[:-1]

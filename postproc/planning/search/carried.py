@@ -20,6 +20,8 @@ from postproc.process import feeds_of
 
 WORTH = 0.1
 """What carrying has to gain, in the units of the objectives: an axis that moves adds its errors."""
+_HOPE = 0.5
+"""Carrying is looked at where single poses, chosen free of each other, gain this share of it."""
 SLOWED = 0.01
 """A feed lowered by more than this share is looked at."""
 _SLOW = 10.0
@@ -134,7 +136,7 @@ def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bo
     bound = places.cell.optimize.loss_bound
     if now.is_slowed or (bound is not None and now.worst_loss > bound):
         return True
-    return unit not in places.carried and places.gains(unit, run, WORTH)
+    return unit not in places.carried and places.gains(unit, run, _HOPE * WORTH)
 
 
 def _outcomes(places: Positions, runs: list[Run], planned: PlanRun) -> dict[int, Outcome]:
