@@ -132,7 +132,7 @@ def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -
 def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bool:
     """Return whether a unit in a run may be better off carried, or more so than it is."""
     if now.errors:
-        return places.is_reached(unit)
+        return places.is_reached(unit) and not places.refused[unit]
     bound = places.cell.optimize.loss_bound
     if now.is_slowed or (bound is not None and now.worst_loss > bound):
         return True

@@ -47,6 +47,8 @@ _COARSE = 3
 STEEP = 1.0
 """What each step more costs that an axis cannot make at the feed, likewise."""
 UNREACHED = 1e6
+_MOST_REFUSED = 6
+"""A cut that may move is given up after so many plans that all refuse the same tag of it."""
 AWAY = (1.0, 4.0)
 """What a metre or a radian costs, likewise, by which the tool stands away from where the axes carry
 the work to, at a knot of a carried cut; more where the feed is slowed with less."""
@@ -157,6 +159,7 @@ class Positions:
     calm: dict[int, float] = field(init=False, default_factory=dict)
     carried: dict[int, FloatArray] = field(init=False, default_factory=dict)
     refused: Counter[int] = field(init=False, default_factory=Counter)
+    refusals: Counter[tuple[int, int]] = field(init=False, default_factory=Counter)
     looked_at: set[int] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
@@ -412,7 +415,7 @@ class Positions:
 
     def blame(self, run: Run, result: Plan) -> bool:
         """Close positions to what failed there; return whether there is another way."""
-        again, moving = False, frozenset(self.calm)
+        ways, moving, seen = dict[int, bool](), frozenset(self.calm), set[tuple[int, int]]()
         for finding in result.errors:
             if finding.tag_index is None:
                 continue
@@ -420,17 +423,27 @@ class Positions:
             unit = next(i for i, (low, high) in enumerate(self.units) if low <= tag < high)
             low, high = self.units[unit]
             position = int(self._nearest(run.external[tag - run.low][None])[0])
+            seen.add((unit, tag))
+            again = ways.get(unit, False)
             if unit in moving:
                 self.refused[unit] += 1
                 again |= self._close_knot(unit, tag, position)
             elif not self.closed[unit, position]:
                 self.closed[unit, position] = True
                 again |= self._elsewhere(unit, position, tag in (low, high - 1))
+            ways[unit] = again
         for unit in moving & self.carried.keys():
             if self.refused[unit] >= _PATIENCE and self._left(unit).any():
                 self._stand(unit)
-                again = True
-        return again
+                ways[unit] = True
+        self.refusals.update([*seen, *((unit, -1) for unit in ways)])
+        hopeless = {
+            unit
+            for unit, tag in seen
+            if self.may_be_cut_moving(unit)
+            and self.refusals[unit, tag] == self.refusals[unit, -1] >= _MOST_REFUSED
+        }
+        return any(way for unit, way in ways.items() if unit not in hopeless)
 
     def _left(self, unit: int) -> BoolArray:
         """Return (g,) the positions at which a unit may still be done held."""
