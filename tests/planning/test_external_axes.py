@@ -16,7 +16,7 @@ from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning import planner
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
-from postproc.planning.search import positions
+from postproc.planning.search import external_axes, positions
 from postproc.planning.search.between import carried_twist
 from postproc.planning.search.positions import position_grid
 from postproc.planning.states import PlanOptions, settle
@@ -471,3 +471,46 @@ def test_whole_turns_of_a_table_are_rated_once(make_cell, make_path, monkeypatch
     monkeypatch.setattr(positions, "_least_cost", counted)
     assert not plan(toolpath, cell).errors
     assert len(rated) == 12
+
+
+def test_a_rim_within_the_part_is_refused_at_once(make_cell, make_path, monkeypatch):
+    """The disc is larger than the way round it: wherever the table stands, that is in it."""
+    toolpath, turn = rim(make_path, 0.25, 0.0)
+    T = turn.T_world_axis.copy()
+    T[2, 3] -= 0.3
+    disc = MeshPlacement("disc", T, radius=0.4, length=0.6)
+    cell = make_cell(external_axes=(turn,))
+    head = MeshPlacement("head", np.asarray(cell.tool.T_flange_tcp), radius=0.05, length=0.02)
+    cell = replace(
+        cell,
+        bases=(replace(cell.workpiece, meshes=(disc,)),),
+        tools=(replace(cell.tool, meshes=(head,)),),
+    )
+    count = []
+    own = planner._planned
+
+    def counted(*args, **more):
+        count.append(1)
+        return own(*args, **more)
+
+    monkeypatch.setattr(planner, "_planned", counted)
+    result = plan(toolpath, cell)
+    assert {error.code for error in result.errors} == {"PLN104"}
+    assert "is so at every place of E1 tried" in result.errors[0].message
+    assert len(count) <= 2
+
+
+def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
+    make_cell, make_path, monkeypatch
+):
+    """One round of the search: other places of the table are open."""
+    toolpath, turn = rim(make_path, 0.305, 90.0 * DEG)
+    T = turn.T_world_axis.copy()
+    T[2, 3] -= 0.005
+    disc = MeshPlacement("disc", T, radius=0.3, length=0.06)
+    cell = make_cell(external_axes=(replace(turn, moves_in_cuts=False),))
+    cell = replace(cell, bases=(replace(cell.workpiece, meshes=(disc,)),))
+    monkeypatch.setattr(external_axes, "_ROUNDS", 1)
+    result = plan(toolpath, cell)
+    assert [error.code for error in result.errors].count("PLN106") == 1
+    assert "with E1 at the places that were tried" in result.errors[-1].message

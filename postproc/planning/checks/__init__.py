@@ -1,6 +1,14 @@
 """Which states and motions are allowed, and why not."""
 
-from postproc.planning.checks.explain import LOWER, Break, Evidence, explained, failure, gave_up
+from postproc.planning.checks.explain import (
+    LOWER,
+    Break,
+    Evidence,
+    explained,
+    failure,
+    gave_up,
+    given_up,
+)
 from postproc.planning.checks.feasible import (
     LONG_WAY,
     MORE_CLEARANCE,
@@ -38,6 +46,7 @@ __all__ = [
     "explained",
     "failure",
     "gave_up",
+    "given_up",
     "grade_counts",
     "grades",
     "moves_of_tags",

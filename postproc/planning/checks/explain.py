@@ -103,15 +103,16 @@ def gave_up(
     problem = checker.problem
     said = {finding.tag_index for finding in findings}
     lost = {*np.flatnonzero(~chosen.good).tolist(), *tags} - said
-    return [_given_up(problem, tag) for tag in sorted(lost)]
+    return [given_up(problem, tag, "no way was found here") for tag in sorted(lost)]
 
 
-def _given_up(problem: Problem, tag: int) -> Finding:
+def given_up(problem: Problem, tag: int, what: str) -> Finding:
+    """Return the finding of a tag at which the search stopped, ``what`` in words what it found."""
     return Finding(
         Severity.ERROR,
         "PLN106",
-        f"tag {problem.toolpath.tag_name(tag)}: the search gave up: no way was found here, and "
-        "not every one is refuted",
+        f"tag {problem.toolpath.tag_name(tag)}: the search gave up: {what}, and not every one is "
+        "refuted",
         tag,
         problem.toolpath.source(tag),
         hint=f"lift the tool off before this tag, {_leave(problem)}split the cut",
@@ -209,7 +210,7 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
 def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     found, tag = evidence.breaks[row], int(evidence.tags[row])
     if not found.reasons:  # poses lead on between those of the grid
-        return _given_up(checker.problem, tag)
+        return given_up(checker.problem, tag, "no way was found here")
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
     pin = pinned(checker.problem, tag)
     parts = [f"{count} {WORDS[reason]}" for reason, count in found.reasons.items()]

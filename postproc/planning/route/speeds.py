@@ -84,7 +84,7 @@ def timed(
     cap, orientation = np.full(len(table), np.inf), np.full(len(table), np.nan)
     track = checker.track(lines, Verdict.clean(len(lines)))
     track = _raced(problem, lines, track, table.speed[rows])
-    cap[rows], orientation[rows] = speed_caps(problem, lines, track, table.speed[rows])
+    cap[rows], orientation[rows] = _caps(problem, lines, track)
     speed = _capped(problem, table, rows, cap, findings)
     blend = wished_blends(problem, replace(table, speed=speed), length, stops_before)
     if runs and not any(finding.is_error for finding in findings):

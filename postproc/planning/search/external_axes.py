@@ -21,7 +21,7 @@ from postproc.geometry import inverse
 from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
 from postproc.paths import jerk_ramps, torques_of
-from postproc.planning.checks import Reason
+from postproc.planning.checks import Reason, given_up
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
 from postproc.planning.search.carried import carried_where_better
 from postproc.planning.search.positions import (
@@ -89,15 +89,21 @@ def plan_with_external_axes(
 def _told(
     result: Plan, places: Positions, runs: list[Run], reach: BoolArray
 ) -> tuple[Finding, ...]:
-    """Return the findings: cuts that run with moving axes, and why others cannot be run."""
+    """Return the findings: cuts that run with moving axes, and why others cannot be run.
+
+    Where a cut is refused and other places were not tried that is told as well.
+    """
     name = places.toolpath.tag_name
     names = " or ".join(axis.name for axis in places.cell.external_axes)
     told = list(result.findings)
+    failing = np.unique([-1 if i.tag_index is None else i.tag_index for i in result.errors])
     for unit, (low, high) in enumerate(places.units):
         part = reach[places.knots_of(unit)]
         text, hint = "", ""
         if not part.any(axis=1).all():
             text = f"none of the places of {names} tried reaches all of this"
+        elif unit in places.walled:
+            text = f"tag {name(places.walled[unit])} is so at every place of {names} tried"
         elif unit in places.calm:
             run = next(run for run in runs if run.low <= low < run.high)
             told.append(_moving(places, run.external[low - run.low : high - run.low], low, high))
@@ -106,6 +112,10 @@ def _told(
                 f"the cut from tag {name(low)} to {name(high - 1)} needs {names} to move within it"
             )
             hint = f"allow moves_in_cuts of {names}, or lift the tool somewhere on the way"
+        first = failing[np.searchsorted(failing, low) :][:1]
+        if (first < high).any() and not text and places.is_open(unit):
+            what = f"with {names} at the places that were tried no way was found here"
+            told.append(given_up(places.checker.problem, int(first[0]), what))
         for i, finding in enumerate(told):
             if text and finding.is_error and finding.tag_index in range(low, high):
                 message = f"{finding.message}; {text}"

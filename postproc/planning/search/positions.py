@@ -22,8 +22,8 @@ from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import arc_length, spaced
 from postproc.planning.search.refine import tridiagonal
-from postproc.planning.search.rungs import step_rules
-from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
+from postproc.planning.search.rungs import FINE, step_rules
+from postproc.planning.states import Problem, Rule, Settings, evaluate, sample, spin_values
 from postproc.process import AXIS_SHARE, feeds_of
 from postproc.units import DEG
 
@@ -161,6 +161,7 @@ class Positions:
     refused: Counter[int] = field(init=False, default_factory=Counter)
     refusals: Counter[tuple[int, int]] = field(init=False, default_factory=Counter)
     looked_at: set[int] = field(init=False, default_factory=set)
+    walled: dict[int, int] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         """Let cuts move that no single position reaches, as far as any reaches them."""
@@ -263,7 +264,10 @@ class Positions:
         self.carried.pop(unit, None)
 
     def _avoid_collisions(self, unit: int) -> None:
-        """Make dear for knots of a unit the positions at which no pose of a coarse grid is free."""
+        """Make dear for knots of a unit the positions at which no pose of a coarse grid is free.
+
+        Where that is every position of a knot the finest grid tells whether the unit is walled in.
+        """
         if self.checker.scene is None or unit in self.looked_at:
             return
         self.looked_at.add(unit)
@@ -274,13 +278,28 @@ class Positions:
         for number, g in enumerate(first.tolist()):
             here, same = problem.standing(self.values[g]), np.flatnonzero(of_first == number)
             rows = np.flatnonzero(self.loss[knots, g] < UNREACHED)
-            states = sample(here, tags[rows], spins)
-            each = np.flatnonzero(np.diff(states.config, prepend=-1))
-            of, q = states.tag_of(each), states.q[each].astype(np.float64)
-            good = replace(self.checker, problem=here).poses(tags[rows[of]], q).good
-            free = np.zeros(len(rows), dtype=np.bool_)
-            free[of[good]] = True
+            free = self._has_free(here, tags[rows], spins)
             self.loss[np.ix_(knots.start + rows[~free], same)] += BLOCKED
+        blocked = (self.loss[knots, first] >= BLOCKED).all(axis=1)
+        wishes = problem.cell.optimize
+        for row in np.flatnonzero(blocked)[: 0 if wishes.pins else 1].tolist():
+            finest = spin_values(wishes.step / FINE, *wishes.range)
+            reached = first[self.loss[knots.start + row, first] < UNREACHED]
+            if not any(
+                self._has_free(problem.standing(value), tags[row : row + 1], finest)[0]
+                for value in self.values[reached]
+            ):
+                self.walled[unit] = int(tags[row])
+
+    def _has_free(self, here: Problem, tags: IndexArray, spins: FloatArray) -> BoolArray:
+        """Return at which tags (m,) the arm has a free pose, the axes standing as they do."""
+        states = sample(here, tags, spins)
+        each = np.flatnonzero(np.diff(states.config, prepend=-1))
+        of, q = states.tag_of(each), states.q[each].astype(np.float64)
+        good = replace(self.checker, problem=here).poses(tags[of], q).good
+        free = np.zeros(len(tags), dtype=np.bool_)
+        free[of[good]] = True
+        return free
 
     @property
     def cell(self) -> Cell:
@@ -443,12 +462,20 @@ class Positions:
             if self.may_be_cut_moving(unit)
             and self.refusals[unit, tag] == self.refusals[unit, -1] >= _MOST_REFUSED
         }
-        return any(way for unit, way in ways.items() if unit not in hopeless)
+        return any(way for unit, way in ways.items() if unit not in hopeless | self.walled.keys())
 
     def _left(self, unit: int) -> BoolArray:
         """Return (g,) the positions at which a unit may still be done held."""
         reached = (self.loss[self.knots_of(unit)] < UNREACHED).all(axis=0)
         return np.asarray(~self.closed[unit] & reached)
+
+    def is_open(self, unit: int) -> bool:
+        """Return whether a unit has ways that were not refused: held at a place, or moving."""
+        at = self.knots_of(unit)
+        can_move = (~self.shut[at] & (self.loss[at] < UNREACHED)).any(axis=1).all()
+        if unit in self.walled:
+            return False
+        return bool(self._left(unit).any() or (self.may_be_cut_moving(unit) and can_move))
 
     def _elsewhere(self, unit: int, position: int, is_at_end: bool) -> bool:
         """Look for another way for a unit refused at a position; return whether there is one.
