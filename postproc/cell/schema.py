@@ -717,7 +717,7 @@ class ExternalAxisTable(Placement):
     )
     moves_in_cuts: bool = Field(
         default=True,
-        description="it may move while the tool cuts, where no single place serves a cut as well",
+        description="it may move while the tool cuts, where no one place serves a cut as well",
     )
 
     @model_validator(mode="after")
