@@ -18,6 +18,7 @@ from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
 from postproc.planning.search import external_axes, positions
 from postproc.planning.search.between import carried_twist
+from postproc.planning.search.carried import Outcome
 from postproc.planning.search.positions import position_grid
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
@@ -379,15 +380,16 @@ def test_the_way_along_the_rail_is_looked_at_without_gaps(make_cell, radius):
         assert _slides_free(cell, q, beside, checker) == (not dense.hit.any())
 
 
-def rim(make_path, radius, tilt, n=121):
+def rim(make_path, radius, tilt, n=121, laps=1):
     """Return a way round a part that stands at (2, 0, 0.8), and a turntable under it.
 
-    The tool leans out of the plane of the way by ``tilt`` [rad].
+    The tool leans out of the plane of the way by ``tilt`` [rad]. Each lap is a cut of its own.
     """
     centre, angle = np.array([2.0, 0.0, 0.8]), np.linspace(-np.pi, np.pi, n)
     out = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], axis=1)
     points = centre + radius * out
-    points = np.concatenate([points[:1] + 0.03 * out[:1], points, points[-1:] + 0.03 * out[-1:]])
+    far = 0.03 if laps == 1 else 0.05  # not where the lap before ended: a way between the two
+    points = np.concatenate([points[:1] + far * out[:1], points, points[-1:] + 0.03 * out[-1:]])
     out = out[np.r_[0, 0:n, n - 1]]
     axes = np.cos(tilt) * out + np.sin(tilt) * np.array([0.0, 0.0, 1.0])
     kind = np.full(n + 2, MotionKind.LINEAR)
@@ -395,7 +397,8 @@ def rim(make_path, radius, tilt, n=121):
     T = np.eye(4)
     T[:3, 3] = centre
     turn = ExternalAxis("E1", "positioner", np.array([0.0, 0, 1.0]), T, -3.3, 3.3, 0.5)
-    return make_path(points, axes, kind, feed=np.full(n + 2, 0.025)), turn
+    again = np.tile(np.arange(n + 2), laps)
+    return make_path(points[again], axes[again], kind[again], feed=np.full(len(again), 0.025)), turn
 
 
 def test_a_rim_is_carried_past_the_arm_where_that_is_stiffer(make_cell, make_path):
@@ -514,3 +517,43 @@ def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
     result = plan(toolpath, cell)
     assert [error.code for error in result.errors].count("PLN106") == 1
     assert "with E1 at the places that were tried" in result.errors[-1].message
+
+
+def test_the_way_back_of_the_table_counts_against_a_carried_cut(make_cell, make_path):
+    """Four rims in one sense: three times the table would have to turn all the way back."""
+    toolpath, turn = rim(make_path, 0.25, 45.0 * DEG, laps=4)
+    slow = replace(turn, qd_max=8.0 * DEG)
+    held = plan(toolpath, make_cell(external_axes=(replace(slow, moves_in_cuts=False),)))
+    result = plan(toolpath, make_cell(external_axes=(slow,)))
+    assert not result.errors
+    assert result.cycle_time < 1.05 * held.cycle_time
+
+
+def test_held_and_carried_are_measured_by_one_best(make_cell):
+    """Where the table stands even the best posture gives way: little is lost of it."""
+    _, settings = settle(make_cell(), PlanOptions())
+    share = np.full(4, 0.25)
+    held = Outcome(0, False, 1.0, share, np.full(4, 959.0), np.full(4, 1000.0))
+    carried = Outcome(0, False, 0.99, share, np.full(4, 1273.0), np.full(4, 1600.0))
+    assert carried.is_better(held, settings.weights)
+    assert not held.is_better(carried, settings.weights)
+
+
+def test_an_axis_that_may_not_move_in_cuts_stands_to_the_last_digit(make_cell, make_path):
+    """Its place, a third of a turn or so, has no end in digits."""
+    toolpath, turn = rim(make_path, 0.25, 45.0 * DEG)
+    T = turn.T_world_axis.copy()
+    T[2, 3] -= 0.2
+    still = ExternalAxis("E1", "positioner", np.array([0.0, 0, 1.0]), T, -1.0, 1.0, 0.5)
+    cell = make_cell(
+        external_axes=(
+            replace(still, moves_in_cuts=False, q_min=2.0 / 3.0, q_max=2.0 / 3.0 + 1e-9),
+            replace(turn, name="E2"),
+        )
+    )
+    result = plan(toolpath, cell)
+    assert not result.errors
+    assert np.ptp(result.external[:, 1]) > 0.0
+    assert np.ptp(result.external[:, 0]) == 0.0
+    (told,) = (finding.message for finding in result.findings if finding.code == "PLN307")
+    assert "E1" not in told

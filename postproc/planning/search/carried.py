@@ -6,6 +6,7 @@ stiffness that it could have, and has to be better by as much as is worth it.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -26,7 +27,7 @@ SLOWED = 0.01
 """A feed lowered by more than this share is looked at."""
 _SLOW = 10.0
 """What the time of a cut at full feed costs likewise, as long again as it takes: 1 % of it is as
-bad as 10 % of stiffness."""
+bad as 1 % of stiffness beyond the loss that `balanced` takes for nothing."""
 _ROUNDS = 2
 """So often a carried cut is planned anew where it was refused."""
 PlanRun = Callable[[Run], Plan]
@@ -39,7 +40,8 @@ class Outcome:
     Args:
         errors: how many findings refuse it.
         is_slowed: whether a feed was lowered.
-        time: how long it takes against the time at full feed.
+        time: how long it takes, with what the axes take to come and to go on, against the time at
+            full feed.
         share: (n,) of the way that belongs to each tag, 1 in all.
         index, best: (n,) [N/m] stiffness of each tag, and the best it could have where the axes
             stand; NaN without.
@@ -53,9 +55,13 @@ class Outcome:
     best: FloatArray
 
     @classmethod
-    def of(cls, places: Positions, unit: int, run: Run, plan: Plan) -> Outcome:
-        """Return what became of a unit in the plan of its run."""
+    def of(cls, places: Positions, unit: int, runs: list[Run], planned: PlanRun) -> Outcome:
+        """Return what became of a unit in the plan of its run, one of ``runs`` in order."""
         low, high = places.units[unit]
+        number = _run_of(places, unit, runs)
+        run, plan = runs[number], planned(runs[number])
+        beside = itertools.pairwise(runs[max(number - 1, 0) : number + 2])
+        ways = [np.abs(b.external[0] - a.external[-1]) / places.speeds for a, b in beside]
         rows, tags = np.arange(low, high), range(low - run.low, high - run.low)
         way = arc_length(places.toolpath)
         cuts = np.flatnonzero(plan.role == MoveRole.CUT)
@@ -68,7 +74,10 @@ class Outcome:
         return cls(
             sum(finding.tag_index in tags for finding in plan.errors),
             bool((plan.speed[cuts] < (1.0 - SLOWED) * feed).any()),
-            float(plan.duration[cuts].sum() / max(np.nansum(at_feed), 1e-9)),
+            float(
+                (plan.duration[cuts].sum() + sum(way.max() for way in ways))
+                / max(np.nansum(at_feed), 1e-9)
+            ),
             share / max(share.sum(), 1e-9),
             plan.stiffness[tags.start : tags.stop],
             best[tags.start : tags.stop],
@@ -79,16 +88,17 @@ class Outcome:
         """The largest loss of stiffness at a tag, as a share of its best; 0 without stiffness."""
         return float(np.nan_to_num(1.0 - self.index / self.best).max(initial=0.0))
 
-    def cost(self, weights: Weights) -> float:
-        """Return what the cut costs: its feed, its stiffness, and what it loses of its best."""
-        loss = weights.price(1.0 - self.index / self.best) - np.log(self.index)
+    def cost(self, weights: Weights, best: FloatArray) -> float:
+        """Return what the cut costs: its time, its stiffness, and its losses of the best (n,)."""
+        loss = weights.price(1.0 - self.index / best) - np.log(self.index)
         return _SLOW * self.time + float(np.nansum(self.share * loss))
 
     def is_better(self, other: Outcome, weights: Weights) -> bool:
         """Return whether this is clearly better: it can be run and the other not, or is cheaper."""
         if self.errors or other.errors:
             return self.errors < other.errors
-        return self.cost(weights) < other.cost(weights) - WORTH
+        best = np.fmax(self.best, other.best)
+        return self.cost(weights, best) < other.cost(weights, best) - WORTH
 
 
 def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -> list[Run]:
@@ -105,7 +115,7 @@ def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -
         units = [
             unit
             for unit, now in before.items()
-            if _is_worth_a_look(places, unit, now, _run_of(places, unit, runs))
+            if _is_worth_a_look(places, unit, now, runs[_run_of(places, unit, runs)])
         ]
         if not units:
             break
@@ -142,15 +152,16 @@ def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bo
 def _outcomes(places: Positions, runs: list[Run], planned: PlanRun) -> dict[int, Outcome]:
     """Return what became of each unit that may be cut moving."""
     return {
-        unit: Outcome.of(places, unit, run, planned(run))
+        unit: Outcome.of(places, unit, runs, planned)
         for unit in range(len(places.units))
         if places.may_be_cut_moving(unit)
-        for run in [_run_of(places, unit, runs)]
     }
 
 
-def _run_of(places: Positions, unit: int, runs: list[Run]) -> Run:
-    return next(run for run in runs if run.low <= places.units[unit][0] < run.high)
+def _run_of(places: Positions, unit: int, runs: list[Run]) -> int:
+    """Return the number of the run that a unit belongs to."""
+    low = places.units[unit][0]
+    return next(i for i, run in enumerate(runs) if run.low <= low < run.high)
 
 
 def _errors(runs: list[Run], planned: PlanRun) -> int:

@@ -24,7 +24,9 @@ _OFTEN, _MANY = 4, 5000
 _SWEPT, _LEAST = 5.0, 32
 """They are no longer than this together [m], but never fewer."""
 _PROBED = 100_000
-"""So many of them at most are looked at half way."""
+"""So many of them at most are looked at half way ..."""
+_AT_FIRST = 5000
+"""... so many of these at once, twice as many where too few of them pass."""
 
 
 def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
@@ -74,11 +76,10 @@ def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]
     if not len(pairs):
         return [], []
     length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
-    met = np.zeros(len(pairs), dtype=np.bool_)
-    if length > LONG_WAY:
-        met = probed(search.checker, search.spans(pairs[:, 0], pairs[:, 1]))
     count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
-    failing, rest = pairs[met], pairs[~met][:_MANY]
+    failing, rest = pairs[:0], pairs[:_MANY]
+    if length > LONG_WAY:
+        failing, rest = _looked_at(search, pairs, count)
     if len(rest) > count:
         joints = replace(search.checker, scene=None)
         spans = search.spans(rest[:, 0], rest[:, 1])
@@ -88,6 +89,21 @@ def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]
     fresh = _codes(search, np.concatenate([failing, rest]))
     search.looked_at[tag] = np.concatenate([known, fresh])
     return [(a, b) for a, b in rest.tolist()], [(a, b) for a, b in failing.tolist()]
+
+
+def _looked_at(search: PoseSearch, pairs: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
+    """Return the first steps of some (k, 2) that fail half way, and those that do not.
+
+    So many that ``count`` of the latter are among them, as far as there are.
+    """
+    failing, rest, low, size = [pairs[:0]], [pairs[:0]], 0, _AT_FIRST
+    while low < len(pairs) and sum(map(len, rest)) < count:
+        some = pairs[low : low + size]
+        met = probed(search.checker, search.spans(some[:, 0], some[:, 1]))
+        failing.append(some[met])
+        rest.append(some[~met])
+        low, size = low + size, 2 * size
+    return np.concatenate(failing), np.concatenate(rest)[:_MANY]
 
 
 def _codes(search: PoseSearch, steps: IndexArray) -> IndexArray:

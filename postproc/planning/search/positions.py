@@ -307,7 +307,7 @@ class Positions:
         return self.checker.problem.cell
 
     @property
-    def _speeds(self) -> FloatArray:
+    def speeds(self) -> FloatArray:
         """Largest speeds (k,) of the axes [m/s or rad/s]."""
         return np.array([axis.qd_max for axis in self.cell.external_axes])
 
@@ -379,6 +379,8 @@ class Positions:
                 value = calmer if fits else value
             curve = _curve(self.way[knots], value, self.way[low:high])
             curve[[0, -1]] = stepped[[0, -1]]
+            stands = np.ptp(stepped, axis=0) == 0.0  # digits would move it
+            curve[:, stands] = stepped[0, stands]
             run.external[low - run.low : high - run.low] = curve
 
     def _calmed_way(
@@ -397,7 +399,7 @@ class Positions:
         """Return whether an axis is too slow for its way (m, k) between knots (m,) at the feed."""
         feed = feeds_of(self.toolpath, self.cell)[knots[1:]]
         rate = np.abs(np.diff(value, axis=0)) / np.diff(self.way[knots])[:, None]
-        return bool((np.nan_to_num(feed)[:, None] * rate > AXIS_SHARE * self._speeds).any())
+        return bool((np.nan_to_num(feed)[:, None] * rate > AXIS_SHARE * self.speeds).any())
 
     def _nearest(self, external: FloatArray) -> IndexArray:
         """Return the positions (m,) of the grid nearest to where the axes stand (m, k)."""
@@ -416,7 +418,7 @@ class Positions:
             between = change
             if row.slides:
                 time = (self.way[row.low] - self.way[before.low]) / feed[row.low]
-                within = np.nan_to_num(self._speeds * time, nan=np.inf) / _steps(self.cell)
+                within = np.nan_to_num(self.speeds * time, nan=np.inf) / _steps(self.cell)
                 between = slide + STEEP * np.maximum(steps - within, 0.0).sum(axis=2)
                 between[too_far] = UNREACHED
             total = value[:, None] + between

@@ -244,19 +244,17 @@ class Graph:
         rows = np.flatnonzero((gap > self._most(i)).any(axis=1))
         if not len(rows):
             return
-        some = steps[rows]
-        self.put_out_of_reach(i, some, before, now[rows])
-        steps[rows], back[rows] = some, some.argmin(axis=1)
-
-    def put_out_of_reach(
-        self, i: int, steps: FloatArray, before: IndexArray, now: IndexArray
-    ) -> None:
-        """Take the steps (m now, m before) out in which a coordinate moves too far, in place."""
-        a, b = self.position[before], self.position[now]
+        a, b, some = self.position[before], self.position[now[rows]], steps[rows]
         limit = np.broadcast_to(self._most(i), a.shape[1:])
         for j in range(a.shape[1]):
             gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
-            np.putmask(steps, gap > limit[j], np.inf)
+            np.putmask(some, gap > limit[j], np.inf)
+        steps[rows], back[rows] = some, some.argmin(axis=1)
+
+    def is_in_reach(self, i: int, steps: IndexArray) -> BoolArray:
+        """Return in which steps (k, 2) into a rung no coordinate moves too far."""
+        gap = np.abs(self.position[steps[:, 1]] - self.position[steps[:, 0]])
+        return np.asarray((gap <= self._most(i)).all(axis=1))
 
     def _most(self, i: int) -> FloatArray | float:
         """Return how far each coordinate (d,) may move in a step of a chain into a rung."""

@@ -209,18 +209,16 @@ class Ladder(Graph):
         joined = self.joined(i) if self.rule[i] == CHAIN else None
         size = max(1, WIDE // max(1, len(a)))
         for now in (b[k : k + size] for k in range(0, len(b) * bool(len(a)), size)):
-            price = self.steps(i, self.value, a, now, joined) + self.cost[now][:, None]
-            if self.rule[i] == CHAIN:
-                self.put_out_of_reach(i, price, a, now)
-            steps = np.flatnonzero(price < np.inf)
-            of = price.ravel()[steps]
-            if len(steps) > most:
-                kept = np.argpartition(of, most)[:most]
-                steps, of = steps[kept], of[kept]
+            price = self.steps(i, self.value, a, now, joined)
+            price += self.cost[now][:, None]
+            of = price.ravel()
+            steps = np.argpartition(of, most)[:most] if len(of) > most else np.arange(len(of))
+            steps = steps[of[steps] < np.inf]
             found.append(np.column_stack([a[steps % len(a)], now[steps // len(a)]]))
-            prices.append(of)
+            prices.append(of[steps])
         steps, of = np.concatenate(found), np.concatenate(prices)
-        return steps[np.lexsort((steps[:, 1], steps[:, 0], of))[:most]]
+        steps = steps[np.lexsort((steps[:, 1], steps[:, 0], of))[:most]]
+        return steps[self.is_in_reach(i, steps)] if self.rule[i] == CHAIN else steps
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
