@@ -104,7 +104,7 @@ def test_bound_that_no_cut_can_keep_is_said_and_the_cut_still_runs(make_cell, ma
     assert len(set(result.branch.tolist())) == 1
     assert np.nanmax(result.settings["loss"]) > 0.02
     said = next(finding for finding in result.findings if finding.code == "PLN305")
-    assert "nothing was found that keeps it under the bound of 2 %" in said.message
+    assert "what was found does not keep it under the bound of 2 %" in said.message
 
 
 @pytest.mark.usefixtures("no_scene")

@@ -122,6 +122,6 @@ def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: flo
     return Finding(
         Severity.WARNING,
         "PLN305",
-        f"{text}; nothing was found that keeps it under the bound of {100.0 * bound:g} %",
+        f"{text}; what was found does not keep it under the bound of {100.0 * bound:g} %",
         hint='the preset "stiffest" gives up least; more key tags or a finer step_deg may help',
     )

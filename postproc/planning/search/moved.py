@@ -20,7 +20,9 @@ from postproc.process import feeds_of
 
 _SHARES = (0.5, 0.25)
 """Shares of the way off the grid that are tried where the whole of it fails, at tags by
-themselves."""
+themselves ..."""
+_TO_EDGES = (0.875, 0.75, *_SHARES)
+"""... and of that to the edge of reach, where a stroke or a way out often just fails."""
 _SPREADS = 12
 _HEAVIER = (1.5, 8.0)
 """By how much the weight of travel on a step that is too fast is raised at once: by more than it is
@@ -77,7 +79,8 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen, *, at_edges: bool = False
         if not bad.any():
             break
         known, passed = poses, ~bad
-        nearer = _nearer(checker, bounds, grid, poses, np.flatnonzero(bad & alone))
+        shares = _TO_EDGES if at_edges else _SHARES
+        nearer = _nearer(checker, bounds, grid, poses, np.flatnonzero(bad & alone), shares)
         alone &= ~bad
         bad = within(bad, reach, cuts) | within(bad, count - _PATIENT, runs)
         bounds.free &= ~bad[:, None]
@@ -118,7 +121,12 @@ def _at_edges(
 
 
 def _nearer(
-    checker: Checker, bounds: Bounds, grid: TagPoses, poses: TagPoses, rows: IndexArray
+    checker: Checker,
+    bounds: Bounds,
+    grid: TagPoses,
+    poses: TagPoses,
+    rows: IndexArray,
+    shares: tuple[float, ...],
 ) -> IndexArray:
     """Bound tags (m,) to a part of their way off the grid that runs, in place; return which.
 
@@ -127,7 +135,7 @@ def _nearer(
     problem, found = checker.problem, np.zeros(len(rows))
     if checker.scene is not None:
         checker = replace(checker, scene=checker.scene.kept(NEAR_BY))
-    for share in _SHARES:
+    for share in shares:
         left = np.flatnonzero(found == 0.0)
         part = grid.rows(rows[left])
         attitude = part.attitude + share * (poses.attitude[rows[left]] - part.attitude)

@@ -64,7 +64,8 @@ def choose(
             search.grow(more, np.full(len(more), search.base_stride))
             found, chosen = _run(search, growth, step)
     record = search.record(found, chosen)
-    if wishes.refine and wishes.strategy is Strategy.GLOBAL:
+    is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None
+    if wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound):
         step(0, 0, "refine")
         at_edges = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
         at_edges |= wishes.loss_bound is not None
