@@ -112,3 +112,17 @@ def test_a_spin_that_is_named_serves_the_whole_stroke(make_path):
     finding = plan(toolpath, under_beam(290, 50)).errors[0]
     assert finding.code == "PLN104"
     assert "not all along its stroke" in finding.hint
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_why_the_tool_cannot_leave_a_cut_is_told(make_cell, make_path):
+    """Higher and higher under the end of reach: at first the way out fails, not the cut."""
+    cell = make_cell(motion={"home_deg": [0, -90, 90, 0, 45, 0]})
+    for z in np.arange(2.6, 4.0, 0.02):
+        points = [[1.5, y, z] for y in (0.0, 0.01, 0.02)]
+        found = plan(make_path(points, [0.0, 0.0, 1.0]), cell)
+        if found.errors:
+            break
+    (error,) = found.errors
+    assert "the tool cannot back off along its axis" in error.message
+    assert error.code in {"PLN101", "PLN102", "PLN103"}  # there is nothing to collide with

@@ -9,7 +9,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding
 from postproc.geometry import inverse
-from postproc.model import EventKind, MotionKind, MoveKind, MoveRole
+from postproc.model import CUTS, EventKind, MotionKind, MoveKind, MoveRole
 from postproc.planning.checks import LEAD_OUT, Checker, Lines, Reason, Verdict, failure
 from postproc.planning.route.connect import (
     GIVE_UP,
@@ -66,7 +66,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     parts += _first_and_last(checker, chosen, arrives, findings, goes_on=goes_on)
     table = in_order(parts)
     ends, arriving = _connections(checker, chosen, table, arrives, leaves)
-    as_line, blocked = _decide(checker, chosen, ends, findings)
+    as_line, blocked = _decide(checker, chosen, ends, findings, runs=runs)
     rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
@@ -223,10 +223,15 @@ def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
 
 
 def _decide(
-    checker: Checker, chosen: Chosen, ends: Ends, findings: list[Finding]
+    checker: Checker, chosen: Chosen, ends: Ends, findings: list[Finding], *, runs: bool
 ) -> tuple[BoolArray, dict[int, Detour]]:
-    """Return which connections run straight (LIN), and the detours of those that are not free."""
+    """Return which connections run straight (LIN), and the detours of those that are not free.
+
+    Into a cut that is known to be broken (not ``runs``) none is missed: that is said already.
+    """
     problem = checker.problem
+    is_cut = np.isin(np.asarray(problem.toolpath.kind)[ends.tag_to], CUTS)
+    is_broken = is_cut & chosen.entry[ends.tag_to] & (not runs)
     as_line = _straight_rapids(checker, chosen, ends)
     rest = np.nonzero(~as_line)[0]
     verdict = checker.joint_moves(ends.q_from[rest], ends.q_to[rest], ends.external[rest])
@@ -234,6 +239,8 @@ def _decide(
     found = detours(checker, ends.rows(rest[stuck]), chosen.attitude, chosen.branch)
     for count, i in enumerate(i for i in range(len(stuck)) if i not in found):
         row = int(rest[stuck[i]])
+        if is_broken[row]:
+            continue
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
         detail = _walled_in(checker, ends.q_to[row], ends.external[row])
         detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
