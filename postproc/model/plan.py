@@ -12,6 +12,7 @@ import numpy as np
 from postproc.arrays import (
     BoolArray,
     FloatArray,
+    IndexArray,
     IntArray,
     Rows,
     column,
@@ -268,3 +269,9 @@ class Plan:
     def errors(self) -> tuple[Finding, ...]:
         """Findings that forbid a program."""
         return tuple(finding for finding in self.findings if finding.severity is Severity.ERROR)
+
+    @property
+    def failing_tags(self) -> IndexArray:
+        """(k,) tags at which errors stand, rising; -1 among them for errors of the whole job."""
+        tags = [-1 if error.tag_index is None else error.tag_index for error in self.errors]
+        return np.unique(np.array(tags, dtype=np.int64))

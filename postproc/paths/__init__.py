@@ -2,7 +2,7 @@
 
 from postproc.paths.externals import Externals
 from postproc.paths.moments import Displacement, Moments, Timeline, directions, moments_of
-from postproc.paths.motion import Paths, Shift, Station, joint_paths
+from postproc.paths.motion import Paths, Shift, Station, joint_paths, top_speeds
 from postproc.paths.times import (
     SLOWEST,
     at_speed,
@@ -40,5 +40,6 @@ __all__ = [
     "motion_times",
     "run_in_cell",
     "speed_shares",
+    "top_speeds",
     "torques_of",
 ]

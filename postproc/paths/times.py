@@ -9,7 +9,6 @@ import numpy as np
 from postproc.arrays import AnyIntArray, FloatArray
 from postproc.cell import Cell, Robot, Tool
 from postproc.controller import Blend, EventWord
-from postproc.geometry import rotation_about
 from postproc.kinematics import dynamics_of
 from postproc.paths.motion import Paths, top_speeds
 from postproc.timing import (
@@ -184,8 +183,7 @@ def _bends(paths: Paths, cp: AnyIntArray) -> Bends:
     arcs, number = curves.circles, curves.circle[rows]
     radius[rows] = arcs.radius[number]
     begin[rows] = np.cross(arcs.normal[number], start[rows] - arcs.centre[number])
-    R = rotation_about(arcs.normal[number], arcs.sweep[number])
-    leave[rows] = np.einsum("ijk,ik->ij", R, begin[rows])
+    leave[rows] = np.cross(arcs.normal[number], end[rows] - arcs.centre[number])
     return Bends(begin[cp], leave[cp], radius[cp], _blending_distances(paths)[cp])
 
 

@@ -44,7 +44,7 @@ def with_retracts(toolpath: ToolPath, cell: Cell, plan_here: Callable[[ToolPath]
         if not result.errors:
             return result
         if not places:
-            broken = _tags_of_errors(result)
+            broken = result.failing_tags
         if not _is_left_elsewhere(toolpath, places, stuck, broken):
             return refused
         at = np.unique(np.array(list(places.values()), dtype=np.int64))
@@ -101,12 +101,6 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
     return [Finding(Severity.NOTE, "PLN311", text, int(new[0]), source)]
 
 
-def _tags_of_errors(plan: Plan) -> IndexArray:
-    """Return the tags (k,) at which errors stand, -1 for those of the whole job."""
-    tags = [-1 if error.tag_index is None else error.tag_index for error in plan.errors]
-    return np.unique(np.array(tags, dtype=np.int64))
-
-
 def _left_at(
     toolpath: ToolPath, places: IndexArray, height: float, plan_here: Callable[[ToolPath], Plan]
 ) -> tuple[Plan, IndexArray, IndexArray]:
@@ -132,7 +126,7 @@ def _left_at(
     longer = replace(longer, points=points, kind=kind, feed=feed, joints=joints, extra=extra)
     found = plan_here(longer)
     tag = source + anew
-    result, errors = as_of(found, toolpath, tag, row), _tags_of_errors(found)
+    result, errors = as_of(found, toolpath, tag, row), found.failing_tags
     if len(errors):
         stuck = np.isin(errors, above)
         others = np.where(errors < 0, -1, tag[errors])[~stuck]

@@ -32,7 +32,7 @@ from postproc.process.material import (
 from postproc.process.order import hole_places, hole_runs, reordered
 from postproc.process.passing import may_be_passed, only
 from postproc.process.pointlist import as_served
-from postproc.process.repeats import apart, repeats
+from postproc.process.repeats import apart, repeated_tags, repeats
 from postproc.process.spindle import Stretch, may_stand, stretches, switched_off
 from postproc.process.strokes import (
     CHIP_LIFT,
@@ -97,6 +97,7 @@ __all__ = [
     "rapid_speeds",
     "refusals",
     "reordered",
+    "repeated_tags",
     "repeats",
     "restart_notes",
     "stretches",

@@ -15,7 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
 from postproc.model import CUTS, MotionKind, ToolPath
-from postproc.process.repeats import repeats
+from postproc.process.repeats import repeated_tags
 from postproc.units import DEG, MM
 
 ALONG_AXIS = float(np.cos(2.0 * DEG))
@@ -50,8 +50,7 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     length = np.linalg.norm(way, axis=1)
     out = np.einsum("ij,ij->i", way, toolpath.axes) >= ALONG_AXIS * length
     ends &= ~(out & (length >= back_off(cell)) & (kind == MotionKind.LINEAR))
-    first = np.maximum.accumulate(np.where(repeats(toolpath), 0, np.arange(len(kind))))
-    return np.asarray(ends[first])
+    return np.asarray(ends[repeated_tags(toolpath)])
 
 
 def rapid_speeds(speed: FloatArray, cell: Cell) -> BoolArray:

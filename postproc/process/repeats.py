@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.model import CUTS, MotionKind, ToolPath
 
 SAME_POINT = 1e-7
@@ -20,6 +20,12 @@ def repeats(toolpath: ToolPath) -> BoolArray:
         again &= np.diff(column) == 0
     again &= ~apart(np.hstack([toolpath.points, toolpath.axes]))[1:]
     return np.concatenate([np.zeros(min(1, len(kind)), dtype=np.bool_), again])
+
+
+def repeated_tags(toolpath: ToolPath) -> IndexArray:
+    """Return the tag (n,) that each one repeats; itself where it repeats none."""
+    own = np.arange(len(toolpath))
+    return np.asarray(np.maximum.accumulate(np.where(repeats(toolpath), 0, own)))
 
 
 def apart(points: FloatArray) -> BoolArray:

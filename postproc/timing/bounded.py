@@ -120,7 +120,7 @@ def _knots(
     first, second = slopes(row, at, q)
     begins, ends = np.searchsorted(row, rows), np.searchsorted(row, rows, "right") - 1
     size = length[rows]
-    blend = np.minimum(joints.blend[rows[:-1]], 0.5 * np.minimum(size[:-1], size[1:]))
+    blend = blending_distances(joints.blend[rows], size)
     turn = (first[begins[1:]] - first[ends[:-1]]) / (2.0 * np.maximum(blend, _SHORT))[:, None]
     before, behind = np.insert(blend, 0, 0.0), np.append(blend, 0.0)
     number = np.searchsorted(rows, row)
@@ -140,6 +140,16 @@ def _knots(
     order = np.lexsort((np.arange(len(way)), way))
     order = order[np.append(True, np.diff(way[order]) > _SHORT)]
     return row[order], way[order], q[order], first[order], second[order]
+
+
+def blending_distances(blend: FloatArray, length: FloatArray) -> FloatArray:
+    """Return how far (m - 1,) [m] from each corner of motions (m,) a blend begins.
+
+    Args:
+        blend: (m,) distance [m] at the end of each.
+        length: (m,) of the motions [m]; a blend takes half of one at most.
+    """
+    return np.minimum(blend[:-1], 0.5 * np.minimum(length[:-1], length[1:]))
 
 
 def slopes(row: IndexArray, at: FloatArray, q: FloatArray) -> tuple[FloatArray, FloatArray]:

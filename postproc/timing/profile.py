@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, FloatArray, runs
-from postproc.timing.bounded import JointPath, bounded_times, segment_times
+from postproc.timing.bounded import JointPath, blending_distances, bounded_times, segment_times
 from postproc.timing.torques import Torques
 
 RAMP = 0.1
@@ -152,7 +152,7 @@ class Bends:
         moves = size > _TINY
         cosine = np.einsum("ij,ij->i", end, begin) / np.where(moves, size, 1.0)
         half = 0.5 * np.arccos(np.clip(np.where(moves, cosine, 1.0), -1.0, 1.0))
-        distance = np.minimum(self.blend[:-1], 0.5 * np.minimum(length[:-1], length[1:]))
+        distance = blending_distances(self.blend, length)
         bend = np.maximum(np.sin(half), _TINY)
         square = np.minimum(acceleration[:-1], acceleration[1:]) * distance / bend
         return np.where(moves, np.maximum(np.sqrt(square) * np.cos(half), _STOPS), np.inf)

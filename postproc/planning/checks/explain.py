@@ -103,10 +103,10 @@ def gave_up(
     problem = checker.problem
     said = {finding.tag_index for finding in findings}
     lost = {*np.flatnonzero(~chosen.good).tolist(), *tags} - said
-    return [given_up(problem, tag, "no way was found here") for tag in sorted(lost)]
+    return [given_up(problem, tag) for tag in sorted(lost)]
 
 
-def given_up(problem: Problem, tag: int, what: str) -> Finding:
+def given_up(problem: Problem, tag: int, what: str = "no way was found here") -> Finding:
     """Return the finding of a tag at which the search stopped, ``what`` in words what it found."""
     return Finding(
         Severity.ERROR,
@@ -210,7 +210,7 @@ def _most_frequent(checker: Checker, pairs: IndexArray) -> str:
 def _no_way(checker: Checker, evidence: Evidence, row: int) -> Finding:
     found, tag = evidence.breaks[row], int(evidence.tags[row])
     if not found.reasons:  # poses lead on between those of the grid
-        return given_up(checker.problem, tag, "no way was found here")
+        return given_up(checker.problem, tag)
     before = checker.problem.toolpath.tag_name(int(evidence.tags[row - 1]))
     pin = pinned(checker.problem, tag)
     parts = [f"{count} {WORDS[reason]}" for reason, count in found.reasons.items()]

@@ -15,7 +15,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray, least_by
 from postproc.cell import Cell
 from postproc.kinematics import build, wrist_distance
 from postproc.model import Plan
-from postproc.process import repeats
+from postproc.process import repeated_tags
 from postproc.units import DEG
 
 NEAR = 5.0 * DEG
@@ -58,9 +58,9 @@ def grades(result: Plan, cell: Cell) -> IntArray:
     least = least_by(margin[served], result.tag[served], len(result.toolpath))
     least = _passed(least, result.left_out)
     runs = np.isfinite(least)
-    runs[[i.tag_index for i in result.errors if i.tag_index is not None]] = False
-    first = np.where(repeats(result.toolpath), 0, np.arange(len(least)))
-    first = np.maximum.accumulate(first)
+    failing = result.failing_tags
+    runs[failing[failing >= 0]] = False
+    first = repeated_tags(result.toolpath)
     least, runs = least[first], runs[first]
     grade = np.full(len(least), Grade.INVALID, dtype=np.int32)
     grade[runs] = Grade.GOOD

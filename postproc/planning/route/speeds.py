@@ -10,7 +10,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
-from postproc.paths import jerk_ramps, joint_path, torques_of
+from postproc.paths import jerk_ramps, joint_path, top_speeds, torques_of
 from postproc.planning.checks import (
     LOWER,
     Checker,
@@ -212,8 +212,8 @@ def can_be_told(problem: Problem, lines: Lines, track: Track) -> BoolArray:
 
 def _axis_speeds(problem: Problem) -> FloatArray:
     """Return the largest speeds (6 + k,) of the arm's axes and of the external ones that move."""
-    moving = problem.cell.external_axes if problem.placement.axes is not None else ()
-    return np.array([*problem.cell.robot.qd_max, *(axis.qd_max for axis in moving)])
+    speeds = top_speeds(problem.cell)
+    return speeds if problem.placement.axes is not None else speeds[:6]
 
 
 def _busiest(problem: Problem, table: Moves, row: int) -> str:

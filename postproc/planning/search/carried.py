@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,13 @@ _ROUNDS = 2
 PlanRun = Callable[[Run], Plan]
 
 
+class Ask(NamedTuple):
+    """What a toolpath asks for: the way to each tag (n,) [m], and the feed there (n,) [m/s]."""
+
+    way: FloatArray
+    feed: FloatArray
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """What became of one cut in a plan.
@@ -56,7 +64,9 @@ class Outcome:
     best: FloatArray
 
     @classmethod
-    def of(cls, places: Positions, unit: int, runs: list[Run], planned: PlanRun) -> Outcome:
+    def of(
+        cls, places: Positions, unit: int, runs: list[Run], planned: PlanRun, ask: Ask
+    ) -> Outcome:
         """Return what became of a unit in the plan of its run, one of ``runs`` in order."""
         low, high = places.units[unit]
         number = _run_of(places, unit, runs)
@@ -64,13 +74,12 @@ class Outcome:
         beside = itertools.pairwise(runs[max(number - 1, 0) : number + 2])
         ways = [np.abs(b.external[0] - a.external[-1]) / places.speeds for a, b in beside]
         rows, tags = np.arange(low, high), range(low - run.low, high - run.low)
-        way = arc_length(places.toolpath)
         cuts = np.flatnonzero(plan.role == MoveRole.CUT)
         cuts = cuts[np.isin(plan.tag[cuts], tags)]
         end = plan.tag[cuts] + run.low
-        feed = feeds_of(places.toolpath, places.cell)[end]
-        at_feed = np.diff(way[end], prepend=way[low]) / feed
-        share = np.gradient(way[rows])
+        feed = ask.feed[end]
+        at_feed = np.diff(ask.way[end], prepend=ask.way[low]) / feed
+        share = np.gradient(ask.way[rows])
         best = plan.stiffness if plan.stiffness_best is None else plan.stiffness_best
         return cls(
             sum(finding.tag_index in tags for finding in plan.errors),
@@ -152,8 +161,9 @@ def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bo
 
 def _outcomes(places: Positions, runs: list[Run], planned: PlanRun) -> dict[int, Outcome]:
     """Return what became of each unit that may be cut moving."""
+    ask = Ask(arc_length(places.toolpath), feeds_of(places.toolpath, places.cell))
     return {
-        unit: Outcome.of(places, unit, runs, planned)
+        unit: Outcome.of(places, unit, runs, planned, ask)
         for unit in range(len(places.units))
         if places.may_be_cut_moving(unit)
     }

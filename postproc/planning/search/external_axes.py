@@ -96,7 +96,7 @@ def _told(
     name = places.toolpath.tag_name
     names = " or ".join(axis.name for axis in places.cell.external_axes)
     told = list(result.findings)
-    failing = np.unique([-1 if i.tag_index is None else i.tag_index for i in result.errors])
+    failing = result.failing_tags
     for unit, (low, high) in enumerate(places.units):
         part = reach[places.knots_of(unit)]
         text, hint = "", ""

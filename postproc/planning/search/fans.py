@@ -79,7 +79,7 @@ def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]
     count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
     failing, rest = pairs[:0], pairs[:_MANY]
     if length > LONG_WAY:
-        failing, rest = _looked_at(search, pairs, count)
+        failing, rest = _half_way(search, pairs, count)
     if len(rest) > count:
         joints = replace(search.checker, scene=None)
         spans = search.spans(rest[:, 0], rest[:, 1])
@@ -91,7 +91,7 @@ def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]
     return [(a, b) for a, b in rest.tolist()], [(a, b) for a, b in failing.tolist()]
 
 
-def _looked_at(search: PoseSearch, pairs: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
+def _half_way(search: PoseSearch, pairs: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:
     """Return the first steps of some (k, 2) that fail half way, and those that do not.
 
     So many that ``count`` of the latter are among them, as far as there are.

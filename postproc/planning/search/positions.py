@@ -17,6 +17,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell
 from postproc.geometry import angle_between
 from postproc.model import Plan, ToolPath
+from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
 from postproc.planning.search.between import cubic, slopes
 from postproc.planning.search.edges import best_of
@@ -309,7 +310,7 @@ class Positions:
     @property
     def speeds(self) -> FloatArray:
         """Largest speeds (k,) of the axes [m/s or rad/s]."""
-        return np.array([axis.qd_max for axis in self.cell.external_axes])
+        return top_speeds(self.cell)[6:]
 
     @property
     def toolpath(self) -> ToolPath:

@@ -240,8 +240,7 @@ class Graph:
 
         Such steps are dear, and few are the best: they are taken out of the rows of those alone.
         """
-        gap = np.abs(self.position[now] - self.position[before[back]])
-        rows = np.flatnonzero((gap > self._most(i)).any(axis=1))
+        rows = np.flatnonzero(~self.is_in_reach(i, before[back], now))
         if not len(rows):
             return
         a, b, some = self.position[before], self.position[now[rows]], steps[rows]
@@ -251,9 +250,15 @@ class Graph:
             np.putmask(some, gap > limit[j], np.inf)
         steps[rows], back[rows] = some, some.argmin(axis=1)
 
-    def is_in_reach(self, i: int, steps: IndexArray) -> BoolArray:
-        """Return in which steps (k, 2) into a rung no coordinate moves too far."""
-        gap = np.abs(self.position[steps[:, 1]] - self.position[steps[:, 0]])
+    def is_in_reach(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray:
+        """Return in which steps (k,) into a rung, from state to state, no coordinate moves too far.
+
+        Args:
+            i: rung of the states now.
+            before: (k,) on the rung before.
+            now: (k,).
+        """
+        gap = np.abs(self.position[now] - self.position[before])
         return np.asarray((gap <= self._most(i)).all(axis=1))
 
     def _most(self, i: int) -> FloatArray | float:

@@ -218,7 +218,7 @@ class Ladder(Graph):
             prices.append(of[steps])
         steps, of = np.concatenate(found), np.concatenate(prices)
         steps = steps[np.lexsort((steps[:, 1], steps[:, 0], of))[:most]]
-        return steps[self.is_in_reach(i, steps)] if self.rule[i] == CHAIN else steps
+        return steps[self.is_in_reach(i, *steps.T)] if self.rule[i] == CHAIN else steps
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
