@@ -12,7 +12,8 @@ from postproc.geometry.frames import transform
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
 from postproc.planning.route import connect, tree
-from postproc.planning.route.connect import Ends, free_way
+from postproc.planning.route.connect import Ends, detours, free_way
+from postproc.planning.route.fold import folded_ways
 from postproc.planning.route.tree import ROUNDS, rrt_connect
 from postproc.planning.states.settings import PlanOptions, settle
 
@@ -109,6 +110,35 @@ def test_ways_lent_are_not_much_longer(checker_of):
             for way in (own, lent[row])
         ]
         assert lengths[1] < 2.0 * lengths[0]
+
+
+def test_the_arm_folds_past_what_stands_before_it(checker_of, monkeypatch):
+    """Connections past a high beam are led back from it, without a tree, and are free all along."""
+    checker = checker_of(solid("beam", [0.1, 0.1, 3.0], 2.2, 0.0, 1.5))
+    ends = swings(12)
+    assert not checker.joint_moves(ends.q_from, ends.q_to, STANDING).good.any()
+    monkeypatch.setattr(connect, "rrt_connect", lambda *args: pytest.fail("a tree is grown"))
+    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
+    ways = {row: way.q for row, way in detours(checker, ends, *nothing).items()}
+    assert sorted(ways) == list(range(12))
+    assert checker.free_poses(legs(ends, ways, 400), STANDING).all()
+    alone = free_way(checker, ends.q_from[3], ends.q_to[3], STANDING)
+    assert np.array_equal(alone, ways[3])
+
+
+def test_folds_stay_within_limits_and_turn_round_overhead(checker_of):
+    problem = checker_of().problem
+    q_min, q_max = np.asarray(problem.kinematics.q_min), np.asarray(problem.kinematics.q_max)
+    start = np.deg2rad([[0.0, -120.0, 140.0, 0.0, 20.0, 0.0], [0.0, -60.0, 60.0, 0.0, 20.0, 0.0]])
+    goal = start + np.deg2rad([30.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    ways = folded_ways(problem, start, goal)
+    assert (ways >= q_min).all()
+    assert (ways <= q_max).all()
+    assert (ways[:, 1, :, 1] <= start[1, 1]).all()
+    assert (ways[:, 1, :, 2] >= start[1, 2]).all()
+    overhead = np.deg2rad([[0.0, -125.0, 0.0, 0.0, 20.0, 0.0]])
+    assert problem.kinematics.branches.reach(overhead)[0] < 0.0
+    assert (folded_ways(problem, overhead, overhead)[..., 1] >= overhead[0, 1]).all()
 
 
 def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatch):

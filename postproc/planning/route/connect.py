@@ -1,8 +1,9 @@
 """How the tool gets from one stretch to the next without touching anything.
 
-Straight in joint space if that is free; else by backing off along the tool axes first; else through
-the points of a way found for another connection; else by a random tree in joint space from both
-ends, shortened afterwards. Checks are asked for in batches: one call costs far more than one row.
+Straight in joint space if that is free; else by backing off along the tool axes first; else with
+the arm folded; else through the points of a way found for another connection; else by a random tree
+in joint space from both ends, shortened afterwards. Checks are asked for in batches: one call costs
+far more than one row.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines, Reason
+from postproc.planning.route.fold import folded_ways
 from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
@@ -90,7 +92,10 @@ def detours(
     q, is_out = backed_off(checker, ends, attitude, branch)
     out = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
     rows = rows[is_out[rows] | ~(ends.lift[rows] > 0)]
-    for row, points in _by_trees(checker, out, rows, give_up).items():
+    folded = _by_folding(checker, out.q_from[rows], out.q_to[rows], out.external[rows])
+    found = {int(rows[k]): points for k, points in folded.items()}
+    rows = np.delete(rows, list(folded))
+    for row, points in (found | _by_trees(checker, out, rows, give_up)).items():
         first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)
@@ -119,6 +124,21 @@ def why_stuck(
     if not problem.within(q)[0]:
         return Reason.JOINT_LIMIT
     return Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
+
+
+def _by_folding(
+    checker: Checker, start: FloatArray, goal: FloatArray, external: FloatArray
+) -> dict[int, FloatArray]:
+    """Return the points (k, 6) of free ways by row on which the arm is folded.
+
+    Between joints (m, 6) and (m, 6); the external axes stand at ``external`` (m, k) meanwhile.
+    """
+    ways = folded_ways(checker.problem, start, goal)
+    at = np.tile(np.arange(len(start)), len(ways))
+    points = ways.reshape(-1, 2, 6)
+    legs = (start[at], points[:, 0]), (points[:, 0], points[:, 1]), (points[:, 1], goal[at])
+    free = _first_free(checker, at, legs, external[at]).tolist()
+    return {int(at[k]): points[k][: 1 + (points[k, 0] != points[k, 1]).any()] for k in free}
 
 
 def _by_trees(
@@ -296,4 +316,7 @@ def free_way(
     """
     if checker.joint_moves(start[None], goal[None], external).good[0]:
         return np.zeros((0, 6))
+    found = _by_folding(checker, start[None], goal[None], external[None])
+    if found:
+        return found[0]
     return rrt_connect(checker, start, goal, external)
