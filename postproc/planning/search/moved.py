@@ -14,7 +14,7 @@ from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
-from postproc.planning.search.rungs import yardstick
+from postproc.planning.search.rungs import same_arm, yardstick
 from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
@@ -33,13 +33,16 @@ _PATIENT = 5
 to each side every round: else each lets the next one move, and fail, in a round of its own."""
 
 
-def moved_off_grid(search: PoseSearch, chosen: Chosen, *, at_edges: bool = False) -> Chosen:
+def moved_off_grid(
+    search: PoseSearch, chosen: Chosen, *, at_edges: bool = False, keep_arm: bool = False
+) -> Chosen:
     """Return the chosen poses moved off the grid, where that stands the checks.
 
     Args:
         search: what the poses were chosen by.
         chosen: poses of the grid.
         at_edges: whether tags by themselves begin at the edge of reach where that is stiffer.
+        keep_arm: whether they stay with their shoulder and elbow there.
     """
     checker, between = search.checker, search.between
     problem, pins = checker.problem, checker.problem.cell.optimize.pins
@@ -66,8 +69,10 @@ def moved_off_grid(search: PoseSearch, chosen: Chosen, *, at_edges: bool = False
     alone = np.bincount(cuts)[cuts] == 1
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
     if at_edges:
-        may = alone & bounds.free[:, 0]
-        poses = _at_edges(problem, grid, search.edges, np.flatnonzero(kept), may)
+        rows, may = np.flatnonzero(kept), alone & bounds.free[:, 0]
+        if keep_arm:
+            may &= same_arm(search.edges.branch[rows], grid.branch)
+        poses = _at_edges(problem, grid, search.edges, rows, may)
     for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)
         poses = _slowed(problem, between, poses, bounds, _HEAVIEST * linked)
@@ -94,12 +99,14 @@ def _at_edges(
 ) -> TagPoses:
     """Return poses of tags (n,), rows of ``edges``, at these where that gains more than it costs.
 
-    The ways to and from the tags beside count as they stand on the grid.
+    The ways to and from the tags beside count as they stand on the grid. Joints take the turns
+    nearest to those of the grid.
     """
     T = problem.placement.tcp(grid.tags, grid.attitude)
     own = evaluate(problem, grid.tags, grid.attitude[:, 0], T, grid.q)[1]
-    index, q = np.where(edges.is_between, edges.index, np.nan)[rows], edges.q[rows]
-    price, is_stiffer = problem.settings.weights.price, index > own
+    index = np.where(edges.is_between, edges.index, np.nan)[rows]
+    q = problem.kinematics.nearest(edges.q[rows], grid.q)
+    price, is_stiffer = problem.settings.weights.price, (index > own) & problem.within(q)
     gain = np.log(np.where(is_stiffer, index / own, 1.0))
     gain += np.where(is_stiffer, price(1.0 - own / grid.best) - price(1.0 - index / grid.best), 0.0)
     gain *= grid.share

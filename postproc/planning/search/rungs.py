@@ -57,6 +57,8 @@ HOME_SHARE = 0.05
 CHANGE = 1e5
 """Cost of another shoulder or elbow at the next tag where a search keeps the arm steady: more than
 all that such changes could gain."""
+_CHANGE_BOUND = 1e3
+"""So many times as much where the cell bounds losses, which are priced accordingly."""
 _ARMS = 4
 """The lower bits of a branch, shoulder and elbow; the third is the wrist's."""
 _AT_ONCE = 200_000
@@ -174,8 +176,9 @@ def ladder_of(
     weight, share = _scales(between, tags, travel)
     cost = states.cost * np.repeat(share, np.diff(states.offsets))
     position = states.q
+    change = CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
     if wish.steady:  # two more coordinates, equal for the same arm
-        apart = np.sqrt(CHANGE / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
+        apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
         position = np.hstack([position, apart * _arm(states.branch)], dtype=np.float32)
     home = problem.cell.motion.home
     if home is not None and len(tags):
@@ -186,7 +189,7 @@ def ladder_of(
             if not wish.each:
                 cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
             if wish.steady:
-                cost[at] += CHANGE * (_arm(states.branch[at]) != arm).sum(axis=1)
+                cost[at] += change * (_arm(states.branch[at]) != arm).sum(axis=1)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
     ladder.reach = _reach(problem, tags, position.shape[1])
     return ladder, weight, share
@@ -217,10 +220,15 @@ def _arm(branch: AnyIntArray) -> BoolArray:
     return np.asarray(np.stack([branch & 1, branch & 2], axis=-1) != 0)
 
 
+def same_arm(one: AnyIntArray, other: AnyIntArray) -> BoolArray:
+    """Return whether shoulder and elbow of branches (...,) are the same."""
+    return np.asarray(one % _ARMS == other % _ARMS)
+
+
 def changes_of_arm(chosen: Chosen) -> IndexArray:
     """Return the tags (m,) at which shoulder or elbow are not those of the tag run before."""
     good = np.flatnonzero(chosen.good)
-    return np.asarray(good[1:][np.diff(chosen.branch[good] % _ARMS) != 0])
+    return good[1:][~same_arm(chosen.branch[good[1:]], chosen.branch[good[:-1]])]
 
 
 def bridges_of(

@@ -69,7 +69,7 @@ def choose(
         step(0, 0, "refine")
         at_edges = isinstance(wishes.objective, str) and wishes.preset is Preset.STIFFEST
         at_edges |= wishes.loss_bound is not None
-        chosen = moved_off_grid(search, chosen, at_edges=at_edges)
+        chosen = _moved(search, chosen, at_edges=at_edges)
         record |= {"travel_rad2_grid": record["travel_rad2"], "travel_rad2": travel(chosen)}
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
@@ -118,6 +118,16 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
                 return found, chosen
             search.keep_arm()
         found = search.run()
+
+
+def _moved(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Chosen:
+    """Return the poses moved off the grid; to edges by another arm only if free ways lead there."""
+    keep_arm = search.wish.steady
+    moved = moved_off_grid(search, chosen, at_edges=at_edges, keep_arm=keep_arm)
+    changes = np.setdiff1d(changes_of_arm(moved), changes_of_arm(chosen))
+    if keep_arm or has_ways(search.checker, moved, changes):
+        return moved
+    return moved_off_grid(search, chosen, at_edges=at_edges, keep_arm=True)
 
 
 def _is_key(search: PoseSearch) -> BoolArray:
