@@ -29,6 +29,7 @@ from postproc.geometry.frames import (
     transform,
     transform_from_kuka,
     turned_between,
+    twist_about,
     vee,
 )
 from postproc.geometry.poses import arc_points, arc_poses, line_poses, path_length
@@ -64,5 +65,6 @@ __all__ = [
     "transform",
     "transform_from_kuka",
     "turned_between",
+    "twist_about",
     "vee",
 ]

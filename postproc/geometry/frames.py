@@ -160,6 +160,16 @@ def rotation_angle(R_a: ArrayLike, R_b: ArrayLike) -> FloatArray:
     return np.asarray(np.arctan2(sine, cosine))
 
 
+def twist_about(R: FloatArray, axis: FloatArray) -> FloatArray:
+    """Return the turn (...,) [rad] of rotations R about ``axis`` (3,), their tilt of it taken off.
+
+    The tilt is the smallest rotation that carries the axis along; after a half turn of the axis the
+    twist means nothing.
+    """
+    along = np.trace(R, axis1=-2, axis2=-1) - (R @ axis) @ axis
+    return np.asarray(np.arctan2(vee(R) @ axis, along))
+
+
 def axis_angle(R_a: FloatArray, R_b: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return unit axis (m, 3) in frame a and angle (m,) [rad] of the rotation from R_a to R_b."""
     D = np.swapaxes(R_a, -1, -2) @ R_b

@@ -1,5 +1,6 @@
 """Forward and inverse kinematics, Jacobian, status and turn, distance to singularity."""
 
+from postproc.kinematics.branches import wrapped
 from postproc.kinematics.build import build
 from postproc.kinematics.corners import (
     IN_STEP,
@@ -43,5 +44,6 @@ __all__ = [
     "smallest_singular_value",
     "status_turn",
     "within_tolerance",
+    "wrapped",
     "wrist_distance",
 ]

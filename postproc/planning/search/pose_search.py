@@ -179,8 +179,22 @@ class PoseSearch:
 
     def keep_arm(self) -> None:
         """Let the arm change shoulder or elbow between tags only where nothing else can be run."""
-        self.wish = replace(self.wish, steady=True)
-        known = self.ladder
+        self._wish_anew(replace(self.wish, steady=True))
+
+    def keep_spin(self, main: FloatArray) -> None:
+        """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays.
+
+        On the finest grid: between coarse spins one side of a roll may look better than it is.
+        """
+        coarse = self.tags[np.isfinite(main[self.tags]) & (self.stride > 1)]
+        if len(coarse):
+            self.wish = replace(self.wish, main=main)
+            self.grow(coarse, np.ones_like(coarse))
+        else:
+            self._wish_anew(replace(self.wish, main=main))
+
+    def _wish_anew(self, wish: Wish) -> None:
+        self.wish, known = wish, self.ladder
         parts = ladder_of(self.checker.problem, self.between, self.tags, self.states, self.wish)
         self.ladder, self.weight, self.share = parts
         self.ladder.cost[self.out] = np.inf

@@ -14,9 +14,10 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
+from postproc.geometry import twist_about
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
-from postproc.planning.states import BRANCHES, Chosen, cross_axes, strokes_into
+from postproc.planning.states import BRANCHES, Chosen, strokes_into
 from postproc.units import DEG
 
 _SAME = 1e-7
@@ -139,11 +140,7 @@ def _offsets(checker: Checker, tags: IndexArray) -> FloatArray:
     """Return the spin (m,) [rad] that each tag needs to stand as the first one at spin 0."""
     place = checker.problem.placement
     R = place.R_base_tcp[tags]
-    turned = np.swapaxes(R, 1, 2) @ R[0]
-    first, second = cross_axes(place.tool_axis)
-    sense = float(np.dot(np.cross(first, second), place.tool_axis))
-    along, across = turned @ first @ first, turned @ first @ second
-    return np.asarray(np.arctan2(sense * across, along))
+    return twist_about(np.swapaxes(R, 1, 2) @ R[0], place.tool_axis)
 
 
 def _turned(

@@ -8,6 +8,7 @@ import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
+from postproc.kinematics import wrapped
 from postproc.model import CUTS
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
@@ -59,6 +60,12 @@ CHANGE = 1e5
 all that such changes could gain."""
 _CHANGE_BOUND = 1e3
 """So many times as much where the cell bounds losses, which are priced accordingly."""
+STEADY_BAND = 45.0 * DEG
+"""How far [rad] to each side a cut may roll the tool off its main spin without earning it."""
+ROLL_PRICE = 0.01
+"""What stands beyond that must gain so much, 1 % of stiffness: travel is priced by its square over
+the way, so that on a long cut a slow half turn costs nearly nothing, and pays for rounding of the
+grid."""
 _ARMS = 4
 """The lower bits of a branch, shoulder and elbow; the third is the wrist's."""
 _AT_ONCE = 200_000
@@ -75,7 +82,8 @@ class Wish:
     travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
     stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
     configuration, cuts or not; None: cuts do. ``steady``: another shoulder or elbow from tag to tag
-    costs ``CHANGE``.
+    costs ``CHANGE``. ``main`` (n,) [rad]: spin of which tags stand off by more than ``STEADY_BAND``
+    only where that earns ``ROLL_PRICE``, NaN where any will do; None: nowhere.
     """
 
     each: bool = False
@@ -83,6 +91,7 @@ class Wish:
     least: FloatArray | None = None
     stretch: IndexArray | None = None
     steady: bool = False
+    main: FloatArray | None = None
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -174,7 +183,12 @@ def ladder_of(
     if wish.each:
         travel = np.where(rule == Rule.CHAIN, wish.cut_travel, TIE_TRAVEL)
     weight, share = _scales(between, tags, travel)
-    cost = states.cost * np.repeat(share, np.diff(states.offsets))
+    count = np.diff(states.offsets)
+    cost = states.cost * np.repeat(share, count)
+    if wish.main is not None:
+        off = states.spin_of(np.arange(len(states.q))) - np.repeat(wish.main[tags], count)
+        rolls = np.abs(wrapped(off)) > STEADY_BAND
+        cost[rolls] += ROLL_PRICE * np.repeat(share, count)[rolls]
     position = states.q
     change = CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
     if wish.steady:  # two more coordinates, equal for the same arm

@@ -33,6 +33,7 @@ from postproc.planning.search.loss import (
     loss_of,
     loss_report,
 )
+from postproc.planning.search.main_spin import main_spins
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
 from postproc.planning.search.rungs import TIE_TRAVEL, Wish, changes_of_arm
@@ -98,8 +99,9 @@ def _wish(checker: Checker, bound: LossBound | None) -> Wish:
 def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]:
     """Search, and look closer until all that fails is refuted.
 
-    Where no free way is found by which the arm changes shoulder or elbow as the best sequence asks
-    for, another is looked for that changes them only where it must.
+    Cuts that roll the tool far are searched again: that has to pay. Where no free way is found by
+    which the arm changes shoulder or elbow as the best sequence asks for, another is looked for
+    that changes them only where it must.
     """
     n = len(search.checker.problem)
     found = search.run()
@@ -112,6 +114,11 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
             step(min(len(search.tags), n - 1), n, "search")
             search.grow(tags, stride)
         else:
+            main = main_spins(search, found)
+            if main is not None:
+                search.keep_spin(main)
+                found = search.run()
+                continue
             chosen = search.chosen(found)
             changes = changes_of_arm(chosen)
             if search.wish.steady or has_ways(search.checker, chosen, changes):
