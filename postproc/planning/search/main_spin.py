@@ -47,16 +47,18 @@ def main_spins(search: PoseSearch, found: Found) -> FloatArray | None:
         return None
     tags, spin = search.tags[rows], search.states.spin_of(found.path[rows])
     chain = np.cumsum(~is_cut)
-    turn = _turns(place, tags, spin)
-    turns = np.abs(turn) > 2.0 * STEADY_BAND
+    turns = np.abs(_turns(place, tags, spin)) > 2.0 * STEADY_BAND
     turns &= np.diff(chain[tags]) != 0
     bounds = np.flatnonzero(np.concatenate([[True], turns, [True]]))
     for low, high in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
         own = tags[low:high]
-        if np.isfinite(main[own]).any() or not _rolls(turn[low : high - 1], chain[own]):
+        if np.isfinite(main[own]).any():
             continue
         onto = _central(place, own)
         roll = spin[low:high] - _level_spins(place, own, onto)
+        cuts = np.split(roll, np.flatnonzero(np.diff(chain[own])) + 1)
+        if max(_range(cut) for cut in cuts) <= 2.0 * STEADY_BAND:
+            continue
         whole = np.arange(chain.searchsorted(chain[own[0]]), 1 + own[-1])
         whole = whole[of_cut[whole]]
         main[whole] = _level_spins(place, whole, onto) + _middle(roll, search.share[rows[low:high]])
@@ -69,14 +71,6 @@ def _turns(place: Placement, tags: IndexArray, spin: FloatArray) -> FloatArray:
     R = _rotations(place, tags)
     own = twist_about(np.swapaxes(R[:-1], 1, 2) @ R[1:], place.tool_axis)
     return wrapped(own + np.diff(spin))
-
-
-def _rolls(turn: FloatArray, chain: IndexArray) -> bool:
-    """Return whether a cut among tags (m,) in chains rolls the tool, by turns (m-1,) [rad], far."""
-    roll = np.cumsum(np.append(0.0, turn))
-    starts = np.flatnonzero(np.diff(chain, prepend=-1))
-    most, least = np.maximum.reduceat(roll, starts), np.minimum.reduceat(roll, starts)
-    return bool((most - least).max() > 2.0 * STEADY_BAND)
 
 
 def _central(place: Placement, tags: IndexArray) -> int:
@@ -99,6 +93,12 @@ def _rotations(place: Placement, tags: IndexArray) -> FloatArray:
     """Return R_robroot_tcp (m, 3, 3) of tags (m,) at spin 0."""
     R_robroot_base = place.base(place.external[tags])[..., :3, :3]
     return np.asarray(R_robroot_base @ place.R_base_tcp[tags])
+
+
+def _range(roll: FloatArray) -> float:
+    """Return the smallest range [rad] that holds all of some angles (m,)."""
+    around = np.sort(np.mod(roll, _FULL_TURN))
+    return _FULL_TURN - float(np.diff(around, append=around[0] + _FULL_TURN).max())
 
 
 def _middle(roll: FloatArray, weight: FloatArray) -> float:
