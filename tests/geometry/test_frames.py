@@ -130,3 +130,14 @@ def test_vectors_turn_evenly_from_one_to_the_other():
     assert np.allclose(frames.turned_between(a, a, share), a)
     against = frames.turned_between(a, -a, np.array([0.0, 0.25, 1.0]))
     assert np.allclose(against, [a, a, -a])
+
+
+def test_a_twist_is_what_is_left_of_a_turn_without_its_tilt():
+    rng = np.random.default_rng(8)
+    for twist in (-3.1, -1.0, 0.0, 0.4, 3.1):
+        axis, other = rng.normal(size=(2, 3))
+        axis /= np.linalg.norm(axis)
+        across = np.cross(axis, other)
+        tilt = frames.rotation_from_vector(2.8 * across / np.linalg.norm(across))
+        R = tilt @ frames.rotation_about(axis, twist)
+        assert frames.twist_about(R, axis) == pytest.approx(twist, abs=1e-12)

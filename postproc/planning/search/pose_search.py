@@ -182,16 +182,8 @@ class PoseSearch:
         self._wish_anew(replace(self.wish, steady=True))
 
     def keep_spin(self, main: FloatArray) -> None:
-        """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays.
-
-        On the finest grid: between coarse spins one side of a roll may look better than it is.
-        """
-        coarse = self.tags[np.isfinite(main[self.tags]) & (self.stride > 1)]
-        if len(coarse):
-            self.wish = replace(self.wish, main=main)
-            self.grow(coarse, np.ones_like(coarse))
-        else:
-            self._wish_anew(replace(self.wish, main=main))
+        """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays."""
+        self._wish_anew(replace(self.wish, main=main))
 
     def _wish_anew(self, wish: Wish) -> None:
         self.wish, known = wish, self.ladder

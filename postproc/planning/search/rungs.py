@@ -62,10 +62,9 @@ _CHANGE_BOUND = 1e3
 """So many times as much where the cell bounds losses, which are priced accordingly."""
 STEADY_BAND = 45.0 * DEG
 """How far [rad] to each side a cut may roll the tool off its main spin without earning it."""
-ROLL_PRICE = 0.01
-"""What stands beyond that must gain so much, 1 % of stiffness: travel is priced by its square over
-the way, so that on a long cut a slow half turn costs nearly nothing, and pays for rounding of the
-grid."""
+ROLL_PRICE = 0.02
+"""What stands beyond that must gain so much: 1 % of stiffness, and as much for the grid of spins,
+whose rounding may favour one of two mirrored poses by it."""
 _ARMS = 4
 """The lower bits of a branch, shoulder and elbow; the third is the wrist's."""
 _AT_ONCE = 200_000
