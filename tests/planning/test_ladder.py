@@ -8,7 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from postproc.planning.states import NONE, Ladder, Rule
+from postproc.planning.states import NONE, Joined, Ladder, Rule
 from postproc.planning.states import ladder as ladder_module
 
 
@@ -105,6 +105,63 @@ def test_repair_equals_fresh_solve(seed):
         fresh.solve()
         assert ladder.total(ladder.path()) == pytest.approx(fresh.total(fresh.path()), abs=1e-8)
         assert np.array_equal(ladder.broken, fresh.broken)
+
+
+class SomeSteps:
+    """Some steps of a ladder at random: told one by one, or as a matrix only."""
+
+    def __init__(self, ladder, rng, *, listed):
+        self.offsets, self.group, self.listed = ladder.offsets, ladder.group, listed
+        self.may = rng.uniform(size=(len(ladder.cost),) * 2) < 0.3
+
+    def classes(self, i, cost):
+        before, low, high = self.offsets[i - 1 : i + 2]
+        may = np.eye(2, dtype=bool)
+        return Joined(self.group[low:high], self.group[before:low], may)
+
+    def tighter(self, rungs, cost):
+        return rungs[:0]
+
+    def barred(self, i, before, now):
+        return ~self.may[now][:, before]
+
+    def few(self, i):
+        if not self.listed:
+            return None
+        before, low, high = self.offsets[i - 1 : i + 2]
+        same = self.group[low:high, None] == self.group[before:low]
+        now, start = np.nonzero(self.may[low:high, before:low] & same)
+        return before + start, low + now
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_listed_steps_give_what_the_matrix_gives(seed):
+    ladders = []
+    for listed in (False, True):
+        rng = np.random.default_rng(seed)
+        ladder = random_ladder(rng, rungs=30, most=25, dead=0.1, chain=0.7)
+        ladder.joins = SomeSteps(ladder, rng, listed=listed)
+        if seed % 3 == 0:
+            ladder._room_left = 200  # only some of the rungs are listed
+        ladder.solve()
+        ladders.append(ladder)
+    plain, ladder = ladders
+    rng = np.random.default_rng(seed)
+    for round_ in range(12):
+        path = plain.path()
+        assert ladder.total(path) == pytest.approx(plain.total(path), rel=1e-12)
+        assert ladder.total(ladder.path()) == pytest.approx(plain.total(path), abs=1e-6)
+        assert np.array_equal(ladder.broken, plain.broken)
+        rung = int(rng.choice(np.flatnonzero(plain.rule[1:] == Rule.CHAIN))) + 1
+        steps = plain.cheapest(rung, 5)
+        assert np.array_equal(ladder.cheapest(rung, 5)[: len(steps)], steps)
+        pairs = np.stack([path[:-1], path[1:]], axis=1)[(path[:-1] != NONE) & (path[1:] != NONE)]
+        out = [*steps.tolist(), *rng.choice(pairs, size=2, replace=False).tolist()]
+        dead = rng.choice(path[path != NONE], size=round_ % 3, replace=False)
+        for each in ladders:
+            each.forbid(out)
+            each.remove(dead)
+            each.settle()
 
 
 @pytest.mark.parametrize("seed", range(20))

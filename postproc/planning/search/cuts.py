@@ -13,20 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
-from postproc.geometry import angle_between, rotation_angle, turned_between
-from postproc.model import MotionKind
-from postproc.planning.checks import PROBES, Checker, Lines, Reason, poses_between
+from postproc.planning.checks import PROBES, Checker, Lines, Reason
 from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
-from postproc.planning.states import BETWEEN, Chosen, Problem, leaves_tilt_range
+from postproc.planning.search.leaning import as_arcs, leans_too_far
+from postproc.planning.states import Chosen, Problem
 
 _ROWS = 16384
 """So many tags are judged at once."""
 _FULL_TURN = 2.0 * np.pi
 _SAME = 0.1
 """Joints [rad] that differ by less at the end of a span are those of its end."""
-_TILT_SHARES = np.arange(1.0, 8.0) / 8.0
-"""Where on a cut the tilt of the tool is checked."""
 
 
 @dataclass(slots=True)
@@ -116,7 +113,7 @@ def probed(checker: Checker, spans: Spans) -> BoolArray:
             np.ones(len(some), dtype=np.bool_),
             (place.external[some.first], place.external[some.last]),
         )
-        _as_arcs(checker.problem, some.last, lines)
+        as_arcs(checker.problem, some.last, lines)
         met[open_] = checker.meets(lines, share)
         open_ = open_[~met[open_]]
     return met
@@ -257,8 +254,10 @@ def _check_motions(
         np.ones(len(open_), dtype=np.bool_),
         (external[tags[0]], external[tags[1]]),
     )
-    _as_arcs(checker.problem, tags[1], lines)
-    leaves = _leaves_tilt_range(checker.problem, tags, (a_from, judged.attitude[open_]), lines)
+    as_arcs(checker.problem, tags[1], lines)
+    place, ends = checker.problem.placement, (a_from, judged.attitude[open_])
+    tilts = place.tilts(tags[0], ends[0]), place.tilts(tags[1], ends[1])
+    leaves = leans_too_far(checker.problem, tags[1], tilts, lines)
     verdict, track = checker.lines(lines, span)
     # As for a turn that could go either way round: the tool cannot turn so on this way.
     verdict.refuse(np.flatnonzero(leaves), Reason.SINGULAR)
@@ -276,71 +275,3 @@ def _check_poses(checker: Checker, judged: Judged, open_: IndexArray, spans: Spa
     tags, branch = judged.rows.tag[open_], spans.branch[judged.rows.span[open_]]
     verdict = checker.states(tags, judged.q[open_], judged.attitude[open_], branch)
     judged.reason[open_], judged.pair[open_] = verdict.reason, verdict.pair
-
-
-def _as_arcs(problem: Problem, tags: IndexArray, lines: Lines) -> None:
-    """Make arcs of the motions to tags (m,) that the toolpath reaches by arcs."""
-    arcs = problem.toolpath.arcs
-    is_arc = np.asarray(problem.toolpath.kind)[tags] == MotionKind.ARC
-    if not len(arcs) or not is_arc.any():
-        return
-    number = np.asarray(problem.toolpath.arc)[tags]
-    lines.centre, lines.normal = arcs.centre[number], arcs.normal[number]
-    lines.radius = arcs.radius[number]
-    lines.sweep = np.where(is_arc, arcs.sweep[number], 0.0)
-
-
-def _leaves_cam_axis(
-    problem: Problem, tags: tuple[IndexArray, IndexArray], lines: Lines
-) -> BoolArray:
-    """Return which cuts (m,) between upright tags lean the tool out of the CAM axes on their way.
-
-    The controller turns the tool about one axis: where it spins while its axis turns, that leaves
-    the plane of the two CAM axes, by up to about a quarter of the product of both angles.
-    """
-    axes = tuple(problem.placement.axis_base(tag) for tag in tags)
-    leaves = np.zeros(len(lines), dtype=np.bool_)
-    turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
-    rows = np.flatnonzero(0.25 * angle_between(*axes) * turn > BETWEEN)
-    if not len(rows):
-        return leaves
-    k = len(_TILT_SHARES)
-    share = np.tile(_TILT_SHARES, len(rows))
-    T = poses_between(lines, np.repeat(rows, k), share)
-    axis = T[:, :3, :3] @ problem.placement.tool_axis
-    a, b = (np.repeat(end[rows], k, axis=0) for end in axes)
-    off = angle_between(axis, turned_between(a, b, share)).reshape(len(rows), k).max(axis=1)
-    leaves[rows] = off > BETWEEN
-    return leaves
-
-
-def _leaves_tilt_range(
-    problem: Problem,
-    tags: tuple[IndexArray, IndexArray],
-    attitudes: tuple[FloatArray, FloatArray],
-    lines: Lines,
-) -> BoolArray:
-    """Return which cuts (m,) leave the allowed tilt on their way; tell arcs the tilt they carry."""
-    place = problem.placement
-    leaves = _leaves_cam_axis(problem, tags, lines)
-    tilts = tuple(place.tilts(*end) for end in zip(tags, attitudes, strict=True))
-    tilted = (tilts[0] != 0.0).any(axis=1) | (tilts[1] != 0.0).any(axis=1)
-    if not tilted.any():
-        return leaves
-    lines.tilts = tilts[0], tilts[1]
-    rows, k = np.flatnonzero(tilted), len(_TILT_SHARES)
-    T = poses_between(lines, np.repeat(rows, k), np.tile(_TILT_SHARES, len(rows)))
-    axis = -(T[:, :3, :3] @ place.tool_axis).reshape(len(rows), k, 3)
-    around = np.zeros((len(rows), 3))
-    if lines.normal is not None and lines.sweep is not None:
-        around = lines.normal[rows] * lines.sweep[rows, None]
-    first, last = tags[0][rows], tags[1][rows]
-    leaves[rows] = leaves_tilt_range(
-        axis,
-        _TILT_SHARES,
-        (-place.axis_base(first), -place.axis_base(last)),
-        (place.feed[first], place.feed[last]),
-        around,
-        problem.cell.optimize.tilt,
-    )
-    return leaves

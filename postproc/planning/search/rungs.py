@@ -15,6 +15,7 @@ from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
 from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
+from postproc.planning.search.leaning import Leans
 from postproc.planning.states import (
     NONE,
     TRAVEL_UNIT,
@@ -254,7 +255,7 @@ def bridges_of(
     hasty: BoolArray,
     ladder: Ladder,
 ) -> Bridges:
-    """Return the runs of states, told to the graph; where the tool may tilt it does without.
+    """Return the runs of states, told to the graph; where the tool may tilt: how it leans.
 
     Between tags far apart runs say nothing of what lies between, nor where both are pinned. There
     the tool turns steadily, but into tags ``hasty`` (n,) it may turn as it will.
@@ -269,8 +270,11 @@ def bridges_of(
     turn[hasty | ~between.is_cut[tags] | pinned | np.append(False, pinned[:-1])] = np.pi
     is_closed, carried = high - low >= 2.0 * np.pi - 1e-9, between.carried[tags]
     bridges = Bridges(states, stride, is_closed, loose, carried, turn)
-    if len(states.tilts) == 1:
-        ladder.joins = bridges
+    ladder.joins = bridges
+    if len(states.tilts) > 1:
+        told = between.is_cut[tags] & ~pinned & (np.diff(tags, prepend=NONE) == 1)
+        told[1:] &= ~pinned[:-1]
+        ladder.joins = Leans(problem, states, tags, told, stride, is_closed)
     return bridges
 
 

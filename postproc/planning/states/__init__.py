@@ -40,6 +40,7 @@ from postproc.planning.states.tilt import (
     beside_in_grid,
     feed_directions,
     leaves_tilt_range,
+    tilt_frames,
     tilt_grid,
 )
 
@@ -94,6 +95,7 @@ __all__ = [
     "stiffness_of",
     "strokes_into",
     "take_joints",
+    "tilt_frames",
     "tilt_grid",
     "transported",
 ]

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.planning.states.listed import Listed
 
 NONE = -1
 """No state: the rung is empty."""
@@ -25,6 +26,8 @@ _KEPT = 100_000
 """Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
+MOST_LISTED = 50_000_000
+"""So many steps are listed in all at most: 6 bytes each."""
 _HALF_TURN = np.pi + 1e-9
 
 
@@ -59,6 +62,12 @@ class Joins(Protocol):
 
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which steps of joined classes may not be done; None: all may."""
+
+    def few(self, i: int) -> tuple[IndexArray, IndexArray] | None:
+        """Return the only steps into rung ``i`` that may ever be done, states from and to (k,).
+
+        Those to a state beside each other, both rising; None: they are many, or not always these.
+        """
 
 
 class Rule(IntEnum):
@@ -101,6 +110,8 @@ class Graph:
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
+    _lists: dict[int, tuple[Listed, int] | None] = field(init=False, default_factory=dict)
+    _room_left: int = field(init=False, default=MOST_LISTED)
 
     def __post_init__(self) -> None:
         """Take costs of its own, and the squares of all positions."""
@@ -140,6 +151,51 @@ class Graph:
     def forbidden(self) -> dict[int, IndexArray]:
         """Steps (m, 2), state from and state to, that are taken out, by rung."""
         return self._forbidden
+
+    def listed(self, i: int) -> Listed | None:
+        """Return the steps into a rung where its chain may do but few; None elsewhere."""
+        if i not in self._lists:
+            self._lists[i] = self._list(i)
+        known = self._lists[i]
+        if known is None:
+            return None
+        steps, done = known
+        out = self._forbidden.get(i)
+        if out is not None and len(out) > done:
+            ends = out[done:] - self.offsets[i - 1 : i + 1]
+            steps.put_out(*ends.T)
+            self._lists[i] = steps, len(out)
+        return steps
+
+    def take_lists(self, known: Graph, rungs: dict[int, int]) -> None:
+        """Take the steps listed in a graph into rungs that it has under other numbers."""
+        for i, before in rungs.items():
+            steps = known._lists.get(before)
+            if steps is not None:
+                self._lists[i] = steps
+                self._room_left -= len(steps[0].cost)
+
+    def _list(self, i: int) -> tuple[Listed, int] | None:
+        """List the steps into a rung, as long as there is room; 0 of those forbidden are out."""
+        few = self.joins.few(i) if self.joins is not None and self.rule[i] == CHAIN else None
+        if few is None:
+            return None
+        first, low = int(self.offsets[i - 1]), int(self.offsets[i])
+        before, now = (states - first for states in few)
+        cost = np.zeros(len(now))
+        limit = np.broadcast_to(self._most(i), self.position.shape[1:])
+        for k in np.argsort(-np.ptp(self.position[first:low], axis=0), kind="stable").tolist():
+            at = self.position[first : int(self.offsets[i + 1]), k].astype(np.float64)
+            leap = at[now] - at[before]
+            near = np.abs(leap) <= limit[k]
+            if not near.all():
+                before, now, cost, leap = before[near], now[near], cost[near], leap[near]
+            cost += leap**2
+        if len(now) > self._room_left:
+            return None
+        self._room_left -= len(now)
+        cost *= self.weight[i]
+        return Listed.of(before, now - (low - first), cost), 0
 
     def steps(
         self,

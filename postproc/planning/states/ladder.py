@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
+from postproc.planning.states.listed import Listed
 
 WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""
@@ -153,9 +154,12 @@ class Ladder(Graph):
         self._solved = True
         known_rungs, first = np.unique(rung_before, return_index=True)
         became = dict(zip(known_rungs.tolist(), rung_now[first].tolist(), strict=True))
-        for i, seen in known._seen.items():
-            if became.get(i - 1, NONE) == became.get(i, len(self)) - 1:
-                self._seen[became[i]] = seen
+        kept = [i for i in became if became.get(i - 1, NONE) == became[i] - 1]
+        for i in kept:
+            if i in known._seen:
+                self._seen[became[i]] = known._seen[i]
+        anew = set(rungs.tolist())
+        self.take_lists(known, {became[i]: i for i in kept if became[i] not in anew})
         self._reprice(moved[old], known.cost[old], rungs)
         self._repair(rungs)
 
@@ -203,6 +207,14 @@ class Ladder(Graph):
         """
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         first = int(self.offsets[i - 1])
+        listed = self.listed(i)
+        if listed is not None:
+            to = listed.now
+            price = listed.prices(self.value[first:low]) + self.cost[low:high][to]
+            some = np.argpartition(price, most)[:most] if len(price) > most else np.arange(len(to))
+            some = some[price[some] < np.inf]
+            some = some[np.lexsort((to[some], listed.before[some], price[some]))]
+            return np.column_stack([first + listed.before[some].astype(np.int64), low + to[some]])
         a = first + np.flatnonzero(self.value[first:low] < np.inf)
         b = low + np.flatnonzero(self.cost[low:high] < np.inf)
         found, prices = [np.zeros((0, 2), dtype=np.int64)], [np.zeros(0)]
@@ -305,6 +317,8 @@ class Ladder(Graph):
         value = None
         if self._is_quick[i] and i not in self.forbidden:
             value = self._swept(i, low, high)
+        elif i and (listed := self.listed(i)) is not None:
+            value = self._from_list(i, listed)
         elif shift is not None and not self.broken[i]:
             value = self._shifted(i, low, high, shift)
         if value is None:
@@ -315,6 +329,16 @@ class Ladder(Graph):
             self._least[i] = lowest
         self.value[low:high] = value
         return old
+
+    def _from_list(self, i: int, listed: Listed) -> FloatArray:
+        """Return the values (m,) of a rung, from all the steps into it one by one."""
+        first, low, high = self.offsets[i - 1 : i + 2].tolist()
+        least, back = listed.best(self.value[first:low])
+        value = np.full(high - low, np.inf)
+        value[listed.rows] = least + self.cost[low:high][listed.rows]
+        self.back[low + listed.rows] = back
+        self.broken[i] = not value.min(initial=np.inf) < np.inf
+        return self.cost[low:high].copy() if self.broken[i] else value
 
     def _shifted(self, i: int, low: int, high: int, shift: FloatArray) -> FloatArray | None:
         """Return the values (m,) of a rung if those before it changed by ``shift`` (b,) only.

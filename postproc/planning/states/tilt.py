@@ -104,46 +104,48 @@ def tilt_vectors(holder: FloatArray, feed: FloatArray, tilt: FloatArray) -> Floa
     return vectors
 
 
-def lead_and_side(axis: FloatArray, holder: FloatArray, feed: FloatArray) -> FloatArray:
-    """Return lead and side tilt (..., 2) [rad] of tilted axes; all (..., 3), unit, to the holder.
-
-    ``feed`` need not be exactly across ``holder``; only its direction counts.
-    """
-    right = np.cross(feed, holder)
-    right /= np.maximum(np.linalg.norm(right, axis=-1, keepdims=True), 1e-12)
-    ahead = np.cross(holder, right)
-    lead = np.arctan2((axis * ahead).sum(axis=-1), (axis * holder).sum(axis=-1))
-    side = np.arcsin(np.clip((axis * right).sum(axis=-1), -1.0, 1.0))
-    return np.stack([lead, side], axis=-1)
-
-
-def leaves_tilt_range(
-    axis: FloatArray,
+def tilt_frames(
     share: FloatArray,
     holder: tuple[FloatArray, FloatArray],
     feed: tuple[FloatArray, FloatArray],
     around: FloatArray,
-    allowed: TiltRange,
-) -> BoolArray:
-    """Return (m,) the cuts on whose way the tool axis leaves the allowed tilt by ``BETWEEN``.
+) -> FloatArray:
+    """Return what lead and side tilt are measured in on the way of cuts (m, k, 3, 3).
+
+    Rows: ahead, to the right, along the CAM axis to the holder.
 
     Args:
-        axis: (m, k, 3) tool axes on the way, to the holder.
         share: (k,) where.
         holder: (m, 3) CAM axes at the two ends, to the holder.
         feed: (m, 3) feed directions there; where one is NaN that of the other end counts.
         around: (m, 3) by what the feed direction goes round, axis times sweep; 0 for a line.
-        allowed: lead and side tilt.
     """
     last = np.einsum("mij,mj->mi", rotation_from_vector(-around), feed[1])
     starts, ends = (np.where(np.isfinite(a), a, b) for a, b in ((feed[0], last), (last, feed[0])))
     turned = rotation_from_vector(share[:, None] * around[:, None])
-    feed_way, holder_way = (
+    feed_way, up = (
         turned_between(a[:, None], b[:, None], share) for a, b in ((starts, ends), holder)
     )
-    found = lead_and_side(axis, holder_way, np.einsum("mkij,mkj->mki", turned, feed_way))
-    low = np.array([allowed.lead[0], allowed.side[0]]) - BETWEEN
-    high = np.array([allowed.lead[1], allowed.side[1]]) + BETWEEN
+    right = np.cross(np.einsum("mkij,mkj->mki", turned, feed_way), up)
+    right /= np.maximum(np.linalg.norm(right, axis=-1, keepdims=True), 1e-12)
+    return np.stack([np.cross(up, right), right, up], axis=-2)
+
+
+def leaves_tilt_range(
+    axis: FloatArray, frames: FloatArray, allowed: TiltRange, beyond: float = BETWEEN
+) -> BoolArray:
+    """Return (m,) the cuts on whose way the tool axis leaves the allowed tilt.
+
+    Args:
+        axis: (m, k, 3) tool axes on the way, to the holder.
+        frames: (m or 1, k, 3, 3) as of ``tilt_frames``.
+        allowed: lead and side tilt.
+        beyond: by how much [rad] it may.
+    """
+    ahead, right, up = np.moveaxis(np.einsum("...ij,...j->...i", frames, axis), -1, 0)
+    found = np.stack([np.arctan2(ahead, up), np.arcsin(np.clip(right, -1.0, 1.0))], axis=-1)
+    low = np.array([allowed.lead[0], allowed.side[0]]) - beyond
+    high = np.array([allowed.lead[1], allowed.side[1]]) + beyond
     return np.asarray(~((found >= low) & (found <= high)).all(axis=(1, 2)))
 
 
