@@ -125,13 +125,8 @@ class SomeSteps:
     def barred(self, i, before, now):
         return ~self.may[now][:, before]
 
-    def few(self, i):
-        if not self.listed:
-            return None
-        before, low, high = self.offsets[i - 1 : i + 2]
-        same = self.group[low:high, None] == self.group[before:low]
-        now, start = np.nonzero(self.may[low:high, before:low] & same)
-        return before + start, low + now
+    def is_lasting(self, i):
+        return self.listed
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -117,8 +117,9 @@ class Bridges:
         turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
         return np.asarray(np.abs(turn) > self.turn[i])
 
-    def few(self, i: int) -> None:
-        """Say nothing of the steps into rung ``i``: runs end where states are taken out."""
+    def is_lasting(self, i: int) -> bool:
+        """Return that it is not: runs end where states are taken out."""
+        return False
 
     def _find_runs(self, cost: FloatArray) -> None:
         """Find the runs of all tags where they are not known."""

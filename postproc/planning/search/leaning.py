@@ -90,23 +90,9 @@ class Leans:
         at, of = (self._attitude(i, states) for states in (now, before))
         return np.asarray(self._matrix[1][at][:, of])
 
-    def few(self, i: int) -> tuple[IndexArray, IndexArray] | None:
-        """Return the steps into rung ``i`` that do not lean too far, states from and to (k,)."""
-        if not self.told[i]:
-            return None
-        first, low, high = self.states.offsets[i - 1 : i + 2].tolist()
-        found = []
-        for branch in range(BRANCHES):
-            is_of = self.states.branch[first:high] == branch
-            before = first + np.flatnonzero(is_of[: low - first])
-            now = low + np.flatnonzero(is_of[low - first :])
-            barred = self.barred(i, before, now)
-            if barred is not None:
-                row, column = np.nonzero(~barred)
-                found.append(np.stack([before[column], now[row]]))
-        steps = np.concatenate(found, axis=1)
-        order = np.argsort((steps[1] - low).astype(np.uint16), kind="stable")
-        return steps[0][order], steps[1][order]
+    def is_lasting(self, i: int) -> bool:
+        """Return whether the steps into rung ``i`` are told by tilt and turn alone."""
+        return bool(self.told[i])
 
     def _joined(self, i: int) -> Joined:
         """Return the classes at a rung: the branches, and where it is told, the tilts of each."""

@@ -26,7 +26,7 @@ _KEPT = 100_000
 """Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
-MOST_LISTED = 50_000_000
+MOST_LISTED = 60_000_000
 """So many steps are listed in all at most: 6 bytes each."""
 _HALF_TURN = np.pi + 1e-9
 
@@ -63,11 +63,8 @@ class Joins(Protocol):
     def barred(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray | None:
         """Return (now, before) which steps of joined classes may not be done; None: all may."""
 
-    def few(self, i: int) -> tuple[IndexArray, IndexArray] | None:
-        """Return the only steps into rung ``i`` that may ever be done, states from and to (k,).
-
-        Those to a state beside each other, both rising; None: they are many, or not always these.
-        """
+    def is_lasting(self, i: int) -> bool:
+        """Return whether what may be joined at rung ``i`` is never asked anew: it stays."""
 
 
 class Rule(IntEnum):
@@ -176,26 +173,30 @@ class Graph:
                 self._room_left -= len(steps[0].cost)
 
     def _list(self, i: int) -> tuple[Listed, int] | None:
-        """List the steps into a rung, as long as there is room; 0 of those forbidden are out."""
-        few = self.joins.few(i) if self.joins is not None and self.rule[i] == CHAIN else None
-        if few is None:
+        """List the steps into a rung, as long as there is room; so many forbidden ones are out."""
+        if self.joins is None or self.rule[i] != CHAIN or not self.joins.is_lasting(i):
             return None
-        first, low = int(self.offsets[i - 1]), int(self.offsets[i])
-        before, now = (states - first for states in few)
-        cost = np.zeros(len(now))
-        limit = np.broadcast_to(self._most(i), self.position.shape[1:])
-        for k in np.argsort(-np.ptp(self.position[first:low], axis=0), kind="stable").tolist():
-            at = self.position[first : int(self.offsets[i + 1]), k].astype(np.float64)
-            leap = at[now] - at[before]
-            near = np.abs(leap) <= limit[k]
-            if not near.all():
-                before, now, cost, leap = before[near], now[near], cost[near], leap[near]
-            cost += leap**2
-        if len(now) > self._room_left:
-            return None
-        self._room_left -= len(now)
-        cost *= self.weight[i]
-        return Listed.of(before, now - (low - first), cost), 0
+        first, low, high = (int(self.offsets[k]) for k in (i - 1, i, i + 1))
+        nothing, limit = np.zeros(low), np.broadcast_to(self._most(i), self.position.shape[1:])
+        wide = np.flatnonzero(np.ptp(self.position[first:high], axis=0) > limit).tolist()
+        none = np.zeros(0, dtype=np.int64)
+        found = [(none, none, np.zeros(0))]
+        for group in np.unique(self.group[low:high]).tolist():
+            before = first + np.flatnonzero(self.group[first:low] == group)
+            to = low + np.flatnonzero(self.group[low:high] == group)
+            size = max(1, _KEPT // max(1, len(before)))
+            for now in (to[k : k + size] for k in range(0, len(to) * bool(len(before)), size)):
+                steps = self.steps(i, nothing, before, now, None)
+                for k in wide:
+                    gap = np.subtract.outer(self.position[now, k], self.position[before, k])
+                    np.putmask(steps, np.abs(gap, out=gap) > limit[k], np.inf)
+                row, column = np.nonzero(steps < np.inf)
+                found.append((before[column] - first, now[row] - low, steps[row, column]))
+            if sum(len(part[0]) for part in found) > self._room_left:
+                return None
+        listed = Listed.of(*(np.concatenate(part) for part in zip(*found, strict=True)))
+        self._room_left -= len(listed.cost)
+        return listed, len(self._forbidden.get(i, ()))
 
     def steps(
         self,

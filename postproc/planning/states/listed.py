@@ -30,7 +30,9 @@ class Listed(NamedTuple):
 
     @classmethod
     def of(cls, before: IndexArray, now: IndexArray, cost: FloatArray) -> Listed:
-        """Return steps (k,) from states to states, by these and then by those, both from 0."""
+        """Return steps (k,) from states to states, both from 0; those to a state one by one."""
+        order = np.argsort(now.astype(np.uint16), kind="stable")
+        before, now, cost = before[order], now[order], cost[order]
         starts = np.flatnonzero(np.diff(now, prepend=-1))
         ends = np.append(starts, len(now))
         return cls(before.astype(np.uint16), cost.astype(np.float32), now[starts], ends)
