@@ -317,7 +317,7 @@ class Ladder(Graph):
         value = None
         if self._is_quick[i] and i not in self.forbidden:
             value = self._swept(i, low, high)
-        elif i and (listed := self.listed(i)) is not None:
+        elif self._solved and i and (listed := self.listed(i)) is not None:
             value = self._from_list(i, listed)
         elif shift is not None and not self.broken[i]:
             value = self._shifted(i, low, high, shift)
