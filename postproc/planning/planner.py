@@ -14,6 +14,7 @@ from postproc.kinematics import build, is_coaxial_with_axis_6
 from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, near_solids, tag_clearances
+from postproc.planning.external import plan_with_external_axes
 from postproc.planning.repeats import with_repeats
 from postproc.planning.retracts import changes_between, with_retracts
 from postproc.planning.route import Route, route, step_rows
@@ -21,7 +22,6 @@ from postproc.planning.search import (
     choose,
     ordered,
     ordered_by_place,
-    plan_with_external_axes,
     step_rules,
     without_roll,
 )

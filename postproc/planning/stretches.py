@@ -18,7 +18,7 @@ from postproc.errors import CellError, SourceRef
 from postproc.kinematics import build
 from postproc.model import Plan, ToolPath
 from postproc.planning.checks import Checker
-from postproc.planning.search import travel_moves
+from postproc.planning.external import travel_moves
 from postproc.process import ToolStretch, switched_off
 from postproc.units import DEG
 

@@ -14,12 +14,13 @@ from postproc.kinematics import build
 from postproc.model.plan import MoveKind, MoveRole
 from postproc.model.toolpath import Cycle, Event, EventKind, MotionKind
 from postproc.planning import planner
+from postproc.planning.external import planner as external_planner
+from postproc.planning.external import rating
+from postproc.planning.external.carried import Outcome
+from postproc.planning.external.grid import position_grid
 from postproc.planning.planner import plan
 from postproc.planning.route.travel import cell_at
-from postproc.planning.search import external_axes, positions
 from postproc.planning.search.between import carried_twist
-from postproc.planning.search.carried import Outcome
-from postproc.planning.search.positions import position_grid
 from postproc.planning.states import PlanOptions, settle
 from postproc.units import DEG
 
@@ -465,13 +466,13 @@ def test_a_tool_that_stands_still_on_a_turning_table_does_not_twist(make_cell, m
 def test_whole_turns_of_a_table_are_rated_once(make_cell, make_path, monkeypatch):
     toolpath, turn = rim(make_path, 0.25, 45.0 * DEG, n=31)
     cell = make_cell(external_axes=(replace(turn, q_min=-4.0 * np.pi, q_max=4.0 * np.pi),))
-    rated, own = [], positions._least_cost
+    rated, own = [], rating._least_cost
 
     def counted(problem, *args):
         rated.append(problem)
         return own(problem, *args)
 
-    monkeypatch.setattr(positions, "_least_cost", counted)
+    monkeypatch.setattr(rating, "_least_cost", counted)
     assert not plan(toolpath, cell).errors
     assert len(rated) == 12
 
@@ -513,7 +514,7 @@ def test_a_cut_refused_where_the_axes_stood_is_not_said_to_be_impossible(
     disc = MeshPlacement("disc", T, radius=0.3, length=0.06)
     cell = make_cell(external_axes=(replace(turn, moves_in_cuts=False),))
     cell = replace(cell, bases=(replace(cell.workpiece, meshes=(disc,)),))
-    monkeypatch.setattr(external_axes, "_ROUNDS", 1)
+    monkeypatch.setattr(external_planner, "_ROUNDS", 1)
     result = plan(toolpath, cell)
     assert [error.code for error in result.errors].count("PLN106") == 1
     assert "with E1 at the places that were tried" in result.errors[-1].message

@@ -1,20 +1,26 @@
 """The best sequence of states."""
 
-from postproc.planning.search.external_axes import plan_with_external_axes, travel_moves
-from postproc.planning.search.keytags import arc_length, key_tags
+from postproc.planning.search.between import cubic, slopes
+from postproc.planning.search.edges import best_of
+from postproc.planning.search.keytags import arc_length, key_tags, spaced
+from postproc.planning.search.refine import tridiagonal
 from postproc.planning.search.roll import without_roll
-from postproc.planning.search.rungs import step_rules
+from postproc.planning.search.rungs import FINE, step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
 from postproc.planning.search.strategy import choose
 
 __all__ = [
+    "FINE",
     "arc_length",
+    "best_of",
     "choose",
+    "cubic",
     "key_tags",
     "ordered",
     "ordered_by_place",
-    "plan_with_external_axes",
+    "slopes",
+    "spaced",
     "step_rules",
-    "travel_moves",
+    "tridiagonal",
     "without_roll",
 ]

@@ -15,10 +15,11 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.model import MoveRole, Plan
-from postproc.planning.search.keytags import arc_length
-from postproc.planning.search.positions import AWAY, Positions, Run
+from postproc.planning.external.positions import Positions, Run, run_of
+from postproc.planning.external.rating import UNREACHED, Rating
+from postproc.planning.external.sequence import AWAY, carrying
+from postproc.planning.search import arc_length
 from postproc.planning.states import Weights
-from postproc.process import feeds_of
 
 WORTH = 0.5
 """What carrying has to gain, in the units of the objectives: as much as 5 % of the time of the cut.
@@ -64,15 +65,13 @@ class Outcome:
     best: FloatArray
 
     @classmethod
-    def of(
-        cls, places: Positions, unit: int, runs: list[Run], planned: PlanRun, ask: Ask
-    ) -> Outcome:
+    def of(cls, rating: Rating, unit: int, runs: list[Run], planned: PlanRun, ask: Ask) -> Outcome:
         """Return what became of a unit in the plan of its run, one of ``runs`` in order."""
-        low, high = places.units[unit]
-        number = _run_of(places, unit, runs)
+        low, high = rating.units[unit]
+        number = run_of(runs, low)
         run, plan = runs[number], planned(runs[number])
         beside = itertools.pairwise(runs[max(number - 1, 0) : number + 2])
-        ways = [np.abs(b.external[0] - a.external[-1]) / places.speeds for a, b in beside]
+        ways = [np.abs(b.external[0] - a.external[-1]) / rating.speeds for a, b in beside]
         rows, tags = np.arange(low, high), range(low - run.low, high - run.low)
         cuts = np.flatnonzero(plan.role == MoveRole.CUT)
         cuts = cuts[np.isin(plan.tag[cuts], tags)]
@@ -119,13 +118,13 @@ def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -
         runs: found so far.
         planned: run to its plan, the same for the same run.
     """
-    weights = places.checker.problem.settings.weights
+    weights = places.rating.checker.problem.settings.weights
     for price in AWAY:
         before = _outcomes(places, runs, planned)
         units = [
             unit
             for unit, now in before.items()
-            if _is_worth_a_look(places, unit, now, runs[_run_of(places, unit, runs)])
+            if _is_worth_a_look(places, unit, now, runs[run_of(runs, places.rating.units[unit][0])])
         ]
         if not units:
             break
@@ -152,27 +151,34 @@ def carried_where_better(places: Positions, runs: list[Run], planned: PlanRun) -
 def _is_worth_a_look(places: Positions, unit: int, now: Outcome, run: Run) -> bool:
     """Return whether a unit in a run may be better off carried, or more so than it is."""
     if now.errors:
-        return places.is_reached(unit) and not places.refused[unit]
-    bound = places.cell.optimize.loss_bound
+        is_reached = (places.rating.loss_of(unit) < UNREACHED).any(axis=1).all()
+        return bool(is_reached) and not places.refused[unit]
+    bound = places.rating.cell.optimize.loss_bound
     if now.is_slowed or (bound is not None and now.worst_loss > bound):
         return True
-    return unit not in places.carried and places.gains(unit, run, _HOPE * WORTH)
+    return unit not in places.carried and _gains(places.rating, unit, run, _HOPE * WORTH)
+
+
+def _gains(rating: Rating, unit: int, run: Run, worth: float) -> bool:
+    """Return whether the mean loss of a unit may be lower by ``worth`` when carried.
+
+    Than in a run. Collisions are not asked for.
+    """
+    knots, loss = rating.knots[rating.knots_of(unit)], rating.loss_of(unit)
+    rows, there = np.arange(len(knots)), rating.nearest(run.external[knots - run.low])
+    spare = loss[rows, there].mean() - worth
+    return bool(spare > 0.0 and loss[rows, carrying(rating, unit, AWAY[0])[1]].mean() < spare)
 
 
 def _outcomes(places: Positions, runs: list[Run], planned: PlanRun) -> dict[int, Outcome]:
     """Return what became of each unit that may be cut moving."""
-    ask = Ask(arc_length(places.toolpath), feeds_of(places.toolpath, places.cell))
+    rating = places.rating
+    ask = Ask(arc_length(rating.toolpath), rating.feed)
     return {
-        unit: Outcome.of(places, unit, runs, planned, ask)
-        for unit in range(len(places.units))
+        unit: Outcome.of(rating, unit, runs, planned, ask)
+        for unit in range(len(rating.units))
         if places.may_be_cut_moving(unit)
     }
-
-
-def _run_of(places: Positions, unit: int, runs: list[Run]) -> int:
-    """Return the number of the run that a unit belongs to."""
-    low = places.units[unit][0]
-    return next(i for i, run in enumerate(runs) if run.low <= low < run.high)
 
 
 def _errors(runs: list[Run], planned: PlanRun) -> int:

@@ -1,0 +1,128 @@
+"""External axes: where the rail stands and how the positioner is turned for every tag.
+
+Where one position serves a cut the axes stand still while the tool works, and move between
+positions with the arm in a pose that is free all along. A cut that no single position serves runs
+with the axes moving: where they stand is a smooth function of the way along it. So does one that
+is refused, slowed or less stiff where they stand, if it is better off with the work carried past
+the arm. Each run of tags that needs no other move of the axes is planned as a job of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.cell import Cell
+from postproc.errors import Finding, Severity
+from postproc.model import Plan, ToolPath
+from postproc.planning.checks import given_up
+from postproc.planning.external.carried import carried_where_better
+from postproc.planning.external.join import joined
+from postproc.planning.external.positions import Positions, Run, run_of
+from postproc.planning.external.rating import UNREACHED, CheckerAt, Rating, rated
+from postproc.planning.route import MakeChecker, cell_at
+from postproc.planning.states import Settings
+from postproc.units import DEG, MM
+
+_ROUNDS = 12
+PlanHere = Callable[[ToolPath, Cell, bool, FloatArray | None], Plan]
+
+
+def plan_with_external_axes(
+    toolpath: ToolPath,
+    cell: Cell,
+    settings: Settings,
+    checker_at: CheckerAt,
+    make_checker: MakeChecker,
+    plan_here: PlanHere,
+) -> Plan:
+    """Return the plan of a toolpath in a cell with external axes.
+
+    Args:
+        toolpath: what was read.
+        cell: with at least one external axis.
+        settings: of the plan.
+        checker_at: where the axes stand at each tag (n, k) to the checks in the whole cell.
+        make_checker: cell without external axes to the checks of the whole toolpath in it.
+        plan_here: part of the toolpath, a cell without external axes, whether the job goes on
+            behind the part, and None, to a plan; or the whole cell, and where its axes stand at
+            each tag of the part.
+    """
+    rating = rated(toolpath, cell, settings, checker_at)
+    reach = rating.loss < UNREACHED
+    places = Positions(rating)
+    done: dict[tuple[int, int, bytes], Plan] = {}
+
+    def planned(run: Run) -> Plan:
+        key = (run.low, run.high, run.external.tobytes())
+        if key not in done:
+            part = toolpath.rows(np.arange(run.low, run.high))
+            here = cell if run.moves else cell_at(cell, run.external[0])
+            external = run.external if run.moves else None
+            done[key] = plan_here(part, here, run.high < len(toolpath), external)
+        return done[key]
+
+    for _ in range(_ROUNDS):
+        runs, again = places.runs(), False
+        for run in runs:
+            again |= places.blame(run, planned(run))
+        if not again:
+            break
+    runs = carried_where_better(places, runs, planned)
+    plans = [planned(run) for run in runs]
+    result = joined(toolpath, cell, runs, plans, make_checker)
+    return replace(result, findings=_told(result, places, runs, reach))
+
+
+def _told(
+    result: Plan, places: Positions, runs: list[Run], reach: BoolArray
+) -> tuple[Finding, ...]:
+    """Return the findings: cuts that run with moving axes, and why others cannot be run.
+
+    Where a cut is refused and other places were not tried that is told as well.
+    """
+    rating = places.rating
+    name = rating.toolpath.tag_name
+    names = " or ".join(axis.name for axis in rating.cell.external_axes)
+    told = list(result.findings)
+    failing = result.failing_tags
+    for unit, (low, high) in enumerate(rating.units):
+        part = reach[rating.knots_of(unit)]
+        text, hint = "", ""
+        if not part.any(axis=1).all():
+            text = f"none of the places of {names} tried reaches all of this"
+        elif unit in rating.walled:
+            text = f"tag {name(rating.walled[unit])} is so at every place of {names} tried"
+        elif unit in places.calm:
+            run = runs[run_of(runs, low)]
+            told.append(_moving(rating, run.external[low - run.low : high - run.low], low, high))
+        elif not part.all(axis=0).any():
+            text = (
+                f"the cut from tag {name(low)} to {name(high - 1)} needs {names} to move within it"
+            )
+            hint = f"allow moves_in_cuts of {names}, or lift the tool somewhere on the way"
+        first = failing[np.searchsorted(failing, low) :][:1]
+        if (first < high).any() and not text and places.is_open(unit):
+            what = f"with {names} at the places that were tried no way was found here"
+            told.append(given_up(rating.checker.problem, int(first[0]), what))
+        for i, finding in enumerate(told):
+            if text and finding.is_error and finding.tag_index in range(low, high):
+                message = f"{finding.message}; {text}"
+                told[i] = replace(finding, message=message, hint=hint or finding.hint)
+    return tuple(told)
+
+
+def _moving(rating: Rating, external: FloatArray, low: int, high: int) -> Finding:
+    """Return the note of a cut [low, high) along which the external axes move (n, k)."""
+    ways = []
+    for axis, column in zip(rating.cell.external_axes, external.T, strict=True):
+        size, unit = (MM, "mm") if axis.kind == "rail" else (DEG, "deg")
+        if np.ptp(column):
+            low_end, high_end = column.min() / size, column.max() / size
+            ways.append(f"{axis.name} moves between {low_end:.0f} and {high_end:.0f} {unit}")
+    name = rating.toolpath.tag_name
+    text = f"in the cut from tag {name(low)} to {name(high - 1)} {', '.join(ways)}"
+    return Finding(Severity.NOTE, "PLN307", text, low, rating.toolpath.source(low))

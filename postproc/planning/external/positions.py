@@ -1,0 +1,255 @@
+"""The search for where the external axes stand at each tag, and what plans teach it.
+
+A cut stands at one position, or moves: on the grid from knot to knot, smooth in the end. What a
+plan refuses is closed to the next.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray
+from postproc.model import Plan
+from postproc.planning.external.rating import BLOCKED, KNOT, UNREACHED, Rating
+from postproc.planning.external.sequence import AWAY, Row, carrying, cheapest, moving_rows
+from postproc.planning.external.smooth import CALM, smoothed
+
+_MOST_REFUSED = 6
+"""A cut that may move is given up after so many plans that all refuse the same tag of it."""
+_PATIENCE = 2
+"""After so many refusals of a carried cut the axes are held at the places that are left, and of a
+held one that cannot be entered or left it is carried."""
+
+
+@dataclass(frozen=True, slots=True)
+class _State:
+    """What is known and chosen for one unit, as columns of ``Positions`` and its rating."""
+
+    calm: float | None
+    carried: FloatArray | None
+    is_looked_at: bool
+    loss: FloatArray
+    shut: BoolArray
+    closed: BoolArray
+
+
+@dataclass(slots=True)
+class Run:
+    """Tags [low, high) between two moves of the external axes; ``external`` (n, k) at each."""
+
+    low: int
+    high: int
+    external: FloatArray
+
+    @property
+    def moves(self) -> bool:
+        """Whether the axes move along the run."""
+        return bool((self.external != self.external[0]).any())
+
+
+def run_of(runs: list[Run], tag: int) -> int:
+    """Return the number of the run that a tag belongs to."""
+    return next(i for i, run in enumerate(runs) if run.low <= tag < run.high)
+
+
+@dataclass(slots=True)
+class Positions:
+    """The search for positions.
+
+    Args:
+        rating: what the toolpath loses at each position; collisions are added as it goes.
+
+    Attributes:
+        closed: (units, g) positions at which a unit that stands was refused.
+        shut: (m, g) positions at which a knot of a moving unit was refused.
+        calm: moving unit to the length [m] over which its way is smoothed.
+        carried: carried unit to what standing away costs (m, g) its knots; it moves.
+        refused: how many findings refused a unit while it moved.
+        refusals: how many plans refused a unit at a tag, and at any as tag -1.
+    """
+
+    rating: Rating
+    closed: BoolArray = field(init=False)
+    shut: BoolArray = field(init=False)
+    calm: dict[int, float] = field(init=False, default_factory=dict)
+    carried: dict[int, FloatArray] = field(init=False, default_factory=dict)
+    refused: Counter[int] = field(init=False, default_factory=Counter)
+    refusals: Counter[tuple[int, int]] = field(init=False, default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        """Let cuts move that no single position reaches, as far as any reaches them."""
+        rating = self.rating
+        self.shut = np.zeros(rating.loss.shape, dtype=np.bool_)
+        self.closed = np.zeros((len(rating.units), len(rating.values)), dtype=np.bool_)
+        for unit in range(len(rating.units)):
+            reached = rating.loss_of(unit) < UNREACHED
+            if not reached[reached.any(axis=1)].all(axis=0).any():
+                self._set_moving(unit)
+
+    def may_be_cut_moving(self, unit: int) -> bool:
+        """Return whether the axes may move along a unit."""
+        low, high = self.rating.units[unit]
+        return bool(self.rating.may_move.any()) and high - low > 1
+
+    def _set_moving(self, unit: int) -> bool:
+        if not self.may_be_cut_moving(unit) or unit in self.calm:
+            return False
+        self.calm[unit] = CALM
+        self.rating.avoid_collisions(unit)
+        return True
+
+    def carry(self, unit: int, price: float) -> bool:
+        """Let the axes carry the work of a unit past an arm that keeps about its pose.
+
+        Args:
+            unit: that may be cut moving.
+            price: of a metre or a radian by which the tool stands away, as for ``carrying``.
+        """
+        if not self.may_be_cut_moving(unit):
+            return False
+        self.calm[unit] = CALM
+        self.rating.avoid_collisions(unit)
+        self.carried[unit], _ = carrying(self.rating, unit, price)
+        return True
+
+    def state(self, unit: int) -> _State:
+        """Return what is known and chosen for a unit."""
+        return _State(
+            self.calm.get(unit),
+            self.carried.get(unit),
+            unit in self.rating.looked_at,
+            self.rating.loss_of(unit).copy(),
+            self.shut[self.rating.knots_of(unit)].copy(),
+            self.closed[unit].copy(),
+        )
+
+    def restore(self, unit: int, state: _State) -> None:
+        """Take back what was known and chosen for a unit."""
+        self._stand(unit)
+        if state.calm is not None:
+            self.calm[unit] = state.calm
+        if state.carried is not None:
+            self.carried[unit] = state.carried
+        if not state.is_looked_at:
+            self.rating.looked_at.discard(unit)
+        self.rating.loss_of(unit)[:] = state.loss
+        self.shut[self.rating.knots_of(unit)], self.closed[unit] = state.shut, state.closed
+
+    def _stand(self, unit: int) -> None:
+        """Let the axes stand along a unit."""
+        self.calm.pop(unit, None)
+        self.carried.pop(unit, None)
+
+    def _open_loss(self, unit: int) -> FloatArray:
+        """Return what the knots of a unit lose (m, g), ``UNREACHED`` where they are shut."""
+        at = self.rating.knots_of(unit)
+        return np.where(self.shut[at], UNREACHED, self.rating.loss[at])
+
+    def runs(self) -> list[Run]:
+        """Return the runs of tags with where the axes stand, at least total cost."""
+        rows = self._rows()
+        chosen, _ = cheapest(self.rating, rows)
+        runs: list[Run] = []
+        for number, (row, position) in enumerate(zip(rows, chosen.tolist(), strict=True)):
+            place = np.tile(self.rating.values[position], (row.high - row.low, 1))
+            if runs and (row.slides or position == chosen[number - 1]):
+                last = runs[-1]
+                runs[-1] = Run(last.low, row.high, np.concatenate([last.external, place]))
+            else:
+                runs.append(Run(row.low, row.high, place))
+        for unit, calm in self.calm.items():
+            low, high = self.rating.units[unit]
+            run = runs[run_of(runs, low)]
+            stepped = run.external[self.rating.knots[self.rating.knots_of(unit)] - run.low]
+            way = smoothed(self.rating, unit, stepped, self._open_loss(unit), calm)
+            run.external[low - run.low : high - run.low] = way
+        return runs
+
+    def _rows(self) -> list[Row]:
+        """Return the rows of the search: one of a unit, one of every knot of a moving one."""
+        rows, rating = [], self.rating
+        count = np.diff(np.append(rating.knots, len(rating.toolpath)))[:, None]
+        for unit, (low, high) in enumerate(rating.units):
+            if unit in self.calm:
+                cost = self._open_loss(unit) + self.carried.get(unit, 0.0)
+                rows += moving_rows(rating, unit, cost)
+            else:
+                cost = (count[rating.knots_of(unit)] * rating.loss_of(unit)).sum(axis=0)
+                cost[self.closed[unit]] = UNREACHED
+                rows.append(Row(low, high, np.minimum(cost, UNREACHED)))
+        return rows
+
+    def blame(self, run: Run, result: Plan) -> bool:
+        """Close positions to what failed there; return whether there is another way."""
+        ways, moving, seen = dict[int, bool](), frozenset(self.calm), set[tuple[int, int]]()
+        for finding in result.errors:
+            if finding.tag_index is None:
+                continue
+            tag = run.low + finding.tag_index
+            units = enumerate(self.rating.units)
+            unit, ends = next(((i, (a, b - 1)) for i, (a, b) in units if a <= tag < b))
+            position = int(self.rating.nearest(run.external[tag - run.low][None])[0])
+            seen.add((unit, tag))
+            again = ways.get(unit, False)
+            if unit in moving:
+                self.refused[unit] += 1
+                again |= self._close_knot(unit, tag, position)
+            elif not self.closed[unit, position]:
+                self.closed[unit, position] = True
+                again |= self._elsewhere(unit, position, tag in ends)
+            ways[unit] = again
+        for unit in moving & self.carried.keys():
+            if self.refused[unit] >= _PATIENCE and self._left(unit).any():
+                self._stand(unit)
+                ways[unit] = True
+        self.refusals.update([*seen, *((unit, -1) for unit in ways)])
+        hopeless = {
+            unit
+            for unit, tag in seen
+            if self.may_be_cut_moving(unit)
+            and self.refusals[unit, tag] == self.refusals[unit, -1] >= _MOST_REFUSED
+        }
+        hopeless |= set(self.rating.walled)
+        return any(way for unit, way in ways.items() if unit not in hopeless)
+
+    def _left(self, unit: int) -> BoolArray:
+        """Return (g,) the positions at which a unit may still be done held."""
+        reached = (self.rating.loss_of(unit) < UNREACHED).all(axis=0)
+        return np.asarray(~self.closed[unit] & reached)
+
+    def is_open(self, unit: int) -> bool:
+        """Return whether a unit has ways that were not refused: held at a place, or moving."""
+        if unit in self.rating.walled:
+            return False
+        can_move = (self._open_loss(unit) < UNREACHED).any(axis=1).all()
+        return bool(self._left(unit).any() or (self.may_be_cut_moving(unit) and can_move))
+
+    def _elsewhere(self, unit: int, position: int, is_at_end: bool) -> bool:
+        """Look for another way for a unit refused at a position; return whether there is one.
+
+        Where the arm had no free pose at some knot, or could not come or go, another place may
+        serve. Else it is the way from pose to pose that fails, as it will elsewhere: the axes carry
+        the work along it.
+        """
+        self.rating.avoid_collisions(unit)
+        left, loss = self._left(unit), self.rating.loss_of(unit)
+        is_blocked = loss.max(axis=0) >= BLOCKED
+        may_serve = is_blocked[position] or (is_at_end and self.closed[unit].sum() <= _PATIENCE)
+        if may_serve and (left & ~is_blocked).any():
+            return True
+        if not self.refused[unit] and self.carry(unit, AWAY[0]):
+            return True
+        return bool(left.any()) or self._set_moving(unit)
+
+    def _close_knot(self, unit: int, tag: int, position: int) -> bool:
+        """Close a position to the knot before a tag of a moving cut; it moves less calmly then."""
+        knot = int(np.searchsorted(self.rating.knots, tag, side="right")) - 1
+        loss = self.rating.loss[knot]
+        if self.shut[knot, position] or loss[position] >= UNREACHED:
+            return False
+        self.shut[knot, position] = True
+        self.calm[unit] = max(0.7 * self.calm[unit], KNOT)
+        return bool((~self.shut[knot] & (loss < UNREACHED)).any())

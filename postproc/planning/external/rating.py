@@ -1,0 +1,229 @@
+"""What each tag loses at each position of the external axes.
+
+A tag is rated by what its best pose costs there; collisions are asked for only of the cuts along
+which the axes may move, or that were refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.cell import Cell
+from postproc.geometry import angle_between
+from postproc.model import ToolPath
+from postproc.paths import top_speeds
+from postproc.planning.checks import Checker
+from postproc.planning.external.grid import distinct, grid_step, position_grid
+from postproc.planning.search import FINE, arc_length, best_of, spaced, step_rules
+from postproc.planning.states import Problem, Rule, Settings, evaluate, sample, spin_values
+from postproc.process import feeds_of
+from postproc.units import DEG
+
+_FINER = 8
+"""Where no position of the grid reaches a tag, one so much finer is looked through for it."""
+_MOST_FINER = 1000
+_ADDED = 24
+"""Positions of the finer grid that are added at most."""
+BLOCKED = 10.0
+"""What a position costs at which no pose of a coarse grid of spins is free of collision, in the
+units of the objectives: 100 % of stiffness is about 1."""
+_COARSE = 3
+UNREACHED = 1e6
+KNOT = 0.1
+"""On cuts positions are rated this often [m] ..."""
+KNOT_TURN = 10.0 * DEG
+"""... and as often as the tool axis turns by so much."""
+_TURN_LENGTH = 0.1
+"""A radian that the tool axis turns counts as so much way [m]."""
+CheckerAt = Callable[[FloatArray], Checker]
+
+
+@dataclass(slots=True)
+class Rating:
+    """What the knots of a toolpath lose at the positions of a grid.
+
+    Args:
+        checker: of the toolpath in the cell with its external axes.
+        values: (g, k) the grid.
+        units: [low, high) of tags that are one cut, or one tag.
+        knots: (m,) rising, tags at which positions are rated, ends of units among them.
+        loss: (m, g) of each knot at each position, ``UNREACHED`` where it has no pose.
+        way: (n,) [m] along the path, turns of the tool axis counted, rising.
+
+    Attributes:
+        looked_at: units whose collisions are in ``loss``.
+        walled: unit to a tag of it that has no free pose at any position.
+    """
+
+    checker: Checker
+    values: FloatArray
+    units: list[tuple[int, int]]
+    knots: IndexArray
+    loss: FloatArray
+    way: FloatArray
+    looked_at: set[int] = field(init=False, default_factory=set)
+    walled: dict[int, int] = field(init=False, default_factory=dict)
+
+    @property
+    def cell(self) -> Cell:
+        """The cell with its external axes."""
+        return self.checker.problem.cell
+
+    @property
+    def toolpath(self) -> ToolPath:
+        """What is to be done."""
+        return self.checker.problem.toolpath
+
+    @property
+    def feed(self) -> FloatArray:
+        """The feed (n,) [m/s] that is asked for at each tag, NaN without."""
+        return feeds_of(self.toolpath, self.cell)
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Largest speeds (k,) of the axes [m/s or rad/s]."""
+        return top_speeds(self.cell)[6:]
+
+    @property
+    def may_move(self) -> BoolArray:
+        """Which axes (k,) may move inside cuts."""
+        return np.array([axis.moves_in_cuts for axis in self.cell.external_axes])
+
+    def knots_of(self, unit: int) -> slice:
+        """Return which knots belong to a unit."""
+        return slice(*np.searchsorted(self.knots, self.units[unit]).tolist())
+
+    def loss_of(self, unit: int) -> FloatArray:
+        """Return what the knots of a unit lose (m, g), to be changed in place."""
+        return self.loss[self.knots_of(unit)]
+
+    def nearest(self, external: FloatArray) -> IndexArray:
+        """Return the positions (m,) of the grid nearest to where the axes stand (m, k)."""
+        off = np.abs(self.values[None] - external[:, None]) / grid_step(self.cell)
+        return np.asarray(off.max(axis=2).argmin(axis=1))
+
+    def avoid_collisions(self, unit: int) -> None:
+        """Make dear for knots of a unit the positions at which no pose of a coarse grid is free.
+
+        Where that is every position of a knot the finest grid tells whether the unit is walled in.
+        """
+        if self.checker.scene is None or unit in self.looked_at:
+            return
+        self.looked_at.add(unit)
+        tags, loss = self.knots[self.knots_of(unit)], self.loss_of(unit)
+        problem = self.checker.problem
+        spins = problem.settings.spins[::_COARSE]
+        first, of_first = distinct(problem, self.values)
+        for number, g in enumerate(first.tolist()):
+            here, same = problem.standing(self.values[g]), np.flatnonzero(of_first == number)
+            rows = np.flatnonzero(loss[:, g] < UNREACHED)
+            free = self._has_free(here, tags[rows], spins)
+            loss[np.ix_(rows[~free], same)] += BLOCKED
+        blocked = (loss[:, first] >= BLOCKED).all(axis=1)
+        wishes = problem.cell.optimize
+        for row in np.flatnonzero(blocked)[: 0 if wishes.pins else 1].tolist():
+            finest = spin_values(wishes.step / FINE, *wishes.range)
+            reached = first[loss[row, first] < UNREACHED]
+            if not any(
+                self._has_free(problem.standing(value), tags[row : row + 1], finest)[0]
+                for value in self.values[reached]
+            ):
+                self.walled[unit] = int(tags[row])
+
+    def _has_free(self, here: Problem, tags: IndexArray, spins: FloatArray) -> BoolArray:
+        """Return at which tags (m,) the arm has a free pose, the axes standing as they do."""
+        states = sample(here, tags, spins)
+        each = np.flatnonzero(np.diff(states.config, prepend=-1))
+        of, q = states.tag_of(each), states.q[each].astype(np.float64)
+        good = replace(self.checker, problem=here).poses(tags[of], q).good
+        free = np.zeros(len(tags), dtype=np.bool_)
+        free[of[good]] = True
+        return free
+
+
+def rated(toolpath: ToolPath, cell: Cell, settings: Settings, checker_at: CheckerAt) -> Rating:
+    """Return what every knot loses at every position, collisions left out.
+
+    Args:
+        toolpath: what was read.
+        cell: with at least one external axis.
+        settings: of the plan.
+        checker_at: where the axes stand at each tag (n, k) to the checks in the whole cell.
+    """
+    n, k = len(toolpath), len(cell.external_axes)
+    checker = checker_at(np.zeros((n, k)))
+    problem, values = checker.problem, position_grid(cell)
+    chain = step_rules(problem) == Rule.CHAIN
+    axis = problem.placement.axis_base(np.arange(n))
+    turned = np.concatenate([[0.0], np.cumsum(angle_between(axis[:-1], axis[1:]))])
+    is_knot = spaced(arc_length(toolpath), chain, KNOT)
+    is_knot[1:] |= np.diff(np.floor(turned / KNOT_TURN)) != 0
+    knots = np.flatnonzero(is_knot)
+    first, of_first = distinct(problem, values)
+    cost = _least_costs(problem, values[first], knots, settings)[:, of_first]
+    values, cost = _with_finer(problem, values, knots, cost, settings)
+    best = cost.min(axis=1, keepdims=True)
+    loss = np.where(np.isfinite(cost), cost - np.where(np.isfinite(best), best, 0.0), UNREACHED)
+    starts = np.unique(np.append(0, np.flatnonzero(~chain))) if n else np.zeros(0, np.int64)
+    units = list(zip(starts.tolist(), np.append(starts[1:], n).tolist(), strict=True))
+    way = arc_length(toolpath) + _TURN_LENGTH * turned + 1e-6 * np.arange(n)
+    return Rating(checker, values, units, knots, loss, way)
+
+
+def _with_finer(
+    problem: Problem, values: FloatArray, knots: IndexArray, cost: FloatArray, settings: Settings
+) -> tuple[FloatArray, FloatArray]:
+    """Return the positions (g, k) and costs (m, g) with those added that reach what no other does.
+
+    Args:
+        problem: of the toolpath.
+        values: (g, k) positions that were rated.
+        knots: (m,) tags that were rated there.
+        cost: (m, g) infinite where a tag has no pose.
+        settings: of the plan.
+    """
+    left = np.flatnonzero(~np.isfinite(cost).any(axis=1))
+    if not len(left):
+        return values, cost
+    fine = position_grid(problem.cell, _FINER, _MOST_FINER)
+    there = _least_costs(problem, fine, knots[left], settings)
+    reached = np.isfinite(there)
+    added: list[int] = []
+    while reached.any() and len(added) < _ADDED:
+        count = reached.sum(axis=0)
+        total = np.where(reached, there, 0.0).sum(axis=0)
+        best = int(np.lexsort((total, -count))[0])
+        added.append(best)
+        reached[reached[:, best]] = False
+    if not added:
+        return values, cost
+    more = _least_costs(problem, fine[added], knots, settings)
+    return np.concatenate([values, fine[added]]), np.column_stack([cost, more])
+
+
+def _least_costs(
+    problem: Problem, values: FloatArray, tags: IndexArray, settings: Settings
+) -> FloatArray:
+    """Return what the best pose of each tag costs at each position (n, g), as ``_least_cost``."""
+    return np.column_stack(
+        [_least_cost(problem.standing(value), tags, settings) for value in values]
+    )
+
+
+def _least_cost(problem: Problem, tags: IndexArray, settings: Settings) -> FloatArray:
+    """Return what the pose of each tag (n,) costs that a search prefers, infinite without any."""
+    states = sample(problem, tags, settings.spins, tilts=problem.tilts)
+    row = states.tag_of(np.arange(len(states.q)))
+    wish = states.cost + settings.weights.price(1.0 - states.index / best_of(states)[row])
+    order = np.lexsort((wish, row))
+    row, first = np.unique(row[order], return_index=True)
+    chosen = order[first]
+    attitude, q = states.attitude_of(chosen), states.q[chosen].astype(np.float64)
+    T = problem.placement.tcp(tags[row], attitude)
+    cost = np.full(len(tags), np.inf)
+    cost[row] = evaluate(problem, tags[row], attitude[:, 0], T, q)[0]
+    return cost
