@@ -1,0 +1,39 @@
+"""Keys of ``[import]``."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from postproc.cell.schema.table import Table, Text
+
+
+class ImportTable(Table):
+    """How CAM files are read where the call does not say; the same keys as its options."""
+
+    format: Text = Field(
+        default="auto", description="auto, apt, csv, delmia or another one of plugins"
+    )
+    dialect: Text | None = Field(
+        default=None, description="APT dialect; default: as the file shows"
+    )
+    units: Literal["mm", "inch", "m"] | None = Field(
+        default=None, description="unit of length where the CAM file names none"
+    )
+    columns: Text | None = Field(
+        default=None, description="columns of a CSV, e.g. id,x,y,z,i,j,k,-,depth; - is none"
+    )
+    cycle_words: Text | None = Field(
+        default=None,
+        description="meaning of the numbers of a positional drill cycle, e.g. depth,clearance,feed",
+    )
+    feed_units: Literal["mm", "inch"] | None = Field(
+        default=None, description="per minute, where FEDRAT and UNITS of a CAM file contradict"
+    )
+    task: Text | None = Field(
+        default=None, description="DELMIA task to read instead of all that no other one calls"
+    )
+    accept_words: list[Text] = Field(
+        default=[], description="words of CAM files that are known to be harmless; others stop"
+    )

@@ -1,0 +1,46 @@
+"""What the tables of ``cell.toml`` are made of: kinds of values with their ranges."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+CHOICE = Field(strict=False)
+"""A word of a list: the file holds text, the strict table would ask for the member itself."""
+Length = Annotated[float, Field(ge=-1e5, le=1e5)]
+Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Size = Annotated[float, Field(gt=0.0, le=1e5)]
+Vector = Annotated[list[Length], Field(min_length=3, max_length=3)]
+Angles = Annotated[list[Angle], Field(min_length=3, max_length=3)]
+SixPositive = Annotated[list[Positive], Field(min_length=6, max_length=6)]
+AngleRange = Annotated[
+    list[Annotated[float, Field(ge=-720.0, le=720.0)]], Field(min_length=2, max_length=2)
+]
+AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
+Text = Annotated[str, Field(min_length=1, max_length=255)]
+CamNames = list[Text | Annotated[int, Field(ge=0)]]
+
+
+class Table(BaseModel):
+    """A TOML table: no unknown keys, no text for numbers, no nan or inf."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        frozen=True,
+        validate_default=True,
+        defer_build=True,  # tables are only read as part of the whole file
+    )
+
+
+class Placement(Table):
+    """Where something stands: shift and turn."""
+
+    xyz_mm: Vector = Field(default=[0.0, 0.0, 0.0], description="origin [mm]")
+    abc_deg: Angles = Field(
+        default=[0.0, 0.0, 0.0], description="KUKA A, B, C [deg]: R = Rz(A) Ry(B) Rx(C)"
+    )
