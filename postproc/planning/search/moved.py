@@ -14,7 +14,7 @@ from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
-from postproc.planning.search.rungs import same_arm, yardstick
+from postproc.planning.search.rungs import same_posture, yardstick
 from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
@@ -34,7 +34,7 @@ to each side every round: else each lets the next one move, and fail, in a round
 
 
 def moved_off_grid(
-    search: PoseSearch, chosen: Chosen, *, at_edges: bool = False, keep_arm: bool = False
+    search: PoseSearch, chosen: Chosen, *, at_edges: bool = False, steady: int = 0
 ) -> Chosen:
     """Return the chosen poses moved off the grid, where that stands the checks.
 
@@ -42,7 +42,7 @@ def moved_off_grid(
         search: what the poses were chosen by.
         chosen: poses of the grid.
         at_edges: whether tags by themselves begin at the edge of reach where that is stiffer.
-        keep_arm: whether they stay with their shoulder and elbow there.
+        steady: bits of the branch with which they stay there.
     """
     checker, between = search.checker, search.between
     problem, pins = checker.problem, checker.problem.cell.optimize.pins
@@ -70,8 +70,7 @@ def moved_off_grid(
     poses, awake, reach = grid, np.ones(len(tags), dtype=np.bool_), 0
     if at_edges:
         rows, may = np.flatnonzero(kept), alone & bounds.free[:, 0]
-        if keep_arm:
-            may &= same_arm(search.edges.branch[rows], grid.branch)
+        may &= same_posture(search.edges.branch[rows], grid.branch, steady)
         poses = _at_edges(problem, grid, search.edges, rows, may)
     for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)

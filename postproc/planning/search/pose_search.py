@@ -177,9 +177,9 @@ class PoseSearch:
         anew = np.flatnonzero(join.is_new)[:, None] + np.arange(2)
         self.ladder.take_over(known[0], moved, np.unique(np.minimum(anew, len(self.tags) - 1)))
 
-    def keep_arm(self) -> None:
-        """Let the arm change shoulder or elbow between tags only where nothing else can be run."""
-        self._wish_anew(replace(self.wish, steady=True))
+    def keep(self, bits: int) -> None:
+        """Let the arm change bits of its branch between tags only where nothing else can be run."""
+        self._wish_anew(replace(self.wish, steady=self.wish.steady | bits))
 
     def keep_spin(self, main: FloatArray) -> None:
         """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays."""

@@ -57,8 +57,8 @@ longer one; a faster turn is looked for only where there is no way without."""
 HOME_SHARE = 0.05
 """Share of the price of travel that counts from home and back: one move, and a long one."""
 CHANGE = 1e5
-"""Cost of another shoulder or elbow at the next tag where a search keeps the arm steady: more than
-all that such changes could gain."""
+"""Cost of another shoulder, elbow or wrist at the next tag where a search keeps them steady: more
+than all that such changes could gain."""
 _CHANGE_BOUND = 1e3
 """So many times as much where the cell bounds losses, which are priced accordingly."""
 STEADY_BAND = 45.0 * DEG
@@ -66,8 +66,8 @@ STEADY_BAND = 45.0 * DEG
 ROLL_PRICE = 0.02
 """What stands beyond that must gain so much: 1 % of stiffness, and as much for the grid of spins,
 whose rounding may favour one of two mirrored poses by it."""
-_ARMS = 4
-"""The lower bits of a branch, shoulder and elbow; the third is the wrist's."""
+ARM, WRIST = 3, 4
+"""The bits of a branch that say how shoulder and elbow stand, and the wrist."""
 _AT_ONCE = 200_000
 """States that are priced together, so that memory stays bounded."""
 FINE = 2
@@ -81,16 +81,17 @@ class Wish:
     ``each``: every tag takes its own best state. Travel and spin only break ties, but inside a cut
     travel counts ``cut_travel``: a cut must still be a cut. ``least`` (n,) [N/m]: states of less
     stiffness cost ``DEAR``; None: no such bound. ``stretch`` (n,): tags of one number keep one arm
-    configuration, cuts or not; None: cuts do. ``steady``: another shoulder or elbow from tag to tag
-    costs ``CHANGE``. ``main`` (n,) [rad]: spin of which tags stand off by more than ``STEADY_BAND``
-    only where that earns ``ROLL_PRICE``, NaN where any will do; None: nowhere.
+    configuration, cuts or not; None: cuts do. ``steady``: bits of the branch, each of which costs
+    ``CHANGE`` where it is another at the next tag. ``main`` (n,) [rad]: spin of which tags stand
+    off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
+    None: nowhere.
     """
 
     each: bool = False
     cut_travel: float = CUT_TRAVEL
     least: FloatArray | None = None
     stretch: IndexArray | None = None
-    steady: bool = False
+    steady: int = 0
     main: FloatArray | None = None
 
 
@@ -191,19 +192,22 @@ def ladder_of(
         cost[rolls] += ROLL_PRICE * np.repeat(share, count)[rolls]
     position = states.q
     change = CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
-    if wish.steady:  # two more coordinates, equal for the same arm
+    if wish.steady:  # more coordinates, equal for the same posture
         apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
-        position = np.hstack([position, apart * _arm(states.branch)], dtype=np.float32)
+        position = np.hstack(
+            [position, apart * _bits(states.branch, wish.steady)], dtype=np.float32
+        )
     home = problem.cell.motion.home
     if home is not None and len(tags):
         price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
-        arm = _arm(problem.kinematics.branches.slot(home))
+        at_home = _bits(problem.kinematics.branches.slot(home), wish.steady)
         for rung in (0, len(tags) - 1):
             at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
             if not wish.each:
                 cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
             if wish.steady:
-                cost[at] += change * (_arm(states.branch[at]) != arm).sum(axis=1)
+                other = _bits(states.branch[at], wish.steady) - at_home
+                cost[at] += change * (other**2).sum(axis=1)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
     ladder.reach = _reach(problem, tags, position.shape[1])
     return ladder, weight, share
@@ -229,20 +233,24 @@ def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
     return reach
 
 
-def _arm(branch: AnyIntArray) -> BoolArray:
-    """Return whether shoulder and elbow (..., 2) of branches (...,) are those of the bits."""
-    return np.asarray(np.stack([branch & 1, branch & 2], axis=-1) != 0)
+def _bits(branch: AnyIntArray, steady: int) -> FloatArray:
+    """Return how far apart (..., 3) branches (...,) lie by those bits that are set in ``steady``.
+
+    The wrist turns over rather than that the arm changes.
+    """
+    apart = zip((1, 2, WRIST), (1.0, 1.0, 0.1), strict=True)
+    return np.stack([far * ((branch & bit & steady) != 0) for bit, far in apart], axis=-1)
 
 
-def same_arm(one: AnyIntArray, other: AnyIntArray) -> BoolArray:
-    """Return whether shoulder and elbow of branches (...,) are the same."""
-    return np.asarray(one % _ARMS == other % _ARMS)
+def same_posture(one: AnyIntArray, other: AnyIntArray, bits: int) -> BoolArray:
+    """Return whether these bits of branches (...,) are the same."""
+    return np.asarray((one ^ other) & bits == 0)
 
 
-def changes_of_arm(chosen: Chosen) -> IndexArray:
-    """Return the tags (m,) at which shoulder or elbow are not those of the tag run before."""
+def changes_of(bits: int, chosen: Chosen) -> IndexArray:
+    """Return the tags (m,) at which these bits of the branch are not those of the tag before."""
     good = np.flatnonzero(chosen.good)
-    return good[1:][~same_arm(chosen.branch[good[1:]], chosen.branch[good[:-1]])]
+    return good[1:][~same_posture(chosen.branch[good[1:]], chosen.branch[good[:-1]], bits)]
 
 
 def bridges_of(

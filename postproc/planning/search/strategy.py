@@ -36,7 +36,7 @@ from postproc.planning.search.loss import (
 from postproc.planning.search.main_spin import main_spins
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
-from postproc.planning.search.rungs import TIE_TRAVEL, Wish, changes_of_arm
+from postproc.planning.search.rungs import ARM, TIE_TRAVEL, WRIST, Wish, changes_of
 from postproc.planning.states import Chosen
 
 Step = Callable[[int, int, str], None]
@@ -100,8 +100,8 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
     """Search, and look closer until all that fails is refuted.
 
     Cuts that roll the tool far are searched again: that has to pay. Where no free way is found by
-    which the arm changes shoulder or elbow as the best sequence asks for, another is looked for
-    that changes them only where it must.
+    which the arm changes shoulder or elbow as the best sequence asks for, or turns the wrist over,
+    another is looked for that does so only where it must.
     """
     n = len(search.checker.problem)
     found = search.run()
@@ -120,21 +120,31 @@ def _run(search: PoseSearch, growth: Growth, step: Step) -> tuple[Found, Chosen]
                 found = search.run()
                 continue
             chosen = search.chosen(found)
-            changes = changes_of_arm(chosen)
-            if search.wish.steady or has_ways(search.checker, chosen, changes):
+            bits = _without_ways(search, chosen)
+            if not bits:
                 return found, chosen
-            search.keep_arm()
+            search.keep(bits)
         found = search.run()
 
 
+def _without_ways(search: PoseSearch, chosen: Chosen) -> int:
+    """Return the bits of the branch that change where no free way is found, if any are left."""
+    for bits in (ARM, WRIST):
+        changes = changes_of(bits, chosen)
+        if not search.wish.steady & bits and not has_ways(search.checker, chosen, changes):
+            return bits
+    return 0
+
+
 def _moved(search: PoseSearch, chosen: Chosen, *, at_edges: bool) -> Chosen:
-    """Return the poses moved off the grid; to edges by another arm only if free ways lead there."""
-    keep_arm = search.wish.steady
-    moved = moved_off_grid(search, chosen, at_edges=at_edges, keep_arm=keep_arm)
-    changes = np.setdiff1d(changes_of_arm(moved), changes_of_arm(chosen))
-    if keep_arm or has_ways(search.checker, moved, changes):
+    """Return the poses moved off the grid; in other postures only if free ways lead there."""
+    steady = search.wish.steady
+    moved = moved_off_grid(search, chosen, at_edges=at_edges, steady=steady)
+    every = ARM | WRIST
+    changes = np.setdiff1d(changes_of(every & ~steady, moved), changes_of(every, chosen))
+    if has_ways(search.checker, moved, changes):
         return moved
-    return moved_off_grid(search, chosen, at_edges=at_edges, keep_arm=True)
+    return moved_off_grid(search, chosen, at_edges=at_edges, steady=every)
 
 
 def _is_key(search: PoseSearch) -> BoolArray:
