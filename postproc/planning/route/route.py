@@ -60,7 +60,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     problem = checker.problem
     findings: list[Finding] = []
     holes = hole_moves(problem, checker.strokes, chosen)
-    arrives, leaves = _ends(problem, checker, chosen)
+    arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
     parts += _first_and_last(checker, chosen, arrives, findings, goes_on=goes_on)
@@ -92,10 +92,12 @@ def _thinned(checker: Checker, table: Moves) -> tuple[Moves, Left]:
     return table.rows(kept), left
 
 
-def _ends(problem: Problem, checker: Checker, chosen: Chosen) -> tuple[FloatArray, FloatArray]:
-    """Return the joints (n, 6) in which the tool arrives at and leaves each tag."""
+def _ends(
+    problem: Problem, checker: Checker, chosen: Chosen, tags: IndexArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the joints (n, 6) in which the tool arrives at and leaves tags (m,)."""
     q = chosen.q.copy()
-    tags = np.nonzero(checker.strokes.is_stroke & chosen.good)[0]
+    tags = tags[checker.strokes.is_stroke[tags] & chosen.good[tags]]
     if len(tags):
         top = problem.placement.tcp(tags, chosen.attitude[tags], checker.strokes.top[tags])
         external = problem.placement.external[tags]
@@ -216,7 +218,11 @@ def _ends_into(
 
 def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
     """Return whether free ways are found into all of some tags (m,); looks no further than that."""
-    ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen))
+    if not len(to):
+        return True
+    good = np.flatnonzero(chosen.good)
+    both = np.union1d(to, good[np.searchsorted(good, to) - 1])
+    ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen, both))
     free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
     rows = np.flatnonzero(~free)
     return len(detours(checker, ends.rows(rows), chosen.attitude, chosen.branch, 1)) == len(rows)
