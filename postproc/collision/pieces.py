@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, numbered
+from postproc.arrays import FloatArray
 from postproc.collision.boxes import box_gap
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
-
-_BATCH = 200_000
 
 
 class PieceBounds:
@@ -128,23 +126,19 @@ class PieceBounds:
         limit = threshold + SLACK
         lowest, highest = low[every, longest] - limit, high[every, longest] + limit
         found: list[tuple[np.ndarray, np.ndarray]] = [(every[:0], every[:0])]
-        for part in np.split(
-            every, np.flatnonzero(np.diff(self._count[body].cumsum() // _BATCH)) + 1
-        ):
-            row, piece = self._all_pieces(part, body[part])
-            near = (self._lowest[piece] <= highest[row]) & (self._highest[piece] >= lowest[row])
-            row, piece = row[near], piece[near]
+        for one in np.unique(body).tolist():
+            own, first = np.flatnonzero(body == one), int(self._start[one])
+            pieces = slice(first, first + int(self._count[one]))
+            near = self._lowest[pieces] <= highest[own][:, None]
+            near &= self._highest[pieces] >= lowest[own][:, None]
+            row, piece = np.nonzero(near)
+            row, piece = own[row], piece + first
             apart = np.maximum(self._low[piece] - high[row], low[row] - self._high[piece])
             np.maximum(apart, 0.0, out=apart)
-            near = np.einsum("ki,ki->k", apart, apart) <= limit[row] ** 2
-            found.append((row[near], piece[near]))
+            close = np.einsum("ki,ki->k", apart, apart) <= limit[row] ** 2
+            found.append((row[close], piece[close] - first))
         row, piece = (np.concatenate(column) for column in zip(*found, strict=True))
-        return row, piece - self._start[body[row]]
-
-    def _all_pieces(self, rows: np.ndarray, body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return row and number of all pieces of bodies (k,), each at one of ``rows`` (k,)."""
-        owner, step = numbered(self._count[body])
-        return rows[owner], self._start[body[owner]] + step
+        return row, piece
 
 
 def _inverse(R: FloatArray, p: FloatArray) -> tuple[FloatArray, FloatArray]:
