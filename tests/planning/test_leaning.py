@@ -10,7 +10,7 @@ import pytest
 from postproc.cell.cell import Workpiece
 from postproc.model.toolpath import Arcs, MotionKind
 from postproc.planning.checks import Reason
-from postproc.planning.planner import checker_of
+from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import judge
 from postproc.planning.search.pose_search import PoseSearch
@@ -115,3 +115,17 @@ def test_pinned_tags_and_tags_between_key_tags_are_left_to_the_check(make_cell, 
     found = search.run()
     assert (found.path != NONE).all()
     assert not search.broken(found).any()
+
+
+@pytest.mark.usefixtures("no_scene")
+def test_a_tilted_cut_out_of_reach_is_refused_tag_by_tag(make_cell, make_path):
+    """Neighbours without any pose: nothing leads from one to the next, and that is no fault."""
+    x = np.arange(40) * 0.05
+    points = np.stack([x, 0.0 * x, 0.0 * x], axis=1)
+    path = make_path(points, UP, [RAPID] + [LINEAR] * 39)
+    cell = make_cell(options={"lead_deg": [-3.0, 3.0]}, bases=(AHEAD,))
+    result = plan(path, cell)
+    failing = result.failing_tags
+    assert len(failing) > 3
+    assert (np.diff(failing) == 1).all()
+    assert {finding.code for finding in result.errors} <= {"PLN101", "PLN102"}

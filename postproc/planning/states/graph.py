@@ -177,6 +177,8 @@ class Graph:
         if self.joins is None or self.rule[i] != CHAIN or not self.joins.is_lasting(i):
             return None
         first, low, high = (int(self.offsets[k]) for k in (i - 1, i, i + 1))
+        if not first < low < high:
+            return None
         nothing, limit = np.zeros(low), np.broadcast_to(self._most(i), self.position.shape[1:])
         wide = np.flatnonzero(np.ptp(self.position[first:high], axis=0) > limit).tolist()
         none = np.zeros(0, dtype=np.int64)
