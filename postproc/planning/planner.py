@@ -228,7 +228,7 @@ def _planned(
     clock.begin("search")
     chosen, findings, record, best = choose(checker, clock.step)
     take_joints(problem, chosen)
-    findings += without_roll(checker, chosen)
+    findings += without_roll(checker, chosen, best)
     clock.begin("route")
     runs = options.partial or not any(finding.is_error for finding in findings)
     routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on, runs=runs)

@@ -1,8 +1,9 @@
 """One spin within every straight stroke along the tool axis: the tool does not roll in the part.
 
 A stroke keeps the spin of the end from which a cut goes on: that one was searched with the cut.
-Where rapids lead to it and away from it, another spin that serves the whole stroke may be taken. A
-task has given the orientation of its targets, so a stroke of it keeps that of its start.
+Where rapids lead to it and away from it, the spin that costs least over the whole stroke and on the
+ways to it and from it is taken: one that suits its top may stand at a limit at its bottom. A task
+has given the orientation of its targets, so a stroke of it keeps that of its start.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import twist_about
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
-from postproc.planning.states import BRANCHES, Chosen, strokes_into
+from postproc.planning.states import BRANCHES, TRAVEL_UNIT, Chosen, evaluate, strokes_into
 from postproc.units import DEG
 
 _SAME = 1e-7
@@ -25,8 +26,13 @@ _SAME = 1e-7
 _MOST_LINES = 12
 
 
-def without_roll(checker: Checker, chosen: Chosen) -> list[Finding]:
+def without_roll(checker: Checker, chosen: Chosen, best: FloatArray) -> list[Finding]:
     """Give the tags of every stroke one spin that serves them all.
+
+    Args:
+        checker: of the problem.
+        chosen: taken over where another spin can be run.
+        best: (n,) [N/m] the index that losses are priced against, NaN where unknown.
 
     Returns:
         An error for each stroke of a task that no single spin serves, one note for those of other
@@ -41,7 +47,7 @@ def without_roll(checker: Checker, chosen: Chosen) -> list[Finding]:
         roll = float(np.abs(spins - spins[0]).max())
         if roll < _SAME:
             continue
-        ways = _ways(checker, chosen, tags, spins)
+        ways = _ways(checker, chosen, tags, offset, best)
         if any(_turned(checker, chosen, tags, offset + s, *way) for s, *way in ways):
             continue
         if not _is_left(chosen, tags):
@@ -95,23 +101,65 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
 
 
 def _ways(
-    checker: Checker, chosen: Chosen, tags: IndexArray, spins: FloatArray
+    checker: Checker, chosen: Chosen, tags: IndexArray, offset: FloatArray, best: FloatArray
 ) -> Iterator[tuple[float, int, int]]:
-    """Yield the spins [rad] worth a try, the branch, and the place of the tag that stays."""
-    last = len(tags) - 1
+    """Yield the spins [rad] worth a try, the branch, and the place of the tag that stays.
+
+    Where both ends may turn: those of the branches of the ends first, by what they cost.
+    """
+    last, spins = len(tags) - 1, chosen.attitude[tags, 0] - offset
     start_turns = _may_turn(checker, chosen, int(tags[0]))
     end_turns = _ends(checker, chosen, int(tags[-1]))
     own = int(chosen.branch[tags[0]]), int(chosen.branch[tags[-1]])
-    if end_turns:
-        yield float(spins[0]), own[0], 0
-    if start_turns:
-        yield float(spins[-1]), own[1], last
     if not (start_turns and end_turns):
+        if end_turns:
+            yield float(spins[0]), own[0], 0
+        if start_turns:
+            yield float(spins[-1]), own[1], last
         return
-    others = checker.problem.settings.spins
-    order = others[np.argsort(np.abs(others - spins[0]), kind="stable")].tolist()
-    branches = [own[0], *(branch for branch in range(BRANCHES) if branch != own[0])]
-    yield from ((spin, branch, -1) for branch, spin in itertools.product(branches, order))
+    grid = checker.problem.settings.spins
+    tried = np.concatenate([spins, grid[np.argsort(np.abs(grid - spins[0]), kind="stable")]])
+    branches = [*dict.fromkeys(own)]
+    price = np.array([_price(checker, chosen, tags, offset, tried, at, best) for at in branches])
+    order = np.argsort(price, axis=None, kind="stable")
+    for at, spin in zip(*np.unravel_index(order, price.shape), strict=True):
+        if price[at, spin] < np.inf:
+            yield float(tried[spin]), branches[at], -1
+    others = (branch for branch in range(BRANCHES) if branch not in branches)
+    yield from ((spin, branch, -1) for branch in others for spin in tried[len(spins) :].tolist())
+
+
+def _price(
+    checker: Checker,
+    chosen: Chosen,
+    tags: IndexArray,
+    offset: FloatArray,
+    spins: FloatArray,
+    branch: int,
+    best: FloatArray,
+) -> FloatArray:
+    """Return what a stroke costs at each of spins (s,), infinite where it is out of reach.
+
+    What its poses cost, and the travel along it, from the tag before it and to the one behind.
+    """
+    problem, m, s = checker.problem, len(tags), len(spins)
+    rows = np.repeat(tags, s)
+    attitude = np.repeat(chosen.attitude[tags], s, axis=0)
+    attitude[:, 0] = (offset[:, None] + spins).ravel()
+    T, near = problem.placement.tcp(rows, attitude), np.repeat(chosen.q[tags], s, axis=0)
+    q, good = problem.solve(T, problem.placement.external[rows], np.full(m * s, branch), near)
+    good &= problem.within(q) & problem.regular(q)
+    cost, index = evaluate(problem, rows, attitude[:, 0], T, q)
+    weights = problem.settings.weights
+    cost += weights.price(1.0 - index / best[rows])
+    way, first, behind = q.reshape(m, s, 6), int(tags[0]), int(tags[-1]) + 1
+    if first > 0 and chosen.good[first - 1] and not chosen.entry[first]:
+        way = np.concatenate([np.broadcast_to(chosen.q[first - 1], (1, s, 6)), way])
+    if behind < len(problem) and chosen.good[behind] and not chosen.entry[behind]:
+        way = np.concatenate([way, np.broadcast_to(chosen.q[behind], (1, s, 6))])
+    travel = (np.diff(way, axis=0) ** 2).sum(axis=(0, 2)) / TRAVEL_UNIT**2
+    price = np.where(good, cost, np.inf).reshape(m, s).sum(axis=0)
+    return np.asarray(price + weights.travel * travel)
 
 
 def _may_turn(checker: Checker, chosen: Chosen, tag: int) -> bool:
