@@ -19,6 +19,20 @@ from tests.kinematics.test_forward import pinocchio_arm
 
 PLACES = [(0, 0), (60, 40), (140, -30), (220, 80), (300, 0), (-80, -120)]
 MOST_ROLL_DEG = 0.001
+DEEP = """
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr560_r3100_2"
+[tool]
+frame = { xyz_mm = [-40.0, 0.0, 420.0], abc_deg = [0, -60, 0] }
+axis = "-x"
+[workpiece]
+frame = { xyz_mm = [2700.0, 500.0, -100.0], abc_deg = [0, 0, 90] }
+[stiffness]
+joint_Nmm_per_rad = [1e10, 5e9, 4e9, 3e8, 2e8, 2.5e8]
+[motion]
+feed_mm_min = 300
+"""
 
 
 def drilled():
@@ -120,3 +134,17 @@ def test_a_roll_between_two_cuts_is_told(capsys, tmp_path):
     turn = np.einsum("nji,njk->nik", before[:, :3, :3], after[:, :3, :3])
     roll = np.degrees(np.arccos(np.clip((np.trace(turn, axis1=1, axis2=2) - 1) / 2, -1, 1)))
     assert roll[stroke].max() == pytest.approx(float(note), rel=0.06)
+
+
+def test_a_deep_stroke_turns_to_what_suits_its_bottom(run, tmp_path):
+    """Where the tool may turn above a hole, A5 near its limit at the bottom draws it aside."""
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW"]
+    for x, y in ((0, 0), (50, 60), (120, 130), (190, 150), (260, 150)):
+        lines += [f"RAPID\nGOTO/{x},{y},90,0,0,1", "FEDRAT/120,MMPM", f"GOTO/{x},{y},-93"]
+        lines += [f"RAPID\nGOTO/{x},{y},90"]
+    cam, cell, out = tmp_path / "part.cls", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text("\n".join([*lines, "SPINDL/OFF", "FINI", ""]))
+    cell.write_text(DEEP)
+    code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert code == 0, err
+    assert document["grades"]["good"] == 15

@@ -8,7 +8,6 @@ has given the orientation of its targets, so a stroke of it keeps that of its st
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 
 import numpy as np
