@@ -41,28 +41,19 @@ def seem_free(
 ) -> BoolArray:
     """Return which joint moves (m, 6) to (m, 6) are free at poses between their ends.
 
-    The external axes stand at ``external`` (k,) or (m, k) meanwhile.
+    At the middle first, where something is in the way of most that are not. The external axes stand at ``external`` (k,) or (m, k) meanwhile.
     """
     count = np.ceil(np.linalg.norm(end - start, axis=1) / _SAMPLE).astype(np.int64)
     inner = np.maximum(count - 1, 1)
     row, step = numbered(inner)
     share = (step + 1) / (inner[row] + 1)
     q = start[row] + share[:, None] * (end - start)[row]
+    place = _at_each(external, start)[row]
+    is_middle = step == inner[row] // 2
     free = np.ones(len(start), dtype=np.bool_)
-    free[row[~checker.free_poses(q, _at_each(external, start)[row])]] = False
-    return free
-
-
-def free_moves(
-    checker: Checker, start: FloatArray, end: FloatArray, external: FloatArray
-) -> BoolArray:
-    """Return which joint moves (m, 6) to (m, 6) are free, looked at first where many are not.
-
-    The external axes stand at ``external`` (k,) or (m, k) meanwhile.
-    """
-    free = seem_free(checker, start, end, external)
-    place = _at_each(external, start)[free]
-    free[free] = checker.joint_moves(start[free], end[free], place).good
+    for wave in (is_middle, ~is_middle):
+        asked = np.flatnonzero(wave & free[row])
+        free[row[asked[~checker.free_poses(q[asked], place[asked])]]] = False
     return free
 
 
@@ -98,7 +89,7 @@ def rrt_connect(
         high = np.minimum(np.maximum(start, goal) + around, most)
         step = min(around, _STEP if round_ < _SHORTER else 0.5 * _STEP)
         new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), step)
-        way = _proven(checker, one, two, new)
+        way = _joined(checker, one, two, new)
         if way is not None:
             return (way[::-1] if round_ % 2 else way)[1:-1]
     return None
@@ -107,14 +98,15 @@ def rrt_connect(
 class _Tree:
     """Configurations reached from one end.
 
-    ``parent`` (n,): number of the node before each; ``is_alive`` (n,): whether no move on the way
-    from the root was refuted.
+    ``parent`` (n,): number of the node before each; ``is_proven`` (n,): whether the move from there
+    is known to be free; ``is_alive`` (n,): whether no move on the way from the root was refuted.
     """
 
     def __init__(self, root: FloatArray, external: FloatArray) -> None:
         self.external = external
         self.nodes = np.asarray(root, dtype=np.float64)[None]
         self.parent = np.array([-1])
+        self.is_proven = np.array([True])
         self.is_alive = np.array([True])
 
     def grow(self, checker: Checker, targets: FloatArray, step: float) -> IndexArray:
@@ -128,16 +120,22 @@ class _Tree:
         first = len(self.nodes)
         self.nodes = np.concatenate([self.nodes, ends[free]])
         self.parent = np.concatenate([self.parent, near[free]])
-        self.is_alive = np.concatenate([self.is_alive, np.ones(len(free), dtype=np.bool_)])
+        self.is_proven = np.append(self.is_proven, np.zeros(len(free), dtype=np.bool_))
+        self.is_alive = np.append(self.is_alive, np.ones(len(free), dtype=np.bool_))
         return np.arange(first, len(self.nodes))
 
-    def way(self, node: int) -> IndexArray:
+    def way(self, node: int) -> list[int]:
         """Return the numbers of the nodes from the root to this one."""
         numbers = []
         while node >= 0:
             numbers.append(node)
             node = int(self.parent[node])
-        return np.array(numbers[::-1])
+        return numbers[::-1]
+
+    def open_moves(self, nodes: IndexArray) -> IndexArray:
+        """Return the nodes on the ways to nodes (m,) whose moves from their parents are unproven."""
+        every = np.unique([node for end in nodes.tolist() for node in self.way(end)])
+        return np.asarray(every[~self.is_proven[every]])
 
     def nearest(self, targets: FloatArray) -> IndexArray:
         """Return the number (m,) of the node nearest to each target (m, 6)."""
@@ -145,14 +143,15 @@ class _Tree:
         square = ((targets[:, None] - self.nodes[alive][None]) ** 2).sum(axis=2)
         return np.asarray(alive[np.argmin(square, axis=1)])
 
-    def leave_out(self, nodes: IndexArray) -> None:
-        """Leave out nodes (k,) that no free move leads to, with what grew from them."""
-        self.is_alive[nodes] = False
-        for node in range(int(nodes.min()) + 1, len(self.nodes)) if len(nodes) else ():
+    def settle(self, nodes: IndexArray, free: BoolArray) -> None:
+        """Note which moves to nodes (k,) are free; the others go, with what grew from them."""
+        self.is_proven[nodes] = free
+        self.is_alive[nodes[~free]] = False
+        for node in range(int(nodes[~free].min(initial=len(self.nodes))) + 1, len(self.nodes)):
             self.is_alive[node] &= self.is_alive[self.parent[node]]
 
 
-def _proven(checker: Checker, one: _Tree, two: _Tree, new: IndexArray) -> FloatArray | None:
+def _joined(checker: Checker, one: _Tree, two: _Tree, new: IndexArray) -> FloatArray | None:
     """Return a free way (k, 6) from the root of one tree by its new nodes to that of the other."""
     if not len(new):
         return None
@@ -166,40 +165,61 @@ def _proven(checker: Checker, one: _Tree, two: _Tree, new: IndexArray) -> FloatA
         tried, order = order[:_PROVEN], order[_PROVEN:]
         if not len(tried):
             break
-        ways = [(one.way(int(new[i])), two.way(int(near[i]))) for i in tried]
-        way = _shortest(checker, one, two, ways)
+        way = _proven(checker, one, two, new[tried], near[tried])
         if way is not None:
-            return way
+            return _shortened(checker, way, one.external)
     return None
 
 
-def _shortest(
-    checker: Checker, one: _Tree, two: _Tree, ways: list[tuple[IndexArray, IndexArray]]
+def _proven(
+    checker: Checker, one: _Tree, two: _Tree, there: IndexArray, back: IndexArray
 ) -> FloatArray | None:
-    """Return what is left of the first way that is free, by the nodes it cannot do without."""
-    points = [np.vstack([one.nodes[there], two.nodes[back[::-1]]]) for there, back in ways]
-    pairs = [np.triu_indices(len(way), 1) for way in points]
-    start = np.vstack([way[a] for way, (a, _) in zip(points, pairs, strict=True)])
-    end = np.vstack([way[b] for way, (_, b) in zip(points, pairs, strict=True)])
-    free = free_moves(checker, start, end, one.external)
-    cuts = np.cumsum([len(a) for a, _ in pairs])[:-1]
-    found = None
-    for way, (there, back), (a, b), good in zip(
-        points, ways, pairs, np.split(free, cuts), strict=True
-    ):
-        next_to = good[b == a + 1]
-        one.leave_out(there[1:][~next_to[: len(there) - 1]])
-        two.leave_out(back[1:][~next_to[len(there) :][::-1]])
-        kept = _fewest(way, a[good], b[good])
-        if found is None and kept is not None:
-            found = way[kept]
-    return found
+    """Return the points (k, 6) of the first way all of whose moves are free.
+
+    The ways join nodes ``there`` (m,) of one tree and ``back`` (m,) of the other. A move of a tree
+    is proven once; what is refuted leaves the tree.
+    """
+    asked = one.open_moves(there), two.open_moves(back)
+    legs = [
+        *((tree.nodes[tree.parent[to]], tree.nodes[to]) for tree, to in zip((one, two), asked)),
+        (one.nodes[there], two.nodes[back]),
+    ]
+    start, end = (np.concatenate(side) for side in zip(*legs, strict=True))
+    free = checker.joint_moves(start, end, np.asarray(one.external)).good
+    *trees, joins = np.split(free, np.cumsum([len(to) for to in asked]))
+    for tree, to, good in zip((one, two), asked, trees, strict=True):
+        tree.settle(to, good)
+    good = joins & one.is_alive[there] & two.is_alive[back]
+    for k in np.flatnonzero(good)[:1].tolist():
+        return np.vstack([one.nodes[one.way(there[k])], two.nodes[two.way(back[k])[::-1]]])
+    return None
 
 
-def _fewest(way: FloatArray, a: IndexArray, b: IndexArray) -> list[int] | None:
+def _shortened(checker: Checker, way: FloatArray, external: FloatArray) -> FloatArray:
+    """Return what is left of a free way (k, 6) by the points it cannot do without.
+
+    All moves between two of its points are looked at; those on what would be the shortest way are
+    proven, until all of them are free.
+    """
+    a, b = np.triu_indices(len(way), 1)
+    number = np.zeros((len(way), len(way)), dtype=np.int64)
+    number[a, b] = np.arange(len(a))
+    is_proven = b == a + 1
+    free = is_proven | seem_free(checker, way[a], way[b], external)
+    while True:
+        kept = _fewest(way, a[free], b[free])
+        moves = number[kept[:-1], kept[1:]]
+        moves = moves[~is_proven[moves]]
+        if not len(moves):
+            return way[kept]
+        good = checker.joint_moves(way[a[moves]], way[b[moves]], external).good
+        is_proven[moves] = free[moves] = good
+
+
+def _fewest(way: FloatArray, a: IndexArray, b: IndexArray) -> list[int]:
     """Return the numbers of points of a way by which free moves a (m,) to b (m,) lead to its end.
 
-    Fewest moves first, then shortest; None if none lead there.
+    Fewest moves first, then shortest; the moves between neighbours are among the free ones.
     """
     k = len(way)
     best, before = [(0, 0.0)] + [(k + 1, 0.0)] * (k - 1), [0] * k
@@ -207,8 +227,6 @@ def _fewest(way: FloatArray, a: IndexArray, b: IndexArray) -> list[int] | None:
         cost = (best[i][0] + 1, best[i][1] + float(np.linalg.norm(way[j] - way[i])))
         if cost < best[j]:
             best[j], before[j] = cost, i
-    if best[-1][0] > k:
-        return None
     kept = [k - 1]
     while kept[-1] > 0:
         kept.append(before[kept[-1]])
