@@ -142,7 +142,8 @@ class Checker:
     """Checks against one problem and one scene (None: no collision check).
 
     ``ways``: points (k, 6) between the ends of free ways round something, found for a connection,
-    and how long [rad] a connection by them may be.
+    and how long [rad] a connection by them may be. ``trees``: for the ends of each connection that
+    a random tree was grown for after how many rounds it ended, and the way (k, 6) found.
     """
 
     problem: Problem
@@ -150,6 +151,7 @@ class Checker:
     checked: int = field(default=0, init=False)
     pairs: tuple[tuple[str, str], ...] = field(default=(), init=False)
     ways: list[tuple[FloatArray, float]] = field(default_factory=list, init=False)
+    trees: dict[bytes, tuple[int, FloatArray | None]] = field(default_factory=dict, init=False)
 
     @property
     def strokes(self) -> Strokes:

@@ -1,8 +1,9 @@
 """Free ways in joint space by random trees from both ends (RRT-connect, Kuffner and LaValle 2000).
 
-A pose costs a small part of what the proof of a motion costs, so the trees grow by poses alone and
-whole ways are proven (Lazy PRM, Bohlin and Kavraki 2000): all motions between any two points of a
-way at once, which also tells which points it can do without. What is refuted leaves the trees.
+A pose costs a small part of what the proof of a motion costs, so the trees grow by poses alone, and
+where they meet the moves of the way are proven (Lazy PRM, Bohlin and Kavraki 2000), each once. What
+is refuted leaves the trees. Only a way that is free is shortened: moves between any two of its
+points are looked at, and those proven that the shortest way is made of.
 
 The seed is fixed and the tree depends on nothing but its two ends and the checks, so the same pair
 of configurations gives the same way wherever and whenever it is asked for.
@@ -41,7 +42,8 @@ def seem_free(
 ) -> BoolArray:
     """Return which joint moves (m, 6) to (m, 6) are free at poses between their ends.
 
-    At the middle first, where something is in the way of most that are not. The external axes stand at ``external`` (k,) or (m, k) meanwhile.
+    At the middle first, where most that are not meet something. The external axes stand at
+    ``external`` (k,) or (m, k) meanwhile.
     """
     count = np.ceil(np.linalg.norm(end - start, axis=1) / _SAMPLE).astype(np.int64)
     inner = np.maximum(count - 1, 1)
@@ -71,10 +73,23 @@ def rrt_connect(
 ) -> FloatArray | None:
     """Return the joints (k, 6) between start and goal of a free way, None if none was found.
 
-    The external axes stand at ``external`` (k,) meanwhile. Where an end is not free no tree grows.
+    The external axes stand at ``external`` (k,) meanwhile. Where an end is not free no tree grows,
+    nor does one twice between the same ends unless more often than before.
     """
+    ends = np.concatenate([start, goal, external]).tobytes()
+    took, way = checker.trees.get(ends, (0, None))
+    if way is None and took < rounds:
+        took, way = _grown(checker, start, goal, external, rounds)
+        checker.trees[ends] = took, way
+    return way if took <= rounds else None
+
+
+def _grown(
+    checker: Checker, start: FloatArray, goal: FloatArray, external: FloatArray, rounds: int
+) -> tuple[int, FloatArray | None]:
+    """Return after how many rounds a tree ended, and the joints (k, 6) of the way that it found."""
     if not checker.free_poses(np.stack([start, goal]), external).all():
-        return None
+        return ROUNDS, None
     problem = checker.problem
     margin = problem.cell.limits.joint_margin
     least = np.asarray(problem.kinematics.q_min) + margin
@@ -91,8 +106,8 @@ def rrt_connect(
         new = one.grow(checker, rng.uniform(low, high, (_BATCH, 6)), step)
         way = _joined(checker, one, two, new)
         if way is not None:
-            return (way[::-1] if round_ % 2 else way)[1:-1]
-    return None
+            return round_ + 1, (way[::-1] if round_ % 2 else way)[1:-1]
+    return rounds, None
 
 
 class _Tree:
@@ -133,7 +148,7 @@ class _Tree:
         return numbers[::-1]
 
     def open_moves(self, nodes: IndexArray) -> IndexArray:
-        """Return the nodes on the ways to nodes (m,) whose moves from their parents are unproven."""
+        """Return the nodes on the ways to nodes (m,) that are not proven to be reached freely."""
         every = np.unique([node for end in nodes.tolist() for node in self.way(end)])
         return np.asarray(every[~self.is_proven[every]])
 
@@ -179,15 +194,13 @@ def _proven(
     The ways join nodes ``there`` (m,) of one tree and ``back`` (m,) of the other. A move of a tree
     is proven once; what is refuted leaves the tree.
     """
-    asked = one.open_moves(there), two.open_moves(back)
-    legs = [
-        *((tree.nodes[tree.parent[to]], tree.nodes[to]) for tree, to in zip((one, two), asked)),
-        (one.nodes[there], two.nodes[back]),
-    ]
+    asked = [(tree, tree.open_moves(nodes)) for tree, nodes in ((one, there), (two, back))]
+    legs = [(tree.nodes[tree.parent[to]], tree.nodes[to]) for tree, to in asked]
+    legs.append((one.nodes[there], two.nodes[back]))
     start, end = (np.concatenate(side) for side in zip(*legs, strict=True))
-    free = checker.joint_moves(start, end, np.asarray(one.external)).good
-    *trees, joins = np.split(free, np.cumsum([len(to) for to in asked]))
-    for tree, to, good in zip((one, two), asked, trees, strict=True):
+    free = checker.joint_moves(start, end, one.external).good
+    *parts, joins = np.split(free, np.cumsum([len(to) for _, to in asked]))
+    for (tree, to), good in zip(asked, parts, strict=True):
         tree.settle(to, good)
     good = joins & one.is_alive[there] & two.is_alive[back]
     for k in np.flatnonzero(good)[:1].tolist():
