@@ -12,7 +12,7 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import inverse
 from postproc.kinematics import build
 from postproc.model import MoveKind, MoveRole, Plan, ToolPath
-from postproc.paths import jerk_ramps, torques_of
+from postproc.paths import joint_times
 from postproc.planning.checks import Reason
 from postproc.planning.external.positions import Run
 from postproc.planning.route import MakeChecker, Travel, cell_at, travel_between
@@ -93,14 +93,9 @@ def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecke
         [np.tile(places[0], (at_start, 1)), np.tile(places[1], (k - at_start, 1))]
     )
     share = float(after.ptp_fraction[0])
-    robot = cell.robot
     external = np.array([axis.qd_max for axis in cell.external_axes])
     steps = np.vstack([q_from[None], q])
-    speed = np.asarray(robot.qd_max) * share
-    duration = joint_move_time(
-        *(steps[:-1], steps[1:], speed, robot.qdd_max, jerk_ramps(robot)),
-        torques_of(robot, [cell.tool]),
-    )
+    duration = joint_times(cell, share, steps[:-1], steps[1:])
     slide = np.stack(places)
     duration[at_start] = joint_move_time(
         slide[:1], slide[1:], external * share, external / SPEED_UP_TIME
@@ -118,7 +113,7 @@ def travel_moves(cell: Cell, before: Plan, after: Plan, make_checker: MakeChecke
         speed=np.full(k, np.nan),
         ptp_fraction=np.full(k, share),
         duration=duration,
-        branch=np.asarray(build(robot).slot(q)),
+        branch=np.asarray(build(cell.robot).slot(q)),
         aux=np.full((k, 3), np.nan),
         external=where,
         events=(),

@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines, Reason
-from postproc.planning.route.fold import folded_ways
+from postproc.planning.route.fold import folded_ways, way_times
 from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
@@ -24,6 +24,12 @@ What does not get away by the least of them is mostly in need of another way: th
 at once, and the lowest is taken."""
 _LONGER = 1.2
 """The points of a way serve another connection if its way gets no longer than this times."""
+_DRAWN_IN = (0.5, 0.25)
+"""By these shares of the way to where it is drawn a point of a way is drawn in, one by one ..."""
+_PULLS = 3
+"""... so often each at most, ..."""
+_GAIN = 0.01
+"""... if that is worth so much time [s]."""
 _OFFERED = 64
 """Known ways are offered to connections at once up to so many pairs of them."""
 _HOPELESS = 5
@@ -95,7 +101,8 @@ def detours(
     folded = _by_folding(checker, out.q_from[rows], out.q_to[rows], out.external[rows])
     found = {int(rows[k]): points for k, points in folded.items()}
     rows = np.delete(rows, list(folded))
-    for row, points in (found | _by_trees(checker, out, rows, give_up)).items():
+    found |= _by_trees(checker, out, rows, give_up)
+    for row, points in _drawn_in(checker, out.q_from, out.q_to, out.external, found).items():
         first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)
@@ -139,6 +146,44 @@ def _by_folding(
     legs = (start[at], points[:, 0]), (points[:, 0], points[:, 1]), (points[:, 1], goal[at])
     free = _first_free(checker, at, legs, external[at]).tolist()
     return {int(at[k]): points[k][: 1 + (points[k, 0] != points[k, 1]).any()] for k in free}
+
+
+def _drawn_in(
+    checker: Checker,
+    start: FloatArray,
+    goal: FloatArray,
+    external: FloatArray,
+    ways: dict[int, FloatArray],
+) -> dict[int, FloatArray]:
+    """Return free ways by row with their points (k, 6) drawn in as far as is free and quicker.
+
+    A point is drawn to the one before it, to the one behind it, or half way between both, one point
+    of a way at a time. The ends of the ways are joints (m, 6), and the external axes stand at
+    ``external`` (m, k) meanwhile.
+    """
+    stops = {row: np.vstack([start[row], way, goal[row]]) for row, way in ways.items()}
+    for share in _DRAWN_IN:
+        left = sorted(stops)
+        for _ in range(_PULLS):
+            at = [(row, k) for row in left for k in range(1, len(stops[row]) - 1)]
+            if not at:
+                break
+            corner = np.stack([stops[row][k - 1 : k + 2] for row, k in at])
+            before, point, behind = (corner[:, k] for k in range(3))
+            aims = np.stack([before, behind, 0.5 * (before + behind)])
+            drawn = np.tile(corner, (len(aims), 1, 1, 1))
+            drawn[:, :, 1] += share * (aims - point)
+            gain = way_times(checker.problem, corner) - way_times(checker.problem, drawn)
+            aim, which = np.nonzero(gain > _GAIN)
+            row = np.array([row for row, _ in at], dtype=np.int64)[which]
+            order = np.lexsort((-gain[aim, which], row))
+            aim, which, row = aim[order], which[order], row[order]
+            legs = tuple((drawn[aim, which, k], drawn[aim, which, k + 1]) for k in range(2))
+            left = []
+            for k in _first_free(checker, row, legs, external[row]).tolist():
+                stops[int(row[k])][at[which[k]][1]] = drawn[aim[k], which[k], 1]
+                left.append(int(row[k]))
+    return {row: points[1:-1] for row, points in stops.items()}
 
 
 def _by_trees(
@@ -316,7 +361,8 @@ def free_way(
     """
     if checker.joint_moves(start[None], goal[None], external).good[0]:
         return np.zeros((0, 6))
-    found = _by_folding(checker, start[None], goal[None], external[None])
-    if found:
-        return found[0]
-    return rrt_connect(checker, start, goal, external)
+    ends = start[None], goal[None], external[None]
+    way = _by_folding(checker, *ends).get(0)
+    if way is None:
+        way = rrt_connect(checker, start, goal, external)
+    return None if way is None else _drawn_in(checker, *ends, {0: way})[0]

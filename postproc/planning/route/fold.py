@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.paths import joint_times
 from postproc.planning.states import Problem
 from postproc.units import DEG
 
-_FOLDS = np.array([(20.0, 20.0), (40.0, 20.0)]) * DEG
+_FOLDS = np.array([(10.0, 10.0), (20.0, 20.0), (40.0, 20.0)]) * DEG
 """By how much A2 swings back and A3 down [rad]."""
 
 
@@ -36,6 +37,13 @@ def folded_ways(problem: Problem, start: FloatArray, goal: FloatArray) -> FloatA
     folded = np.clip(folded, np.minimum(least, points), np.maximum(most, points))
     ends = np.broadcast_to(np.stack([start, goal], axis=1), folded.shape)
     stops = np.concatenate([ends[:, :, :1], folded, ends[:, :, 1:]], axis=2)
-    time = np.abs(np.diff(stops, axis=2) / np.asarray(problem.cell.robot.qd_max)).max(axis=3)
-    order = np.argsort(time.sum(axis=2), axis=0, kind="stable")
+    order = np.argsort(way_times(problem, stops), axis=0, kind="stable")
     return np.asarray(np.take_along_axis(folded, order[:, :, None, None], axis=0))
+
+
+def way_times(problem: Problem, stops: FloatArray) -> FloatArray:
+    """Return the time (...) [s] of ways by joint moves from stop to stop (..., n, 6) [rad]."""
+    start, end = stops[..., :-1, :], stops[..., 1:, :]
+    share = problem.cell.motion.rapid
+    time = joint_times(problem.cell, share, start.reshape(-1, 6), end.reshape(-1, 6))
+    return np.asarray(time.reshape(start.shape[:-1]).sum(axis=-1))

@@ -10,7 +10,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.errors import Finding, Severity
 from postproc.geometry import rotation_angle
 from postproc.model import MoveKind, MoveRole
-from postproc.paths import jerk_ramps, joint_path, top_speeds, torques_of
+from postproc.paths import joint_path, joint_times, top_speeds, torques_of
 from postproc.planning.checks import (
     LOWER,
     Checker,
@@ -30,7 +30,6 @@ from postproc.timing import (
     JointPath,
     Samples,
     axis_speed_cap,
-    joint_move_time,
     path_times,
     resolved,
 )
@@ -342,18 +341,11 @@ def _durations(
     joints: JointPath | None,
 ) -> FloatArray:
     """Return the estimated time (m,) [s] of each move, without its dwell."""
-    robot, krl = problem.cell.robot, problem.cell.krl
+    cell, krl = problem.cell, problem.cell.krl
     duration = np.zeros(len(table))
     joint = np.nonzero(table.kind == MoveKind.PTP)[0]
     later = joint[joint > 0]
-    duration[later] = joint_move_time(
-        table.q[later - 1],
-        table.q[later],
-        np.asarray(robot.qd_max) * problem.cell.motion.rapid,
-        robot.qdd_max,
-        jerk_ramps(robot),
-        torques_of(robot, [problem.cell.tool]),
-    )
+    duration[later] = joint_times(cell, cell.motion.rapid, table.q[later - 1], table.q[later])
     path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
     stop = (blend[path] == 0.0) | (krl.advance == 0)  # without advance run no corner is blended
     stop[:-1] |= np.diff(path) > 1
