@@ -2,8 +2,8 @@
 
 Straight in joint space if that is free; else by backing off along the tool axes first; else with
 the arm folded; else through the points of a way found for another connection; else by a random tree
-in joint space from both ends, shortened afterwards. Checks are asked for in batches: one call costs
-far more than one row.
+in joint space from both ends, shortened afterwards. The points of such ways are then drawn in as far
+as that saves time. Checks are asked for in batches: one call costs far more than one row.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ What does not get away by the least of them is mostly in need of another way: th
 at once, and the lowest is taken."""
 _LONGER = 1.2
 """The points of a way serve another connection if its way gets no longer than this times."""
-_DRAWN_IN = (0.5, 0.25)
-"""By these shares of the way to where it is drawn a point of a way is drawn in, one by one ..."""
+_DRAWN_IN = (0.5, 0.25, 0.1)
+"""By these shares of the way to where it is drawn a point is drawn in, one after the other ..."""
 _PULLS = 3
 """... so often each at most, ..."""
-_GAIN = 0.01
-"""... if that is worth so much time [s]."""
+_GAIN = 0.02
+"""... where that is worth so much time [s], ..."""
+_LOOKS = 3
+"""... the best so many of what seems to be free."""
 _OFFERED = 64
 """Known ways are offered to connections at once up to so many pairs of them."""
 _HOPELESS = 5
@@ -157,33 +159,47 @@ def _drawn_in(
 ) -> dict[int, FloatArray]:
     """Return free ways by row with their points (k, 6) drawn in as far as is free and quicker.
 
-    A point is drawn to the one before it, to the one behind it, or half way between both, one point
-    of a way at a time. The ends of the ways are joints (m, 6), and the external axes stand at
-    ``external`` (m, k) meanwhile.
+    The ends of the ways are joints (m, 6), and the external axes stand at ``external`` (m, k)
+    meanwhile.
     """
-    stops = {row: np.vstack([start[row], way, goal[row]]) for row, way in ways.items()}
+    stops = {row: np.vstack([start[row], ways[row], goal[row]]) for row in sorted(ways)}
     for share in _DRAWN_IN:
-        left = sorted(stops)
+        rows = list(stops)
         for _ in range(_PULLS):
-            at = [(row, k) for row in left for k in range(1, len(stops[row]) - 1)]
-            if not at:
-                break
-            corner = np.stack([stops[row][k - 1 : k + 2] for row, k in at])
-            before, point, behind = (corner[:, k] for k in range(3))
-            aims = np.stack([before, behind, 0.5 * (before + behind)])
-            drawn = np.tile(corner, (len(aims), 1, 1, 1))
-            drawn[:, :, 1] += share * (aims - point)
-            gain = way_times(checker.problem, corner) - way_times(checker.problem, drawn)
-            aim, which = np.nonzero(gain > _GAIN)
-            row = np.array([row for row, _ in at], dtype=np.int64)[which]
-            order = np.lexsort((-gain[aim, which], row))
-            aim, which, row = aim[order], which[order], row[order]
-            legs = tuple((drawn[aim, which, k], drawn[aim, which, k + 1]) for k in range(2))
-            left = []
-            for k in _first_free(checker, row, legs, external[row]).tolist():
-                stops[int(row[k])][at[which[k]][1]] = drawn[aim[k], which[k], 1]
-                left.append(int(row[k]))
-    return {row: points[1:-1] for row, points in stops.items()}
+            rows = _pulled(checker, stops, rows, external, share)
+    return {row: way[1:-1] for row, way in stops.items()}
+
+
+def _pulled(
+    checker: Checker,
+    stops: dict[int, FloatArray],
+    rows: list[int],
+    external: FloatArray,
+    share: float,
+) -> list[int]:
+    """Draw in one point of each way (k, 6) of some rows, in place; return the rows where one is.
+
+    By a share of the way to the point before it, to the one behind it, or to half way between both:
+    where that is free and saves the most time.
+    """
+    at = [(row, k) for row in rows for k in range(1, len(stops[row]) - 1)]
+    if not at:
+        return []
+    corner = np.stack([stops[row][k - 1 : k + 2] for row, k in at])
+    before, point, behind = (corner[:, k] for k in range(3))
+    drawn = np.tile(corner, (3, 1, 1, 1))
+    drawn[:, :, 1] += share * (np.stack([before, behind, 0.5 * (before + behind)]) - point)
+    gain = way_times(checker.problem, corner) - way_times(checker.problem, drawn)
+    aim, which = np.nonzero(gain > _GAIN)
+    owner = np.array([row for row, _ in at], dtype=np.int64)[which]
+    order = np.lexsort((-gain[aim, which], owner))
+    which, owner, tried = which[order], owner[order], drawn[aim, which][order]
+    legs = (tried[:, 0], tried[:, 1]), (tried[:, 1], tried[:, 2])
+    free = _first_free(checker, owner, legs, external[owner], _LOOKS).tolist()
+    for i in free:
+        row, k = at[which[i]]
+        stops[row][k] = tried[i, 1]
+    return sorted(int(owner[i]) for i in free)
 
 
 def _by_trees(
@@ -244,6 +260,7 @@ def _first_free(
     owner: IndexArray,
     legs: tuple[tuple[FloatArray, FloatArray], ...],
     external: FloatArray,
+    looks: int | None = None,
 ) -> IndexArray:
     """Return the numbers (k,) of candidates that are free, the first one of each owner.
 
@@ -252,14 +269,17 @@ def _first_free(
         owner: (c,) of each candidate, those to be preferred first.
         legs: joint moves (c, 6) to (c, 6) that each candidate is made of.
         external: (c, k) where the external axes stand meanwhile [m or rad].
+        looks: how many of each owner that seem to be free are looked at; None: all.
     """
     every = np.tile(np.arange(len(owner)), len(legs))
     start, end = (np.concatenate(side) for side in zip(*legs, strict=True))
     left = np.ones(len(owner), dtype=np.bool_)
     left[every[~seem_free(checker, start, end, external[every])]] = False
     free: list[IndexArray] = [every[:0]]
-    while left.any():
+    for _ in range(len(owner) if looks is None else looks):
         tried = np.flatnonzero(left)
+        if not len(tried):
+            break
         tried = tried[np.unique(owner[tried], return_index=True)[1]]
         moves = np.flatnonzero(np.isin(every, tried))
         proven = checker.joint_moves(start[moves], end[moves], external[every[moves]]).good

@@ -13,7 +13,7 @@ from postproc.paths import joint_times
 from postproc.planning.states import Problem
 from postproc.units import DEG
 
-_FOLDS = np.array([(10.0, 10.0), (20.0, 20.0), (40.0, 20.0)]) * DEG
+_FOLDS = np.array([(20.0, 20.0), (40.0, 20.0)]) * DEG
 """By how much A2 swings back and A3 down [rad]."""
 
 
