@@ -16,6 +16,7 @@ from postproc.planning.route.connect import Ends, detours, free_way
 from postproc.planning.route.fold import folded_ways
 from postproc.planning.route.tree import ROUNDS, rrt_connect
 from postproc.planning.states.settings import PlanOptions, settle
+from postproc.timing import joint_move_time
 
 
 def solid(name, size, x, y, z):
@@ -40,6 +41,7 @@ def checker_of(make_cell, make_path):
 
 
 STANDING = np.zeros(0)
+PLATE = ("plate", [1.0, 0.02, 3.0], 1.8, 0.0, 1.5)
 POST = ("post", [0.1, 0.1, 1.6], 2.15, 0.0, 2.2)
 
 
@@ -139,6 +141,94 @@ def test_folds_stay_within_limits_and_turn_round_overhead(checker_of):
     overhead = np.deg2rad([[0.0, -125.0, 0.0, 0.0, 20.0, 0.0]])
     assert problem.kinematics.branches.reach(overhead)[0] < 0.0
     assert (folded_ways(problem, overhead, overhead)[..., 1] >= overhead[0, 1]).all()
+
+
+def seconds(checker, ends, ways):
+    """Return the time of each way by moves from rest to rest."""
+    robot = checker.problem.cell.robot
+    nodes = [np.vstack([ends.q_from[r], way, ends.q_to[r]]) for r, way in ways.items()]
+    limits = robot.qd_max * checker.problem.cell.motion.rapid, robot.qdd_max
+    return np.array([joint_move_time(n[:-1], n[1:], *limits).sum() for n in nodes])
+
+
+@pytest.mark.parametrize(
+    ("block", "share"),
+    [(("beam", [0.1, 0.1, 3.0], 2.2, 0.0, 1.5), 0.97), (PLATE, 0.9)],
+    ids=["folded", "by_trees"],
+)
+def test_ways_round_are_drawn_in_to_what_saves_time(checker_of, block, share):
+    """The arm neither folds up before it turns, nor swings out farther than it must."""
+    checker = checker_of(solid(*block))
+    ends = swings(6)
+    place = np.zeros((6, 0))
+    ways = connect._by_folding(checker, ends.q_from, ends.q_to, place)
+    rest = np.setdiff1d(np.arange(6), list(ways))
+    ways |= connect._by_trees(checker, ends, rest, connect.GIVE_UP)
+    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
+    drawn = {row: way.q for row, way in sorted(detours(checker, ends, *nothing).items())}
+    first = {row: ways[row] for row in drawn}
+    assert list(drawn) == list(range(6))
+    assert checker.free_poses(legs(ends, drawn, 400), STANDING).all()
+    before, after = (seconds(checker, ends, each) for each in (first, drawn))
+    assert (after <= before).all()
+    assert after.sum() < share * before.sum()
+
+
+def test_ways_that_are_only_asked_for_are_not_drawn_in(checker_of, monkeypatch):
+    monkeypatch.setattr(connect, "_pulled", lambda *args: pytest.fail("a point is drawn in"))
+    checker = checker_of(solid("beam", [0.1, 0.1, 3.0], 2.2, 0.0, 1.5))
+    nothing = np.zeros((2, 3)), np.zeros(2, dtype=np.int64)
+    ways = detours(checker, swings(3), *nothing, give_up=1, is_run=False)
+    assert sorted(ways) == [0, 1, 2]
+
+
+def proofs_of(checker, monkeypatch):
+    """Return a list that fills with the ends (m, 12) of the motions that are proven."""
+    proven = []
+    prove = Checker.joint_moves
+
+    def noted(self, q_from, q_to, external):
+        proven.append(np.hstack([q_from, q_to]))
+        return prove(self, q_from, q_to, external)
+
+    monkeypatch.setattr(Checker, "joint_moves", noted)
+    return proven
+
+
+def test_no_move_of_a_tree_is_proven_twice(checker_of, monkeypatch):
+    """Round a thin plate, which poses do not see: much of what the trees try is refuted."""
+    checker = checker_of(solid(*PLATE))
+    ends = swings(1)
+    proven = proofs_of(checker, monkeypatch)
+    assert rrt_connect(checker, ends.q_from[0], ends.q_to[0], STANDING) is not None
+    moves = np.concatenate(proven)
+    assert len(moves) > 20
+    assert len(np.unique(moves, axis=0)) == len(moves)
+
+
+def test_a_tree_grows_once_between_the_same_ends(checker_of, monkeypatch):
+    checker = checker_of(solid(*PLATE))
+    ends = swings(2)
+    grown = []
+    grow = tree._Tree.grow
+
+    def counted(self, *args):
+        grown.append(1)
+        return grow(self, *args)
+
+    monkeypatch.setattr(tree._Tree, "grow", counted)
+    asked = checker, ends.q_from[0], ends.q_to[0], STANDING
+    way = rrt_connect(*asked)
+    took = len(grown)
+    assert way is not None
+    assert took > 1
+    assert np.array_equal(rrt_connect(*asked), way)
+    assert rrt_connect(*asked, took - 1) is None  # as if it had grown no more often
+    assert len(grown) == took
+    assert rrt_connect(checker, ends.q_to[1], ends.q_from[1], STANDING, 1) is None
+    assert rrt_connect(checker, ends.q_to[1], ends.q_from[1], STANDING, 1) is None
+    assert len(grown) == took + 1
+    assert rrt_connect(checker, ends.q_to[1], ends.q_from[1], STANDING) is not None
 
 
 def test_hopeless_connections_cost_little_after_the_first(checker_of, monkeypatch):

@@ -2,8 +2,8 @@
 
 Straight in joint space if that is free; else by backing off along the tool axes first; else with
 the arm folded; else through the points of a way found for another connection; else by a random tree
-in joint space from both ends, shortened afterwards. The points of such ways are then drawn in as far
-as that saves time. Checks are asked for in batches: one call costs far more than one row.
+in joint space from both ends, shortened afterwards. The points of such ways are drawn in then, as
+far as that saves time. Checks are asked for in batches: one call costs far more than one row.
 """
 
 from __future__ import annotations
@@ -82,10 +82,13 @@ def detours(
     attitude: FloatArray,
     branch: IndexArray,
     give_up: int = GIVE_UP,
+    *,
+    is_run: bool = True,
 ) -> dict[int, Detour]:
     """Return free ways round for connections (m,) by row; rows without one are missing.
 
-    Of those the first ``give_up`` were searched for by trees, the others were not.
+    Of those the first ``give_up`` were searched for by trees, the others were not. Ways that are
+    not run (``is_run``) need not be quick.
     """
     ways: dict[int, Detour] = {}
     for heights in BACK_OFF:
@@ -104,7 +107,9 @@ def detours(
     found = {int(rows[k]): points for k, points in folded.items()}
     rows = np.delete(rows, list(folded))
     found |= _by_trees(checker, out, rows, give_up)
-    for row, points in _drawn_in(checker, out.q_from, out.q_to, out.external, found).items():
+    if is_run:
+        found = _drawn_in(checker, out.q_from, out.q_to, out.external, found)
+    for row, points in found.items():
         first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)

@@ -225,7 +225,8 @@ def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
     ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen, both))
     free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
     rows = np.flatnonzero(~free)
-    return len(detours(checker, ends.rows(rows), chosen.attitude, chosen.branch, 1)) == len(rows)
+    asked = ends.rows(rows), chosen.attitude, chosen.branch
+    return len(detours(checker, *asked, give_up=1, is_run=False)) == len(rows)
 
 
 def _decide(
