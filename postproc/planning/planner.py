@@ -15,15 +15,13 @@ from postproc.model import CUTS, Event, MoveRole, Plan, ToolPath
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, Checker, near_solids, tag_clearances
 from postproc.planning.external import plan_with_external_axes
+from postproc.planning.linked import linked
 from postproc.planning.repeats import with_repeats
 from postproc.planning.retracts import changes_between, with_retracts
-from postproc.planning.route import Route, route, step_rows
+from postproc.planning.route import Route, step_rows
 from postproc.planning.search import (
-    choose,
     ordered,
     ordered_by_place,
-    step_rules,
-    without_roll,
 )
 from postproc.planning.states import (
     TRAVEL,
@@ -32,7 +30,6 @@ from postproc.planning.states import (
     Moves,
     PlanOptions,
     Problem,
-    Rule,
     Settings,
     evaluate,
     feed_directions,
@@ -40,7 +37,6 @@ from postproc.planning.states import (
     place_given,
     settle,
     stiffness_of,
-    take_joints,
     tilt_grid,
 )
 from postproc.planning.stretches import plan_stretches
@@ -64,8 +60,6 @@ from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM
 
 __all__ = ["PlanOptions", "plan"]
-
-_DROPS = 20
 
 
 def plan(
@@ -225,28 +219,23 @@ def _planned(
     clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings, external)
     problem = checker.problem
-    clock.begin("search")
-    chosen, findings, record, best = choose(checker, clock.step)
-    take_joints(problem, chosen)
-    findings += without_roll(checker, chosen, best)
-    clock.begin("route")
-    runs = options.partial or not any(finding.is_error for finding in findings)
-    routed, dropped = _routed(checker, chosen, partial=options.partial, goes_on=goes_on, runs=runs)
+    choice, routed, dropped = linked(checker, clock, partial=options.partial, goes_on=goes_on)
+    chosen = choice.chosen
     findings = [
         *_notes(checker),
         *_tilt_note(problem, chosen),
         *changes_between(problem, chosen),
-        *findings,
+        *choice.findings,
         *dropped,
         *routed.findings,
     ]
     result = _assembled(
-        problem, chosen, routed, findings, options, {**record, "timing": clock.stages()}
+        problem, chosen, routed, findings, options, {**choice.record, "timing": clock.stages()}
     )
     return replace(
         result,
         toolpath=toolpath,
-        stiffness_best=np.maximum(best, result.stiffness),
+        stiffness_best=np.maximum(choice.best, result.stiffness),
         restart=_straight_ways(checker, chosen),
         off_chord=routed.left.chord,
         off_axis=routed.left.axis,
@@ -306,28 +295,6 @@ def checker_of(
     """Return the checks of a toolpath in a cell; arguments as ``problem_of``."""
     problem = problem_of(toolpath, cell, settings, external)
     return Checker(problem, _scene(problem))
-
-
-def _routed(
-    checker: Checker, chosen: Chosen, *, partial: bool, goes_on: bool, runs: bool
-) -> tuple[Route, list[Finding]]:
-    """Return the route; with ``partial`` the stretches that cannot be got to are left out."""
-    dropped: list[Finding] = []
-    for _ in range(_DROPS):
-        routed = route(checker, chosen, goes_on=goes_on, runs=runs)
-        stuck = [finding for finding in routed.findings if finding.severity is Severity.ERROR]
-        if not partial or not stuck:
-            break
-        dropped += stuck
-        rule = step_rules(checker.problem)
-        for finding in stuck:
-            tag = finding.tag_index or 0
-            chosen.good[tag] = False
-            while tag + 1 < len(rule) and rule[tag + 1] == Rule.CHAIN:
-                tag += 1
-                chosen.good[tag] = False
-            chosen.entry[tag + 1 : tag + 2] = True
-    return routed, dropped
 
 
 def _clearance(checker: Checker, result: Plan) -> FloatArray:

@@ -38,11 +38,16 @@ _STUCK = "the tool cannot back off along its axis from the end of the cut"
 
 @dataclass(slots=True)
 class Route:
-    """All moves in order with speeds and times, what is left out, and what was found on the way."""
+    """All moves in order with speeds and times, what is left out, and what was found on the way.
+
+    ``parted`` (k, 2, 6) [rad]: joints at tags, or home and a tag, between which no free way was
+    found.
+    """
 
     moves: Moves
     timed: Timed
     left: Left
+    parted: FloatArray
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -59,14 +64,15 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     """
     problem = checker.problem
     findings: list[Finding] = []
+    parted: list[FloatArray] = []
     holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
-    parts += _first_and_last(checker, chosen, arrives, findings, goes_on=goes_on)
+    parts += _first_and_last(checker, chosen, arrives, findings, parted, goes_on=goes_on)
     table = in_order(parts)
     ends, arriving = _connections(checker, chosen, table, arrives, leaves)
-    as_line, blocked = _decide(checker, chosen, ends, findings, runs=runs)
+    as_line, blocked = _decide(checker, chosen, ends, findings, parted, runs=runs)
     rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
@@ -80,7 +86,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     table, left = _thinned(checker, table)
     tolerance = corner_tolerances(problem, table, left)
     result = timed(checker, table, _stops_before(problem, table), findings, tolerance, runs=runs)
-    return Route(table, result, left, findings)
+    return Route(table, result, left, np.reshape(parted, (-1, 2, 6)), findings)
 
 
 def _thinned(checker: Checker, table: Moves) -> tuple[Moves, Left]:
@@ -116,7 +122,13 @@ def _free_tags(problem: Problem, chosen: Chosen) -> list[Moves]:
 
 
 def _first_and_last(
-    checker: Checker, chosen: Chosen, q: FloatArray, findings: list[Finding], *, goes_on: bool
+    checker: Checker,
+    chosen: Chosen,
+    q: FloatArray,
+    findings: list[Finding],
+    parted: list[FloatArray],
+    *,
+    goes_on: bool,
 ) -> list[Moves]:
     """Return the moves from home to the first tag's approach and from the last back home."""
     problem = checker.problem
@@ -143,11 +155,12 @@ def _first_and_last(
         between = free_way(checker, start, goal, problem.placement.external[tag])
         if between is None:
             place = problem.placement.external[tag]
-            detail = (
-                _walled_in(checker, home, place, "no way leads from home")
-                or _walled_in(checker, goal if order == _HOME else start, place)
-                or "no free way was found between home and here"
+            detail = _walled_in(checker, home, place, "no way leads from home") or _walled_in(
+                checker, goal if order == _HOME else start, place
             )
+            if not detail:
+                parted.append(np.stack([home, chosen.q[tag]]))
+                detail = "no free way was found between home and here"
             findings.append(failure(problem, tag, Reason.COLLISION, detail))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
@@ -230,7 +243,13 @@ def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
 
 
 def _decide(
-    checker: Checker, chosen: Chosen, ends: Ends, findings: list[Finding], *, runs: bool
+    checker: Checker,
+    chosen: Chosen,
+    ends: Ends,
+    findings: list[Finding],
+    parted: list[FloatArray],
+    *,
+    runs: bool,
 ) -> tuple[BoolArray, dict[int, Detour]]:
     """Return which connections run straight (LIN), and the detours of those that are not free.
 
@@ -250,6 +269,8 @@ def _decide(
             continue
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
         detail = _walled_in(checker, ends.q_to[row], ends.external[row])
+        if not detail and not verdict.good[stuck[i]] and count < GIVE_UP:
+            parted.append(chosen.q[[ends.tag_from[row], ends.tag_to[row]]])
         detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
         hint, why = _NOT_SEARCHED if count >= GIVE_UP else "", Reason.COLLISION
         if verdict.good[stuck[i]]:

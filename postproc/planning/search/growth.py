@@ -3,7 +3,8 @@
 A cut that fails between key tags and cannot be gone round gets key tags where it fails. Where no
 way is left on the grid, all tags around the break become key tags and their spins are searched in
 finer steps, farther and farther out, up to the whole cut. What is still without a way then is
-refuted: every spin of the finest grid, in every branch, at every tag.
+refuted: every spin of the finest grid, in every branch, at every tag. So is where the best sequence
+leads from tag to tag as no free way was found to.
 """
 
 from __future__ import annotations
@@ -53,6 +54,7 @@ class Growth:
         if not search.wanted:
             self._around_empties(search, found, wish, base)
             self._around_breaks(search, found, wish, base)
+            self._around_gaps(search, found, wish)
         more = (wish > 0) & ((stride == 0) | (wish < stride))
         tags = np.flatnonzero(more)
         if len(tags) and len(search.states.q) > MOST_STATES:
@@ -95,6 +97,12 @@ class Growth:
             low, high = search.tags[max(row - 1, 0)], search.tags[min(row + 1, last)]
             inside = np.arange(low + 1, high)
             wish[inside] = np.where(wish[inside] == 0, base, wish[inside])
+
+    def _around_gaps(self, search: PoseSearch, found: Found, wish: IndexArray) -> None:
+        """Ask for the finest grid at tags between which no free way was found, but none else is."""
+        into = np.flatnonzero(search.ladder.tolls_on(found.path) > 0.0)
+        both = np.union1d(into - 1, into)
+        wish[search.tags[both[~search.pinned[both]]]] = 1
 
     def _around_breaks(self, search: PoseSearch, found: Found, wish: IndexArray, base: int) -> None:
         """Ask for more tags and spins around the breaks of cuts."""

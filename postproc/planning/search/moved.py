@@ -14,7 +14,7 @@ from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
-from postproc.planning.search.rungs import same_posture, yardstick
+from postproc.planning.search.rungs import same_posture, tolls_of, yardstick
 from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
@@ -71,7 +71,7 @@ def moved_off_grid(
     if at_edges:
         rows, may = np.flatnonzero(kept), alone & bounds.free[:, 0]
         may &= same_posture(search.edges.branch[rows], grid.branch, steady)
-        poses = _at_edges(problem, grid, search.edges, rows, may)
+        poses = _at_edges(problem, grid, search.edges, rows, may, search.wish.parted)
     for count in itertools.count():
         poses = refine(problem, poses, bounds, awake)
         poses = _slowed(problem, between, poses, bounds, _HEAVIEST * linked)
@@ -94,12 +94,17 @@ def moved_off_grid(
 
 
 def _at_edges(
-    problem: Problem, grid: TagPoses, edges: Edges, rows: IndexArray, may: BoolArray
+    problem: Problem,
+    grid: TagPoses,
+    edges: Edges,
+    rows: IndexArray,
+    may: BoolArray,
+    parted: FloatArray,
 ) -> TagPoses:
     """Return poses of tags (n,), rows of ``edges``, at these where that gains more than it costs.
 
-    The ways to and from the tags beside count as they stand on the grid. Joints take the turns
-    nearest to those of the grid.
+    The ways to and from the tags beside count as they stand on the grid, with what those cost that
+    are ``parted`` (k, 2, 6). Joints take the turns nearest to those of the grid.
     """
     T = problem.placement.tcp(grid.tags, grid.attitude)
     own = evaluate(problem, grid.tags, grid.attitude[:, 0], T, grid.q)[1]
@@ -111,10 +116,12 @@ def _at_edges(
     gain *= grid.share
     dearer = np.zeros(len(rows))
     for joints, sign in ((q, 1.0), (grid.q, -1.0)):
-        into = ((joints[1:] - grid.q[:-1]) ** 2).sum(axis=1)
-        onward = ((grid.q[1:] - joints[:-1]) ** 2).sum(axis=1)
-        dearer[1:] += sign * grid.weight[1:] * into
-        dearer[:-1] += sign * grid.weight[1:] * onward
+        for side, before, after in (
+            (slice(1, None), grid.q[:-1], joints[1:]),
+            (slice(None, -1), joints[:-1], grid.q[1:]),
+        ):
+            way = grid.weight[1:] * ((after - before) ** 2).sum(axis=1)
+            dearer[side] += sign * (way + tolls_of(problem, parted, before, after))
     there = may & (gain > dearer)
     attitude = grid.attitude.copy()
     attitude[there] = np.column_stack([edges.spin[rows], np.zeros((len(rows), 2))])[there]

@@ -22,6 +22,7 @@ from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
     FINE,
     Wish,
+    beside_ends,
     bridges_of,
     ladder_of,
     states_on,
@@ -184,6 +185,21 @@ class PoseSearch:
     def keep_spin(self, main: FloatArray) -> None:
         """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays."""
         self._wish_anew(replace(self.wish, main=main))
+
+    def part(self, ends: FloatArray) -> bool:
+        """Lead no step from near one of ends (k, 2, 6) [rad] to near the other, where others do.
+
+        Return whether that says more than is known.
+        """
+        known = list(self.wish.parted)
+        for pair in ends:
+            near = [beside_ends(other, pair) for other in known]
+            if not any(n[0, 0] & n[1, 1] or n[0, 1] & n[1, 0] for n in near):
+                known.append(pair)
+        if len(known) == len(self.wish.parted):
+            return False
+        self._wish_anew(replace(self.wish, parted=np.array(known)))
+        return True
 
     def _wish_anew(self, wish: Wish) -> None:
         self.wish, known = wish, self.ladder

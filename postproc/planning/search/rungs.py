@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
@@ -24,6 +26,7 @@ from postproc.planning.states import (
     Problem,
     Rule,
     States,
+    Tolls,
     sample_on,
     spin_values,
 )
@@ -61,6 +64,10 @@ CHANGE = 1e5
 than all that such changes could gain."""
 _CHANGE_BOUND = 1e3
 """So many times as much where the cell bounds losses, which are priced accordingly."""
+_PARTED = 10.0
+"""What a step costs that leads where no free way was found, in such changes: they may help."""
+_AROUND = 30.0 * DEG
+"""No free way between two poses: so far [rad] around them none is looked for any more."""
 STEADY_BAND = 45.0 * DEG
 """How far [rad] to each side a cut may roll the tool off its main spin without earning it."""
 ROLL_PRICE = 0.02
@@ -84,7 +91,9 @@ class Wish:
     configuration, cuts or not; None: cuts do. ``steady``: bits of the branch, each of which costs
     ``CHANGE`` where it is another at the next tag. ``main`` (n,) [rad]: spin of which tags stand
     off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
-    None: nowhere.
+    None: nowhere. ``parted`` (k, 2, 6) [rad]: joints between which no free way was found; where
+    the tool is off the part, no step leads from near the one to near the other if any other can be
+    run.
     """
 
     each: bool = False
@@ -93,6 +102,7 @@ class Wish:
     stretch: IndexArray | None = None
     steady: int = 0
     main: FloatArray | None = None
+    parted: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 6)))
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -191,26 +201,73 @@ def ladder_of(
         rolls = np.abs(wrapped(off)) > STEADY_BAND
         cost[rolls] += ROLL_PRICE * np.repeat(share, count)[rolls]
     position = states.q
-    change = CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
+    change = _price_of_change(problem)
     if wish.steady:  # more coordinates, equal for the same posture
         apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
         position = np.hstack(
             [position, apart * _bits(states.branch, wish.steady)], dtype=np.float32
         )
-    home = problem.cell.motion.home
-    if home is not None and len(tags):
-        price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
-        at_home = _bits(problem.kinematics.branches.slot(home), wish.steady)
-        for rung in (0, len(tags) - 1):
-            at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
-            if not wish.each:
-                cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
-            if wish.steady:
-                other = _bits(states.branch[at], wish.steady) - at_home
-                cost[at] += change * (other**2).sum(axis=1)
+    tolls = _tolls(wish.parted, states.q, _PARTED * change)
+    _price_home(problem, states, wish, cost, tolls, change)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
+    if tolls is not None:
+        tolls.enters[np.repeat(rule == Rule.CHAIN, count)] = 0.0
+        ladder.tolls = tolls
     ladder.reach = _reach(problem, tags, position.shape[1])
     return ladder, weight, share
+
+
+def _price_home(
+    problem: Problem,
+    states: States,
+    wish: Wish,
+    cost: FloatArray,
+    tolls: Tolls | None,
+    change: float,
+) -> None:
+    """Add to costs (N,), in place, what the ways from home and back cost."""
+    home = problem.cell.motion.home
+    if home is None or not len(states):
+        return
+    price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
+    at_home = _bits(problem.kinematics.branches.slot(home), wish.steady)
+    for rung in (0, len(states) - 1):
+        at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
+        if not wish.each:
+            cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
+        if wish.steady:
+            other = _bits(states.branch[at], wish.steady) - at_home
+            cost[at] += change * (other**2).sum(axis=1)
+        if tolls is not None:
+            cost[at] += tolls.enters[at] @ _sides(wish.parted, home[None])[0]
+
+
+def _price_of_change(problem: Problem) -> float:
+    return CHANGE * (1.0 if problem.cell.optimize.loss_bound is None else _CHANGE_BOUND)
+
+
+def tolls_of(
+    problem: Problem, parted: FloatArray, before: FloatArray, after: FloatArray
+) -> FloatArray:
+    """Return the tolls (m,) of steps off the part from joints (m, 6) to joints (m, 6)."""
+    tolls = _tolls(parted, np.stack([before, after]), _PARTED * _price_of_change(problem))
+    if tolls is None:
+        return np.zeros(len(before))
+    return np.asarray((tolls.leaves[0] * tolls.enters[1]).sum(axis=1))
+
+
+def _sides(parted: FloatArray, q: NDArray[np.floating[Any]]) -> BoolArray:
+    """Return near which ends (..., 2k) of ``parted`` (k, 2, 6) joints (..., 6) stand."""
+    return np.concatenate([beside_ends(ends, q) for ends in parted], axis=-1)
+
+
+def _tolls(parted: FloatArray, q: NDArray[np.floating[Any]], price: float) -> Tolls | None:
+    """Return what steps cost that lead from side to side of ``parted`` to joints (..., 6)."""
+    if not len(parted):
+        return None
+    leaves = _sides(parted, q).astype(np.float32)
+    other = np.arange(leaves.shape[-1]) ^ 1
+    return Tolls(leaves, np.float32(price) * leaves[..., other])
 
 
 def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
@@ -245,6 +302,18 @@ def _bits(branch: AnyIntArray, steady: int) -> FloatArray:
 def same_posture(one: AnyIntArray, other: AnyIntArray, bits: int) -> BoolArray:
     """Return whether these bits of branches (...,) are the same."""
     return np.asarray((one ^ other) & bits == 0)
+
+
+def beside_ends(ends: FloatArray, q: NDArray[np.floating[Any]]) -> BoolArray:
+    """Return whether joints (..., 6) are near to the one and the other (..., 2) of ends (2, 6).
+
+    Near is where the arm stands alike, or all axes where that stands alike at both ends. None is
+    near to both.
+    """
+    gap = np.abs(ends[1] - ends[0])
+    axes = slice(0, 3 if gap[:3].max() > 2.0 * _AROUND else 6)
+    off = np.abs(q[..., None, axes] - ends[:, axes]).max(axis=-1)
+    return np.asarray(off < min(_AROUND, 0.5 * float(gap[axes].max())))
 
 
 def changes_of(bits: int, chosen: Chosen) -> IndexArray:

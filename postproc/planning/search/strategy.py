@@ -13,6 +13,7 @@ chosen together, travel counted, so that the way between two of them rarely cros
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -42,13 +43,28 @@ from postproc.planning.states import Chosen
 Step = Callable[[int, int, str], None]
 
 
-def choose(
-    checker: Checker, step: Step
-) -> tuple[Chosen, list[Finding], dict[str, object], FloatArray]:
-    """Return the pose of every tag, the findings, a record of the work, and the best index.
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """The poses of all tags, the findings, a record of the work, and the search that chose them.
 
-    That is (n,) [N/m], what each tag could have by itself: with the strategy ``smooth`` free of
-    collision, else within reach.
+    ``best`` (n,) [N/m]: index that each tag could have by itself: with the strategy ``smooth`` free
+    of collision, else within reach.
+    """
+
+    chosen: Chosen
+    findings: list[Finding]
+    record: dict[str, object]
+    best: FloatArray
+    search: PoseSearch
+
+
+def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Choice:
+    """Return the pose of every tag.
+
+    Args:
+        checker: of the problem.
+        step: told how far it is.
+        known: a search of it that goes on; None: there is none yet.
     """
     problem = checker.problem
     wishes = problem.cell.optimize
@@ -57,7 +73,7 @@ def choose(
     most = DEFAULT_BOUND if wishes.loss_bound is None else wishes.loss_bound
     bound = LossBound(best_index(checker, between), most) if is_smooth else None
     keys = key_tags(problem.toolpath, wishes) if is_smooth else dense_key_tags(problem)
-    search = PoseSearch.of(checker, np.flatnonzero(keys), _wish(checker, bound), between)
+    search = known or PoseSearch.of(checker, np.flatnonzero(keys), _wish(checker, bound), between)
     growth = Growth(between)
     found, chosen = _run(search, growth, step)
     if bound is not None:
@@ -84,7 +100,7 @@ def choose(
             record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
             if len(search.tags) > keys.sum():
                 record["key_tags_added"] = len(search.tags) - int(keys.sum())
-    return chosen, findings, record, best
+    return Choice(chosen, findings, record, best, search)
 
 
 def _wish(checker: Checker, bound: LossBound | None) -> Wish:

@@ -10,7 +10,7 @@ from postproc.planning.states.costs import (
     Weights,
 )
 from postproc.planning.states.given import strokes_into, take_joints
-from postproc.planning.states.graph import NONE, Joined, Rule
+from postproc.planning.states.graph import NONE, Joined, Rule, Tolls
 from postproc.planning.states.ladder import Ladder
 from postproc.planning.states.merge import merged, sample_on
 from postproc.planning.states.moves import Chosen, Moves, in_order, moves
@@ -70,6 +70,7 @@ __all__ = [
     "States",
     "StrokeEnds",
     "Strokes",
+    "Tolls",
     "Weights",
     "beside_in_grid",
     "context_of",

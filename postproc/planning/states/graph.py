@@ -2,10 +2,11 @@
 
 Nothing here knows a robot. A state is a point of six coordinates with a cost of its own and a
 group; a step costs the weighted square of the distance between two points. Inside a chain (CP
-motion) a step must keep the group and no coordinate may move more than half a turn.
+motion) a step must keep the group and no coordinate may move more than half a turn; any other may
+cost a toll for where it leaves and where it enters.
 
 Steps are never stored: the costs of all those between two rungs are one matrix product,
-w |a|^2 - 2 w a.b + w |b|^2 with what leads to each a added to the first term.
+w |a|^2 - 2 w a.b + w |b|^2 + leaves(a).enters(b) with what leads to each a added to the first term.
 """
 
 from __future__ import annotations
@@ -51,6 +52,16 @@ class Joined(NamedTuple):
         return work < len(self.now) * len(self.before)
 
 
+class Tolls(NamedTuple):
+    """What steps cost beside their length: the product of what they leave and what they enter.
+
+    ``leaves`` (N, k), ``enters`` (N, k): of every state; the latter zero where a chain enters.
+    """
+
+    leaves: NDArray[np.floating[Any]]
+    enters: NDArray[np.floating[Any]]
+
+
 class Joins(Protocol):
     """What steps of a chain may join, beside the rules of ``Graph``."""
 
@@ -94,6 +105,7 @@ class Graph:
         joins: which of them a chain may join, within a group; None: all.
         reach: (n, d) by how much each coordinate may move in a chain's step into each rung, half a
             turn at most; None: so much.
+        tolls: what steps cost more by where they lead; None: nothing.
     """
 
     offsets: IndexArray
@@ -104,6 +116,7 @@ class Graph:
     weight: FloatArray
     joins: Joins | None = None
     reach: FloatArray | None = None
+    tolls: Tolls | None = None
     _square: FloatArray = field(init=False)
     _forbidden: dict[int, IndexArray] = field(init=False, default_factory=dict)
     _scratch: FloatArray = field(init=False, default_factory=lambda: np.empty(0))
@@ -236,28 +249,40 @@ class Graph:
         return steps
 
     def left(self, now: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
-        """Return the rows (m, d+2) of the product of steps with weights (m,) into states.
+        """Return the rows (m, d+k+2) of the product of steps with weights (m,) into states.
 
         All in double precision: joints in single place a state, and nothing is lost in between.
         """
         position, square = self._at(now)
-        rows = np.empty((len(square), position.shape[1] + 2))
+        rows, d = self._factors_of(now, 1, position)
         scale = np.reshape(-2.0 * np.asarray(weight), (-1, 1))
-        np.multiply(position, scale, out=rows[:, :-2])
+        np.multiply(position, scale, out=rows[:, :d])
         rows[:, -2], rows[:, -1] = 1.0, square
         return rows
 
     def right(self, before: IndexArray | slice, weight: FloatArray | float) -> FloatArray:
-        """Return the columns (m, d+2) of the product of steps with weights (m,) out of states.
+        """Return the columns (m, d+k+2) of the product of steps with weights (m,) out of states.
 
         What leads to each is to be added to the last but one.
         """
         position, square = self._at(before)
-        columns = np.empty((len(square), position.shape[1] + 2))
-        columns[:, :-2] = position
+        columns, d = self._factors_of(before, 0, position)
+        columns[:, :d] = position
         np.multiply(square, weight, out=columns[:, -2])
         columns[:, -1] = weight
         return columns
+
+    def _factors_of(
+        self, states: IndexArray | slice, side: int, position: NDArray[np.floating[Any]]
+    ) -> tuple[FloatArray, int]:
+        """Return room for the factors of states with their tolls in it, and where these begin."""
+        m, d = position.shape
+        if self.tolls is None:
+            return np.empty((m, d + 2)), d
+        tolls = self.tolls[side]
+        factors = np.empty((m, d + 2 + tolls.shape[1]))
+        factors[:, d:-2] = tolls[states]
+        return factors, d
 
     def room(self, rows: int, columns: int) -> FloatArray | None:
         """Return where to work steps out, None for new memory; good until the next call."""

@@ -261,7 +261,16 @@ class Ladder(Graph):
         at = np.flatnonzero(joined)
         leap = self.position[path[at]] - self.position[path[at - 1]]
         costs[at] += self.weight[at] * (leap**2).sum(axis=1)
-        return costs
+        return costs + self.tolls_on(path)
+
+    def tolls_on(self, path: IndexArray) -> FloatArray:
+        """Return the tolls (n,) of the steps of a way into each rung."""
+        paid, has = np.zeros(len(path)), path != NONE
+        if self.tolls is not None:
+            at = np.flatnonzero(np.append(False, has[1:] & has[:-1] & ~self.broken[1:]))
+            left, entered = self.tolls.leaves[path[at - 1]], self.tolls.enters[path[at]]
+            paid[at] = (left * entered).sum(axis=1)
+        return paid
 
     def _repair(self, anew: IndexArray, fewer: IndexArray | None = None) -> None:
         """Recompute from every changed rung on until the values agree again.

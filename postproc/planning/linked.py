@@ -1,0 +1,81 @@
+"""Poses between which free ways lead: chosen, routed, and chosen anew where no way is found.
+
+The search weighs poses and steps between them, not the ways round that connections may need. A
+solid that parts the reach of the arm lets it stand on either side of a hole pattern, and leads
+nowhere between: steps from the one side to the other are out of the question then, at all tags.
+"""
+
+from __future__ import annotations
+
+from postproc.errors import Finding
+from postproc.planning.checks import Checker
+from postproc.planning.route import Route, route
+from postproc.planning.search import Choice, PoseSearch, choose, step_rules, without_roll
+from postproc.planning.states import Chosen, Rule, take_joints
+from postproc.progress import Clock
+
+_PATIENCE = 3
+"""So often at most poses are chosen anew without fewer gaps."""
+_DROPS = 20
+
+
+def linked(
+    checker: Checker, clock: Clock, *, partial: bool, goes_on: bool
+) -> tuple[Choice, Route, list[Finding]]:
+    """Return the poses with the fewest gaps between them, their route, and why tags are left out.
+
+    Args:
+        checker: of the toolpath.
+        clock: told what is done.
+        partial: whether stretches that cannot be got to are left out.
+        goes_on: whether motions that are not planned here follow.
+    """
+    choice, routed = _chosen(checker, clock, None, partial=partial, goes_on=goes_on)
+    search, best, tries = choice.search, (choice, routed), 0
+    while tries < _PATIENCE and _runs(choice, partial=partial) and search.part(routed.parted):
+        choice, routed = _chosen(checker, clock, search, partial=partial, goes_on=goes_on)
+        tries += 1
+        if _errors(choice, routed) < _errors(*best):
+            best, tries = (choice, routed), 0
+    choice, routed = best
+    dropped: list[Finding] = []
+    for _ in range(_DROPS if partial else 0):
+        stuck = [finding for finding in routed.findings if finding.is_error]
+        if not stuck:
+            break
+        dropped += stuck
+        _leave_out(checker, choice.chosen, stuck)
+        routed = route(checker, choice.chosen, goes_on=goes_on)
+    return choice, routed, dropped
+
+
+def _chosen(
+    checker: Checker, clock: Clock, search: PoseSearch | None, *, partial: bool, goes_on: bool
+) -> tuple[Choice, Route]:
+    clock.begin("search")
+    choice = choose(checker, clock.step, search)
+    take_joints(checker.problem, choice.chosen)
+    choice.findings.extend(without_roll(checker, choice.chosen, choice.best))
+    clock.begin("route")
+    runs = _runs(choice, partial=partial)
+    return choice, route(checker, choice.chosen, goes_on=goes_on, runs=runs)
+
+
+def _runs(choice: Choice, *, partial: bool) -> bool:
+    return partial or not any(finding.is_error for finding in choice.findings)
+
+
+def _errors(choice: Choice, routed: Route) -> int:
+    return sum(finding.is_error for finding in (*choice.findings, *routed.findings))
+
+
+def _leave_out(checker: Checker, chosen: Chosen, stuck: list[Finding]) -> None:
+    """Leave out tags that cannot be got to, in place, with the cuts that begin there."""
+    rule = step_rules(checker.problem)
+    for finding in stuck:
+        tag = finding.tag_index or 0
+        chosen.good[tag] = False
+        while tag + 1 < len(rule) and rule[tag + 1] == Rule.CHAIN:
+            tag += 1
+            chosen.good[tag] = False
+        chosen.entry[tag + 1 : tag + 2] = True
