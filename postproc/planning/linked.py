@@ -7,6 +7,10 @@ nowhere between: steps from the one side to the other are out of the question th
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
+
 from postproc.errors import Finding
 from postproc.planning.checks import Checker
 from postproc.planning.route import Route, route
@@ -17,6 +21,10 @@ from postproc.progress import Clock
 _PATIENCE = 3
 """So often at most poses are chosen anew without fewer gaps."""
 _DROPS = 20
+_PARTED = (
+    "poses chosen otherwise (times tried: {times}) are not joined by free ways either: move what "
+    "is in the way, or put the tags on its two sides into programs of their own"
+)
 
 
 def linked(
@@ -31,13 +39,14 @@ def linked(
         goes_on: whether motions that are not planned here follow.
     """
     choice, routed = _chosen(checker, clock, None, partial=partial, goes_on=goes_on)
-    search, best, tries = choice.search, (choice, routed), 0
-    while tries < _PATIENCE and _runs(choice, partial=partial) and search.part(routed.parted):
+    search, best, anew, since = choice.search, (choice, routed), 0, 0
+    while since < _PATIENCE and _runs(choice, partial=partial) and _part(search, routed):
         choice, routed = _chosen(checker, clock, search, partial=partial, goes_on=goes_on)
-        tries += 1
+        anew, since = anew + 1, since + 1
         if _errors(choice, routed) < _errors(*best):
-            best, tries = (choice, routed), 0
+            best, since = (choice, routed), 0
     choice, routed = best
+    _tell(routed, anew)
     dropped: list[Finding] = []
     for _ in range(_DROPS if partial else 0):
         stuck = [finding for finding in routed.findings if finding.is_error]
@@ -63,6 +72,19 @@ def _chosen(
 
 def _runs(choice: Choice, *, partial: bool) -> bool:
     return partial or not any(finding.is_error for finding in choice.findings)
+
+
+def _part(search: PoseSearch, routed: Route) -> bool:
+    """Let the search avoid steps for which no free way was found; return whether any is new."""
+    return search.part(np.reshape([ends for _, ends in routed.gaps], (-1, 2, 6)))
+
+
+def _tell(routed: Route, anew: int) -> None:
+    """Say in findings, in place, that poses were chosen ``anew`` so often and ways still miss."""
+    stuck = [finding for finding, _ in routed.gaps]
+    for at, finding in enumerate(routed.findings):
+        if anew and any(finding is one for one in stuck):
+            routed.findings[at] = replace(finding, hint=_PARTED.format(times=anew))
 
 
 def _errors(choice: Choice, routed: Route) -> int:

@@ -74,9 +74,9 @@ def test_without_ways_the_arm_is_changed_as_seldom_as_can_be(
         least = fewest(checker, start)
         if least is None:
             continue
-        free = strategy.choose(checker, lambda *_: None)[0]
+        free = strategy.choose(checker, lambda *_: None).chosen
         monkeypatch.setattr(strategy, "has_ways", lambda *_: False)
-        steady = strategy.choose(checker, lambda *_: None)[0]
+        steady = strategy.choose(checker, lambda *_: None).chosen
         monkeypatch.undo()
         assert free.good.all()
         assert steady.good.all()

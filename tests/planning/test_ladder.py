@@ -8,7 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from postproc.planning.states import NONE, Joined, Ladder, Rule
+from postproc.planning.states import NONE, Joined, Ladder, Rule, Tolls
 from postproc.planning.states import ladder as ladder_module
 
 
@@ -36,7 +36,10 @@ def step_cost(ladder, i, a, b, forbidden=()):
         ladder.group[a] != ladder.group[b] or np.abs(leap).max() > np.pi
     ):
         return np.inf
-    return ladder.weight[i] * (leap @ leap)
+    toll = 0.0
+    if ladder.tolls is not None:
+        toll = ladder.tolls.leaves[a] @ ladder.tolls.enters[b]
+    return ladder.weight[i] * (leap @ leap) + toll
 
 
 def brute_force(ladder, forbidden=()):
@@ -51,6 +54,36 @@ def brute_force(ladder, forbidden=()):
         )
         best = min(best, total)
     return best
+
+
+def with_tolls(rng, ladder, count):
+    """Some states lie on one or the other side of walls; to go across costs much, but in chains."""
+    side = rng.integers(-1, 2, (len(ladder.cost), count))
+    leaves = np.hstack([side < 0, side > 0]).astype(float)
+    enters = 20.0 * np.hstack([side > 0, side < 0])
+    enters[np.repeat(ladder.rule == Rule.CHAIN, np.diff(ladder.offsets))] = 0.0
+    ladder.tolls = Tolls(leaves, enters)
+    return ladder
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_tolls_are_part_of_the_price(seed):
+    rng = np.random.default_rng(seed)
+    ladder = random_ladder(rng, rungs=int(rng.integers(2, 6)), most=4, chain=0.3, dead=0.0)
+    with_tolls(rng, ladder, int(rng.integers(1, 4))).solve()
+    for _ in range(3):
+        if ladder.broken[1:].any() or not np.isfinite(ladder.cost).all():
+            break
+        path = ladder.path()
+        assert ladder.total(path) == pytest.approx(brute_force(ladder), abs=1e-9)
+        into = ladder.tolls_on(path)
+        steps = itertools.pairwise(path)
+        paid = [ladder.tolls.leaves[a] @ ladder.tolls.enters[b] for a, b in steps]
+        assert into.tolist() == pytest.approx([0.0, *paid])
+        wide = np.flatnonzero(np.diff(ladder.offsets)[ladder.rung_of(path)] > 1)
+        if not len(wide):
+            break
+        ladder.remove(path[wide[:1]])
 
 
 @pytest.mark.parametrize("seed", range(200))

@@ -94,7 +94,7 @@ def test_refined_poses_are_free(make_cell, make_path, monkeypatch):
     for seed in range(0, 50, 3):
         checker = crowded(make_cell, make_path, seed)
         rounds.clear()
-        chosen = strategy.choose(checker, lambda *_: None)[0]
+        chosen = strategy.choose(checker, lambda *_: None).chosen
         good = np.nonzero(chosen.good)[0]
         again = checker.states(good, chosen.q[good], chosen.attitude[good], chosen.branch[good])
         assert again.good.all()

@@ -40,14 +40,14 @@ _STUCK = "the tool cannot back off along its axis from the end of the cut"
 class Route:
     """All moves in order with speeds and times, what is left out, and what was found on the way.
 
-    ``parted`` (k, 2, 6) [rad]: joints at tags, or home and a tag, between which no free way was
-    found.
+    ``gaps``: connections for which no free way was found: the finding, and the joints (2, 6) [rad]
+    at both tags, or home and a tag.
     """
 
     moves: Moves
     timed: Timed
     left: Left
-    parted: FloatArray
+    gaps: list[tuple[Finding, FloatArray]]
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -64,15 +64,15 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     """
     problem = checker.problem
     findings: list[Finding] = []
-    parted: list[FloatArray] = []
+    gaps: list[tuple[Finding, FloatArray]] = []
     holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
     parts += _free_tags(problem, chosen)
-    parts += _first_and_last(checker, chosen, arrives, findings, parted, goes_on=goes_on)
+    parts += _first_and_last(checker, chosen, arrives, findings, gaps, goes_on=goes_on)
     table = in_order(parts)
     ends, arriving = _connections(checker, chosen, table, arrives, leaves)
-    as_line, blocked = _decide(checker, chosen, ends, findings, parted, runs=runs)
+    as_line, blocked = _decide(checker, chosen, ends, findings, gaps, runs=runs)
     rapid = problem.cell.motion.rapid_speed
     rows = arriving[as_line]
     table.kind[rows] = MoveKind.LIN
@@ -86,7 +86,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     table, left = _thinned(checker, table)
     tolerance = corner_tolerances(problem, table, left)
     result = timed(checker, table, _stops_before(problem, table), findings, tolerance, runs=runs)
-    return Route(table, result, left, np.reshape(parted, (-1, 2, 6)), findings)
+    return Route(table, result, left, gaps, findings)
 
 
 def _thinned(checker: Checker, table: Moves) -> tuple[Moves, Left]:
@@ -126,7 +126,7 @@ def _first_and_last(
     chosen: Chosen,
     q: FloatArray,
     findings: list[Finding],
-    parted: list[FloatArray],
+    gaps: list[tuple[Finding, FloatArray]],
     *,
     goes_on: bool,
 ) -> list[Moves]:
@@ -158,10 +158,10 @@ def _first_and_last(
             detail = _walled_in(checker, home, place, "no way leads from home") or _walled_in(
                 checker, goal if order == _HOME else start, place
             )
+            so = "no free way was found between home and here"
+            findings.append(failure(problem, tag, Reason.COLLISION, detail or so))
             if not detail:
-                parted.append(np.stack([home, chosen.q[tag]]))
-                detail = "no free way was found between home and here"
-            findings.append(failure(problem, tag, Reason.COLLISION, detail))
+                gaps.append((findings[-1], np.stack([home, chosen.q[tag]])))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
         parts.append(_moves_to(problem, tag, order, points, MoveKind.PTP))
@@ -247,7 +247,7 @@ def _decide(
     chosen: Chosen,
     ends: Ends,
     findings: list[Finding],
-    parted: list[FloatArray],
+    gaps: list[tuple[Finding, FloatArray]],
     *,
     runs: bool,
 ) -> tuple[BoolArray, dict[int, Detour]]:
@@ -268,14 +268,14 @@ def _decide(
         if is_broken[row]:
             continue
         name = problem.toolpath.tag_name(int(ends.tag_from[row]))
-        detail = _walled_in(checker, ends.q_to[row], ends.external[row])
-        if not detail and not verdict.good[stuck[i]] and count < GIVE_UP:
-            parted.append(chosen.q[[ends.tag_from[row], ends.tag_to[row]]])
-        detail = detail or _blocked(checker, verdict, int(stuck[i]), name)
+        walled = _walled_in(checker, ends.q_to[row], ends.external[row])
+        detail = walled or _blocked(checker, verdict, int(stuck[i]), name)
         hint, why = _NOT_SEARCHED if count >= GIVE_UP else "", Reason.COLLISION
         if verdict.good[stuck[i]]:
             hint, why = LEAD_OUT, why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
         findings.append(failure(problem, int(ends.tag_to[row]), why, detail, hint))
+        if not walled and not hint:
+            gaps.append((findings[-1], chosen.q[[ends.tag_from[row], ends.tag_to[row]]]))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 

@@ -1,0 +1,173 @@
+"""Poses chosen anew where no free way leads from tag to tag, as often as that helps."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from postproc.cell.file import load_cell
+from postproc.collision.scene import Scene
+from postproc.kinematics import build
+from postproc.model import MotionKind, MoveKind
+from postproc.planning import linked
+from postproc.planning.checks import Reason, failure
+from postproc.planning.planner import checker_of, plan
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import beside_ends
+from postproc.planning.states.settings import PlanOptions, settle
+from postproc.progress import Clock
+from postproc.readers import read
+from postproc.units import DEG
+
+PARTED = """\
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr240_r3330"
+base = { xyz_mm = [0, 0, 2000], abc_deg = [0, 90, 0] }
+[tool]
+number = 1
+frame = { xyz_mm = [370, 0, 431.667], abc_deg = [0, 0, 0] }
+axis = "+x"
+mass_kg = 5
+meshes = [
+  { box = { size_mm = [197, 197, 518] }, xyz_mm = [0, 0, 265] },
+  { box = { size_mm = [247, 148, 148] }, xyz_mm = [148, 0, 432] },
+  { cylinder = { radius_mm = 4, length_mm = 99 }, cutting = true, xyz_mm = [321, 0, 432],\
+    abc_deg = [0, 90, 0] },
+]
+[workpiece]
+number = 1
+frame = { xyz_mm = [1766.772, -347.12, 1438.404], abc_deg = [-101.115402, 0, 90] }
+meshes = [{ box = { size_mm = [948, 691, 8] }, xyz_mm = [0, 0, -4.05] }]
+[[obstacles]]
+name = "lintel"
+box = { size_mm = [1973, 123, 123] }
+xyz_mm = [2329, -263, 662]
+abc_deg = [-90, -11.115402, 0]
+[[obstacles]]
+name = "stub"
+box = { size_mm = [111, 111, 1061] }
+xyz_mm = [382, -293, 1166]
+abc_deg = [0, 90, 0]
+[[obstacles]]
+name = "sill"
+box = { size_mm = [148, 148, 2960] }
+xyz_mm = [1480, -1156, 647]
+abc_deg = [0, 90, 0]
+[stiffness]
+joint_Nmm_per_rad = [1.58e10, 6.12e9, 5.28e9, 4.66e8, 2.19e8, 3.49e8]
+[optimize]
+loss_bound_percent = 20
+"""
+"""An arm on a wall; the stub stands in the way of its shoulder, the holes lie on both sides."""
+
+
+HOLES = [
+    (218.531, 184.964),
+    (327.796, 184.964),
+    (437.061, 184.964),
+    (-218.531, 308.273),
+    (-109.265, 308.273),
+]
+
+
+@pytest.fixture
+def parted(tmp_path):
+    """A toolpath and its cell: the stiffest poses of the holes lie on both sides of the stub."""
+    (tmp_path / "cell.toml").write_text(PARTED)
+    rows = [f"H{n},{x},{y},0,0,0,1,12.33,300" for n, (x, y) in enumerate(HOLES)]
+    (tmp_path / "holes.csv").write_text("\n".join(["id,x,y,z,i,j,k,depth,feed", *rows, ""]))
+    return read(tmp_path / "holes.csv"), load_cell(tmp_path / "cell.toml")
+
+
+@pytest.mark.slow
+def test_a_solid_that_parts_the_reach_is_no_reason_to_refuse(parted):
+    toolpath, cell = parted
+    result = plan(toolpath, cell)
+    assert not result.errors
+    at = result.q[[int(np.flatnonzero(result.tag == tag)[0]) for tag in range(len(toolpath))]]
+    assert np.ptp(at[:, 0]) < 60.0 * DEG
+    joint = np.flatnonzero(result.kind == MoveKind.PTP)
+    joint = joint[joint > 0]
+    share = np.linspace(0.0, 1.0, 200)[:, None, None]
+    ways = result.q[joint - 1] + share * (result.q[joint] - result.q[joint - 1])
+    scene = Scene.build(cell, build(cell.robot))
+    assert not scene.check(ways.reshape(-1, 6)).hit.any()
+
+
+def routed_as(monkeypatch, make_gaps):
+    """Let every route have such gaps; return the poses that were routed."""
+    own, seen = linked.route, []
+
+    def routed(checker, chosen, **options):
+        seen.append(chosen.q.copy())
+        result = own(checker, chosen, **options)
+        for a, b in make_gaps(len(seen), chosen):
+            finding = failure(checker.problem, b, Reason.COLLISION, "no free way")
+            result.findings.append(finding)
+            result.gaps.append((finding, chosen.q[[a, b]]))
+        return result
+
+    monkeypatch.setattr(linked, "route", routed)
+    return seen
+
+
+@pytest.fixture
+def checker(make_cell, make_path):
+    """The checks of tags that an arm without any solids reaches in many ways."""
+    points = np.column_stack([np.full(6, 1.9), np.linspace(-0.6, 0.6, 6), np.full(6, 0.9)])
+    path = make_path(points, [-1.0, 0.0, 0.0], MotionKind.HOLE)
+    cell, settings = settle(make_cell(), PlanOptions())
+    return checker_of(path, cell, settings)
+
+
+@pytest.mark.parametrize("partial", [False, True])
+def test_what_no_poses_link_is_refused_after_a_few_tries(checker, monkeypatch, partial):
+    missing = lambda turn, chosen: [(2, 3)] if chosen.good[3] else []  # noqa: E731
+    seen = routed_as(monkeypatch, missing)
+    _, routed, dropped = linked.linked(checker, Clock("place"), partial=partial, goes_on=False)
+    assert 2 <= len(seen) <= 2 + linked._PATIENCE
+    stuck = dropped if partial else routed.findings
+    assert [finding.tag_index for finding in stuck if finding.is_error] == [3]
+    assert f"tried: {len(seen) - 1 - partial})" in stuck[-1].hint
+    assert not (partial and routed.gaps)
+
+
+def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
+    gaps = {1: [(0, 1), (2, 3)], 2: [(2, 3)], 3: [(0, 1), (2, 3), (4, 5)]}
+    seen = routed_as(monkeypatch, lambda turn, chosen: gaps.get(turn, [(1, 2), (3, 4)]))
+    choice, routed, _ = linked.linked(checker, Clock("place"), partial=False, goes_on=False)
+    assert len(seen) > 2
+    assert [finding.tag_index for finding in routed.findings if finding.is_error] == [3]
+    assert np.array_equal(choice.chosen.q, seen[1])
+
+
+def test_what_links_at_once_is_chosen_once(checker, monkeypatch):
+    seen = routed_as(monkeypatch, lambda *_: [])
+    linked.linked(checker, Clock("place"), partial=False, goes_on=False)
+    assert len(seen) == 1
+
+
+def test_no_step_leads_across_a_gap_where_another_can_be_run(checker):
+    search = PoseSearch.of(checker, np.arange(6))
+    q = search.states.q[search.run().path].astype(np.float64)
+    ends = q[[2, 3]]
+    assert search.part(ends[None])
+    assert not search.part(ends[::-1][None])
+    path = search.run().path
+    again = search.states.q[path].astype(np.float64)
+    sides = beside_ends(ends, again)
+    assert not (sides[:-1] & sides[1:, ::-1]).any()
+    assert not search.ladder.tolls_on(path).any()
+
+
+def test_none_is_near_to_both_ends_of_a_gap():
+    rng = np.random.default_rng(5)
+    for far in (0.02, 0.3, 2.0):
+        ends = rng.uniform(-2.0, 2.0, (2, 6))
+        ends[1] = ends[0] + far * rng.uniform(-1.0, 1.0, 6)
+        share = rng.uniform(-0.5, 1.5, (500, 1))
+        near = beside_ends(ends, ends[0] + share * (ends[1] - ends[0]))
+        assert not near.all(axis=1).any()
+        assert near.any(axis=0).all()
+        assert beside_ends(ends, ends).tolist() == [[True, False], [False, True]]
