@@ -11,10 +11,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.errors import Finding
 from postproc.planning.checks import Checker
-from postproc.planning.route import Route, route
-from postproc.planning.search import Choice, PoseSearch, choose, step_rules, without_roll
+from postproc.planning.route import HOME, Route, route
+from postproc.planning.search import Choice, Parted, PoseSearch, choose, step_rules, without_roll
 from postproc.planning.states import Chosen, Rule, take_joints
 from postproc.progress import Clock
 
@@ -40,7 +41,7 @@ def linked(
     """
     choice, routed = _chosen(checker, clock, None, partial=partial, goes_on=goes_on)
     search, best, anew, since = choice.search, (choice, routed), 0, 0
-    while since < _PATIENCE and _runs(choice, partial=partial) and _part(search, routed):
+    while since < _PATIENCE and _runs(choice, partial=partial) and _part(checker, choice, routed):
         choice, routed = _chosen(checker, clock, search, partial=partial, goes_on=goes_on)
         anew, since = anew + 1, since + 1
         if _errors(choice, routed) < _errors(*best):
@@ -74,14 +75,26 @@ def _runs(choice: Choice, *, partial: bool) -> bool:
     return partial or not any(finding.is_error for finding in choice.findings)
 
 
-def _part(search: PoseSearch, routed: Route) -> bool:
-    """Let the search avoid steps for which no free way was found; return whether any is new."""
-    return search.part(np.reshape([ends for _, ends in routed.gaps], (-1, 2, 6)))
+def _part(checker: Checker, choice: Choice, routed: Route) -> bool:
+    """Let the search avoid what no free way was found for; return whether any of it is new."""
+    home, good = checker.problem.cell.motion.home, np.flatnonzero(choice.chosen.good)
+    q, is_break = choice.q_grid, np.zeros(len(choice.q_grid), dtype=np.bool_)
+    is_break[[finding.tag_index or 0 for finding in routed.findings if finding.is_error]] = True
+    stretch = np.cumsum(is_break)
+
+    def side(tag: int) -> FloatArray:
+        if tag == HOME:
+            return np.asarray(home)[None]
+        joined = good[(stretch[good] == stretch[tag]) & (good != tag)]
+        return np.asarray(q[np.append(tag, joined)])
+
+    gaps = [Parted.by(side(gap.before), side(gap.behind)) for gap in routed.gaps]
+    return choice.search.part(gaps)
 
 
 def _tell(routed: Route, anew: int) -> None:
     """Say in findings, in place, that poses were chosen ``anew`` so often and ways still miss."""
-    stuck = [finding for finding, _ in routed.gaps]
+    stuck = [gap.finding for gap in routed.gaps]
     for at, finding in enumerate(routed.findings):
         if anew and any(finding is one for one in stuck):
             routed.findings[at] = replace(finding, hint=_PARTED.format(times=anew))

@@ -12,8 +12,9 @@ from postproc.model import MotionKind, MoveKind
 from postproc.planning import linked
 from postproc.planning.checks import Reason, failure
 from postproc.planning.planner import checker_of, plan
+from postproc.planning.route import Gap
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import beside_ends
+from postproc.planning.search.rungs import Parted, beside
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.progress import Clock
 from postproc.readers import read
@@ -105,7 +106,7 @@ def routed_as(monkeypatch, make_gaps):
         for a, b in make_gaps(len(seen), chosen):
             finding = failure(checker.problem, b, Reason.COLLISION, "no free way")
             result.findings.append(finding)
-            result.gaps.append((finding, chosen.q[[a, b]]))
+            result.gaps.append(Gap(finding, a, b))
         return result
 
     monkeypatch.setattr(linked, "route", routed)
@@ -151,23 +152,29 @@ def test_what_links_at_once_is_chosen_once(checker, monkeypatch):
 def test_no_step_leads_across_a_gap_where_another_can_be_run(checker):
     search = PoseSearch.of(checker, np.arange(6))
     q = search.states.q[search.run().path].astype(np.float64)
-    ends = q[[2, 3]]
-    assert search.part(ends[None])
-    assert not search.part(ends[::-1][None])
+    gap = Parted.by(q[[2]], q[[3]])
+    assert search.part([gap])
+    assert not search.part([Parted(*gap[::-1])])
     path = search.run().path
     again = search.states.q[path].astype(np.float64)
-    sides = beside_ends(ends, again)
+    sides = beside(gap, again)
     assert not (sides[:-1] & sides[1:, ::-1]).any()
     assert not search.ladder.tolls_on(path).any()
 
 
-def test_none_is_near_to_both_ends_of_a_gap():
+def test_none_is_near_to_both_sides_of_a_gap():
     rng = np.random.default_rng(5)
-    for far in (0.02, 0.3, 2.0):
-        ends = rng.uniform(-2.0, 2.0, (2, 6))
-        ends[1] = ends[0] + far * rng.uniform(-1.0, 1.0, 6)
+    for far, axes in ((0.02, 6), (0.3, 6), (2.0, 3)):
+        before, behind = rng.uniform(-2.0, 2.0, (2, 4, 6))
+        behind[0] = before[0] + far * np.array([0.5, -1.0, 0.2, 0.9, -0.3, 0.1])
+        gap = Parted.by(before, behind)
+        assert [side.shape[1] for side in gap] == [axes, axes]
         share = rng.uniform(-0.5, 1.5, (500, 1))
-        near = beside_ends(ends, ends[0] + share * (ends[1] - ends[0]))
+        near = beside(gap, before[0] + share * (behind[0] - before[0]))
         assert not near.all(axis=1).any()
         assert near.any(axis=0).all()
-        assert beside_ends(ends, ends).tolist() == [[True, False], [False, True]]
+        ends = np.stack([before[0], behind[0]])
+        assert beside(gap, ends).tolist() == [[True, False], [False, True]]
+        every = 1 if axes == 6 else 4
+        assert beside(gap, before[:every])[:, 0].all()
+        assert beside(gap, behind[:every])[:, 1].all()

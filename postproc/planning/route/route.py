@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,18 +37,29 @@ _NOT_SEARCHED = (
 _STUCK = "the tool cannot back off along its axis from the end of the cut"
 
 
+HOME = -1
+"""Instead of a tag: home."""
+
+
+class Gap(NamedTuple):
+    """A connection for which no free way was found: the finding, the tags before and behind it."""
+
+    finding: Finding
+    before: int
+    behind: int
+
+
 @dataclass(slots=True)
 class Route:
     """All moves in order with speeds and times, what is left out, and what was found on the way.
 
-    ``gaps``: connections for which no free way was found: the finding, and the joints (2, 6) [rad]
-    at both tags, or home and a tag.
+    ``gaps``: connections for which no free way was found.
     """
 
     moves: Moves
     timed: Timed
     left: Left
-    gaps: list[tuple[Finding, FloatArray]]
+    gaps: list[Gap]
     findings: list[Finding] = field(default_factory=list)
 
 
@@ -64,7 +76,7 @@ def route(checker: Checker, chosen: Chosen, *, goes_on: bool = False, runs: bool
     """
     problem = checker.problem
     findings: list[Finding] = []
-    gaps: list[tuple[Finding, FloatArray]] = []
+    gaps: list[Gap] = []
     holes = hole_moves(problem, checker.strokes, chosen)
     arrives, leaves = _ends(problem, checker, chosen, np.arange(len(problem)))
     parts = [*holes, *cut_moves(problem, chosen, leaves)]
@@ -126,7 +138,7 @@ def _first_and_last(
     chosen: Chosen,
     q: FloatArray,
     findings: list[Finding],
-    gaps: list[tuple[Finding, FloatArray]],
+    gaps: list[Gap],
     *,
     goes_on: bool,
 ) -> list[Moves]:
@@ -161,7 +173,7 @@ def _first_and_last(
             so = "no free way was found between home and here"
             findings.append(failure(problem, tag, Reason.COLLISION, detail or so))
             if not detail:
-                gaps.append((findings[-1], np.stack([home, chosen.q[tag]])))
+                gaps.append(Gap(findings[-1], HOME, tag))
             between = np.zeros((0, 6))
         points = np.vstack([home[None], between] if order == _HOME else [between, home[None]])
         parts.append(_moves_to(problem, tag, order, points, MoveKind.PTP))
@@ -247,7 +259,7 @@ def _decide(
     chosen: Chosen,
     ends: Ends,
     findings: list[Finding],
-    gaps: list[tuple[Finding, FloatArray]],
+    gaps: list[Gap],
     *,
     runs: bool,
 ) -> tuple[BoolArray, dict[int, Detour]]:
@@ -275,7 +287,7 @@ def _decide(
             hint, why = LEAD_OUT, why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
         findings.append(failure(problem, int(ends.tag_to[row]), why, detail, hint))
         if not walled and not hint:
-            gaps.append((findings[-1], chosen.q[[ends.tag_from[row], ends.tag_to[row]]]))
+            gaps.append(Gap(findings[-1], int(ends.tag_from[row]), int(ends.tag_to[row])))
     return as_line, {int(rest[stuck[i]]): way for i, way in found.items()}
 
 

@@ -6,13 +6,14 @@ from postproc.planning.search.keytags import arc_length, key_tags, spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import tridiagonal
 from postproc.planning.search.roll import without_roll
-from postproc.planning.search.rungs import FINE, step_rules
+from postproc.planning.search.rungs import FINE, Parted, step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
 from postproc.planning.search.strategy import Choice, choose
 
 __all__ = [
     "FINE",
     "Choice",
+    "Parted",
     "PoseSearch",
     "arc_length",
     "best_of",

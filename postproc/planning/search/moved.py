@@ -14,7 +14,7 @@ from postproc.planning.search.cuts import Spans, fill, judge, judge_rows
 from postproc.planning.search.edges import Edges
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import Bounds, TagPoses, refine, within
-from postproc.planning.search.rungs import same_posture, tolls_of, yardstick
+from postproc.planning.search.rungs import Parted, same_posture, tolls_of, yardstick
 from postproc.planning.states import Chosen, Problem, evaluate
 from postproc.process import feeds_of
 
@@ -99,12 +99,12 @@ def _at_edges(
     edges: Edges,
     rows: IndexArray,
     may: BoolArray,
-    parted: FloatArray,
+    parted: tuple[Parted, ...],
 ) -> TagPoses:
     """Return poses of tags (n,), rows of ``edges``, at these where that gains more than it costs.
 
     The ways to and from the tags beside count as they stand on the grid, with what those cost that
-    are ``parted`` (k, 2, 6). Joints take the turns nearest to those of the grid.
+    are ``parted``. Joints take the turns nearest to those of the grid.
     """
     T = problem.placement.tcp(grid.tags, grid.attitude)
     own = evaluate(problem, grid.tags, grid.attitude[:, 0], T, grid.q)[1]

@@ -21,8 +21,9 @@ from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
     FINE,
+    Parted,
     Wish,
-    beside_ends,
+    beside,
     bridges_of,
     ladder_of,
     states_on,
@@ -186,19 +187,20 @@ class PoseSearch:
         """Let cuts roll the tool off main spins (N,) [rad] of the tags only where that pays."""
         self._wish_anew(replace(self.wish, main=main))
 
-    def part(self, ends: FloatArray) -> bool:
-        """Lead no step from near one of ends (k, 2, 6) [rad] to near the other, where others do.
+    def part(self, gaps: list[Parted]) -> bool:
+        """Lead no step from near one side of gaps to near the other, where others can be run.
 
         Return whether that says more than is known.
         """
         known = list(self.wish.parted)
-        for pair in ends:
-            near = [beside_ends(other, pair) for other in known]
-            if not any(n[0, 0] & n[1, 1] or n[0, 1] & n[1, 0] for n in near):
-                known.append(pair)
+        for gap in gaps:
+            ends = np.stack([gap.before[0], gap.behind[0]])
+            near = [beside(other, ends) for other in known]
+            if not any((n[0] & n[1, ::-1]).any() for n in near):
+                known.append(gap)
         if len(known) == len(self.wish.parted):
             return False
-        self._wish_anew(replace(self.wish, parted=np.array(known)))
+        self._wish_anew(replace(self.wish, parted=tuple(known)))
         return True
 
     def _wish_anew(self, wish: Wish) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,27 @@ FINE = 2
 """Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
 
 
+class Parted(NamedTuple):
+    """Joints (a, k) and (b, k) [rad] between which no free way was found, first those of the gap.
+
+    Of the arm, A1 to A3, or of all axes where that stands alike at the gap.
+    """
+
+    before: FloatArray
+    behind: FloatArray
+
+    @classmethod
+    def by(cls, before: FloatArray, behind: FloatArray) -> Parted:
+        """Return the gap between the first of joints (a, 6) and the first of (b, 6).
+
+        From each to the others of its side free ways lead. Where the arm stands alike at the gap
+        these are left out: what parts the tool there may not do so elsewhere.
+        """
+        if np.abs(before[0] - behind[0])[:3].max() <= _AROUND:
+            return cls(before[:1], behind[:1])
+        return cls(_spread(before[:, :3]), _spread(behind[:, :3]))
+
+
 @dataclass(frozen=True, slots=True)
 class Wish:
     """What a search is for.
@@ -91,9 +112,8 @@ class Wish:
     configuration, cuts or not; None: cuts do. ``steady``: bits of the branch, each of which costs
     ``CHANGE`` where it is another at the next tag. ``main`` (n,) [rad]: spin of which tags stand
     off by more than ``STEADY_BAND`` only where that earns ``ROLL_PRICE``, NaN where any will do;
-    None: nowhere. ``parted`` (k, 2, 6) [rad]: joints between which no free way was found; where
-    the tool is off the part, no step leads from near the one to near the other if any other can be
-    run.
+    None: nowhere. ``parted``: where the tool is off the part, no step leads from near the one side
+    to near the other if any other can be run.
     """
 
     each: bool = False
@@ -102,7 +122,7 @@ class Wish:
     stretch: IndexArray | None = None
     steady: int = 0
     main: FloatArray | None = None
-    parted: FloatArray = field(default_factory=lambda: np.zeros((0, 2, 6)))
+    parted: tuple[Parted, ...] = ()
 
 
 def step_rules(problem: Problem) -> IndexArray:
@@ -247,7 +267,7 @@ def _price_of_change(problem: Problem) -> float:
 
 
 def tolls_of(
-    problem: Problem, parted: FloatArray, before: FloatArray, after: FloatArray
+    problem: Problem, parted: tuple[Parted, ...], before: FloatArray, after: FloatArray
 ) -> FloatArray:
     """Return the tolls (m,) of steps off the part from joints (m, 6) to joints (m, 6)."""
     tolls = _tolls(parted, np.stack([before, after]), _PARTED * _price_of_change(problem))
@@ -256,13 +276,13 @@ def tolls_of(
     return np.asarray((tolls.leaves[0] * tolls.enters[1]).sum(axis=1))
 
 
-def _sides(parted: FloatArray, q: NDArray[np.floating[Any]]) -> BoolArray:
-    """Return near which ends (..., 2k) of ``parted`` (k, 2, 6) joints (..., 6) stand."""
-    return np.concatenate([beside_ends(ends, q) for ends in parted], axis=-1)
+def _sides(parted: tuple[Parted, ...], q: NDArray[np.floating[Any]]) -> BoolArray:
+    """Return near which sides (..., 2k) of k gaps joints (..., 6) stand."""
+    return np.concatenate([beside(gap, q) for gap in parted], axis=-1)
 
 
-def _tolls(parted: FloatArray, q: NDArray[np.floating[Any]], price: float) -> Tolls | None:
-    """Return what steps cost that lead from side to side of ``parted`` to joints (..., 6)."""
+def _tolls(parted: tuple[Parted, ...], q: NDArray[np.floating[Any]], price: float) -> Tolls | None:
+    """Return what steps between joints (..., 6) cost that lead from side to side of a gap."""
     if not len(parted):
         return None
     leaves = _sides(parted, q).astype(np.float32)
@@ -304,16 +324,26 @@ def same_posture(one: AnyIntArray, other: AnyIntArray, bits: int) -> BoolArray:
     return np.asarray((one ^ other) & bits == 0)
 
 
-def beside_ends(ends: FloatArray, q: NDArray[np.floating[Any]]) -> BoolArray:
-    """Return whether joints (..., 6) are near to the one and the other (..., 2) of ends (2, 6).
+def beside(parted: Parted, q: NDArray[np.floating[Any]]) -> BoolArray:
+    """Return whether joints (..., 6) are near to the one and to the other side (..., 2).
 
-    Near is where the arm stands alike, or all axes where that stands alike at both ends. None is
-    near to both.
+    None is near to both: the nearer one counts.
     """
-    gap = np.abs(ends[1] - ends[0])
-    axes = slice(0, 3 if gap[:3].max() > 2.0 * _AROUND else 6)
-    off = np.abs(q[..., None, axes] - ends[:, axes]).max(axis=-1)
-    return np.asarray(off < min(_AROUND, 0.5 * float(gap[axes].max())))
+    off = np.full((*q.shape[:-1], 2), np.inf)
+    for side, poses in enumerate(parted):
+        for pose in poses:
+            near = np.abs(q[..., : len(pose)] - pose).max(axis=-1)
+            np.minimum(off[..., side], near, out=off[..., side])
+    return np.asarray((off < _AROUND) & (off < off[..., ::-1]))
+
+
+def _spread(q: FloatArray) -> FloatArray:
+    """Return some of joints (n, k), the first among them, that no other is far from."""
+    kept = []
+    while len(q):
+        kept.append(q[0])
+        q = q[np.abs(q - q[0]).max(axis=1) > 0.5 * _AROUND]
+    return np.array(kept)
 
 
 def changes_of(bits: int, chosen: Chosen) -> IndexArray:

@@ -47,11 +47,13 @@ Step = Callable[[int, int, str], None]
 class Choice:
     """The poses of all tags, the findings, a record of the work, and the search that chose them.
 
-    ``best`` (n,) [N/m]: index that each tag could have by itself: with the strategy ``smooth`` free
-    of collision, else within reach.
+    ``q_grid`` (n, 6) [rad]: joints of the poses before they left the grid. ``best`` (n,) [N/m]:
+    index that each tag could have by itself: with the strategy ``smooth`` free of collision, else
+    within reach.
     """
 
     chosen: Chosen
+    q_grid: FloatArray
     findings: list[Finding]
     record: dict[str, object]
     best: FloatArray
@@ -80,7 +82,7 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
         while len(more := bound.more_keys(_is_key(search), loss_of(problem, chosen, bound.best))):
             search.grow(more, np.full(len(more), search.base_stride))
             found, chosen = _run(search, growth, step)
-    record = search.record(found, chosen)
+    record, q_grid = search.record(found, chosen), chosen.q
     is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None
     if wishes.refine and (wishes.strategy is Strategy.GLOBAL or is_bound):
         step(0, 0, "refine")
@@ -100,7 +102,7 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
             record |= {"key_tags": search.tags.tolist(), "loss": loss.tolist()}
             if len(search.tags) > keys.sum():
                 record["key_tags_added"] = len(search.tags) - int(keys.sum())
-    return Choice(chosen, findings, record, best, search)
+    return Choice(chosen, q_grid, findings, record, best, search)
 
 
 def _wish(checker: Checker, bound: LossBound | None) -> Wish:
