@@ -19,8 +19,8 @@ from postproc.planning.search import Choice, Parted, PoseSearch, choose, step_ru
 from postproc.planning.states import Chosen, Rule, take_joints
 from postproc.progress import Clock
 
-_PATIENCE = 3
-"""So often at most poses are chosen anew without fewer gaps."""
+_PATIENCE, _MOST = 3, 10
+"""So often at most poses are chosen anew without fewer gaps, and in all."""
 _DROPS = 20
 _PARTED = (
     "poses chosen otherwise (times tried: {times}) are not joined by free ways either: move what "
@@ -40,12 +40,14 @@ def linked(
         goes_on: whether motions that are not planned here follow.
     """
     choice, routed = _chosen(checker, clock, None, partial=partial, goes_on=goes_on)
-    search, best, anew, since = choice.search, (choice, routed), 0, 0
-    while since < _PATIENCE and _runs(choice, partial=partial) and _part(checker, choice, routed):
+    search, best, anew, last = choice.search, (choice, routed), 0, 0
+    while anew < min(last + _PATIENCE, _MOST) and _runs(choice, partial=partial):
+        if not _part(checker, choice, routed):
+            break
         choice, routed = _chosen(checker, clock, search, partial=partial, goes_on=goes_on)
-        anew, since = anew + 1, since + 1
+        anew += 1
         if _errors(choice, routed) < _errors(*best):
-            best, since = (choice, routed), 0
+            best, last = (choice, routed), anew
     choice, routed = best
     _tell(routed, anew)
     dropped: list[Finding] = []

@@ -143,6 +143,15 @@ def test_the_poses_with_the_fewest_gaps_count(checker, monkeypatch):
     assert np.array_equal(choice.chosen.q, seen[1])
 
 
+def test_fewer_gaps_each_time_end_as_well(checker, monkeypatch):
+    monkeypatch.setattr(PoseSearch, "part", lambda *_: True)
+    few = lambda turn, chosen: [(0, 1)] * (30 - turn)  # noqa: E731
+    seen = routed_as(monkeypatch, few)
+    _, routed, _ = linked.linked(checker, Clock("place"), partial=False, goes_on=False)
+    assert len(seen) == 1 + linked._MOST
+    assert len(routed.gaps) == 30 - len(seen)
+
+
 def test_what_links_at_once_is_chosen_once(checker, monkeypatch):
     seen = routed_as(monkeypatch, lambda *_: [])
     linked.linked(checker, Clock("place"), partial=False, goes_on=False)
