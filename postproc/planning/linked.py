@@ -15,8 +15,8 @@ from postproc.arrays import FloatArray
 from postproc.errors import Finding
 from postproc.planning.checks import Checker
 from postproc.planning.route import HOME, Route, route
-from postproc.planning.search import Choice, Parted, PoseSearch, choose, step_rules, without_roll
-from postproc.planning.states import Chosen, Rule, take_joints
+from postproc.planning.search import Choice, Parted, PoseSearch, choose, step_rules
+from postproc.planning.states import Chosen, Rule
 from postproc.progress import Clock
 
 _PATIENCE, _MOST = 3, 10
@@ -66,8 +66,6 @@ def _chosen(
 ) -> tuple[Choice, Route]:
     clock.begin("search")
     choice = choose(checker, clock.step, search)
-    take_joints(checker.problem, choice.chosen)
-    choice.findings.extend(without_roll(checker, choice.chosen, choice.best))
     clock.begin("route")
     runs = _runs(choice, partial=partial)
     return choice, route(checker, choice.chosen, goes_on=goes_on, runs=runs)

@@ -3,6 +3,7 @@
 Measured on the emitted text: its joints, carried to the tool by pinocchio.
 """
 
+import itertools
 import re
 
 import numpy as np
@@ -32,6 +33,21 @@ frame = { xyz_mm = [2700.0, 500.0, -100.0], abc_deg = [0, 0, 90] }
 joint_Nmm_per_rad = [1e10, 5e9, 4e9, 3e8, 2e8, 2.5e8]
 [motion]
 feed_mm_min = 300
+"""
+REAMED = """
+schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr10_r1100_2"
+[tool]
+frame = { xyz_mm = [60, 0, 110], abc_deg = [0, 45, 0] }
+axis = "+z"
+[workpiece]
+frame = { xyz_mm = [550, -40, 200], abc_deg = [0, 0, 0] }
+[stiffness]
+joint_Nmm_per_rad = [3e8, 2.5e8, 1.5e8, 3e7, 2e7, 1e7]
+[motion]
+feed_mm_min = 300
+home_deg = [0, -90, 90, 0, 45, 0]
 """
 
 
@@ -148,3 +164,23 @@ def test_a_deep_stroke_turns_to_what_suits_its_bottom(run, tmp_path):
     code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
     assert code == 0, err
     assert document["grades"]["good"] == 15
+
+
+@pytest.mark.parametrize("strategy", ["each", "global"])
+def test_a_bound_of_losses_is_kept_on_strokes_and_told_of_what_is_run(run, tmp_path, strategy):
+    """Reamed along tilted axes: the largest loss is one number, and the bound holds for it."""
+    lines = ["UNITS/MM", "SPINDL/3000,RPM,CLW"]
+    for x, y in itertools.product((-60, 0, 60), (-80, 0, 80)):
+        axis = np.array([x / 500, y / 500, 1.0])
+        axis /= np.linalg.norm(axis)
+        for motion, height in (("RAPID", 50), ("RAPID", 3), ("", -8), ("", 3), ("RAPID", 50)):
+            at = ",".join(f"{v:.6f}" for v in (*((x, y, 0) + height * axis), *axis))
+            lines += [motion or "FEDRAT/120,MMPM", f"GOTO/{at}"]
+    cam, cell, out = tmp_path / "part.cls", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text("\n".join([*lines, "SPINDL/OFF", "FINI", ""]))
+    bound = f'[optimize]\nstrategy = "{strategy}"\nloss_bound_percent = 3\n'
+    cell.write_text(REAMED + bound)
+    code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert code == 0, err
+    assert document["stiffness"]["lost_max_percent"] <= 3.0
+    assert "PLN305" not in {item["code"] for item in document["warnings"]}

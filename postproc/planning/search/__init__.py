@@ -5,7 +5,6 @@ from postproc.planning.search.edges import best_of
 from postproc.planning.search.keytags import arc_length, key_tags, spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.refine import tridiagonal
-from postproc.planning.search.roll import without_roll
 from postproc.planning.search.rungs import FINE, Parted, step_rules
 from postproc.planning.search.sequence import ordered, ordered_by_place
 from postproc.planning.search.strategy import Choice, choose
@@ -26,5 +25,4 @@ __all__ = [
     "spaced",
     "step_rules",
     "tridiagonal",
-    "without_roll",
 ]

@@ -122,7 +122,7 @@ def _at_edges(
         ):
             way = grid.weight[1:] * ((after - before) ** 2).sum(axis=1)
             dearer[side] += sign * (way + tolls_of(problem, parted, before, after))
-    there = may & (gain > dearer)
+    there = may & edges.is_between[rows] & (gain > dearer)
     attitude = grid.attitude.copy()
     attitude[there] = np.column_stack([edges.spin[rows], np.zeros((len(rows), 2))])[there]
     return replace(

@@ -37,8 +37,9 @@ from postproc.planning.search.loss import (
 from postproc.planning.search.main_spin import main_spins
 from postproc.planning.search.moved import moved_off_grid
 from postproc.planning.search.pose_search import PoseSearch, travel
+from postproc.planning.search.roll import without_roll
 from postproc.planning.search.rungs import ARM, TIE_TRAVEL, WRIST, Wish, changes_of
-from postproc.planning.states import Chosen
+from postproc.planning.states import Chosen, take_joints
 
 Step = Callable[[int, int, str], None]
 
@@ -93,6 +94,8 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
     findings = explained(checker, search.evidence(chosen))
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
     best = along(between, search.tags, search.edges.index) if bound is None else bound.best
+    take_joints(problem, chosen)
+    findings += without_roll(checker, chosen, best)
     if is_smooth or wishes.loss_bound is not None:
         loss = loss_of(problem, chosen, best)
         told = loss_report(problem, loss, search.tags, most)
