@@ -71,19 +71,22 @@ class Session:
         """Print findings on stderr, errors first, what would help on a following line.
 
         Of one code at most ``_SHOWN`` are printed, the others counted with their lines, so that
-        many equal warnings hide nothing.
+        many equal warnings hide nothing. With ``--quiet`` errors only.
         """
         groups: dict[tuple[Severity, str], list[Finding]] = {}
         for finding in fold(findings):
             groups.setdefault((finding.severity, finding.code), []).append(finding)
         for (severity, code), group in groups.items():
+            if self.quiet and severity is not Severity.ERROR:
+                continue
             most = _SHOWN[severity]
             for finding in group[:most]:
-                self.say(_coloured(str(finding), str(severity)))
+                click.echo(_coloured(str(finding), str(severity)), err=True)
                 if finding.hint:
-                    self.say(f"    hint: {finding.hint}")
+                    click.echo(f"    hint: {finding.hint}", err=True)
             if len(group) > most:
-                self.say(f"... and {len(group) - most} more of {code}{_lines(group[most:])}")
+                more = f"... and {len(group) - most} more of {code}{_lines(group[most:])}"
+                click.echo(more, err=True)
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:

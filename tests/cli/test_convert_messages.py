@@ -52,6 +52,9 @@ def test_tags_out_of_reach_are_one_sentence_with_the_move_that_frees_them(part, 
     (note,) = (line for line in lines if "PLN320" in line)
     moved = float(note.split("workpiece ")[1].split(" mm along x")[0])
     assert moved < 0.0
+    hints = [line for line in lines if "moving the workpiece" in line and "PLN320" not in line]
+    assert len(hints) == 5
+    assert all(f" {moved:+.0f} mm along x " in line for line in hints)
     near = cell_of(part, origin=(3700 + moved, 0, 700))
     assert call(capsys, *arguments, near)[0] == 0
     short = cell_of(part, origin=(3700 + moved / 2, 0, 700))
@@ -106,3 +109,14 @@ def test_the_page_shows_how_near_the_arm_comes(part, capsys):
         x, y = 60 * (int(tag) % 6), 60 * (int(tag) // 6)
         gap = np.linalg.norm(tip[:3] * 1000 - [3700 + x, y, 700])
         assert gap == pytest.approx(float(words.split(": ")[1].split(" mm")[0]), abs=1.0)
+
+
+def test_quiet_leaves_errors_and_nothing_else(part, capsys):
+    arguments = ("convert", part / "holes.csv", "-o", part / "out", "--cell")
+    cell = cell_of(part, origin=(3700, 0, 700))
+    code, out, err = call(capsys, *arguments, cell, "--quiet")
+    assert (code, out) == (1, "")
+    assert "error PLN101" in err
+    assert "note" not in err
+    assert "warning" not in err
+    assert call(capsys, *arguments, cell_of(part), "--quiet") == (0, "", "")
