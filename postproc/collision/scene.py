@@ -14,7 +14,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.cell import Cell, ExternalAxis
 from postproc.collision import clearance, motion
 from postproc.collision.arm import Arm
-from postproc.collision.bodies import THINNER, Body, bodies_of, pulled_back, thinner
+from postproc.collision.bodies import THINNER, WORLD, Body, bodies_of, pulled_back, thinner
 from postproc.collision.check import NO_PAIR, Hits, Tally, check
 from postproc.collision.engine import Engine
 from postproc.collision.external import JOINTS, ExternalAxes
@@ -181,6 +181,15 @@ class Scene:
         joints = self._rows(q)
         touch = _contact(contact, len(joints))
         return check(self._engine, joints, touch, tally, likely=likely)
+
+    def hits_itself(self, q: ArrayLike) -> BoolArray:
+        """Return (n,) whether links and what they carry collide with each other.
+
+        Args:
+            q: (n, 6) [rad].
+        """
+        carried = [WORLD not in (one.link, two.link) for one, two in self.pair_bodies]
+        return check(self._engine, self._rows(q), None, only=np.array(carried, dtype=np.bool_)).hit
 
     def clearance(
         self, q: ArrayLike, contact: ArrayLike | None = None, most: float = np.inf

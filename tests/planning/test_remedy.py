@@ -60,7 +60,7 @@ def test_remedies_of_many_failing_tags_are_looked_for_a_few_times_only(
     toolpath = make_path(points, FRONT, MotionKind.HOLE, cycle=np.zeros(n, int), cycles=cycles)
     asked = []
 
-    def counted(checker, tag, reason):
+    def counted(checker, tag, reason, common):
         asked.append(tag)
         return f"remedy of {tag}"
 

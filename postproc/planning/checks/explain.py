@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -125,11 +126,17 @@ class _Remedies:
     Each search tries hundreds of poses; thousands of tags that fail alike need no more than a few.
     """
 
-    def __init__(self, checker: Checker) -> None:
+    def __init__(self, checker: Checker, many: bool) -> None:
         self._checker = checker
+        self._many = many
         self._searches = 0
         self._first, self._row = -1, -1
         self._reason, self._text = Reason.NONE, ""
+
+    @cached_property
+    def common_shift(self) -> str:
+        """The shift of the workpiece that brings all of many tags within reach, empty for none."""
+        return common_shift(self._checker) if self._many else ""
 
     def hint(self, row: int, tag: int, reason: Reason) -> str:
         """Return what would help the tag of a row; ask for rows in growing order."""
@@ -142,7 +149,8 @@ class _Remedies:
             self._text = f"what would help was looked for at {HELPED} tags before this one only"
             return self._text
         self._searches += 1
-        found = remedy(self._checker, tag, reason)
+        common = self.common_shift if reason in COUNTED else ""
+        found = remedy(self._checker, tag, reason, common)
         if found:
             self._text = f"at tag {self._checker.problem.toolpath.tag_name(tag)} near by: {found}"
         return found
@@ -150,22 +158,15 @@ class _Remedies:
 
 def explained(checker: Checker, evidence: Evidence) -> list[Finding]:
     """Return one finding for every tag that has no pose, or that no cut can enter."""
-    findings = []
-    remedies = _Remedies(checker)
-    for row in np.nonzero(~evidence.chosen.good)[0].tolist():
-        findings.append(_no_pose(checker, evidence, row, remedies))
-    findings += [_no_way(checker, evidence, row) for row in sorted(evidence.breaks)]
-    return [*findings, *_shifted(checker, findings)]
-
-
-def _shifted(checker: Checker, findings: list[Finding]) -> list[Finding]:
-    """Return what would bring many tags within reach at once."""
+    lost = np.flatnonzero(~evidence.chosen.good).tolist()
+    remedies = _Remedies(checker, many=len(lost) >= MANY)
+    findings = [_no_pose(checker, evidence, row, remedies) for row in lost]
     count = sum(finding.code in _BEYOND for finding in findings)
-    shift = common_shift(checker) if count >= MANY else ""
-    if not shift:
-        return []
-    text = f"{count} tags have no pose: moving the workpiece {shift} would give each one"
-    return [Finding(Severity.NOTE, "PLN320", text)]
+    findings += [_no_way(checker, evidence, row) for row in sorted(evidence.breaks)]
+    if count >= MANY and (shift := remedies.common_shift):
+        text = f"{count} tags have no pose: moving the workpiece {shift} would give each one"
+        findings.append(Finding(Severity.NOTE, "PLN320", text))
+    return findings
 
 
 def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies) -> Finding:

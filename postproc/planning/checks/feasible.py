@@ -319,6 +319,10 @@ class Checker:
         self._hits(verdict, np.arange(len(q)), poses, contact)
         return verdict.good
 
+    def hits_itself(self, q: FloatArray) -> BoolArray:
+        """Return (m,) whether in poses (m, 6) the arm and what it carries hit each other."""
+        return np.zeros(len(q), np.bool_) if self.scene is None else self.scene.hits_itself(q)
+
     def standing_in(self, q: FloatArray, external: FloatArray) -> str:
         """Return in words what a pose (6,) collides with, contact included; empty if it is free.
 

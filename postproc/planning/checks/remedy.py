@@ -22,14 +22,16 @@ _FEW = 20
 """A shift is tried with about so many tags first, evenly taken; if it serves those, with all."""
 
 
-def remedy(checker: Checker, tag: int, reason: Reason) -> str:
+def remedy(checker: Checker, tag: int, reason: Reason, common: str) -> str:
     """Return what would help a tag, in words, empty if nothing tried does.
+
+    ``common``: the shift of the workpiece that brings it and others within reach, empty for none.
 
     Tried in turn: any spin at all, lead and side tilt where the tool mills, shifts of the
     workpiece; the smallest that gives a pose within reach and limits is named, stroke and way out
     of material and all. A hole is never tilted: it would be another hole. Spins and tilts are
-    checked for collision as well; shifts move the workpiece away from what it stands on, so only
-    reach is checked.
+    checked for collision as well; shifts move the workpiece away from what it stands on, so the
+    arm is only kept from hitting itself.
     """
     spins = spin_values(_STEP, -np.pi, np.pi)
     standing, free = _free_spins(checker, tag, _upright(spins))
@@ -45,7 +47,8 @@ def remedy(checker: Checker, tag: int, reason: Reason) -> str:
     if text := _lead_or_side(checker, tag):
         return text
     if reason is not Reason.COLLISION:
-        return _shift(checker, tag, spins)
+        shift = common or _shift(checker, tag, spins)
+        return f"moving the workpiece {shift} would bring it within reach" if shift else ""
     away = "move the workpiece or the obstacle"
     if not standing.any():
         return f"no spin is free of collision here: {away}"
@@ -91,16 +94,19 @@ def common_shift(checker: Checker) -> str:
     given = np.flatnonzero(checker.problem.placement.given)
     few = given[:: max(1, len(given) // _FEW)]
     for shift in _shifts(checker):
-        if all(_reached(checker, tags, spins, shift).all() for tags in (few, given)):
+        if not _reached(checker, few, spins, shift).all():
+            continue
+        if _stands(checker, few, spins, shift) and _reached(checker, given, spins, shift).all():
             return _words(checker, shift)
     return ""
 
 
 def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:
     """Return the smallest shift of the workpiece along an axis of robroot that brings reach."""
+    tags = np.array([tag])
     for shift in _shifts(checker):
-        if _reached(checker, np.array([tag]), spins, shift)[0]:
-            return f"moving the workpiece {_words(checker, shift)} would bring it within reach"
+        if _reached(checker, tags, spins, shift)[0] and _stands(checker, tags, spins, shift):
+            return _words(checker, shift)
     return ""
 
 
@@ -127,6 +133,17 @@ def _reached(checker: Checker, tags: IndexArray, spins: FloatArray, shift: Float
         T[:, :3, 3] += shift
         good = good & _within(checker, which, T).good
     return np.asarray(good.reshape(len(tags), -1).any(axis=1))
+
+
+def _stands(checker: Checker, tags: IndexArray, spins: FloatArray, shift: FloatArray) -> bool:
+    """Return whether the arm reaches each tag without hitting itself, workpiece shifted."""
+    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    T = checker.problem.placement.tcp(which, spin)
+    T[:, :3, 3] += shift
+    found = _within(checker, which, T)
+    row, branch = np.nonzero(found.good)
+    free = row[~checker.hits_itself(found.q[row, branch])]
+    return bool(np.isin(tags, which[free]).all())
 
 
 def _upright(spins: FloatArray) -> FloatArray:
