@@ -166,7 +166,7 @@ def test_a_deep_stroke_turns_to_what_suits_its_bottom(run, tmp_path):
     assert document["grades"]["good"] == 15
 
 
-@pytest.mark.parametrize("strategy", ["each", "global"])
+@pytest.mark.parametrize("strategy", ["each", "global", "smooth"])
 def test_a_bound_of_losses_is_kept_on_strokes_and_told_of_what_is_run(run, tmp_path, strategy):
     """Reamed along tilted axes: the largest loss is one number, and the bound holds for it."""
     lines = ["UNITS/MM", "SPINDL/3000,RPM,CLW"]
@@ -184,3 +184,19 @@ def test_a_bound_of_losses_is_kept_on_strokes_and_told_of_what_is_run(run, tmp_p
     assert code == 0, err
     assert document["stiffness"]["lost_max_percent"] <= 3.0
     assert "PLN305" not in {item["code"] for item in document["warnings"]}
+
+
+def test_a_turn_of_strokes_gives_away_no_stiffness_for_travel_that_nobody_counts(run, tmp_path):
+    """Deep holes, each by itself: what its strategy does not weigh does not turn a stroke."""
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW"]
+    for x, y in PLACES:
+        lines += [f"RAPID\nGOTO/{x},{y},50,0,0,1", "FEDRAT/300,MMPM", f"GOTO/{x},{y},-200"]
+        lines += [f"RAPID\nGOTO/{x},{y},50"]
+    cam, cell, out = tmp_path / "part.cls", tmp_path / "cell.toml", tmp_path / "out"
+    cam.write_text("\n".join([*lines, "SPINDL/OFF", "FINI", ""]))
+    each = '[optimize]\nstrategy = "each"\npreset = "fastest"\n'
+    cell.write_text(cell_text(STIFFNESS, FEED, each))
+    code, document, err = run("convert", cam, "--cell", cell, "-o", out, "--json")
+    assert code == 0, err
+    assert document["grades"]["good"] == 3 * len(PLACES)
+    assert document["stiffness"]["lost_max_percent"] < 10.0

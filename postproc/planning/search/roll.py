@@ -17,7 +17,9 @@ from postproc.errors import Finding, Severity
 from postproc.geometry import twist_about
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
-from postproc.planning.states import BRANCHES, TRAVEL_UNIT, Chosen, evaluate, strokes_into
+from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.rungs import price_of_lack
+from postproc.planning.states import BRANCHES, Chosen, evaluate, strokes_into
 from postproc.units import DEG
 
 _SAME = 1e-7
@@ -25,11 +27,11 @@ _SAME = 1e-7
 _MOST_LINES = 12
 
 
-def without_roll(checker: Checker, chosen: Chosen, best: FloatArray) -> list[Finding]:
+def without_roll(search: PoseSearch, chosen: Chosen, best: FloatArray) -> list[Finding]:
     """Give the tags of every stroke one spin that serves them all.
 
     Args:
-        checker: of the problem.
+        search: what the poses were chosen by.
         chosen: taken over where another spin can be run.
         best: (n,) [N/m] the index that losses are priced against, NaN where unknown.
 
@@ -37,6 +39,7 @@ def without_roll(checker: Checker, chosen: Chosen, best: FloatArray) -> list[Fin
         An error for each stroke of a task that no single spin serves, one note for those of other
         files.
     """
+    checker = search.checker
     toolpath = checker.problem.toolpath
     findings, rolling = [], []
     for tags in _strokes(checker, chosen):
@@ -46,7 +49,7 @@ def without_roll(checker: Checker, chosen: Chosen, best: FloatArray) -> list[Fin
         roll = float(np.abs(spins - spins[0]).max())
         if roll < _SAME:
             continue
-        ways = _ways(checker, chosen, tags, offset, best)
+        ways = _ways(search, chosen, tags, offset, best)
         if any(_turned(checker, chosen, tags, offset + s, *way) for s, *way in ways):
             continue
         if not _is_left(chosen, tags):
@@ -100,12 +103,13 @@ def _noted(checker: Checker, rolling: list[tuple[float, int]]) -> list[Finding]:
 
 
 def _ways(
-    checker: Checker, chosen: Chosen, tags: IndexArray, offset: FloatArray, best: FloatArray
+    search: PoseSearch, chosen: Chosen, tags: IndexArray, offset: FloatArray, best: FloatArray
 ) -> Iterator[tuple[float, int, int]]:
     """Yield the spins [rad] worth a try, the branch, and the place of the tag that stays.
 
     Where both ends may turn: those of the branches of the ends first, by what they cost.
     """
+    checker = search.checker
     last, spins = len(tags) - 1, chosen.attitude[tags, 0] - offset
     start_turns = _may_turn(checker, chosen, int(tags[0]))
     end_turns = _ends(checker, chosen, int(tags[-1]))
@@ -119,7 +123,7 @@ def _ways(
     grid = checker.problem.settings.spins
     tried = np.concatenate([spins, grid[np.argsort(np.abs(grid - spins[0]), kind="stable")]])
     branches = [*dict.fromkeys(own)]
-    price = np.array([_price(checker, chosen, tags, offset, tried, at, best) for at in branches])
+    price = np.array([_price(search, chosen, tags, offset, tried, at, best) for at in branches])
     order = np.argsort(price, axis=None, kind="stable")
     for at, spin in zip(*np.unravel_index(order, price.shape), strict=True):
         if price[at, spin] < np.inf:
@@ -129,7 +133,7 @@ def _ways(
 
 
 def _price(
-    checker: Checker,
+    search: PoseSearch,
     chosen: Chosen,
     tags: IndexArray,
     offset: FloatArray,
@@ -139,26 +143,38 @@ def _price(
 ) -> FloatArray:
     """Return what a stroke costs at each of spins (s,), infinite where it is out of reach.
 
-    What its poses cost, and the travel along it, from the tag before it and to the one behind.
+    As the search has it: what the poses of its key tags cost, and the travel along it, from the key
+    tag before it and to the one behind.
     """
-    problem, m, s = checker.problem, len(tags), len(spins)
+    problem, m, s = search.checker.problem, len(tags), len(spins)
     rows = np.repeat(tags, s)
     attitude = np.repeat(chosen.attitude[tags], s, axis=0)
     attitude[:, 0] = (offset[:, None] + spins).ravel()
-    T, near = problem.placement.tcp(rows, attitude), np.repeat(chosen.q[tags], s, axis=0)
-    q, good = problem.solve(T, problem.placement.external[rows], np.full(m * s, branch), near)
+    T, branches = problem.placement.tcp(rows, attitude), np.full(m * s, branch)
+    q, good = problem.solve(T, problem.placement.external[rows], branches, chosen.q[rows[:1]])
+    way = np.unwrap(q.reshape(m, s, 6), axis=0)
+    q = way.reshape(-1, 6)
     good &= problem.within(q) & problem.regular(q)
+    can_be_run = good.reshape(m, s).all(axis=0)
+    keys = np.flatnonzero(np.isin(tags, search.tags))
+    if not len(keys):
+        return np.where(can_be_run, 0.0, np.inf)
     cost, index = evaluate(problem, rows, attitude[:, 0], T, q)
-    weights = problem.settings.weights
-    cost += weights.price(1.0 - index / best[rows])
-    way, first, behind = q.reshape(m, s, 6), int(tags[0]), int(tags[-1]) + 1
-    if first > 0 and chosen.good[first - 1] and not chosen.entry[first]:
-        way = np.concatenate([np.broadcast_to(chosen.q[first - 1], (1, s, 6)), way])
-    if behind < len(problem) and chosen.good[behind] and not chosen.entry[behind]:
-        way = np.concatenate([way, np.broadcast_to(chosen.q[behind], (1, s, 6))])
-    travel = (np.diff(way, axis=0) ** 2).sum(axis=(0, 2)) / TRAVEL_UNIT**2
-    price = np.where(good, cost, np.inf).reshape(m, s).sum(axis=0)
-    return np.asarray(price + weights.travel * travel)
+    cost += problem.settings.weights.price(1.0 - index / best[rows])
+    if search.wish.least is not None:
+        cost += price_of_lack(index, search.wish.least[rows])
+    at = np.searchsorted(search.tags, tags[keys])
+    price = search.share[at] @ cost.reshape(m, s)[keys]
+    stops, weight = way[keys], search.weight[at]
+    for end, rung in ((0, int(at[0]) - 1), (-1, int(at[-1]) + 1)):
+        behind = tags[0] if end == 0 else search.tags[min(rung, len(search.tags) - 1)]
+        inside = 0 <= rung < len(search.tags) and bool(chosen.good[search.tags[rung]])
+        leads = inside and not chosen.entry[behind]
+        other = np.broadcast_to(chosen.q[search.tags[rung]], (1, s, 6)) if leads else stops[[end]]
+        stops = np.concatenate([other, stops] if end == 0 else [stops, other])
+        weight = weight if end == 0 else np.append(weight, search.weight[rung] if leads else 0.0)
+    price += weight @ (np.diff(stops, axis=0) ** 2).sum(axis=2)
+    return np.where(can_be_run, price, np.inf)
 
 
 def _may_turn(checker: Checker, chosen: Chosen, tag: int) -> bool:

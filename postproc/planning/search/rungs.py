@@ -169,9 +169,8 @@ def states_on(
         states.cost[part] += price(1.0 - states.index[part] / best[states.tag_of(part)])
     if wish.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
-        dear = ~pinned[owner] & (states.index < wish.least[tags][owner])
-        lacking = 1.0 - states.index[dear] / wish.least[tags][owner[dear]]
-        states.cost[dear] += DEAR + DEARER * np.nan_to_num(lacking)
+        free = ~pinned[owner]
+        states.cost[free] += price_of_lack(states.index[free], wish.least[tags][owner[free]])
     states.cost[_stuck(problem, tags, states)] += STUCK
     if pinned.any():
         owner = states.tag_of(np.arange(len(states.q)))
@@ -181,6 +180,12 @@ def states_on(
         spin = states.spin_of(np.arange(len(states.q)))
         states.cost += _TIE_SPIN * (spin / TRAVEL_UNIT) ** 2
     return states, pinned, edges
+
+
+def price_of_lack(index: FloatArray, least: FloatArray) -> FloatArray:
+    """Return what poses (m,) cost whose index is below the least (m,) [N/m] that is asked for."""
+    lacking = 1.0 - index / least
+    return np.where(index < least, DEAR + DEARER * np.nan_to_num(lacking), 0.0)
 
 
 def yardstick(problem: Problem, states: States, edges: Edges) -> FloatArray:

@@ -95,7 +95,7 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
     findings += gave_up(checker, chosen, findings, sorted(growth.gave_up))
     best = along(between, search.tags, search.edges.index) if bound is None else bound.best
     take_joints(problem, chosen)
-    findings += without_roll(checker, chosen, best)
+    findings += without_roll(search, chosen, best)
     if is_smooth or wishes.loss_bound is not None:
         loss = loss_of(problem, chosen, best)
         told = loss_report(problem, loss, search.tags, most)
