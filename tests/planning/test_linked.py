@@ -171,6 +171,17 @@ def test_no_step_leads_across_a_gap_where_another_can_be_run(checker):
     assert not search.ladder.tolls_on(path).any()
 
 
+def test_gaps_of_both_kinds_are_known_in_any_order(checker):
+    """One where the arm stands alike says nothing of A1 to A3."""
+    at = np.radians([[0.0, -90.0, 90.0, 0.0, 45.0, 0.0]])
+    alike = Parted.by(at, at + np.radians([0, 0, 0, 170, 0, 0]))
+    apart = Parted.by(at, at + np.radians([60, 0, 0, 0, 0, 0]))
+    search = PoseSearch.of(checker, np.arange(6))
+    assert search.part([alike, apart])
+    assert len(search.wish.parted) == 2
+    assert not search.part([apart, alike])
+
+
 def test_none_is_near_to_both_sides_of_a_gap():
     rng = np.random.default_rng(5)
     for far, axes in ((0.02, 6), (0.3, 6), (2.0, 3)):

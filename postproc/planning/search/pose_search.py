@@ -195,7 +195,8 @@ class PoseSearch:
         known = list(self.wish.parted)
         for gap in gaps:
             ends = np.stack([gap.before[0], gap.behind[0]])
-            near = [beside(other, ends) for other in known]
+            axes = ends.shape[1]
+            near = [beside(other, ends) for other in known if other.before.shape[1] <= axes]
             if not any((n[0] & n[1, ::-1]).any() for n in near):
                 known.append(gap)
         if len(known) == len(self.wish.parted):
