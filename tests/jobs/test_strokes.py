@@ -200,3 +200,19 @@ def test_a_turn_of_strokes_gives_away_no_stiffness_for_travel_that_nobody_counts
     assert code == 0, err
     assert document["grades"]["good"] == 3 * len(PLACES)
     assert document["stiffness"]["lost_max_percent"] < 10.0
+
+
+def test_a_pin_inside_a_stroke_holds_for_all_of_it(run, tmp_path):
+    lines = ["UNITS/MM", "SPINDL/2000,RPM,CLW"]
+    for x, y in PLACES[:2]:
+        lines += [f"RAPID\nGOTO/{x},{y},50,0,0,1", "FEDRAT/300,MMPM", f"GOTO/{x},{y},-40"]
+        lines += [f"RAPID\nGOTO/{x},{y},50"]
+    cam, cell, chosen = tmp_path / "part.cls", tmp_path / "cell.toml", tmp_path / "map.csv"
+    cam.write_text("\n".join([*lines, "SPINDL/OFF", "FINI", ""]))
+    cell.write_text(cell_text(STIFFNESS, FEED, "[optimize]\npins = { 1 = 25, 4 = -15 }\n"))
+    call = ("convert", cam, "--cell", cell, "-o", tmp_path / "out", "--spin-map", chosen)
+    code, _, err = run(*call, "--quiet")
+    assert code == 0, err
+    rows = [row.split(",") for row in chosen.read_text().splitlines()[1:]]
+    spins = {int(row[0]): float(row[5]) for row in rows}
+    assert spins == pytest.approx({0: 25, 1: 25, 2: 25, 3: -15, 4: -15, 5: -15})

@@ -25,6 +25,8 @@ from postproc.units import DEG
 _SAME = 1e-7
 """Spins nearer than this [rad] are one."""
 _MOST_LINES = 12
+_OWN_SPINS, _PRICED = 8, 100
+"""Of the spins that tags of a stroke have so many are tried, and so many of its tags are priced."""
 
 
 def without_roll(search: PoseSearch, chosen: Chosen, best: FloatArray) -> list[Finding]:
@@ -107,29 +109,36 @@ def _ways(
 ) -> Iterator[tuple[float, int, int]]:
     """Yield the spins [rad] worth a try, the branch, and the place of the tag that stays.
 
-    Where both ends may turn: those of the branches of the ends first, by what they cost.
+    Where all tags may turn: those of the branches of the ends first, by what they cost.
     """
-    checker = search.checker
-    last, spins = len(tags) - 1, chosen.attitude[tags, 0] - offset
-    start_turns = _may_turn(checker, chosen, int(tags[0]))
-    end_turns = _ends(checker, chosen, int(tags[-1]))
-    own = int(chosen.branch[tags[0]]), int(chosen.branch[tags[-1]])
-    if not (start_turns and end_turns):
-        if end_turns:
-            yield float(spins[0]), own[0], 0
-        if start_turns:
-            yield float(spins[-1]), own[1], last
+    checker, last = search.checker, len(tags) - 1
+    spins = chosen.attitude[tags, 0] - offset
+    held = [k for k, tag in enumerate(tags.tolist()) if _is_pinned(checker, tag)]
+    held += [0] * (not _may_turn(checker, chosen, int(tags[0])))
+    held += [last] * (not _ends(checker, chosen, int(tags[-1])))
+    if held:
+        if np.ptp(spins[held]) < _SAME:
+            yield float(spins[min(held)]), int(chosen.branch[tags[min(held)]]), min(held)
         return
+    some = _evenly(len(tags), _OWN_SPINS)
     grid = checker.problem.settings.spins
-    tried = np.concatenate([spins, grid[np.argsort(np.abs(grid - spins[0]), kind="stable")]])
-    branches = [*dict.fromkeys(own)]
-    price = np.array([_price(search, chosen, tags, offset, tried, at, best) for at in branches])
+    tried = np.concatenate([spins[some], grid[np.argsort(np.abs(grid - spins[0]), kind="stable")]])
+    branches = [*dict.fromkeys(chosen.branch[tags[[0, last]]].tolist())]
+    at = _evenly(len(tags), _PRICED)
+    price = np.array(
+        [_price(search, chosen, tags[at], offset[at], tried, slot, best) for slot in branches]
+    )
     order = np.argsort(price, axis=None, kind="stable")
-    for at, spin in zip(*np.unravel_index(order, price.shape), strict=True):
-        if price[at, spin] < np.inf:
-            yield float(tried[spin]), branches[at], -1
+    for slot, spin in zip(*np.unravel_index(order, price.shape), strict=True):
+        if price[slot, spin] < np.inf:
+            yield float(tried[spin]), branches[slot], -1
     others = (branch for branch in range(BRANCHES) if branch not in branches)
-    yield from ((spin, branch, -1) for branch in others for spin in tried[len(spins) :].tolist())
+    yield from ((spin, branch, -1) for branch in others for spin in tried[len(some) :].tolist())
+
+
+def _evenly(count: int, most: int) -> IndexArray:
+    """Return up to ``most`` numbers below ``count``, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
 def _price(
