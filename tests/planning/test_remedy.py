@@ -39,6 +39,21 @@ def test_shift_of_the_workpiece(make_cell, make_path):
 
 
 @pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize("spin_deg", [-150, -90, -30, 30, 90, 150])
+def test_a_shift_serves_the_spin_that_a_tag_is_pinned_to(make_cell, make_path, spin_deg):
+    toolpath = hole(make_path, 3.6)
+    pinned = make_cell(optimize={"pins": {toolpath.tag_name(0): spin_deg * DEG}})
+    (finding,) = plan(toolpath, pinned).errors
+    size, axis, so = re.search(
+        r"workpiece (\S+) mm along ([xyz]) .* reach(.*)", finding.hint
+    ).groups()
+    T = np.eye(4)
+    T["xyz".index(axis), 3] = float(size) * MM
+    moved = replace(pinned, bases=(Workpiece(1, T),))
+    assert bool(plan(toolpath, moved).errors) == (so == " at another spin")
+
+
+@pytest.mark.usefixtures("no_scene")
 def test_more_spin(make_cell, make_path):
     toolpath = hole(make_path, 2.4)
     wide = plan(toolpath, make_cell())

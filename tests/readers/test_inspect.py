@@ -89,7 +89,10 @@ def test_text_for_people(fixtures, capsys):
     assert "in inch" in out
     assert "warning APT151" in err
     assert run(["inspect", str(fixtures / "plain_inch.apt"), "--quiet"]) == 0
-    assert capsys.readouterr() == ("", "")
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "error WRD001" in err
+    assert "warning" not in err
 
 
 def test_joint_targets_have_no_place_in_the_box(fixtures):

@@ -47,8 +47,7 @@ def remedy(checker: Checker, tag: int, reason: Reason, common: str) -> str:
     if text := _lead_or_side(checker, tag):
         return text
     if reason is not Reason.COLLISION:
-        shift = common or _shift(checker, tag, spins)
-        return f"moving the workpiece {shift} would bring it within reach" if shift else ""
+        return _shift(checker, tag, common, spins)
     away = "move the workpiece or the obstacle"
     if not standing.any():
         return f"no spin is free of collision here: {away}"
@@ -90,23 +89,29 @@ def common_shift(checker: Checker) -> str:
     Returns:
         The shift in words, nothing if none of those tried does.
     """
-    spins = checker.problem.settings.spins
     given = np.flatnonzero(checker.problem.placement.given)
     few = given[:: max(1, len(given) // _FEW)]
     for shift in _shifts(checker):
-        if not _reached(checker, few, spins, shift).all():
+        if not _reached(checker, few, shift).all():
             continue
-        if _stands(checker, few, spins, shift) and _reached(checker, given, spins, shift).all():
+        if _stands(checker, few, shift) and _reached(checker, given, shift).all():
             return _words(checker, shift)
     return ""
 
 
-def _shift(checker: Checker, tag: int, spins: FloatArray) -> str:
-    """Return the smallest shift of the workpiece along an axis of robroot that brings reach."""
-    tags = np.array([tag])
-    for shift in _shifts(checker):
-        if _reached(checker, tags, spins, shift)[0] and _stands(checker, tags, spins, shift):
-            return _words(checker, shift)
+def _shift(checker: Checker, tag: int, common: str, every: FloatArray) -> str:
+    """Return what shift of the workpiece along an axis of robroot brings reach, in words.
+
+    The one that serves others too, else the smallest; at ``every`` spin (s,) [rad] where none does
+    at those that the cell lets the tag have.
+    """
+    tags, text = np.array([tag]), "moving the workpiece {} would bring it within reach"
+    if common:
+        return text.format(common)
+    for spins, so in ((None, ""), (every, " at another spin")):
+        for shift in _shifts(checker):
+            if _reached(checker, tags, shift, spins)[0] and _stands(checker, tags, shift, spins):
+                return text.format(_words(checker, shift)) + so
     return ""
 
 
@@ -123,9 +128,28 @@ def _words(checker: Checker, shift: FloatArray) -> str:
     return f"{by[axis] / MM:+.0f} mm along {'xyz'[axis]} of the robot root"
 
 
-def _reached(checker: Checker, tags: IndexArray, spins: FloatArray, shift: FloatArray) -> BoolArray:
+def _spins_at(
+    checker: Checker, tags: IndexArray, spins: FloatArray | None
+) -> tuple[IndexArray, FloatArray]:
+    """Return tags (k,), each repeated for every spin (k,) [rad]; None: those the cell lets it have.
+
+    Pins count then.
+    """
+    problem = checker.problem
+    if spins is not None:
+        return np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    spins = np.tile(problem.settings.spins, (len(tags), 1))
+    pins = problem.cell.optimize.pins
+    for row, tag in enumerate(tags.tolist() if pins else ()):
+        spins[row] = pins.get(problem.toolpath.tag_name(tag), spins[row])
+    return np.repeat(tags, spins.shape[1]), spins.ravel()
+
+
+def _reached(
+    checker: Checker, tags: IndexArray, shift: FloatArray, spins: FloatArray | None = None
+) -> BoolArray:
     """Return (t,) whether a tag is within reach and limits at some spin, workpiece shifted."""
-    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    which, spin = _spins_at(checker, tags, spins)
     problem, strokes = checker.problem, checker.strokes
     good = np.ones((len(which), 1), dtype=np.bool_)
     for height in (0.0, np.where(strokes.is_stroke, strokes.top, problem.ways_out)[which]):
@@ -135,9 +159,11 @@ def _reached(checker: Checker, tags: IndexArray, spins: FloatArray, shift: Float
     return np.asarray(good.reshape(len(tags), -1).any(axis=1))
 
 
-def _stands(checker: Checker, tags: IndexArray, spins: FloatArray, shift: FloatArray) -> bool:
+def _stands(
+    checker: Checker, tags: IndexArray, shift: FloatArray, spins: FloatArray | None = None
+) -> bool:
     """Return whether the arm reaches each tag without hitting itself, workpiece shifted."""
-    which, spin = np.repeat(tags, len(spins)), np.tile(spins, len(tags))
+    which, spin = _spins_at(checker, tags, spins)
     T = checker.problem.placement.tcp(which, spin)
     T[:, :3, 3] += shift
     found = _within(checker, which, T)
