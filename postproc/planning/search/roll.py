@@ -18,7 +18,7 @@ from postproc.geometry import twist_about
 from postproc.model import CUTS, MotionKind
 from postproc.planning.checks import Checker, Lines, Reason, failure
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import price_of_lack
+from postproc.planning.search.rungs import price_of_lack, tolls_of
 from postproc.planning.states import BRANCHES, Chosen, evaluate, strokes_into
 from postproc.units import DEG
 
@@ -152,7 +152,7 @@ def _price(
 ) -> FloatArray:
     """Return what a stroke costs at each of spins (s,), infinite where it is out of reach.
 
-    As the search has it: what the poses of its key tags cost, and the travel along it, from the key
+    As the search has it: what the poses of its key tags cost, and the ways along it, from the key
     tag before it and to the one behind.
     """
     problem, m, s = search.checker.problem, len(tags), len(spins)
@@ -183,6 +183,8 @@ def _price(
         stops = np.concatenate([other, stops] if end == 0 else [stops, other])
         weight = weight if end == 0 else np.append(weight, search.weight[rung] if leads else 0.0)
     price += weight @ (np.diff(stops, axis=0) ** 2).sum(axis=2)
+    ends = (side.reshape(-1, 6) for side in (stops[:-1], stops[1:]))
+    price += tolls_of(problem, search.wish.parted, *ends).reshape(-1, s).sum(axis=0)
     return np.where(can_be_run, price, np.inf)
 
 
