@@ -113,12 +113,12 @@ def _ways(
     """
     checker, last = search.checker, len(tags) - 1
     spins = chosen.attitude[tags, 0] - offset
-    held = [k for k, tag in enumerate(tags.tolist()) if _is_pinned(checker, tag)]
-    held += [0] * (not _may_turn(checker, chosen, int(tags[0])))
-    held += [last] * (not _ends(checker, chosen, int(tags[-1])))
+    ends = [0] * (not _may_turn(checker, chosen, int(tags[0])))
+    ends += [last] * (not _ends(checker, chosen, int(tags[-1])))
+    held = ends + [k for k, tag in enumerate(tags.tolist()) if _is_pinned(checker, tag)]
     if held:
-        if np.ptp(spins[held]) < _SAME:
-            yield float(spins[min(held)]), int(chosen.branch[tags[min(held)]]), min(held)
+        if len(ends) < 2 and np.ptp(spins[held]) < _SAME:
+            yield float(spins[held[0]]), int(chosen.branch[tags[held[0]]]), held[0]
         return
     some = _evenly(len(tags), _OWN_SPINS)
     grid = checker.problem.settings.spins
