@@ -79,14 +79,13 @@ class Session:
         for (severity, code), group in groups.items():
             if self.quiet and severity is not Severity.ERROR:
                 continue
-            most = _SHOWN[severity]
+            most, lines = _SHOWN[severity], []
             for finding in group[:most]:
-                click.echo(_coloured(str(finding), str(severity)), err=True)
-                if finding.hint:
-                    click.echo(f"    hint: {finding.hint}", err=True)
+                lines.append(_coloured(str(finding), str(severity)))
+                lines += [f"    hint: {finding.hint}"] if finding.hint else []
             if len(group) > most:
-                more = f"... and {len(group) - most} more of {code}{_lines(group[most:])}"
-                click.echo(more, err=True)
+                lines.append(f"... and {len(group) - most} more of {code}{_lines(group[most:])}")
+            click.echo("\n".join(lines), err=True)
 
     @contextmanager
     def progress(self) -> Iterator[Progress]:

@@ -197,8 +197,8 @@ def _no_pose(checker: Checker, evidence: Evidence, row: int, remedies: _Remedies
 
 def pinned(problem: Problem, tag: int) -> str:
     """Return ``pinned to a spin of ... deg: `` for a pinned tag, else nothing."""
-    spin = problem.cell.optimize.pins.get(problem.toolpath.tag_name(tag))
-    return "" if spin is None else f"pinned to a spin of {spin / DEG:g} deg: "
+    spin = float(problem.pins[tag])
+    return "" if np.isnan(spin) else f"pinned to a spin of {spin / DEG:g} deg: "
 
 
 def _most_frequent(checker: Checker, pairs: IndexArray) -> str:

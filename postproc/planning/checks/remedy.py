@@ -36,8 +36,7 @@ def remedy(checker: Checker, tag: int, reason: Reason, common: str) -> str:
     spins = spin_values(_STEP, -np.pi, np.pi)
     standing, free = _free_spins(checker, tag, _upright(spins))
     if free.any():
-        name = checker.problem.toolpath.tag_name(tag)
-        how = "pin it there" if name in checker.problem.cell.optimize.pins else "widen range_deg"
+        how = "widen range_deg" if np.isnan(checker.problem.pins[tag]) else "pin it there"
         return f"a spin of {_least(spins[free])} deg about the tool axis would do: {how}"
     if standing.any() and checker.problem.ways_out[tag]:
         return (
@@ -138,10 +137,8 @@ def _spins_at(
     problem = checker.problem
     if spins is not None:
         return np.repeat(tags, len(spins)), np.tile(spins, len(tags))
-    spins = np.tile(problem.settings.spins, (len(tags), 1))
-    pins = problem.cell.optimize.pins
-    for row, tag in enumerate(tags.tolist() if pins else ()):
-        spins[row] = pins.get(problem.toolpath.tag_name(tag), spins[row])
+    pins = problem.pins[tags, None]
+    spins = np.where(np.isnan(pins), problem.settings.spins, pins)
     return np.repeat(tags, spins.shape[1]), spins.ravel()
 
 
@@ -153,9 +150,7 @@ def _reached(
     problem, strokes = checker.problem, checker.strokes
     good = np.ones((len(which), 1), dtype=np.bool_)
     for height in (0.0, np.where(strokes.is_stroke, strokes.top, problem.ways_out)[which]):
-        T = problem.placement.tcp(which, spin, height)
-        T[:, :3, 3] += shift
-        good = good & _within(checker, which, T).good
+        good = good & _shifted(checker, which, spin, shift, height).good
     return np.asarray(good.reshape(len(tags), -1).any(axis=1))
 
 
@@ -164,12 +159,23 @@ def _stands(
 ) -> bool:
     """Return whether the arm reaches each tag without hitting itself, workpiece shifted."""
     which, spin = _spins_at(checker, tags, spins)
-    T = checker.problem.placement.tcp(which, spin)
-    T[:, :3, 3] += shift
-    found = _within(checker, which, T)
+    found = _shifted(checker, which, spin, shift)
     row, branch = np.nonzero(found.good)
     free = row[~checker.hits_itself(found.q[row, branch])]
     return bool(np.isin(tags, which[free]).all())
+
+
+def _shifted(
+    checker: Checker,
+    tags: IndexArray,
+    spin: FloatArray,
+    shift: FloatArray,
+    height: FloatArray | float = 0.0,
+) -> Postures:
+    """Return the postures at tags (m,), spins (m,) and heights above them, workpiece shifted."""
+    T = checker.problem.placement.tcp(tags, spin, height)
+    T[:, :3, 3] += shift
+    return _within(checker, tags, T)
 
 
 def _upright(spins: FloatArray) -> FloatArray:

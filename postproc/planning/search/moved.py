@@ -45,7 +45,7 @@ def moved_off_grid(
         steady: bits of the branch with which they stay there.
     """
     checker, between = search.checker, search.between
-    problem, pins = checker.problem, checker.problem.cell.optimize.pins
+    problem = checker.problem
     kept = chosen.good[search.tags]
     tags = search.tags[kept]
     if len(tags) == 0:
@@ -61,8 +61,8 @@ def moved_off_grid(
         search.share[kept],
         yardstick(problem, search.states, search.edges)[kept],
     )
-    names, runs = problem.toolpath.tag_name, np.cumsum(linked == 0.0)
-    free = np.array([names(tag) not in pins for tag in tags.tolist()])
+    runs = np.cumsum(linked == 0.0)
+    free = np.isnan(problem.pins[tags])
     bounds = _bounds(problem, between, grid, free)
     known, passed = grid, np.zeros(len(tags), dtype=np.bool_)
     cuts = _cuts(between, grid)

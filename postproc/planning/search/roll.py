@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IndexArray, runs
+from postproc.arrays import BoolArray, FloatArray, IndexArray, runs
 from postproc.errors import Finding, Severity
 from postproc.geometry import twist_about
 from postproc.model import CUTS, MotionKind
@@ -115,7 +115,7 @@ def _ways(
     spins = chosen.attitude[tags, 0] - offset
     ends = [0] * (not _may_turn(checker, chosen, int(tags[0])))
     ends += [last] * (not _ends(checker, chosen, int(tags[-1])))
-    held = ends + [k for k, tag in enumerate(tags.tolist()) if _is_pinned(checker, tag)]
+    held = ends + np.flatnonzero(_is_pinned(checker, tags)).tolist()
     if held:
         if len(ends) < 2 and np.ptp(spins[held]) < _SAME:
             yield float(spins[held[0]]), int(chosen.branch[tags[held[0]]]), held[0]
@@ -174,17 +174,16 @@ def _price(
         cost += price_of_lack(index, search.wish.least[rows])
     at = np.searchsorted(search.tags, tags[keys])
     price = search.share[at] @ cost.reshape(m, s)[keys]
-    stops, weight = way[keys], search.weight[at]
-    for end, rung in ((0, int(at[0]) - 1), (-1, int(at[-1]) + 1)):
-        behind = tags[0] if end == 0 else search.tags[min(rung, len(search.tags) - 1)]
-        inside = 0 <= rung < len(search.tags) and bool(chosen.good[search.tags[rung]])
-        leads = inside and not chosen.entry[behind]
-        other = np.broadcast_to(chosen.q[search.tags[rung]], (1, s, 6)) if leads else stops[[end]]
-        stops = np.concatenate([other, stops] if end == 0 else [stops, other])
-        weight = weight if end == 0 else np.append(weight, search.weight[rung] if leads else 0.0)
-    price += weight @ (np.diff(stops, axis=0) ** 2).sum(axis=2)
+    rungs = np.concatenate([at[:1] - 1, at, at[-1:] + 1])
+    rungs = rungs[(rungs >= 0) & (rungs < len(search.tags))]
+    stand = search.tags[rungs]
+    stops = np.repeat(chosen.q[stand][:, None], s, axis=1)
+    stops[np.isin(rungs, at)] = way[keys]
+    linked = chosen.good[stand[1:]] & chosen.good[stand[:-1]] & ~chosen.entry[stand[1:]]
     ends = (side.reshape(-1, 6) for side in (stops[:-1], stops[1:]))
-    price += tolls_of(problem, search.wish.parted, *ends).reshape(-1, s).sum(axis=0)
+    steps = search.weight[rungs[1:], None] * (np.diff(stops, axis=0) ** 2).sum(axis=2)
+    steps += tolls_of(problem, search.wish.parted, *ends).reshape(-1, s)
+    price += steps[linked].sum(axis=0)
     return np.where(can_be_run, price, np.inf)
 
 
@@ -193,7 +192,7 @@ def _may_turn(checker: Checker, chosen: Chosen, tag: int) -> bool:
     toolpath = checker.problem.toolpath
     given = toolpath.joints is not None and bool(np.isfinite(toolpath.joints[tag]).all())
     joint = toolpath.kind[tag] in (MotionKind.JOINT, MotionKind.RAPID)
-    return (joint or bool(chosen.entry[tag])) and not given and not _is_pinned(checker, tag)
+    return (joint or bool(chosen.entry[tag])) and not given and not bool(_is_pinned(checker, tag))
 
 
 def _ends(checker: Checker, chosen: Chosen, tag: int) -> bool:
@@ -203,11 +202,11 @@ def _ends(checker: Checker, chosen: Chosen, tag: int) -> bool:
         return True
     if behind < len(toolpath) and not chosen.entry[behind] and toolpath.kind[behind] in CUTS:
         return False
-    return not _is_pinned(checker, tag)
+    return not bool(_is_pinned(checker, tag))
 
 
-def _is_pinned(checker: Checker, tag: int) -> bool:
-    return checker.problem.toolpath.tag_name(tag) in checker.problem.cell.optimize.pins
+def _is_pinned(checker: Checker, tag: IndexArray | int) -> BoolArray:
+    return np.asarray(~np.isnan(checker.problem.pins[tag]))
 
 
 def _offsets(checker: Checker, tags: IndexArray) -> FloatArray:

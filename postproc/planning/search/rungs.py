@@ -138,20 +138,18 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
     A pinned tag stands at its own spin in all columns; that nearest to it is the one to take, by
     which the tags beside it see where it stands. ``NONE`` where a tag is not pinned.
     """
-    wishes, pins = problem.cell.optimize, problem.cell.optimize.pins
+    wishes, pins = problem.cell.optimize, problem.pins[tags]
     given = problem.settings.spins
     if len(given) > 1:
         given = spin_values(wishes.step / FINE, *wishes.range)
     column = np.full(len(tags), NONE, dtype=np.int64)
-    if not pins:
+    if np.isnan(pins).all():
         return given, column
     base = given[::FINE] if len(given) > 1 else given
     spins = np.tile(given, (len(tags), 1))
-    for row, tag in enumerate(tags.tolist()):
-        spin = pins.get(problem.toolpath.tag_name(tag))
-        if spin is not None:
-            off = np.abs(np.mod(base - spin + np.pi, 2.0 * np.pi) - np.pi)
-            spins[row], column[row] = spin, int(np.argmin(off)) * (len(given) > 1) * FINE
+    for row in np.flatnonzero(~np.isnan(pins)).tolist():
+        off = np.abs(np.mod(base - pins[row] + np.pi, 2.0 * np.pi) - np.pi)
+        spins[row], column[row] = pins[row], int(np.argmin(off)) * (len(given) > 1) * FINE
     return spins, column
 
 

@@ -53,6 +53,14 @@ class Problem:
         return np.isin(kind, WORKING)
 
     @cached_property
+    def pins(self) -> FloatArray:
+        """(n,) the spin that each tag is pinned to [rad], NaN for none."""
+        pins, asked = np.full(len(self), np.nan), self.cell.optimize.pins
+        for tag in range(len(self) if asked else 0):
+            pins[tag] = asked.get(self.toolpath.tag_name(tag), np.nan)
+        return pins
+
+    @cached_property
     def least_feeds(self) -> FloatArray:
         """(n,) lowest feed [m/s] that the process takes at each tag, 0 where any will do."""
         return least_feeds(self.toolpath, self.cell)
