@@ -143,7 +143,7 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
     if len(given) > 1:
         given = spin_values(wishes.step / FINE, *wishes.range)
     column = np.full(len(tags), NONE, dtype=np.int64)
-    if np.isnan(pins).all():
+    if np.isnan(problem.pins).all():  # of all tags: the grids of any two sets of tags must join
         return given, column
     base = given[::FINE] if len(given) > 1 else given
     spins = np.tile(given, (len(tags), 1))
