@@ -11,8 +11,9 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   ``blend_end``; ``torque``: what the joints have; ``block_rate``, ``look_ahead``, ``memory``: what
   the controller can take;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
-  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
-  tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
+  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``approximation``,
+  ``speed``: what the file says of single motions; ``tool``: another tool or base is selected than
+  the file means; ``word``: what the CAM file asks for and no program
   does;
 - ``spindle``: it stands or turns the wrong way in a cut, or still turns at the end.
 
@@ -53,6 +54,7 @@ from postproc.verification.cam import (
     Comparison,
     Tolerances,
     check_events,
+    check_profiles,
     check_steps,
     compare_served,
 )
@@ -135,6 +137,7 @@ def verify(
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
+        check_profiles(result, toolpath, comparison)
         check_events(result, cell, toolpath, comparison)
         check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
