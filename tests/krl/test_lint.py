@@ -7,6 +7,8 @@ import pytest
 from postproc.errors import KrlError, Severity
 from postproc.jobs.lint import lint as lint_files
 from postproc.krl.lint import RULES, lint
+from postproc.krl.rules.scope import system_names
+from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.text.parse import load_modules, parse_files
 
@@ -139,6 +141,9 @@ CIRCLE = "CIRC {X 140.0000,Y 10.0000,Z 50.0000},"
 RESUMED = "PTP {A1 -12.0,A2 -80.0,A3 100.0,A4 0.0,A5 45.0,A6 10.0}"
 POINT = "DECL E6POS XP1={X 100.0,Y 0.0,Z 50.0,A 0.0,B 90.0,C 0.0,S 2,T 'B000010'}"
 TRIGGER = "TRIGGER WHEN DISTANCE=0 DELAY=0 DO "
+
+FUNCTION = "DEFFCT BOOL NEAR(a :IN,b[] :OUT)\nDECL REAL a\nDECL INT b[]\nRETURN a>1\nENDFCT\n"
+LAST = "DEF SLIN_SAFE( )\nHALT\nEND\n"
 
 MUTANTS = [
     # row, severity, file, text, replaced by
@@ -303,6 +308,12 @@ MUTANTS = [
     (28, "error", "PANEL.src", "nHole<>2", "nHole<>PANEL_001()"),
     (28, "error", "PANEL.src", "WAIT SEC 0.5", "RETURN 3"),
     (28, "error", "PANEL.src", "BAS(#TOOL,1)", "BAS(#TOOL,1)\nBAS(#BASE)"),
+    (4, "error", "PANEL.src", "WAIT SEC 0.5", "A234567890123456789012345( )"),
+    (27, "error", "PANEL.src", "nHole<>2", "nHole"),
+    (27, "error", "PANEL.src", "WAIT SEC 0.5", "WAIT FOR XP1"),
+    (27, "error", "PANEL.src", "nHole<>2", "nHole<>#BASE"),
+    (28, "warning", "PANEL_001.src", LAST, LAST + FUNCTION.replace("RETURN a>1\n", "")),
+    (28, "warning", "PANEL_001.src", LAST, FUNCTION + LAST.replace("HALT", "NEAR( )")),
     (29, "error", "PANEL.src", "WAIT SEC 0.5", "GOTO NOWHERE"),
     (29, "error", "PANEL.src", "WAIT SEC 0.5", "AGAIN:\nAgain:"),
     (30, "error", "PANEL.src", "WAIT SEC 0.5", "$VELL.CP=1.0"),
@@ -323,13 +334,11 @@ MUTANTS = [
     (31, "error", "PANEL.src", BOTTOM, f"PTP_SPLINE\nS{BOTTOM}\nENDSPLINE"),
     (31, "error", "PANEL.src", BOTTOM, BOTTOM.replace("LIN", "SPL")),
 ]
-HELPER = "DEFFCT BOOL NEAR(a :IN,b[] :OUT)\nDECL REAL a\nDECL INT b[]\nRETURN a>1\nENDFCT\n"
-LAST = "DEF SLIN_SAFE( )\nHALT\nEND\n"
 SOUND = [
     # row, file, text, replaced by what a controller takes
     (1, "PANEL.src", ABOVE, ABOVE + " C_DIS"),
     (4, "PANEL_001.src", "DEF SLIN_SAFE( )", "DEF BAS_SAFE( )"),
-    (6, "PANEL_001.src", LAST, HELPER + LAST),
+    (6, "PANEL_001.src", LAST, FUNCTION + LAST),
     (7, "PANEL.dat", "ENDDAT", "DECL FRAME fA={X 1.0,C 2.0}\nDECL POS pA={X 1.0,S 2}\nENDDAT"),
     (22, "PANEL.src", "PTP XP1", f"{TRIGGER.replace('=0', '=1', 1)}$OUT[1]=TRUE\nPTP XP1"),
     (27, "PANEL.dat", POINT, POINT.replace("DECL", "DECL GLOBAL").replace("E6POS", "POS")),
@@ -343,8 +352,9 @@ SOUND = [
     (27, "PANEL.src", "WAIT SEC 0.5", "XP1=$BASE:XP1\n$OUT[7]=nHole>2 AND $IN[3]"),
     (27, "PANEL.src", "PTP XP1", "PTP $AXIS_ACT\nPTP XP1\nPTP XOFNOBODY"),
     (27, "PANEL.src", BOTTOM, "LIN XP1\nLIN $POS_ACT\n" + BOTTOM),
-    (28, "PANEL_001.src", LAST, HELPER + LAST.replace("HALT", "IF NEAR(2,n[]) THEN\nENDIF")),
+    (28, "PANEL_001.src", LAST, FUNCTION + LAST.replace("HALT", "IF NEAR(2,n[]) THEN\nENDIF")),
     (28, "PANEL.src", "BAS(#TOOL,1)", "BAS(#TOOL,1)\nBAS(#FRAMES)"),
+    (28, "PANEL_001.src", LAST, FUNCTION + LAST.replace("HALT", "NEAR(2)")),
     (29, "PANEL.src", "WAIT SEC 0.5", "IF nHole>3 THEN\nGOTO again\nENDIF\nAGAIN:"),
     (30, "PANEL.src", "WAIT SEC 0.5", "$OUT[7]=$IN[3]\n$ORI_TYPE=#CONSTANT\n$IPO_MODE=#tcp"),
     (30, "PANEL.dat", "ENDDAT", "DECL GLOBAL REAL $VELL=1.0\nENDDAT"),
@@ -456,6 +466,57 @@ def test_the_order_of_rules_and_findings_is_fixed():
     lines = [i.source.line for i in run(files) if i.source.path == "PANEL.src"]
     assert lines == sorted(lines)
     assert len(RULES) == len({rule.__name__ for rule in RULES})
+
+
+def test_calls_of_global_routines_of_the_folder_are_held_against_them(tmp_path):
+    library = (
+        "DEF LIB( )\nEND\nGLOBAL DEF HOLE(d :IN,n :IN)\nDECL REAL d\nDECL INT n\n"
+        'IF VARSTATE("n")==#UNDEFINED THEN\nn=1\nENDIF\nIF d>1 THEN\nENDIF\nEND\n'
+    )
+    calls = "HOLE(1,2)\nHOLE(1)\nHOLE(1,2,3)\nHOLE(TRUE,2)\nHOLE({X 1.0},2)\n"
+    folder = on_disk(tmp_path, {"LIB.src": library, "JOB.src": f"DEF JOB( )\n{calls}END\n"})
+    findings, _ = lint_files([folder])
+    told = {(i.code, i.source.line) for i in findings if i.severity is Severity.ERROR}
+    assert told == {("KRL128", 4), ("KRL127", 5), ("KRL127", 6)}
+
+
+def test_types_and_signals_of_a_config_are_known(tmp_path):
+    text = (
+        "DEF JOB( )\nDECL SIDE_T eSide\nDECL POST xPost\neSide=#LEFT\nIF DI_ON THEN\nENDIF\nEND\n"
+    )
+    config = (
+        "DEFDAT $CONFIG\nENUM SIDE_T LEFT,RIGHT\nSTRUC POST INT N\nSIGNAL DI_ON $IN[7]\nENDDAT\n"
+    )
+    folder = on_disk(tmp_path, {"JOB.src": text, "config/$config.dat": config})
+    findings, _ = lint_files([folder / "JOB.src"], config=[folder / "config/$config.dat"])
+    assert [i for i in findings if i.severity is not Severity.NOTE] == []
+
+
+def test_types_that_two_files_define_otherwise_are_not_judged():
+    first = "DEFDAT A\nENUM SIDE_T L,R\nDECL SIDE_T e=#L\nENDDAT\n"
+    second = "DEFDAT B\nENUM SIDE_T UP,DOWN\nDECL SIDE_T e=#UP\nENDDAT\n"
+    assert "KRL127" not in {code for code, _ in found({"A.dat": first, "B.dat": second})}
+
+
+def test_a_bracket_alone_is_one_error():
+    assert ("KRL101", "error") in found(mutated("PANEL.src", "WAIT SEC 0.5", "("))
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("$VELL", "$VEL"),
+        ("$ADVNACE", "$ADVANCE"),
+        ("$ADVANC", "$ADVANCE"),
+        ("$BACE", "$BASE"),
+        ("$BASES", ""),
+        ("$MYBASE", ""),
+        ("$AXWORKSTATE9", ""),
+        ("$IM", ""),
+    ],
+)
+def test_the_nearest_name_is_one_slip_away(name, meant):
+    assert nearest(name, system_names().variables, counts_digits=False) == meant
 
 
 CONTROLLER = {

@@ -110,10 +110,15 @@ def _parameters(subject: Subject, part: Part) -> None:
 
 
 def _returns(subject: Subject, part: Part) -> None:
-    for statement in part.of(Control):
-        if statement.word == "RETURN" and statement.text and part.routine.result_type is None:
-            message = f"{part.routine.name} is no function: RETURN takes no value"
-            subject.add(28, ERROR, part.path, statement.line, message)
+    values = [s for s in part.of(Control) if s.word == "RETURN" and s.text]
+    if part.routine.result_type is not None:
+        if not values:
+            message = f"{part.routine.name} is a function and returns no value"
+            subject.add(28, WARNING, part.path, part.routine.line, message)
+        return
+    for statement in values:
+        message = f"{part.routine.name} is no function: RETURN takes no value"
+        subject.add(28, ERROR, part.path, statement.line, message)
 
 
 def _bas(subject: Subject, path: str, call: Call) -> None:

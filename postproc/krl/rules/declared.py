@@ -12,6 +12,7 @@ from postproc.krl.rules.naming import BUILT_IN, global_names
 from postproc.krl.rules.scope import DEFINES
 from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
 from postproc.krl.text import (
+    NAME_LENGTH,
     Aggregate,
     Assign,
     Axes,
@@ -240,6 +241,10 @@ def _undeclared(subject: Subject, item: _Missing) -> None:
     if not item.is_call:
         message = f"{item.name} is used and not declared"
         subject.add(5, ERROR, path, line, message, hint="declare it in the .dat")
+        return
+    if len(item.name) > NAME_LENGTH:
+        message = f"{item.name} has {len(item.name)} characters, at most {NAME_LENGTH} are legal"
+        subject.add(4, ERROR, path, line, message)
         return
     severity = NOTE if item.name.startswith(HOOK_PREFIX) else WARNING
     message = f"routine {item.name} is not among these files: it must be on the controller"

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from postproc.krl.rules.expressions import nodes_of
 from postproc.krl.rules.scope import BASIC_TYPES, COMPONENTS, Place, Type, names_of
 from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Assign,
     Axes,
+    Binary,
+    Control,
     Declaration,
+    Enum,
     Expr,
     KrlSyntaxError,
     Move,
@@ -18,9 +22,11 @@ from postproc.krl.text import (
     Reference,
     Statement,
     Value,
+    WaitFor,
     parse_expression,
 )
 
+_CONDITIONS = frozenset({"IF", "WHILE", "UNTIL"})
 _POINTS = frozenset({"a pose", "joint angles", ""})
 
 
@@ -34,6 +40,8 @@ def types(subject: Subject) -> None:
         _given(subject, part.path, place, part.of_kinds(Declaration, Assign))
         for step in part.steps:
             _target(subject, part.path, place, step.move)
+        for statement in part.of_kinds(Control, WaitFor):
+            _condition(subject, part.path, place, statement)
     _unknown(subject)
 
 
@@ -91,6 +99,24 @@ def _target(subject: Subject, path: str, place: Place, move: Move) -> None:
         elif family == "joint angles" and not move.word.is_axis_motion:
             message = f"{move.word.value} to joint angles: only a PTP goes there"
             subject.add(27, ERROR, path, move.line, message)
+
+
+def _condition(subject: Subject, path: str, place: Place, statement: Statement) -> None:
+    """A condition is true or false, and compares an enumeration with its own constants."""
+    scope, line = subject.scope, statement.line
+    nodes = list(nodes_of(statement, ""))
+    is_asked = isinstance(statement, WaitFor) or getattr(statement, "word", "") in _CONDITIONS
+    family = scope.family(scope.type_of(nodes[0], *place)) if is_asked and nodes else "BOOL"
+    if family not in ("BOOL", ""):
+        message = f"a condition that is {family}: it must be true or false"
+        subject.add(27, ERROR, path, line, message)
+    for node in nodes:
+        if isinstance(node, Binary) and node.operator in ("==", "<>"):
+            for constant, other in ((node.left, node.right), (node.right, node.left)):
+                wanted = scope.type_of(other, *place)
+                if isinstance(constant, Enum) and scope.mismatch(constant, wanted, place):
+                    message = f"#{constant.name} is compared with a {wanted and wanted.name}"
+                    subject.add(27, ERROR, path, line, message)
 
 
 def _shown(point: Value | None) -> str:
