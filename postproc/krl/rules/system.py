@@ -21,8 +21,8 @@ def system_variables(subject: Subject) -> None:
     known = system_names().variables | {name.upper() for name in subject.options.names}
     known = known.union(*map(declared_names, subject.modules))
     commands = subject.scope.enumerations.get("BAS_COMMAND") or system_names().constants["BAS"]
+    told: set[tuple[str, str]] = set()
     for part in subject.parts:
-        told: set[str] = set()
         for statement in part.routine.statements:
             for item in settings_of(statement):
                 _set(subject, part, statement.line, item)
@@ -39,7 +39,7 @@ def _exists(
     line: int,
     node: Reference,
     known: Collection[str],
-    told: set[str],
+    told: set[tuple[str, str]],
 ) -> None:
     name = node.name
     if name not in known:
@@ -47,10 +47,10 @@ def _exists(
         if near:
             message = f"no system variable {name}"
             subject.add(30, ERROR, part.path, line, message, hint=f"{near} is meant")
-        elif name not in told:
+        elif (part.path, name) not in told:
             message = f"{name} is no known system variable: an option must bring it"
             subject.add(30, WARNING, part.path, line, message)
-        told.add(name)
+        told.add((part.path, name))
         return
     if name in _COUNTED and node.selectors and node.selectors[0] == (0,):
         subject.add(30, ERROR, part.path, line, f"{name}[0]: the first index is 1")
