@@ -75,7 +75,7 @@ def _call(
     module, routine = target
     names = [parameter.name for parameter in routine.parameters]
     if len(arguments) > len(names):
-        message = f"{routine.name} with {len(arguments)} arguments, it has {len(names)} parameters"
+        message = f"{routine.name}: arguments {len(arguments)}, parameters {len(names)}"
         subject.add(28, ERROR, path, line, message)
         return
     given = [*arguments, *[None] * (len(names) - len(arguments))]
