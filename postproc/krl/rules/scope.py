@@ -74,7 +74,7 @@ COMPONENTS: Mapping[str, frozenset[str]] = {
 """Components of the structures that every controller has and that programs write."""
 _NUMBERS = frozenset({"INT", "REAL"})
 _SCALARS = _NUMBERS | {"BOOL", "CHAR"}
-BASIC_TYPES = _SCALARS | COMPONENTS.keys()
+LANGUAGE_TYPES = _SCALARS | COMPONENTS.keys()
 """Types that the language itself has."""
 _TRUTH = frozenset({"==", "<>", "<", ">", "<=", ">=", "AND", "OR", "EXOR"})
 
@@ -178,7 +178,7 @@ class Scope:
     def is_type(self, name: str) -> bool:
         """Whether a type of this name is known, if only by its name."""
         here = name in self.structures or name in self.enumerations
-        return here or name in BASIC_TYPES or name in system_names().structures
+        return here or name in LANGUAGE_TYPES or name in system_names().structures
 
     def components(self, kind: Type) -> frozenset[str] | None:
         """Return the names of a structure's components; None: not known."""
@@ -202,7 +202,7 @@ class Scope:
         if kind.name in AXES_TYPES:
             return "joint angles"
         told = self.structures.get(kind.name) or self.enumerations.get(kind.name)
-        return kind.name if told or kind.name in BASIC_TYPES else ""
+        return kind.name if told or kind.name in LANGUAGE_TYPES else ""
 
     # ---------------------------------------------------------------------------------- variables
 
@@ -283,7 +283,7 @@ class Scope:
         constants = self.constants(wanted)
         if constants is not None:
             return "" if value.name.upper() in constants else f"#{value.name}"
-        return f"#{value.name}" if wanted.name in BASIC_TYPES else ""
+        return f"#{value.name}" if wanted.name in LANGUAGE_TYPES else ""
 
     def _structure(self, value: Pose | Axes | Aggregate, wanted: Type) -> str:
         names = names_of(value)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from postproc.krl.rules.expressions import nodes_of
-from postproc.krl.rules.scope import BASIC_TYPES, COMPONENTS, Place, Type, names_of
+from postproc.krl.rules.scope import COMPONENTS, LANGUAGE_TYPES, Place, Type, names_of
 from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
@@ -134,7 +134,7 @@ def _unknown(subject: Subject) -> None:
             if name and name not in known and not subject.scope.is_type(name):
                 lines.setdefault(path, {}).setdefault(name, statement.line)
     for path, names in lines.items():
-        meant = {name: nearest(name, BASIC_TYPES) for name in names}
+        meant = {name: nearest(name, LANGUAGE_TYPES) for name in names}
         for name, near in meant.items():
             if near:
                 subject.add(27, ERROR, path, names[name], f"no type {name}", f"{near} is meant")
