@@ -55,6 +55,7 @@ POSE_FIELDS = {
     "S": "status",
     "T": "turn",
 }
+_POSES, _AXES = frozenset({"POS", "E6POS", "FRAME"}), frozenset({"AXIS", "E6AXIS"})
 AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
 _DEGREES: dict[str, Callable[[float], float]] = {
     "SIN": lambda a: math.sin(a * DEG),
@@ -86,11 +87,13 @@ _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
 class Variables:
     """Storage of one scope: plain values and array elements by name in upper case."""
 
-    __slots__ = ("arrays", "plain")
+    __slots__ = ("arrays", "plain", "types")
 
     def __init__(self) -> None:
         self.plain: dict[str, Any] = {}
         self.arrays: dict[str, dict[Indices, Any]] = {}
+        self.types: dict[str, str] = {}
+        """Declared types in upper case; what is a parameter only, or of the controller, has none."""
 
     def __contains__(self, name: str) -> bool:
         """Whether the scope holds this name."""
@@ -234,6 +237,41 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
     fields = list(value.fields) if isinstance(value, Aggregate) else []
     kept = [(key, item) for key, item in fields if key.upper() != name]
     return _structure("", (*kept, (name, inner)))
+
+
+def converted(value: Any, type_name: str) -> Any:  # noqa: ANN401
+    """Return a value as a variable of a declared type takes it, None where it takes no such value.
+
+    Args:
+        value: a KRL value, ``UNKNOWN`` for one that is not known.
+        type_name: in upper case, empty for none.
+    """
+    if value is UNKNOWN or not type_name:
+        return value
+    if type_name in ("INT", "REAL"):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        return float(value) if type_name == "REAL" else _whole(value)
+    if type_name == "BOOL":
+        return value if isinstance(value, bool) else None
+    if type_name == "CHAR":
+        # A number is the code of a character: which one moves no arm.
+        is_code = isinstance(value, int) and not isinstance(value, bool)
+        return UNKNOWN if is_code else value if isinstance(value, Text) else None
+    if isinstance(value, bool | int | float | Text):
+        return None  # an enumeration or a structure, and no value of either
+    if isinstance(value, Pose | Axes | Aggregate | Enum):
+        shape = Pose if type_name in _POSES else Axes if type_name in _AXES else None
+        fits = (shape, Aggregate) if shape is not None else (Pose, Axes, Aggregate, Enum)
+        return value if isinstance(value, fits) else None
+    return value
+
+
+def _whole(value: float) -> int | None:
+    """Return the number as an INT: KRL rounds a REAL to the nearest one, halves away from zero."""
+    if not abs(value) < 2**31 - 0.5:
+        return None
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 def _structure(type_name: str, fields: tuple[tuple[str, Any], ...]) -> Any:  # noqa: ANN401
