@@ -3,9 +3,9 @@
 Followed: declarations and data lists, assignments, frames and the frame operator, IF, FOR, WHILE,
 REPEAT, LOOP, SWITCH, GOTO, sub-programs (local, by module, GLOBAL) with parameters, functions, BAS,
 inline forms of both kinds, spline blocks, WITH, relative and partial targets, triggers, waits.
-Calls of hooks and of routines that are not in the files are recorded; what lies of them in the files
-is run, and only its waits and stops are its own. What only the controller knows
-(inputs, timers) is unknown: a condition on it is taken as FALSE. Interrupts never happen.
+Calls of hooks, and of routines that are not in the files, are recorded. A hook that lies in the
+files is run as well; only its waits and stops are its own. What only the controller knows (inputs,
+timers) is unknown: a condition on it is taken as FALSE. Interrupts never happen.
 
 What the program would do otherwise is a finding: a statement, system variable or routine that is
 not followed here and may move the arm or change how it moves, a condition that is not known and
@@ -216,7 +216,9 @@ class Interpreter:
             self.finding(RunKind.UNJUDGED, message, hint=f"harmless? [verify] accept = [{name!r}]")
 
     def _wrong_type(self, message: str, source: SourceRef | None) -> None:
-        place = self.place() if source is None else (self.recorder.file_row(source.path), source.line)
+        place = (
+            self.place() if source is None else (self.recorder.file_row(source.path), source.line)
+        )
         self.recorder.finding(RunKind.TYPE, message, place)
 
     def _missing_frames(self) -> None:
@@ -364,6 +366,8 @@ class Interpreter:
         values = [self.evaluator.value(value) for value in statement.arguments]
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
+        if command in ("TOOL", "BASE"):
+            argument = self._memory.typed(argument, "INT", f"BAS(#{command})")
         if not self.state.bas(command, argument, self._active):
             self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not judged")
         self._missing_frames()

@@ -55,8 +55,14 @@ POSE_FIELDS = {
     "S": "status",
     "T": "turn",
 }
-_POSES, _AXES = frozenset({"POS", "E6POS", "FRAME"}), frozenset({"AXIS", "E6AXIS"})
 AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
+_HELD: dict[str, tuple[type, ...]] = {
+    "BOOL": (bool,),
+    "CHAR": (Text,),
+    **dict.fromkeys(("POS", "E6POS", "FRAME"), (Pose, Aggregate)),
+    **dict.fromkeys(("AXIS", "E6AXIS"), (Axes, Aggregate)),
+}
+"""What variables of these types hold; an aggregate is one of which not all is known."""
 _DEGREES: dict[str, Callable[[float], float]] = {
     "SIN": lambda a: math.sin(a * DEG),
     "COS": lambda a: math.cos(a * DEG),
@@ -93,7 +99,7 @@ class Variables:
         self.plain: dict[str, Any] = {}
         self.arrays: dict[str, dict[Indices, Any]] = {}
         self.types: dict[str, str] = {}
-        """Declared types in upper case; what is a parameter only, or of the controller, has none."""
+        """Declared types in upper case; undeclared parameters and points of the pad have none."""
 
     def __contains__(self, name: str) -> bool:
         """Whether the scope holds this name."""
@@ -248,23 +254,16 @@ def converted(value: Any, type_name: str) -> Any:  # noqa: ANN401
     """
     if value is UNKNOWN or not type_name:
         return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if type_name in ("INT", "REAL"):
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            return None
-        return float(value) if type_name == "REAL" else _whole(value)
-    if type_name == "BOOL":
-        return value if isinstance(value, bool) else None
-    if type_name == "CHAR":
-        # A number is the code of a character: which one moves no arm.
-        is_code = isinstance(value, int) and not isinstance(value, bool)
-        return UNKNOWN if is_code else value if isinstance(value, Text) else None
-    if isinstance(value, bool | int | float | Text):
-        return None  # an enumeration or a structure, and no value of either
-    if isinstance(value, Pose | Axes | Aggregate | Enum):
-        shape = Pose if type_name in _POSES else Axes if type_name in _AXES else None
-        fits = (shape, Aggregate) if shape is not None else (Pose, Axes, Aggregate, Enum)
-        return value if isinstance(value, fits) else None
-    return value
+        whole = type_name == "INT"
+        return None if not is_number else _whole(value) if whole else float(value)
+    if type_name == "CHAR" and is_number:
+        return UNKNOWN  # the code of a character: which one moves no arm
+    if type_name in _HELD:
+        return value if isinstance(value, _HELD[type_name]) else None
+    # an enumeration or a structure of any name, and none of the values of the other types
+    return None if is_number or isinstance(value, bool | Text) else value
 
 
 def _whole(value: float) -> int | None:
