@@ -239,6 +239,8 @@ class Interpreter:
             name, _, rest = key.partition(".")
             value = self.targets.position(name)
             return component(value, rest) if rest else value
+        if key.startswith("$TIMER["):
+            return UNKNOWN  # it runs on, whatever it was set to
         value = self.state.read(key)
         return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
 

@@ -88,13 +88,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     import numpy as np
 
-    from postproc.errors import StiffnessError
     from postproc.stiffness.identify import IdentifyOptions
     from postproc.units import MM
 
     edge, method = options["grid"], options["method"]
-    if method == "grid" and edge is None:
-        raise StiffnessError("STF026", "--method grid needs --grid MM")
     return IdentifyOptions(
         method=method or ("grid" if edge is not None else "auto"),
         grid=None if edge is None else edge * MM,

@@ -11,9 +11,7 @@ import click
 
 from postproc.cli import completion
 from postproc.cli.common import (
-    NOT_NEGATIVE,
     NUMBER,
-    POSITIVE,
     Session,
     answer,
     standard_options,
@@ -56,7 +54,7 @@ _OF_BACKUP = (
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
 @click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Turn of the TCP frame [deg].")
 @click.option("--tool-axis", type=click.Choice(AXES), help="TCP axis that points into the part.")
-@click.option("--tool-mass", type=NOT_NEGATIVE, metavar="KG", help="Mass of the tool [kg].")
+@click.option("--tool-mass", type=NUMBER, metavar="KG", help="Mass of the tool [kg].")
 @click.option("--tool-number", type=int, metavar="N", help="TOOL number; default: 1.")
 @click.option(
     "--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange."
@@ -66,7 +64,7 @@ _OF_BACKUP = (
 @click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
 @click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
 @click.option("--home", type=_SIX, metavar="A1 .. A6", help="Posture to begin and end in [deg].")
-@click.option("--feed", type=POSITIVE, metavar="MM/MIN", help="Feed where the CAM file gives none.")
+@click.option("--feed", type=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
 @click.option(
     "--input",
     metavar="INPUT",

@@ -57,6 +57,8 @@ class IdentifyOptions:
 
     def __post_init__(self) -> None:
         """Refuse numbers that nothing can be reckoned with."""
+        if self.grid is None and self.method == "grid":
+            raise StiffnessError("STF026", "a model of the kind grid needs the edge of its cells")
         if self.grid is not None and not (math.isfinite(self.grid) and self.grid > 0.0):
             text = f"a grid of {self.grid / MM:g} mm, expected a positive edge"
             raise StiffnessError("STF026", text)
