@@ -230,7 +230,8 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
         return new
     name, rest = path[0], path[1:]
     inner = with_component(component(value, name), rest, new)
-    if isinstance(value, Pose | Axes) and not isinstance(inner, int | float):
+    is_number = isinstance(inner, int | float) and not isinstance(inner, bool)
+    if isinstance(value, Pose | Axes) and not is_number:
         return UNKNOWN
     if isinstance(value, Pose) and name in POSE_FIELDS:
         return replace(value, **{POSE_FIELDS[name]: inner})

@@ -217,6 +217,11 @@ def test_a_dwell_waits_for_what_is_switched(plate, asked, program, expected):
         ("DECL INT P", "P={X 60,Y 0,Z -1,A 0,B 0,C 180}\n", "type"),
         ("DECL E6AXIS P", "P={X 60,Y 0,Z -1,A 0,B 0,C 180}\n", "type"),
         ("DECL E6POS P", "P={A1 0,A2 -90,A3 90,A4 0,A5 0,A6 0}\n", "type"),
+        ("DECL E6POS P", "P={X 1,Y 1,Z 1,A 0,B 0,C 0}\nP.X=TRUE\n", "type"),
+        ("STRUC PAR INT N, REAL V\nDECL PAR P", "P={N 1,V 0.0}\nP.N=0.012\n$VEL.CP=P.N\n", "speed"),
+        ("STRUC PAR INT N, REAL V\nDECL PAR P", "P={N 0.012,V 1}\n$VEL.CP=P.N\n", "speed"),
+        ("STRUC PAR INT N, REAL V\nDECL PAR P", "P={N 1,V 0.012}\n$VEL.CP=P.V\n", None),
+        ("STRUC PAR INT N, REAL V\nDECL PAR P", "P={N 1,V 0.012}\nP.V=TRUE\n", "type"),
         ("DECL FRAME P", "P={X 60,Y 0,Z -1,A 0,B 0,C 180}\n", None),
     ],
 )
