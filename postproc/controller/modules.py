@@ -34,12 +34,11 @@ _BRACKET = re.compile(rb"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
 def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[KrlModule, ...]:
     """Return a module and those in the same folder that it calls or that set its frames.
 
-    A routine is found in the file of its name, else in those that declare it GLOBAL.
-
     Args:
         src_path: the module to start.
-        on_controller: with those that it calls elsewhere in the backup of a controller that the
-            file lies in, and the global data there. Where two have a name, none is taken.
+        on_controller: with files that declare GLOBAL what it calls, and those that it calls
+            elsewhere in the backup of a controller that the file lies in, and the global data
+            there. Where two files have a name, neither is taken; all that declare a routine are.
 
     Raises:
         KrlError: if a file is no KRL; KRL008 if the file has no routine.
@@ -56,7 +55,7 @@ def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[
     root = next((up for up in path.resolve().parents if up.name.upper() == _ROOT), None)
     tree = _Tree.of(root) if on_controller and root is not None else _Tree()
     known = {**tree.sources, **folder}
-    shared = _global_routines(folder.values())
+    shared = _global_routines(known.values()) if on_controller else {}
     found = {main.name.upper(): main}
     waiting = [main]
     while waiting:
