@@ -463,10 +463,17 @@ class Interpreter:
                     return
             if action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
                 self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
+            elif any(map(self._is_in_use, self._trust.assigned((action,)))):
+                self.unjudged("INTERRUPT", "an interrupt may set a variable at any moment")
         elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
             is_on = statement.word in ("ON", "ENABLE")
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
+
+    def _is_in_use(self, value: Value | None) -> bool:
+        """Return whether something is a variable that is known to the routine that runs."""
+        node = _node(value)
+        return isinstance(node, Reference) and self._memory.lookup(node.name) is not None
 
     def _wait(self, statement: WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)

@@ -123,6 +123,17 @@ def test_a_triggered_hook_is_read(trimmed):
     assert "unjudged" in codes(trimmed(triggered, PP_COOLANT_ON=f"{HEAD}$OV_PRO=30\nEND\n"))
 
 
+@pytest.mark.parametrize(("name", "expected"), [("SPEED", {"unjudged"}), ("OWN", set())])
+def test_an_interrupt_that_sets_a_variable(trimmed, name, expected):
+    interrupt = "INTERRUPT DECL 21 WHEN $IN[3] DO PP_COOLANT_ON(4)\n"
+    declared = [
+        ("DEF trim( )\n", "DEF trim( )\nDECL REAL SPEED\n"),
+        ("BAS(#INITMOV", interrupt + "BAS(#INITMOV"),
+    ]
+    body = f"{HEAD}DECL REAL OWN\n{name}=2.0\nEND\n"
+    assert codes(trimmed(declared, PP_COOLANT_ON=body)) == expected
+
+
 def test_a_bas_of_the_program_is_not_that_of_the_controller(trimmed):
     own = "\nEND\nDEF BAS(WHAT :IN,VALUE :IN)\nEND\n"
     assert "unjudged" in codes(trimmed([("\nEND\n", own)]))
