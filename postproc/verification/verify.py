@@ -53,7 +53,6 @@ from postproc.verification.cam import (
     Comparison,
     Tolerances,
     check_events,
-    check_steps,
     compare_served,
 )
 from postproc.verification.capacity import check_capacity
@@ -136,7 +135,6 @@ def verify(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
         check_events(result, cell, toolpath, comparison)
-        check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
     check_speeds(result, cell, cuts)

@@ -3,12 +3,10 @@
 from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.events import check_events
 from postproc.verification.cam.order import compare_served
-from postproc.verification.cam.steps import check_steps
 
 __all__ = [
     "Comparison",
     "Tolerances",
     "check_events",
-    "check_steps",
     "compare_served",
 ]
