@@ -9,6 +9,7 @@ from postproc.krl.text.expression import (
     Structure,
     Unary,
     names_in,
+    nodes_in,
     parse_expression,
 )
 from postproc.krl.text.lexer import KrlSyntaxError, tokenise
@@ -107,6 +108,7 @@ __all__ = [
     "legal_name",
     "load_modules",
     "names_in",
+    "nodes_in",
     "parse_expression",
     "parse_files",
     "parse_module",
