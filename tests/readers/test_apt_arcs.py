@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from postproc.errors import ReadError
 from postproc.model.toolpath import MotionKind
 
 MM = "PARTNO X\nUNITS/MM\n"
@@ -146,6 +147,21 @@ def test_arcslp_is_the_rise_of_the_arc_that_follows(read_text):
         f"RADIUS,{RADIUS}\nGOTO/{text(at(-90, -3))}\nFINI\n"
     )
     assert np.linalg.norm(drawn(toolpath, 0.5) - at(-45, -1.5)) < 1e-6
+
+
+@pytest.mark.parametrize("block", [1 << 22, 8])
+@pytest.mark.parametrize("dialect", ["mfgsuite", "creo"])
+def test_a_rise_is_of_the_next_arc_however_it_is_written(read_text, block, dialect, monkeypatch):
+    monkeypatch.setattr("postproc.readers.text.blocks.BLOCK_BYTES", block)
+    at = circle_in((0, 0, 1))
+    arc = f"CIRCLE/{text(CENTRE)},0,0,1"
+    helix = f"{MM}GOTO/{text(at(0))}\nARCSLP/{{}}\n{arc}\nGOTO/{text(at(90, 3))}\n"
+    above = CENTRE + np.array([0, 0, 3])
+    flat = f"CIRCLE/{text(above)},$\n0,0,1\nGOTO/{text(at(120, 3))}\nFINI\n"
+    toolpath = read_text(helix.format(3) + flat, dialect=dialect, units="mm")
+    assert np.degrees(toolpath.arcs.sweep) == pytest.approx([90.0, 30.0])
+    with pytest.raises(ReadError, match=r"APT086.*rise of 2\.0000 mm"):
+        read_text(helix.format(2) + flat, dialect=dialect, units="mm")
 
 
 def test_movarc_of_eight_numbers_ends_in_its_sweep(read_text):

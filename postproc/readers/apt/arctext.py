@@ -37,7 +37,7 @@ class WrittenArc:
 
     ``numbers``: centre, vector, radius (NaN = not given). ``sign``: +1 counterclockwise about the
     vector, -1 clockwise, ``FREE``, NaN as the dialect says. ``eighth``: field 8 of a record of 11.
-    ``turns``: turns begun, NX. ``sweep`` [rad] and ``rise`` as written, NaN else. ``tangent``:
+    ``turns``: turns begun, NX. ``sweep`` [rad] as written, NaN else. ``tangent``:
     start direction that decides the sense; ``towards``: a point in that direction. ``end``: point
     where it ends, if the statement says; ``plane`` i, j, k, d: it ends where it meets this plane
     for the first (``crossing`` 1) or second time.
@@ -48,7 +48,6 @@ class WrittenArc:
     eighth: float = NAN
     turns: int = 0
     sweep: float = NAN
-    rise: float = NAN
     tangent: list[float] | None = None
     towards: list[float] | None = None
     end: list[float] | None = None

@@ -216,7 +216,7 @@ class AptState:
         kind = np.full(k, MotionKind.LINEAR, dtype=np.int32)
         kind[motions.rapid] = MotionKind.RAPID
         kind[arcs.tag] = MotionKind.ARC
-        cycle[motions.rapid] = -1
+        cycle[motions.suspends] = -1
         kind[cycle >= 0] = MotionKind.HOLE
         self._check_kinds(motions, kind, arcs)
         columns = self.columns
