@@ -269,3 +269,27 @@ def test_increments_and_where_the_tool_stands(read_text):
     assert [(use.word, use.refused) for use in toolpath.word_uses] == [
         ("GODLTA", True), ("FROM", False),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_circle_of_plain_apt_goes_on_as_the_cuts_beside_it(read_text, sense):
+    """Systems differ in the sense that CIRCLE has; a quarter must not become three quarters."""
+    at = circle_in((0, 0, 1))
+    start, end = at(0), at(sense * 90)
+    lead, out = (sense * 5 * np.cross((0, 0, 1), p - CENTRE) / RADIUS for p in (start, end))
+    toolpath = read_text(
+        f"{MM}GOTO/{text(start - lead)}\nGOTO/{text(start)}\nCIRCLE/{text(CENTRE)},0,0,1,{RADIUS}\n"
+        f"GOTO/{text(end)}\nGOTO/{text(end + out)}\nFINI\n"
+    )
+    assert np.linalg.norm(drawn(toolpath, 0.5) - at(sense * 45)) < 1e-6
+    said = [(f.code, f.source.line) for f in toolpath.warnings]
+    assert said == ([] if sense > 0 else [("APT134", 5)])
+
+
+def test_a_circle_of_plain_apt_that_nothing_decides_is_told(read_text):
+    at = circle_in((0, 0, 1))
+    toolpath = read_text(
+        f"{MM}GOTO/{text(at(0))}\nCIRCLE/{text(CENTRE)},0,0,1,{RADIUS}\nGOTO/{text(at(90))}\nFINI\n"
+    )
+    assert np.linalg.norm(drawn(toolpath, 0.5) - at(45)) < 1e-6
+    assert [(f.code, f.source.line) for f in toolpath.warnings] == [("APT133", 4)]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isnan
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.model import WordClass
 from postproc.readers.apt import arctext
-from postproc.readers.apt.arctext import FREE, NAN, WrittenArc, numbers_of
+from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
 from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
@@ -30,15 +29,17 @@ class MotionArcs(Table):
 
     ``target`` (m,) index of the point at which each ends, k = the first of the next block;
     ``line`` (m,); ``numbers`` (m, 7) centre, vector, radius; ``sign`` (m,) +1 counterclockwise
-    about the written vector, -1 clockwise, 0 not in the record; ``turns`` (m,) turns begun;
-    ``sweep`` (m,) [rad] and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction
-    that decides the sense, ``towards`` (m, 3) a point in that direction, NaN else.
+    about the written vector, -1 clockwise; ``free`` (m,) whether the record leaves the sense open,
+    and the sign is only what most systems mean; ``turns`` (m,) turns begun; ``sweep`` (m,) [rad]
+    and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction that decides the
+    sense, ``towards`` (m, 3) a point in that direction, NaN else.
     """
 
     target: IndexArray
     line: IndexArray
     numbers: FloatArray
     sign: FloatArray
+    free: BoolArray
     turns: IndexArray
     sweep: FloatArray
     rise: FloatArray
@@ -262,8 +263,6 @@ class MotionReader:
             arc = arctext.movarc(statement, self._faults, line)
         elif statement.word == "ARC":
             arc = arctext.arc_with_end(statement, self._faults, line)
-            if self._dialect.name == "apt" and isnan(arc.eighth):
-                arc.sign = FREE
         else:
             blanks = self._dialect.blank_separates
             arc = arctext.circle(statement, self._faults, line, blanks)
@@ -315,6 +314,7 @@ class MotionReader:
             at + self._scan.block.first_line,
             np.full((m, 7), np.nan),
             np.full(m, np.nan),
+            np.zeros(m, dtype=np.bool_),
             np.zeros(m, dtype=np.int64),
             np.full(m, np.nan),
             np.full(m, np.nan),
@@ -327,8 +327,8 @@ class MotionReader:
         for line, arc in slow.items():
             row = int(np.searchsorted(at, line))
             arcs.numbers[row], eighth[row] = arc.numbers, arc.eighth
-            arcs.sign[row], arcs.turns[row] = arc.sign, arc.turns
-            arcs.sweep[row] = arc.sweep
+            arcs.sign[row], arcs.free[row] = arc.sign, arc.is_free
+            arcs.turns[row], arcs.sweep[row] = arc.turns, arc.sweep
             arcs.tangent[row] = arc.tangent or [NAN] * 3
             arcs.towards[row] = arc.towards or [NAN] * 3
         self._by_dialect(arcs, eighth)
@@ -354,6 +354,8 @@ class MotionReader:
             clockwise |= eleven
         unsaid = np.isnan(arcs.sign)
         arcs.sign[unsaid] = np.where(clockwise[unsaid], -1.0, 1.0)
+        if self._dialect.arc_sense is ArcSense.OPEN:
+            arcs.free[unsaid & ~eleven] = True
         if meaning is EighthField.TOLERANCE:
             return
         swept = eleven & (arcs.turns == 0)
