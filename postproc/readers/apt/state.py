@@ -10,7 +10,6 @@ import numpy as np
 from postproc.arrays import FloatArray, IntArray
 from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
-from postproc.readers.apt.arctext import FREE
 from postproc.readers.apt.byturns import ByTurns
 from postproc.readers.apt.dialect import AxisRule, Dialect
 from postproc.readers.apt.heights import Heights
@@ -145,6 +144,8 @@ class AptState:
         self.spindle_sign, self.spindle_signed = 1.0, False
         """-1 counterclockwise; whether the sign of a speed says so."""
         self.revolution_feed: float | None = None
+        self.waiting_feed: tuple[int, str, int] | None = None
+        """A feed per turn that waits for the spindle's speed: points before it, unit, line."""
         """Feed per turn [m] in force, None if the feed is per time."""
         self.drill = KnownCycles()
         self.feed_memo: dict[str, float] = {}
@@ -216,7 +217,7 @@ class AptState:
         kind = np.full(k, MotionKind.LINEAR, dtype=np.int32)
         kind[motions.rapid] = MotionKind.RAPID
         kind[arcs.tag] = MotionKind.ARC
-        cycle[motions.rapid] = -1
+        cycle[motions.suspends] = -1
         kind[cycle >= 0] = MotionKind.HOLE
         self._check_kinds(motions, kind, arcs)
         columns = self.columns
@@ -266,9 +267,8 @@ class AptState:
     def _arc_records(self, motions: Motions, frame: IntArray) -> ArcRecords:
         arcs = motions.arcs
         target = arcs.target.astype(np.int32)
-        free = arcs.sign == FREE
         centre = arcs.numbers[:, :3] * self.scale
-        normal = arcs.numbers[:, 3:6] * np.where(free, 1.0, arcs.sign)[:, None]
+        normal = arcs.numbers[:, 3:6] * arcs.sign[:, None]
         tangent = arcs.tangent
         of_arc = frame[target]
         for index in np.unique(of_arc[of_arc > 0]).tolist():
@@ -287,7 +287,7 @@ class AptState:
             arcs.turns.astype(np.int32),
             arcs.sweep,
             arcs.rise * self.scale,
-            free,
+            arcs.free,
         )
 
     def _check_kinds(self, motions: Motions, kind: IntArray, arcs: ArcRecords) -> None:

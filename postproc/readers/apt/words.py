@@ -135,8 +135,10 @@ def _translate(state: AptState, statement: Statement, line: int) -> None:
         refuse(state, statement, line, WordClass.COORDINATES, reason)
 
 
-def _nothing(state: AptState, statement: Statement, line: int) -> None:
-    """MULTAX: how many numbers a GOTO has shows at the GOTO."""
+def _multax(state: AptState, statement: Statement, line: int) -> None:
+    """MULTAX: how many numbers a GOTO has shows at the GOTO; OFF may say where the axis is."""
+    if "OFF" in statement.upper and state.dialect.off_is_upright:
+        state.set_axis(0.0, 0.0, 1.0)
 
 
 def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
@@ -416,7 +418,7 @@ _HANDLERS: dict[str, Handler] = {
     "ROTATE": _table,
     "MODE": _mode,
     "TRANS": _translate,
-    "MULTAX": _nothing,
+    "MULTAX": _multax,
     "OPFEATSTART": _operation,
     "SETUP": _setup,
     "NURBS": apt_nurbs.open_spline,
