@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from postproc.gap.robot_model import effect_of
+from postproc.measurement import Remark
 
 
 def summary(content: dict[str, Any]) -> list[str]:
@@ -42,9 +43,7 @@ def summary(content: dict[str, Any]) -> list[str]:
             f"Measured orientations, which no fit has seen: {check['rms_before_deg']:.4f} deg rms"
             f" off before, {check['rms_after_deg']:.4f} with what was adopted."
         )
-    for item in content["remarks"]:
-        shown = ", ".join(item["ids"][:8])
-        lines.append(f"Rows {shown} ({len(item['ids'])}): {item['text']}.")
+    lines += [Remark(**item).line() for item in content["remarks"]]
     if content["outliers"]:
         shown = ", ".join(content["outliers"][:8])
         lines.append(f"Measuring faults left out ({len(content['outliers'])}): {shown}")
