@@ -27,7 +27,7 @@ MOST = 11
 """As many waves are no gear error."""
 MOST_ON_A_JOINT = 3
 STANDING = 1e-3
-"""A joint that turns by less [rad] over all rows stands: nothing can be said to follow its angle."""
+"""A joint that turns by less [rad] over all rows stands: nothing can be told to follow it."""
 _UNMOVED = 1e-20
 _PRICE = 5.0
 """Nats beyond the noise maximum that one more wave must bring."""
