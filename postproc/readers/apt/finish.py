@@ -137,7 +137,7 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
                 np.full(m, spline.feed),
                 np.full(m, spline.line, dtype=np.int32),
                 np.full(m, spline.operation, dtype=np.int32),
-                np.full(m, table.tool[at - 1] if at else _NONE, dtype=np.int32),
+                np.full(m, state.tools.of_spline(i, at), dtype=np.int32),
                 np.full(m, _NONE, dtype=np.int32),
             )
         )

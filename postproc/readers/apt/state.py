@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
 from postproc.readers.apt.byturns import ByTurns
 from postproc.readers.apt.dialect import AxisRule, Dialect
@@ -17,7 +17,8 @@ from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.resolve import resolve_points
 from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, SetupTable, TiltedTable
-from postproc.readers.apt.tools import ToolTable
+from postproc.readers.apt.statement import Statement
+from postproc.readers.apt.tools import Place, Said, ToolTable
 from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
@@ -164,6 +165,11 @@ class AptState:
         """Index of the next tag in the whole file, splines not counted."""
         return self.done + self.at
 
+    @property
+    def place(self) -> Place:
+        """Where the next statement stands."""
+        return Place(self.tag, len(self.splines), len(self.events))
+
     def contradicts(self, feed_unit: str) -> bool:
         """Whether a feed's unit is of inches in a file in mm, or the other way round."""
         inches = {"IPM": True, "MMPM": False, "MMPMIN": False}.get(feed_unit)
@@ -178,9 +184,9 @@ class AptState:
         self.operations.append(Operation(name, line))
         self.operation.set(self.at, len(self.operations) - 1)
 
-    def add_tool(self, line: int, **data: float | str | int) -> CamTool:
+    def add_tool(self, statement: Statement, line: int, said: Said, *, loads: bool = False) -> None:
         """Begin or complete the tool at the next point."""
-        return self.tools.update(self.tag, line, **data)
+        self.tools.update(self.place, statement, line, said, loads=loads)
 
     def set_feed(self, value: float) -> None:
         """Let a feed [m/s] hold from the next point on."""
