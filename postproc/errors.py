@@ -40,6 +40,7 @@ class RunKind(StrEnum):
     ENDLESS = "endless"
     FRAME = "frame"
     TARGET = "target"
+    TYPE = "type"
     UNJUDGED = "unjudged"
     CONDITION = "condition"
     WAIT = "wait"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -197,7 +198,8 @@ def verify(
         Violations, warnings and the worst deviations.
 
     Raises:
-        UsageError: if a model is given without anything to compare with.
+        UsageError: VER002 if a model is given without anything to compare with, VER003 if a
+            tolerance is no finite number above 0.
         KrlError: if a file is no KRL that could run.
         ReadError: if a file is missing.
     """
@@ -207,7 +209,7 @@ def verify(
     toolpath = against
     if toolpath is not None and not isinstance(toolpath, ToolPath):
         toolpath = read(toolpath, known)
-    tolerances = Tolerances(tol_mm * MM, tol_deg * DEG)
+    tolerances = Tolerances(_positive("tol_mm", tol_mm) * MM, _positive("tol_deg", tol_deg) * DEG)
     arm = None if model is None else load_model(model)
     return verify_part(program, known, toolpath, tolerances, collisions, progress, arm)
 
@@ -249,5 +251,18 @@ def diff(old: Source, new: Source, *, tol_mm: float = 0.001, tol_deg: float = 0.
     Raises:
         KrlError: if a file is no KRL.
         ReadError: if a file is missing.
+        UsageError: VER003 if a tolerance is negative or not finite.
     """
-    return diff_programs(str(old), str(new), DiffTolerance(tol_mm, tol_deg))
+    tolerance = DiffTolerance(
+        _positive("tol_mm", tol_mm, or_zero=True), _positive("tol_deg", tol_deg, or_zero=True)
+    )
+    return diff_programs(str(old), str(new), tolerance)
+
+
+def _positive(name: str, value: float, *, or_zero: bool = False) -> float:
+    """Return a tolerance that differences can be held against: against NaN, none is too large."""
+    is_number = isinstance(value, int | float) and math.isfinite(value)
+    if is_number and (value > 0.0 or (or_zero and value == 0.0)):
+        return value
+    expected = "a finite number, 0 or above" if or_zero else "a finite number above 0"
+    raise UsageError("VER003", f"{name} is {value!r}, expected {expected}")

@@ -13,13 +13,15 @@ from postproc.backup.compare_external import compare_external_axes
 from postproc.backup.controller import Controller
 from postproc.backup.difference import ANGLE_DEG, LENGTH_MM, SPEED, Counted, Difference
 from postproc.backup.frames import BaseEntry, ToolEntry
-from postproc.cell import LENGTHS, Cell, OpwGeometry, Tool, Workpiece
+from postproc.cell import LENGTHS, Cell, HomeStyle, OpwGeometry, Tool, Workpiece
 from postproc.errors import Severity
 from postproc.geometry import inverse, kuka_from_transform, rotation_angle, transform_from_kuka
 from postproc.units import DEG, MM
 
 _MASS_KG = 1e-3
 _LENGTH_OF_ARM_MM = 0.1
+_XHOME = "XHOME"
+"""The home that programs may go to by its name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,7 @@ def compare(cell: Cell, controller: Controller) -> BackupComparison:
     """
     counted = Counted()
     found = [*_arm(cell, controller, counted), *_frames(cell, controller, counted)]
+    found += [*_home(cell, controller, counted)]
     found += compare_external_axes(cell, controller, counted)
     return BackupComparison(counted.numbers, tuple(found))
 
@@ -49,7 +52,12 @@ def _arm(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Diffe
         for key, mine, theirs in zip(LENGTHS, own, machine.lengths_mm, strict=True):
             if counted.differ(mine, theirs, _LENGTH_OF_ARM_MM):
                 yield _number("robot.dimensions_mm." + key, ("robot",), mine, theirs, "mm")
-    limits, _ = limits_of(machine, match_arm(machine).robot)
+    match = match_arm(machine)
+    if match.robot is not None and match.robot.name != robot.name:
+        text = f"the arm is {robot.name}, $TRAFONAME of the controller {machine.trafoname}"
+        at, severity = ("robot", "model"), Severity.WARNING
+        yield Difference("robot.model", at, robot.name, match.robot.name, severity, text)
+    limits, _ = limits_of(machine, match.robot)
     for axis, (low, high) in enumerate(limits):
         span = [float(robot.q_min[axis] / DEG), float(robot.q_max[axis] / DEG)]
         if counted.differ(span, [low, high], ANGLE_DEG):
@@ -70,6 +78,28 @@ def _arm(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Diffe
     yield from _frame(
         "robot.base", ("robot", "base"), robot.T_world_robroot, T_world_robroot, counted
     )
+
+
+def _home(cell: Cell, controller: Controller, counted: Counted) -> Iterator[Difference]:
+    """Yield a home that differs: an error where programs go to the controller's own by its name."""
+    by_name = cell.krl.home is not HomeStyle.AXES
+    name = _XHOME if by_name else next(iter(controller.homes), _XHOME)
+    if cell.motion.home is None:
+        return
+    mine = [round(float(angle / DEG), 6) for angle in cell.motion.home]
+    theirs = controller.homes.get(name)
+    at = ("motion", "home_deg")
+    if theirs is None:
+        if by_name:
+            text = f"programs go to {name}, which the backup does not have"
+            yield Difference("motion.home_deg", at, mine, None, Severity.WARNING, text)
+        return
+    if counted.differ(mine, theirs, ANGLE_DEG):
+        shown = (" ".join(f"{angle:g}" for angle in home) for home in (mine, theirs))
+        text = "motion.home_deg is {}, {name} of the controller {}".format(*shown, name=name)
+        text += ": programs go there by its name" if by_name else ""
+        severity = Severity.ERROR if by_name else Severity.NOTE
+        yield Difference("motion.home_deg", at, mine, list(theirs), severity, text)
 
 
 def _number(

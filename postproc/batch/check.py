@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from postproc.batch.expand import expand
 from postproc.batch.fingerprint import forget
-from postproc.batch.jobs import Job
+from postproc.batch.jobs import Job, uniquely_named
 from postproc.batch.manifest import Manifest
 from postproc.batch.run import BatchOptions, Progress, called, execute, vanished
 from postproc.batch.worker import JobResult
@@ -60,7 +60,7 @@ def check_batch(
     """
     forget()
     manifest = Manifest.load(folder)
-    work = expand(jobs, options.split)
+    work = expand(uniquely_named(jobs, manifest.programs), options.split)
     checked = Checked()
     programs: dict[str, str] = {}
     failed = 0

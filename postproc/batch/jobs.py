@@ -209,32 +209,51 @@ def unique_name(name: str, key: str, taken: set[str]) -> str:
     A name that is taken gets a short mark made from the key, so that it does not depend on how
     many others have the same.
     """
-    from postproc.krl import legal_name
-
     given, salt = name, ""
     while given.upper() in taken:
-        content = (key + salt).encode("utf-8", "surrogateescape")
-        mark = hashlib.sha256(content).hexdigest()[:6].upper()
-        given, salt = legal_name(f"{name[:13]}_{mark}"), f"{salt}+"
+        given, salt = _marked(name, key + salt), f"{salt}+"
     taken.add(given.upper())
     return given
 
 
-def make_jobs(sources: Sequence[str], base: ConvertRequest, overrides: Overrides) -> list[Job]:
-    """Return one job per input, with program names that are unique over the whole batch.
-
-    A name is the input's own; where two inputs would get the same one, the first has it and the
-    others get a mark made from their path.
-    """
+def _marked(name: str, key: str) -> str:
     from postproc.krl import legal_name
 
-    taken: set[str] = set()
+    mark = hashlib.sha256(key.encode("utf-8", "surrogateescape")).hexdigest()[:6].upper()
+    return legal_name(f"{name[:13]}_{mark}")
+
+
+def make_jobs(sources: Sequence[str], base: ConvertRequest, overrides: Overrides) -> list[Job]:
+    """Return one job per input; its program is named after the input unless a name is given."""
+    from postproc.krl import legal_name
+
     jobs = []
     for source in sources:
         request = overrides.request(source, base)
         wanted = legal_name(request.name or Path(source).name.split(".")[0])
-        jobs.append(Job(source, replace(request, name=unique_name(wanted, source, taken))))
+        jobs.append(Job(source, replace(request, name=wanted)))
     return jobs
+
+
+def uniquely_named(jobs: Sequence[Job], recorded: Mapping[str, str]) -> list[Job]:
+    """Return jobs with program names that are unique over the whole batch.
+
+    Where two would get the same one, the first has it and the others get a mark made from their
+    path. So does one that had it already, as long as an input of another call has the plain name.
+
+    Args:
+        jobs: each with the name that it wants.
+        recorded: programs made before, by job key.
+    """
+    keys, taken, named = {job.key for job in jobs}, set[str](), []
+    others = {name.upper() for key, name in recorded.items() if key not in keys}
+    for job in jobs:
+        wanted, known = str(job.request.name), recorded.get(job.key)
+        if wanted.upper() in others and known == _marked(wanted, job.key):
+            wanted = known
+        name = unique_name(wanted, job.key, taken)
+        named.append(replace(job, request=replace(job.request, name=name)))
+    return named
 
 
 def source_of(key: str) -> str:

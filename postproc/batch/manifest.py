@@ -65,6 +65,11 @@ class Manifest:
                 if _is_entry(entry["entry"]):
                     self.entries[entry["key"]] = entry["entry"]
 
+    @property
+    def programs(self) -> dict[str, str]:
+        """Names of the programs in the folder by job key."""
+        return {key: entry["program"] for key, entry in self.entries.items() if entry["files"]}
+
     def is_current(self, key: str, marks: Mapping[str, str]) -> bool:
         """Return whether a job's last result is good, made from the same, and still in place."""
         entry = self.entries.get(key)

@@ -14,7 +14,7 @@ from typing import Any
 from postproc.batch.executors import run_dask, run_local
 from postproc.batch.expand import Caller, Work, caller_program, expand
 from postproc.batch.fingerprint import digest, fingerprint, forget
-from postproc.batch.jobs import Job, source_of
+from postproc.batch.jobs import Job, source_of, uniquely_named
 from postproc.batch.landing import Landing
 from postproc.batch.lock import folder_lock
 from postproc.batch.manifest import Manifest
@@ -115,7 +115,7 @@ def run_batch(
         forget()
         manifest = Manifest.load(folder)
         manifest.begin()
-        work = expand(jobs, options.split)
+        work = expand(uniquely_named(jobs, manifest.programs), options.split)
         outcome = BatchOutcome(manifest, work.keys)
         landing = Landing(manifest, work.keys, _owned(manifest, work))
         _convert(work, landing, outcome, options, progress or (lambda *_: None))

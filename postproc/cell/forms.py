@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from postproc.cell.schema import CellFile, HooksTable, ProcessTable, ToolTable, WorkpieceTable
 from postproc.errors import CellError
+from postproc.names import is_legal
 from postproc.toml import Location, TomlText
 
 UNIT_STEPS = ("clamp", "drill", "unclamp")
@@ -45,6 +46,7 @@ def check_forms(toml: TomlText, file: CellFile) -> None:
             raise CellError("CEL012", text, toml.source((form,)))
         _told_apart(toml, form, what, entries)
     _check_hooks(toml, file)
+    _check_routines(toml, file)
     if len(file.tools) > 1 and file.krl.inertia_kg_m2 is not None:
         at: Location = ("krl", "inertia_kg_m2")
         text = "krl.inertia_kg_m2 is of one tool: give each of tools its own inertia_kg_m2"
@@ -79,6 +81,26 @@ def _check_hooks(toml: TomlText, file: CellFile) -> None:
                 toml.source(("krl", "hooks", name)),
                 hint=f"keys known here: {', '.join(known)}",
             )
+
+
+def routines(hooks: HooksTable, hole: Sequence[str]) -> dict[str, str]:
+    """Return the routine of each hook and of each step of a hole, by its key in krl.hooks."""
+    return {name: f"PP_{name.upper()}" for name in hole} | hooks.model_dump(exclude_none=True)
+
+
+def _check_routines(toml: TomlText, file: CellFile) -> None:
+    """Refuse routines that KRL takes for something else, and one routine for two things."""
+    keys: dict[str, str] = {}
+    for key, name in routines(file.krl.hooks, hole_steps(file.process)).items():
+        at: Location = ("krl", "hooks", key)
+        if not is_legal(name):
+            text = f"krl.hooks.{key}: {name!r} means something in KRL, expected another name"
+            raise CellError("CEL017", text, toml.source(at))
+        other = keys.setdefault(name.upper(), key)
+        if other != key:
+            at = at if at in toml.lines else ("krl", "hooks", other)
+            text = f"krl.hooks.{other} and krl.hooks.{key} are both {name!r}, expected two routines"
+            raise CellError("CEL017", text, toml.source(at))
 
 
 def _told_apart(

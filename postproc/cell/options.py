@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from postproc.cell.cell import KrlOptions, Limits, Motion, Optimize, Reading, Thin, TiltRange
+from postproc.cell.forms import routines
 from postproc.cell.schema import (
     ImportTable,
     KrlTable,
@@ -104,8 +105,7 @@ def krl_of(table: KrlTable, hole: Sequence[str] = ()) -> KrlOptions:
         cam_lines=table.cam_lines,
         setup=table.setup,
         hooks_example=table.hooks_example,
-        hooks={name: f"PP_{name.upper()}" for name in hole}
-        | table.hooks.model_dump(exclude_none=True),
+        hooks=routines(table.hooks, hole),
         outputs=dict(table.outputs),
         inputs=dict(table.inputs),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -25,6 +26,34 @@ if TYPE_CHECKING:
 
 _SHOWN = {Severity.ERROR: 5, Severity.WARNING: 3, Severity.NOTE: 3}
 _MOST_RANGES = 12
+
+
+class _Finite(click.ParamType):  # type: ignore[type-arg]
+    """A number to reckon with: ``nan`` is in every range, and below no tolerance."""
+
+    def convert(
+        self,
+        value: Any,  # noqa: ANN401 - click's own signature
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> float:
+        number = float(super().convert(value, param, ctx))
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number.", param, ctx)
+        return number
+
+
+class Number(_Finite, click.types.FloatParamType):
+    """A finite number of any size, as an option or an answer."""
+
+
+class NumberRange(_Finite, click.FloatRange):
+    """A finite number in a range."""
+
+
+NUMBER = Number()
+POSITIVE = NumberRange(min=0.0, min_open=True)
+NOT_NEGATIVE = NumberRange(min=0.0)
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from postproc.cli.common import NOT_NEGATIVE, NUMBER, POSITIVE
 from postproc.errors import CellError
 
 AXES = ("+x", "-x", "+y", "-y", "+z", "-z")
@@ -32,7 +33,9 @@ def ask(options: dict[str, Any], propose: Callable[[], bool]) -> None:
         question = "TCP axis that points out of the tool into the part"
         options["tool_axis"] = click.prompt(question, "+z", type=choice, err=True)
     if options["tool_mass"] is None:
-        mass = click.prompt("Mass of the tool [kg], 0 = not known", 0.0, type=float, err=True)
+        mass = click.prompt(
+            "Mass of the tool [kg], 0 = not known", 0.0, type=NOT_NEGATIVE, err=True
+        )
         options["tool_mass"] = mass or None
     _put(options, "tool_number", "TOOL number on the controller", "1", int)
     _files(options, "tool_mesh", "Mesh of the tool in the flange")
@@ -78,12 +81,12 @@ def numbers(count: int) -> Callable[[str], tuple[float, ...]]:
 
     def read(text: str) -> tuple[float, ...]:
         try:
-            values = [float(word) for word in text.replace(",", " ").split()]
-        except ValueError:
+            words = text.replace(",", " ").split()
+            values = [NUMBER.convert(word, None, None) for word in words]
+        except click.BadParameter:
             values = []
         if len(values) != count:
-            words = {3: "three", 6: "six"}
-            raise click.BadParameter(f"expected {words[count]} numbers")
+            raise click.BadParameter(f"expected {({3: 'three', 6: 'six'})[count]} numbers")
         return tuple(values)
 
     return read
@@ -96,10 +99,7 @@ def _home(text: str) -> tuple[float, ...]:
 def _feed(text: str) -> float | None:
     if not text.strip():
         return None
-    try:
-        return float(text)
-    except ValueError:
-        raise click.BadParameter("expected a number") from None
+    return POSITIVE.convert(text, None, None)
 
 
 def _existing(text: str) -> str | None:

@@ -3,8 +3,9 @@
 Followed: declarations and data lists, assignments, frames and the frame operator, IF, FOR, WHILE,
 REPEAT, LOOP, SWITCH, GOTO, sub-programs (local, by module, GLOBAL) with parameters, functions, BAS,
 inline forms of both kinds, spline blocks, WITH, relative and partial targets, triggers, waits.
-Calls of routines that are not in the files are recorded as hooks. What only the controller knows
-(inputs, timers) is unknown: a condition on it is taken as FALSE. Interrupts never happen.
+Calls of hooks, and of routines that are not in the files, are recorded. A hook that lies in the
+files is run as well; only its waits and stops are its own. What only the controller knows (inputs,
+timers) is unknown: a condition on it is taken as FALSE. Interrupts never happen.
 
 What the program would do otherwise is a finding: a statement, system variable or routine that is
 not followed here and may move the arm or change how it moves, a condition that is not known and
@@ -44,7 +45,7 @@ from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
 from postproc.controller.trust import Trust, is_quiet, reading
 from postproc.controller.world import World
-from postproc.errors import RunKind, Severity
+from postproc.errors import RunKind, Severity, SourceRef
 from postproc.kinematics import Kinematics
 from postproc.krl import (
     Assign,
@@ -105,7 +106,12 @@ class Interpreter:
         self.recorder = Recorder()
         self.targets = Targets(self.state, kinematics, self._joints_now)
         self._memory = Memory(
-            self._modules, world, self._system_value, self._function, self._note_frame_data
+            self._modules,
+            world,
+            self._system_value,
+            self._function,
+            self._note_frame_data,
+            self._wrong_type,
         )
         self.evaluator = self._memory.evaluator
         self._stack = self._memory.stack
@@ -121,12 +127,12 @@ class Interpreter:
         self._system: dict[str, Any] = {}
         self._active: dict[str, Any] = {}
         self._flows: dict[tuple[str, str, int], Flow] = {}
-        self._global_routines = {
-            routine.name.upper(): (module, routine)
-            for module in self._modules.values()
-            for routine in module.routines
-            if routine.is_global
-        }
+        self._global_routines: dict[str, list[tuple[KrlModule, Routine]]] = {}
+        for module in self._modules.values():
+            for routine in module.routines:
+                if routine.is_global:
+                    known = self._global_routines.setdefault(routine.name.upper(), [])
+                    known.append((module, routine))
         self._line = 0
         self._searches = self._calls = 0
         self._motions = Motions(self.evaluator, self.targets, self)
@@ -209,6 +215,12 @@ class Interpreter:
         if not self._trust.accepts(name):
             self.finding(RunKind.UNJUDGED, message, hint=f"harmless? [verify] accept = [{name!r}]")
 
+    def _wrong_type(self, message: str, source: SourceRef | None) -> None:
+        place = (
+            self.place() if source is None else (self.recorder.file_row(source.path), source.line)
+        )
+        self.recorder.finding(RunKind.TYPE, message, place)
+
     def _missing_frames(self) -> None:
         state = self.state
         if state.missing:
@@ -227,6 +239,8 @@ class Interpreter:
             name, _, rest = key.partition(".")
             value = self.targets.position(name)
             return component(value, rest) if rest else value
+        if key.startswith("$TIMER["):
+            return UNKNOWN  # it runs on, whatever it was set to
         value = self.state.read(key)
         return self._system.get(key, UNKNOWN) if value is UNKNOWN else value
 
@@ -310,31 +324,52 @@ class Interpreter:
 
     def _call(self, statement: Call) -> None:
         name = statement.name.upper()
+        found = self._resolve(name)
         if name == "BAS":
+            if found is not None and found[0].name.upper() != name:
+                self.unjudged(name, "BAS is a routine of these files: KUKA's own is what is judged")
             self._bas(statement)
             return
-        found = None if name in self._world.hooks else self._resolve(name)
-        if found is not None:
-            nodes = tuple(_node(value) for value in statement.arguments)
+        nodes = tuple(_node(value) for value in statement.arguments)
+        if name in self._world.hooks:
+            self._hook(name, found, nodes)
+        elif found is not None:
             self._run_routine(*found, nodes)
         elif name == "PULSE":
             self.recorder.event(EventWord.OUTPUT, "PULSE", self.place())
         elif name in SILENT:
             if name == CONTACT_ROUTINE and statement.arguments not in ((), (0,)):
                 self.unjudged(name, f"{name} sets how hard a contact has to be to stop the arm")
-            self._forget(map(_node, statement.arguments))
+            self._forget(nodes)
         else:
-            if not self._trust.is_hook(statement):
-                self.unjudged(name, f"{name} is not in these files: it may move the arm")
-            values = tuple(self.evaluator.value(value) for value in statement.arguments)
-            first = values[0] if values else math.nan
-            number = float(first) if isinstance(first, int | float) else math.nan
-            self.recorder.event(EventWord.HOOK, name, self.place(), number, plain_arguments(values))
+            self.unjudged(name, f"{name} is not in these files: it may move the arm")
+            self._hook(name, None, nodes)
+
+    def _hook(
+        self, name: str, found: tuple[KrlModule, Routine] | None, nodes: tuple[Node | None, ...]
+    ) -> None:
+        """Note a call of the integrator's process, and run what lies of it in these files.
+
+        The call stands for how long the process waits in it; whatever else its lines do counts as
+        in any other routine.
+        """
+        values = tuple(map(self._argument, nodes))
+        first = values[0] if values else math.nan
+        number = float(first) if isinstance(first, int | float) else math.nan
+        self.recorder.event(EventWord.HOOK, name, self.place(), number, plain_arguments(values))
+        if found is not None:
+            with self.recorder.within_hook():
+                self._run_routine(*found, nodes, values)
+
+    def _argument(self, node: Node | None) -> Any:  # noqa: ANN401 - a KRL value
+        return UNKNOWN if node is None else self.evaluator.node(node)
 
     def _bas(self, statement: Call) -> None:
         values = [self.evaluator.value(value) for value in statement.arguments]
         command = text_of(values[0]).lstrip("#").upper() if values else ""
         argument = values[1] if len(values) > 1 else UNKNOWN
+        if command in ("TOOL", "BASE"):
+            argument = self._memory.typed(argument, "INT", f"BAS(#{command})")
         if not self.state.bas(command, argument, self._active):
             self.unjudged(f"BAS(#{command})", f"BAS(#{command}) is not judged")
         self._missing_frames()
@@ -344,21 +379,31 @@ class Interpreter:
         local = here.routine(name)
         if local is not None:
             return here, local
-        if name in self._global_routines:
-            return self._global_routines[name]
+        known = self._global_routines.get(name, [])
+        if len(known) > 1:
+            modules = " and ".join(module.name for module, _ in known)
+            self.finding(RunKind.STRUCTURE, f"{name} is GLOBAL in {modules}: none of them loads")
+        if known:
+            return known[-1]
         module = self._modules.get(name)
         return (module, module.main) if module is not None and module.routines else None
 
     def _run_routine(
-        self, module: KrlModule, routine: Routine, arguments: Sequence[Node | None]
+        self,
+        module: KrlModule,
+        routine: Routine,
+        arguments: Sequence[Node | None],
+        values: Sequence[Any] | None = None,
     ) -> Any:  # noqa: ANN401
+        """Run a routine; ``values`` of its arguments, where they are known already."""
         self._calls += 1
         if len(self._stack) >= MAX_DEPTH or self._calls > MAX_CALLS:
             self.finding(
                 RunKind.ENDLESS, f"{routine.name} is called over and over, or within itself"
             )
             return UNKNOWN
-        values = [UNKNOWN if a is None else self.evaluator.node(a) for a in arguments]
+        if values is None:
+            values = [self._argument(node) for node in arguments]
         names = [parameter.name.upper() for parameter in routine.parameters]
         line = self._line
         done = self._execute(module, routine, tuple(zip(names, values, strict=False)))
@@ -366,7 +411,7 @@ class Interpreter:
         for parameter, name, node in zip(routine.parameters, names, arguments, strict=False):
             if parameter.mode != "IN" and isinstance(node, Reference):
                 self._assign_node(node, done.local.plain.get(name, UNKNOWN))
-        return done.result
+        return self._memory.typed(done.result, routine.result_type or "", routine.name)
 
     def _function(self, name: str, arguments: tuple[Node | None, ...]) -> Any:  # noqa: ANN401
         found = self._resolve(name.upper())
@@ -378,7 +423,7 @@ class Interpreter:
                 self.unjudged(name, f"{name} is not in these files: it may move the arm")
             self._forget(arguments)
             return UNKNOWN
-        return known([UNKNOWN if a is None else self.evaluator.node(a) for a in arguments])
+        return known([self._argument(node) for node in arguments])
 
     def _instruction(self, statement: Raw) -> None:
         """Pass an instruction that is kept as written, unless it may move the arm."""
@@ -418,10 +463,17 @@ class Interpreter:
                     return
             if action is None or not (self._trust.is_hook(action) or self._trust.is_idle(action)):
                 self.unjudged("INTERRUPT", "an interrupt may leave the path at any moment")
+            elif any(map(self._is_in_use, self._trust.assigned((action,)))):
+                self.unjudged("INTERRUPT", "an interrupt may set a variable at any moment")
         elif number == 3 or (statement.word in ("OFF", "DISABLE") and not isinstance(number, int)):
             is_on = statement.word in ("ON", "ENABLE")
             declared = f"{STOPMESS} DECL" in self.state.values.done
             self.state.note(STOPMESS, on=is_on and declared)
+
+    def _is_in_use(self, value: Value | None) -> bool:
+        """Return whether something is a variable that is known to the routine that runs."""
+        node = _node(value)
+        return isinstance(node, Reference) and self._memory.lookup(node.name) is not None
 
     def _wait(self, statement: WaitSec) -> None:
         seconds = self.evaluator.value(statement.seconds)

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from postproc.controller.control import Activation
-from postproc.controller.runtime import UNKNOWN, Evaluator, Variables, with_component
+from postproc.controller.runtime import (
+    UNKNOWN,
+    Evaluator,
+    Variables,
+    converted,
+    text_of,
+    with_component,
+)
 from postproc.controller.world import World
+from postproc.errors import SourceRef
 from postproc.krl import (
+    Aggregate,
     Assign,
     Declaration,
     Expr,
     KrlModule,
     Node,
+    Raw,
     Reference,
+    Statement,
     Value,
     parse_expression,
 )
+
+_STRUCTURE = re.compile(r"\s*(?:GLOBAL\s+)?STRUC\s+(\w+)\s+(.*)", re.IGNORECASE)
+_EXTERNAL = {f"E{axis}": "REAL" for axis in range(1, 7)}
+_FRAME = dict.fromkeys("XYZABC", "REAL")
+_POS = _FRAME | {"S": "INT", "T": "INT"}
+_AXIS = {f"A{axis}": "REAL" for axis in range(1, 7)}
+_POSITIONS: dict[str, dict[str, str]] = {
+    "FRAME": _FRAME,
+    "POS": _POS,
+    "E6POS": _POS | _EXTERNAL,
+    "AXIS": _AXIS,
+    "E6AXIS": _AXIS | _EXTERNAL,
+}
 
 
 class Memory:
@@ -29,6 +55,8 @@ class Memory:
         system_value: returns the value of a system variable by its name.
         function: calls a function by its name with the nodes of its arguments.
         stored: called with a reference and where it was stored, whenever a value has been.
+        refused: called with what is wrong where a variable gets no value of its type; in a data
+            list, with its file and line.
     """
 
     def __init__(
@@ -38,8 +66,12 @@ class Memory:
         system_value: Callable[[str], Any],
         function: Callable[[str, tuple[Node | None, ...]], Any],
         stored: Callable[[Reference, Variables], None],
+        refused: Callable[[str, SourceRef | None], None],
     ) -> None:
         self.evaluator, self._stored = Evaluator(self.lookup, system_value, function), stored
+        self._refused = refused
+        self._reading: SourceRef | None = None
+        self._fields = dict(_POSITIONS)  # type of each component by the name of a structure
         self._everywhere, self._data = Variables(), {name: Variables() for name in modules}
         self.stack: list[Activation] = []
         """The routines at work, the one that runs last."""
@@ -48,15 +80,51 @@ class Memory:
         self._everywhere.plain.update({key.upper(): value for key, value in world.points.items()})
 
     def load(self, modules: Mapping[str, KrlModule]) -> None:
-        """Take in the data lists of the modules."""
+        """Take in the structures and the data lists of the modules."""
+        for module in modules.values():
+            for routine in module.routines:
+                self._learn(routine.statements)
+            self._learn(module.data.statements if module.data is not None else ())
         for name, module in modules.items():
             for statement in module.data.statements if module.data is not None else ():
                 scope = self._data[name]
+                self._reading = SourceRef(module.dat_path, statement.line)
                 if isinstance(statement, Declaration):
                     public = statement.is_global or not module.routines
                     self._define(self._everywhere if public else scope, statement)
                 elif isinstance(statement, Assign):
                     self._initial(parse_expression(statement.target), statement.value, scope)
+
+        self._reading = None
+
+    def _learn(self, statements: Iterable[Statement]) -> None:
+        """Note the types of the components of structures; of arrays in them none."""
+        for statement in statements:
+            found = _STRUCTURE.match(statement.text) if isinstance(statement, Raw) else None
+            fields: dict[str, str] = {}
+            type_name = ""
+            for part in found[2].split(",") if found is not None else ():
+                *words, name = part.upper().split() or [""]
+                type_name = words[0] if words else type_name
+                fields[name] = type_name
+            if found is not None:
+                self._fields[found[1].upper()] = fields
+
+    def typed(self, value: Any, type_name: str, name: str) -> Any:  # noqa: ANN401
+        """Return a value as what was declared so takes it, ``UNKNOWN`` where it cannot."""
+        fields = self._fields.get(type_name.upper(), {})
+        if isinstance(value, Aggregate) and fields:
+            items = [
+                (key, self.typed(item, fields.get(key.upper(), ""), f"{name}.{key}"))
+                for key, item in value.fields
+            ]
+            return replace(value, fields=tuple(items))
+        found = converted(value, type_name.upper())
+        if found is None:
+            text = f"{name} is declared {type_name} and gets {text_of(value)}"
+            self._refused(f"{text}: the controller stops there", self._reading)
+            return UNKNOWN
+        return found
 
     def _initial(self, node: Node, value: Value, scope: Variables) -> None:
         if isinstance(node, Reference):
@@ -69,15 +137,17 @@ class Memory:
 
     def _define(self, scope: Variables, statement: Declaration) -> None:
         for variable in statement.variables:
-            name = variable.name.upper()
+            name, type_name = variable.name.upper(), statement.type_name.upper()
+            scope.types[name] = type_name
             if variable.dimension is not None:
                 scope.arrays.setdefault(name, {})
             value = variable.value
             if isinstance(value, Expr):
                 value = self.evaluator.value(value)
             # A parameter is declared once more inside its routine: it keeps its value.
-            if value is not None or name not in scope.plain:
-                scope.plain[name] = UNKNOWN if value is None else value
+            if value is None:
+                value = scope.plain.get(name, UNKNOWN)
+            scope.plain[name] = self.typed(value, type_name, name)
 
     def lookup(self, name: str) -> Variables | None:
         """Return where a variable is known from the routine that runs; None where it is not."""
@@ -100,6 +170,10 @@ class Memory:
     def _put(self, scope: Variables, node: Reference, value: Any) -> None:  # noqa: ANN401
         path = tuple(item for item in node.selectors if isinstance(item, str))
         index = next((item for item in node.selectors if not isinstance(item, str)), None)
+        type_name = scope.types.get(node.name, "")
+        for component in path:
+            type_name = self._fields.get(type_name, {}).get(component, "")
+        value = self.typed(value, type_name, ".".join((node.name, *path)))
         if index is None:
             old = scope.plain.get(node.name, UNKNOWN)
             scope.plain[node.name] = with_component(old, path, value) if path else value

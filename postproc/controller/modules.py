@@ -25,6 +25,9 @@ _OF_THE_MAKER = frozenset({"SYSTEM", "TP", "MADA"})
 """Folders in it whose routines are not the user's; those of the forms are followed anyway."""
 _CONFIG = "$CONFIG.DAT"
 """List of what is global on a controller: frames, the data of its home position."""
+_GLOBAL = re.compile(
+    rb"^[ \t]*GLOBAL[ \t]+DEF(?:FCT[ \t]+\w+(?:\[[^\]\n]*\])?)?[ \t]+([A-Za-z_]\w*)", re.I | re.M
+)
 _BRACKET = re.compile(rb"([A-Za-z_][A-Za-z_0-9]*)[ \t]*\(")
 
 
@@ -33,8 +36,9 @@ def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[
 
     Args:
         src_path: the module to start.
-        on_controller: with those that it calls elsewhere in the backup of a controller that the
-            file lies in, and the global data there. Where two have a name, none is taken.
+        on_controller: with files that declare GLOBAL what it calls, and those that it calls
+            elsewhere in the backup of a controller that the file lies in, and the global data
+            there. Where two files have a name, neither is taken; all that declare a routine are.
 
     Raises:
         KrlError: if a file is no KRL; KRL008 if the file has no routine.
@@ -51,15 +55,19 @@ def load_program(src_path: str | Path, *, on_controller: bool = False) -> tuple[
     root = next((up for up in path.resolve().parents if up.name.upper() == _ROOT), None)
     tree = _Tree.of(root) if on_controller and root is not None else _Tree()
     known = {**tree.sources, **folder}
+    shared = _global_routines(known.values()) if on_controller else {}
     found = {main.name.upper(): main}
     waiting = [main]
     while waiting:
         module = waiting.pop()
         names = called_names(module) | (_functions(module) if on_controller else set())
+        names -= {routine.name.upper() for routine in module.routines}
         for name in sorted(names):
-            if name in known and name not in found:
-                found[name] = parse_module(known[name])
-                waiting.append(found[name])
+            for path in [known[name]] if name in known else shared.get(name, ()):
+                stem = path.stem.upper()
+                if stem not in found:
+                    found[stem] = parse_module(path)
+                    waiting.append(found[stem])
     for data in filter(None, map(_sound_list, tree.data)):
         found.setdefault(data.name.upper(), data)
     for name, other in folder.items():
@@ -103,6 +111,15 @@ def _sound_list(path: Path) -> KrlModule | None:
 def _is_of_the_maker(path: Path, root: Path) -> bool:
     folders = path.relative_to(root).parts[:-1]
     return bool(_OF_THE_MAKER.intersection(folder.upper() for folder in folders))
+
+
+def _global_routines(paths: Iterable[Path]) -> dict[str, list[Path]]:
+    """Return which files declare which routines GLOBAL, names in upper case."""
+    found: dict[str, list[Path]] = {}
+    for path in paths:
+        for name in {name.upper() for name in _GLOBAL.findall(path.read_bytes())}:
+            found.setdefault(name.decode("ascii"), []).append(path)
+    return found
 
 
 def _functions(module: KrlModule) -> set[str]:

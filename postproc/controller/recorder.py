@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,9 +23,17 @@ from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]
 _NOT_FOLLOWED = frozenset(
-    {RunKind.UNJUDGED, RunKind.CONDITION, RunKind.ENDLESS, RunKind.TARGET, RunKind.STRUCTURE}
+    {
+        RunKind.UNJUDGED,
+        RunKind.CONDITION,
+        RunKind.ENDLESS,
+        RunKind.TARGET,
+        RunKind.TYPE,
+        RunKind.STRUCTURE,
+    }
 )
 """Where one of these is found, the next motion may come from elsewhere."""
+_WAITS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
 
 
 @dataclass(slots=True)
@@ -49,6 +59,7 @@ class Recorder:
     names: list[str] = field(default_factory=list)
     unsure: set[int] = field(default_factory=set)
     in_trigger: bool = False
+    _hooks: int = 0
 
     def __len__(self) -> int:
         """Return the number of motions so far."""
@@ -91,12 +102,24 @@ class Recorder:
         value: float = math.nan,
         arguments: tuple[object, ...] = (),
     ) -> None:
-        """Add something that happens before the next motion."""
+        """Add something that happens before the next motion.
+
+        A hook stands for its waits and stops; what it switches and calls are events as elsewhere.
+        """
+        if self._hooks and word in _WAITS:
+            return
         self.events.append(
             TraceEvent(
                 len(self.motion_types), word, name, value, arguments, *place[::-1], self.in_trigger
             )
         )
+
+    @contextmanager
+    def within_hook(self) -> Iterator[None]:
+        """Take what follows as the lines of a hook."""
+        self._hooks += 1
+        yield
+        self._hooks -= 1
 
     def finding(
         self,
@@ -106,7 +129,12 @@ class Recorder:
         severity: Severity = Severity.ERROR,
         hint: str = "",
     ) -> None:
-        """Add a finding; the same one is added once."""
+        """Add a finding; the same one is added once.
+
+        A hook may wait for what is not known here: that is no warning.
+        """
+        if self._hooks and severity is not Severity.ERROR:
+            return
         if severity is Severity.ERROR and kind in _NOT_FOLLOWED:
             self.unsure.add(len(self.motion_types))
         source = SourceRef(self.names[place[0]], place[1])

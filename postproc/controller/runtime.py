@@ -56,6 +56,13 @@ POSE_FIELDS = {
     "T": "turn",
 }
 AXES_FIELDS = {f"A{i}": f"a{i}_deg" for i in range(1, 7)}
+_HELD: dict[str, tuple[type, ...]] = {
+    "BOOL": (bool,),
+    "CHAR": (Text,),
+    **dict.fromkeys(("POS", "E6POS", "FRAME"), (Pose, Aggregate)),
+    **dict.fromkeys(("AXIS", "E6AXIS"), (Axes, Aggregate)),
+}
+"""What variables of these types hold; an aggregate is one of which not all is known."""
 _DEGREES: dict[str, Callable[[float], float]] = {
     "SIN": lambda a: math.sin(a * DEG),
     "COS": lambda a: math.cos(a * DEG),
@@ -86,11 +93,13 @@ _ARITHMETIC: dict[str, Callable[[Any, Any], Any]] = {
 class Variables:
     """Storage of one scope: plain values and array elements by name in upper case."""
 
-    __slots__ = ("arrays", "plain")
+    __slots__ = ("arrays", "plain", "types")
 
     def __init__(self) -> None:
         self.plain: dict[str, Any] = {}
         self.arrays: dict[str, dict[Indices, Any]] = {}
+        self.types: dict[str, str] = {}
+        """Declared types in upper case; undeclared parameters and points of the pad have none."""
 
     def __contains__(self, name: str) -> bool:
         """Whether the scope holds this name."""
@@ -221,7 +230,8 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
         return new
     name, rest = path[0], path[1:]
     inner = with_component(component(value, name), rest, new)
-    if isinstance(value, Pose | Axes) and not isinstance(inner, int | float):
+    is_number = isinstance(inner, int | float) and not isinstance(inner, bool)
+    if isinstance(value, Pose | Axes) and not is_number:
         return UNKNOWN
     if isinstance(value, Pose) and name in POSE_FIELDS:
         return replace(value, **{POSE_FIELDS[name]: inner})
@@ -234,6 +244,34 @@ def with_component(value: Any, path: tuple[str, ...], new: Any) -> Any:  # noqa:
     fields = list(value.fields) if isinstance(value, Aggregate) else []
     kept = [(key, item) for key, item in fields if key.upper() != name]
     return _structure("", (*kept, (name, inner)))
+
+
+def converted(value: Any, type_name: str) -> Any:  # noqa: ANN401
+    """Return a value as a variable of a declared type takes it, None where it takes no such value.
+
+    Args:
+        value: a KRL value, ``UNKNOWN`` for one that is not known.
+        type_name: in upper case, empty for none.
+    """
+    if value is UNKNOWN or not type_name:
+        return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if type_name in ("INT", "REAL"):
+        whole = type_name == "INT"
+        return None if not is_number else _whole(value) if whole else float(value)
+    if type_name == "CHAR" and is_number:
+        return UNKNOWN  # the code of a character: which one moves no arm
+    if type_name in _HELD:
+        return value if isinstance(value, _HELD[type_name]) else None
+    # an enumeration or a structure of any name, and none of the values of the other types
+    return None if is_number or isinstance(value, bool | Text) else value
+
+
+def _whole(value: float) -> int | None:
+    """Return the number as an INT: KRL rounds a REAL to the nearest one, halves away from zero."""
+    if not abs(value) < 2**31 - 0.5:
+        return None
+    return int(math.copysign(math.floor(abs(value) + 0.5), value))
 
 
 def _structure(type_name: str, fields: tuple[tuple[str, Any], ...]) -> Any:  # noqa: ANN401

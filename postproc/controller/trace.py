@@ -47,7 +47,7 @@ class EventWord(StrEnum):
 
     DWELL = "dwell"
     HOOK = "hook"
-    """A call of a routine that is not in these files."""
+    """A call of a hook, or of a routine that is not in these files."""
     OUTPUT = "output"
     WAIT_FOR = "wait_for"
     HALT = "halt"

@@ -29,7 +29,7 @@ from postproc.krl import (
 
 _MAX_DEPTH = 5
 """Calls within calls that are looked into for whether they do nothing."""
-_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
+_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT", "TOOL_DATA", "BASE_DATA", "LOAD_DATA"})
 _JUMPS = ("GOTO", "EXIT", "RETURN", "RESUME")
 
 
@@ -70,17 +70,24 @@ class Trust:
         )
 
     def is_hook(self, action: Statement) -> bool:
-        """Return whether a statement calls the integrator's process, or what is accepted."""
+        """Return whether a statement calls the integrator's process, or what is accepted.
+
+        A hook whose lines are in these files has to be idle as well: nobody waits for it here.
+        """
         if not isinstance(action, Call):
             return False
         name = action.name.upper()
-        return name in self._hooks or self.accepts(name)
+        if self.accepts(name):
+            return True
+        return name in self._hooks and (self._resolve(name) is None or self._is_idle_body(name, 0))
 
     def is_idle(self, statement: Statement, depth: int = 0) -> bool:
         """Return whether a statement neither moves the arm nor changes how it moves."""
         if isinstance(statement, Assign):
             target = statement.target.upper()
-            return is_harmless(target) if target.startswith("$") else target not in _DATA
+            if target.startswith("$"):
+                return is_harmless(target)
+            return target.partition("[")[0].partition(".")[0] not in _DATA
         if isinstance(statement, Call):
             return self._is_idle_call(statement.name.upper(), depth)
         if isinstance(statement, Control):
@@ -96,7 +103,7 @@ class Trust:
                 yield Expr(statement.target)
             elif isinstance(statement, Call):
                 name = statement.name.upper()
-                found = None if name in self._hooks else self._resolve(name)
+                found = self._resolve(name)
                 if found is not None and depth < _MAX_DEPTH:
                     yield from self.assigned(found[1].statements, depth + 1)
                 elif found is not None or name in SILENT:
@@ -107,6 +114,12 @@ class Trust:
     def _is_idle_call(self, name: str, depth: int) -> bool:
         if name == "PULSE" or name in SILENT or self.accepts(name):
             return True
-        found = None if name in self._hooks else self._resolve(name)
-        inner = found[1].statements if found and depth < _MAX_DEPTH else ()
-        return bool(inner) and all(self.is_idle(item, depth + 1) for item in inner)
+        return name not in self._hooks and self._is_idle_body(name, depth)
+
+    def _is_idle_body(self, name: str, depth: int) -> bool:
+        found = self._resolve(name)
+        return (
+            found is not None
+            and depth < _MAX_DEPTH
+            and all(self.is_idle(item, depth + 1) for item in found[1].statements)
+        )

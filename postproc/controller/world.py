@@ -23,8 +23,8 @@ class World:
             its form.
         joints: returns the joints (6,) [rad] at the end of a trace, for joint motions relative to
             a Cartesian target.
-        hooks: routines of the integrator, in upper case: calls are recorded and never followed,
-            even where a file with an example of them lies beside the program.
+        hooks: routines of the integrator, in upper case: their calls are events, and trusted where
+            the routine is in none of the files; one that is there is run as any other.
         accept: names, in upper case, of what cannot be judged and is taken on trust.
     """
 

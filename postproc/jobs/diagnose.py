@@ -24,8 +24,8 @@ from postproc.gap import diagnose as diagnose_problem
 from postproc.jobs.measure_next import files as next_files
 from postproc.jobs.measure_next import keep_readings, measure_next
 from postproc.jobs.paged import Paged
+from postproc.jobs.readings import readings
 from postproc.kinematics import build
-from postproc.measurement import read_campaign
 from postproc.model import ModelFile, ToolPath, save_model
 from postproc.progress import Progress
 
@@ -136,11 +136,11 @@ def diagnose(
     Raises:
         DataError: if a file is wrong or lacks a column, or the campaigns share no rows (GAP008).
     """
-    rows = read_campaign(measurements, set_aside=True)
     kinematics = build(cell.robot)
+    rows = readings(measurements, kinematics, cell, model, register)
     promise = None
     if before:
-        earlier = read_campaign(before, set_aside=True)
+        earlier = readings(before, kinematics, cell, None, register)
         told = diagnose_problem(pose_problem(earlier, kinematics, cell, None, register), progress)
         promise = kept(told, rows)
     problem = pose_problem(rows, kinematics, cell, model, register)

@@ -11,8 +11,8 @@ from postproc.cell import Cell
 from postproc.files import write_files
 from postproc.gap import stiffness_tables
 from postproc.jobs.paged import Paged
+from postproc.jobs.readings import readings
 from postproc.kinematics import build
-from postproc.measurement import read_campaign
 from postproc.model import ModelFile, save_model
 from postproc.progress import Progress
 from postproc.stiffness.identify import (
@@ -93,9 +93,10 @@ def identify(
         DataError: if the file is wrong or lacks a column.
         StiffnessError: if the loads show no joint.
     """
-    rows = read_campaign([measurements])
-    p_flange_tcp = cell.tool.T_flange_tcp[:3, 3]
+    kinematics = build(cell.robot)
     options = options or IdentifyOptions()
+    rows = readings([measurements], kinematics, cell, register=options.register)
+    p_flange_tcp = cell.tool.T_flange_tcp[:3, 3]
     known = cell.joint_stiffness
-    result = identify_rows(rows, build(cell.robot), p_flange_tcp, options, known, progress)
+    result = identify_rows(rows, kinematics, p_flange_tcp, options, known, progress)
     return IdentifyJob(result, cell)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from postproc.controller import load_program
 from postproc.errors import Finding, KrlError
-from postproc.krl import Declaration, KrlModule, LintOptions, load_modules
+from postproc.krl import KrlModule, LintOptions, declared_names, load_modules
 from postproc.krl import lint as lint_modules
 
 
@@ -33,7 +33,8 @@ def lint(
     """
     options = options or LintOptions()
     if config:
-        options = replace(options, names=options.names | _names(load_modules(config)))
+        names = frozenset[str]().union(*map(declared_names, load_modules(config)))
+        options = replace(options, names=options.names | names)
     root = _project_of(programs)
     asked = [root if root and root in _below(p) else p for p in programs]
     bad: list[Finding] = []
@@ -136,14 +137,3 @@ def _program(path: str) -> tuple[KrlModule, ...]:
         return load_program(path)
     except KrlError:
         return ()  # a module that it calls is no KRL: what it defines is not known
-
-
-def _names(modules: tuple[KrlModule, ...]) -> frozenset[str]:
-    """Return the names that data lists declare."""
-    return frozenset(
-        variable.name
-        for module in modules
-        for statement in (module.data.statements if module.data is not None else ())
-        if isinstance(statement, Declaration)
-        for variable in statement.variables
-    )

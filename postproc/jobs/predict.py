@@ -7,8 +7,9 @@ from pathlib import Path
 from postproc.cell import Cell
 from postproc.gap import Prediction
 from postproc.gap import predict as predict_rows
+from postproc.jobs.readings import readings
 from postproc.kinematics import build
-from postproc.measurement import MeasurementSet, read_campaign
+from postproc.measurement import MeasurementSet
 from postproc.model import ModelFile
 
 
@@ -23,5 +24,6 @@ def predict(
     Raises:
         DataError: if a file is wrong or lacks a column.
     """
-    rows = read_campaign([measurements])
-    return predict_rows(rows, build(cell.robot), cell, model, register), rows
+    kinematics = build(cell.robot)
+    rows = readings([measurements], kinematics, cell, model, register, every_row=True)
+    return predict_rows(rows, kinematics, cell, model, register), rows

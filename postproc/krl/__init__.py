@@ -1,6 +1,7 @@
 """KRL as data: program type, numbers, rendering, parsing, linting, splitting."""
 
 from postproc.krl.lint import lint
+from postproc.krl.rules.scope import declared_names
 from postproc.krl.rules.subject import LintOptions
 from postproc.krl.text import (
     Aggregate,
@@ -107,6 +108,7 @@ __all__ = [
     "WaitSec",
     "comment_text",
     "components",
+    "declared_names",
     "is_legal",
     "legal_name",
     "lint",

@@ -28,6 +28,11 @@ row  sev.  check
 24   E W   circles through three points that are apart and not on a line
 25   W     external axes on all points or none, as the controller has them
 26   W     no date, no time, no -0 in the text
+27   E W   types exist, values fit what takes them, motions go to points
+28   E W   calls fit their routine, functions have a value, parameters are declared
+29   E     every GOTO has its label in the routine, once
+30   E W   system variables exist, are not read only where set, take their own constants
+31   E     in a spline block only its segments, triggers and times
 ===  ====  =====================================================================================
 
 Rows 13 (limits, turns, singularities), 14 (pose against the plan), 19 (axis speeds), and the parts
@@ -40,17 +45,22 @@ from collections.abc import Sequence
 
 from postproc.errors import Finding, Severity
 from postproc.krl.rules.blending import advance_stops, blending
+from postproc.krl.rules.calls import calls
 from postproc.krl.rules.circles import circles, external_axes
 from postproc.krl.rules.declared import declared
 from postproc.krl.rules.forms import folds, forms
 from postproc.krl.rules.initial import first_motions, frame_numbers, initialised
+from postproc.krl.rules.labels import labels
 from postproc.krl.rules.literals import literals, text, traces
 from postproc.krl.rules.naming import file_names, legal_names
 from postproc.krl.rules.process import spindle, triggers
 from postproc.krl.rules.speeds import speeds
+from postproc.krl.rules.splines import spline_blocks
 from postproc.krl.rules.status import status_and_turn
 from postproc.krl.rules.structure import blocks, declarations, parses
 from postproc.krl.rules.subject import LintOptions, Rule, Subject
+from postproc.krl.rules.system import system_variables
+from postproc.krl.rules.types import types
 from postproc.krl.text import KrlModule
 
 RULES: tuple[Rule, ...] = (
@@ -76,6 +86,11 @@ RULES: tuple[Rule, ...] = (
     circles,
     external_axes,
     traces,
+    types,
+    calls,
+    labels,
+    system_variables,
+    spline_blocks,
 )
 _ORDER = {Severity.ERROR: 0, Severity.WARNING: 1, Severity.NOTE: 2}
 

@@ -19,6 +19,7 @@ from postproc.measurement.registration import (
     rigid_motion,
     unloaded_rows,
 )
+from postproc.measurement.repair import repaired, without_copies
 from postproc.measurement.rows import MeasurementSet, Remark
 from postproc.measurement.scatter import MEAN_LENGTH, robust_sigma
 from postproc.measurement.setups import SetUps, set_ups
@@ -41,9 +42,11 @@ __all__ = [
     "in_robroot",
     "points_of",
     "read_campaign",
+    "repaired",
     "rigid_motion",
     "robust_sigma",
     "set_ups",
     "table_to_fill_in",
     "unloaded_rows",
+    "without_copies",
 ]

@@ -20,6 +20,14 @@ class Remark:
     ids: tuple[str, ...]
     text: str
 
+    def entry(self) -> dict[str, Any]:
+        """Return the remark as an entry of a JSON document."""
+        return {"kind": self.kind, "ids": list(self.ids), "text": self.text}
+
+    def line(self) -> str:
+        """Return the remark as a sentence that names the first rows."""
+        return f"Rows {', '.join(self.ids[:8])} ({len(self.ids)}): {self.text}."
+
 
 @dataclass(frozen=True, slots=True)
 class MeasurementSet:

@@ -289,14 +289,21 @@ class _Sorter:
             axis = self.cell.axes_of(tool)
             axes = -np.einsum("nij,nj->ni", toolpath.rotations, axis) + 0.0
             toolpath = replace(toolpath, axes=axes)
-        events = tuple(
-            replace(event, value=_called_by(self.cell.tools[tool[event.index]]))
+        called = {
+            number: tool[event.index]
+            for number, event in enumerate(toolpath.events)
             if event.kind is EventKind.TOOL_CHANGE
-            and not event.value
             and event.index < len(tool)
             and tool[event.index] >= 0
+        }
+        meant: dict[float, set[int]] = {}
+        for number, index in called.items():
+            meant.setdefault(toolpath.events[number].value, set()).add(int(index))
+        events = tuple(
+            replace(event, value=_called_by(self.cell.tools[called[number]]))
+            if number in called and (not event.value or len(meant[event.value]) > 1)
             else event
-            for event in toolpath.events
+            for number, event in enumerate(toolpath.events)
         )
         if events != toolpath.events:
             toolpath = replace(toolpath, events=events)

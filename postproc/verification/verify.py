@@ -55,7 +55,6 @@ from postproc.verification.cam import (
     Tolerances,
     check_events,
     check_profiles,
-    check_steps,
     compare_served,
 )
 from postproc.verification.capacity import check_capacity
@@ -139,7 +138,6 @@ def verify(
         )
         check_profiles(result, toolpath, comparison)
         check_events(result, cell, toolpath, comparison)
-        check_steps(result, cell, toolpath, comparison.served)
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
     check_speeds(result, cell, cuts)

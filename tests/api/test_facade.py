@@ -141,6 +141,31 @@ def test_wrong_input_raises_one_kind_of_error(cell, tmp_path):
         pp.load_cell(tmp_path / "none.toml")
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, "0.01"])
+@pytest.mark.parametrize("name", ["tol_mm", "tol_deg"])
+def test_a_tolerance_that_is_no_number_turns_no_check_off(cell, tmp_path, name, value):
+    for zero in (value, 0.0):
+        with pytest.raises(pp.PostprocError, match="VER003"):
+            pp.verify(tmp_path / "none.src", cell, **{name: zero})
+    with pytest.raises(pp.PostprocError, match="VER003"):
+        pp.diff(tmp_path, tmp_path, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"grid_mm": float("nan")},
+        {"grid_mm": float("inf")},
+        {"origin_mm": [0.0, float("nan"), 0.0]},
+        {"confidence": float("nan")},
+        {"confidence": 1.0},
+    ],
+)
+def test_numbers_of_identify_are_to_be_reckoned_with(cell, tmp_path, options):
+    with pytest.raises(pp.PostprocError, match=r"STF02[68]"):
+        pp.identify(tmp_path / "none.csv", cell, **options)
+
+
 def test_representations_are_short_and_escape_html(job):
     assert repr(job) == f"<Job {job.name}: 12 tags, {len(job.plan)} motions, good>"
     assert "<table>" in job._repr_html_()

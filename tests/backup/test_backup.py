@@ -286,6 +286,36 @@ def test_differences_of_cell_and_controller(tmp_path, capsys):
     assert run(capsys, "check", cell.path, "--backup", tmp_path / "backup.zip")[0] == 0
 
 
+def test_another_home_and_arm_are_differences(tmp_path, capsys):
+    """Where programs go to XHOME by its name the home of the controller counts."""
+    text = archives.machine()
+    cell, data, _, _ = cell_of(tmp_path, contents(text), capsys)
+    assert data["krl"]["home"] == "xhome"
+    homes = {**contents(text)}
+    key = next(name for name, content in homes.items() if b"XHOME={" in content)
+    a2 = f"A2 {data['motion']['home_deg'][1]:.1f}".encode()
+    assert a2 in homes[key]
+    homes[key] = homes[key].replace(a2, b"A2 -60.5", 1)
+    archive = tmp_path / "moved.zip"
+    archive.write_bytes(archives.zipped(homes))
+    code, out, _ = run(capsys, "check", cell.path, "--backup", archive, "--json")
+    found = {d["key"]: d for d in json.loads(out)["backup"]["differences"]}
+    assert code == 1
+    assert set(found) == {"motion.home_deg"}
+    assert found["motion.home_deg"]["controller"][1] == -60.5
+    by_axes = (tmp_path / "cell.toml").read_text().replace('home = "xhome"', 'home = "axes"')
+    (tmp_path / "cell.toml").write_text(by_axes, encoding="utf-8")
+    code, out, _ = run(capsys, "check", cell.path, "--backup", archive, "--json")
+    (one,) = json.loads(out)["backup"]["differences"]
+    assert (code, one["severity"]) == (0, "note")
+    model = data["robot"]["model"]
+    other = by_axes.replace(f'model = "{model}"', 'model = "kuka_kr500_r2830"')
+    assert other != by_axes
+    (tmp_path / "cell.toml").write_text(other, encoding="utf-8")
+    code, out, _ = run(capsys, "check", cell.path, "--backup", archive, "--json")
+    assert "robot.model" in {d["key"] for d in json.loads(out)["backup"]["differences"]}
+
+
 def test_frames_are_compared_as_rotations(tmp_path, capsys):
     """At B = 90 the same turn has many A and C."""
     cell, _, text, _ = cell_of(

@@ -2,7 +2,14 @@ import os
 
 import pytest
 
-from postproc.batch.jobs import Overrides, find_inputs, is_input, load_overrides, make_jobs
+from postproc.batch.jobs import (
+    Overrides,
+    find_inputs,
+    is_input,
+    load_overrides,
+    make_jobs,
+    uniquely_named,
+)
 from postproc.errors import DataError
 from postproc.jobs.convert import ConvertRequest
 
@@ -35,9 +42,22 @@ def test_what_counts_as_an_input(tmp_path, name, yes):
     assert is_input(tmp_path / name) is yes
 
 
+def named(sources, recorded=None):
+    return uniquely_named(make_jobs(sources, BASE, Overrides({})), recorded or {})
+
+
+def test_a_name_that_was_given_stays_while_another_input_has_the_plain_one():
+    both = {job.key: job.request.name for job in named(["x/part.csv", "y/part.csv"])}
+    assert both["x/part.csv"] == "part"
+    (again,) = named(["y/part.csv"], both)
+    assert again.request.name == both["y/part.csv"]
+    (alone,) = named(["y/part.csv"], {"y/part.csv": both["y/part.csv"]})
+    assert alone.request.name == "part"
+
+
 def test_names_are_unique_and_do_not_depend_on_later_inputs():
-    some = make_jobs(["p/part-1.cls", "q/part 1.apt"], BASE, Overrides({}))
-    more = make_jobs(["p/part-1.cls", "q/part 1.apt", "r/part_1.csv"], BASE, Overrides({}))
+    some = named(["p/part-1.cls", "q/part 1.apt"])
+    more = named(["p/part-1.cls", "q/part 1.apt", "r/part_1.csv"])
     names = [job.request.name for job in more]
     assert len({name.upper() for name in names}) == 3
     assert [job.request.name for job in some] == names[:2]

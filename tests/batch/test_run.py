@@ -103,6 +103,17 @@ def test_a_program_moves_from_one_input_to_another(batch, work):
     }
 
 
+def test_a_part_of_earlier_inputs_keeps_its_programs(batch, work, snapshot):
+    (work / "parts" / "far.csv").unlink()
+    (work / "parts" / "A").mkdir()
+    (work / "parts" / "A" / "b.csv").write_text(holes(3))
+    assert batch().code == 0
+    before = snapshot("out")
+    again = batch(inputs=("parts/b.csv",))
+    assert (again.code, again.document["kept"]) == (0, 1)
+    assert snapshot("out") == before
+
+
 def test_two_programs_of_one_name_are_never_written_over_each_other(batch, work, snapshot):
     (work / "cell.toml").write_text(f"{CELL}[krl]\nmax_points_per_file = 12\n")
     for name in ("far", "a", "b"):

@@ -291,6 +291,11 @@ CEL004 | 5 | krl.orientation_speed_deg_s | than 0 | [krl];orientation_speed_deg_
 CEL002 | 5 | krl.hooks.spindle | 'spindle_on' | [krl.hooks];spindle = "X"
 CEL004 | 5 | krl.hooks.stop | found 'A B' | [krl.hooks];stop = "A B"
 CEL004 | 5 | krl.hooks.stop | found 'XXXXX | [krl.hooks];stop = "XXXXXXXXXXXXXXXXXXXXXXXXX"
+CEL017 | 6 | krl.hooks.stop and krl.hooks.signal | 'x' | [krl.hooks];stop = "X";signal = "x"
+CEL017 | 5 | krl.hooks.stop and krl.hooks.signal | two | [krl.hooks];stop = "PP_SIGNAL"
+CEL017 | 5 | krl.hooks.stop | 'HALT' means | [krl.hooks];stop = "HALT"
+CEL017 | 5 | krl.hooks.spindle_on | 'Bas' means | [krl.hooks];spindle_on = "Bas"
+CEL017 | 7 | .a and krl.hooks.stop | two | [process];hole = ["a"];[krl.hooks];a = "PP_STOP"
 CEL004 | 4 | optimize | one above 0 | [optimize];objective = { axial = 0 }
 CEL004 | 2 | robot | found both | urdf = "a.urdf"
 CEL004 | 2 | robot | with urdf only | tip = "a"

@@ -11,6 +11,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import click
 import pytest
 
 from postproc.cli import app
@@ -166,3 +167,43 @@ def test_what_is_no_number_is_one_line_at_its_place(kind, tmp_path, monkeypatch,
             assert len(err.strip().split("\n")) <= 3, err
             tried += 1
     assert tried >= 20
+
+
+OPTIONS = [
+    (name, option, kind)
+    for name in app.COMMANDS
+    for option in app.group.get_command(click.Context(app.group), name).params
+    for kind in getattr(option.type, "types", [option.type])
+    if isinstance(kind, click.FloatRange | click.types.FloatParamType)
+]
+
+
+def test_there_are_such_options():
+    assert len({(name, option.name) for name, option, _ in OPTIONS}) >= 20
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "-inf", "1e999"])
+def test_every_number_of_every_option_is_finite(word):
+    for _, option, kind in OPTIONS:
+        with pytest.raises(click.BadParameter):
+            kind.convert(word, option, None)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "verify p.src --cell c.toml --tol-deg nan",
+        "verify p.src --cell c.toml --tol-mm inf",
+        "diff a b --tol-mm nan",
+        "robots --reach nan",
+        "sample --cell c.toml --box 0 0 0 1 1 1 -o out --angles 0,nan",
+        "identify m.csv --cell c.toml -o m.toml --confidence nan",
+    ],
+)
+def test_an_option_that_is_no_number_is_one_line(call, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    Path("c.toml").write_text(CELL_TEXT, encoding="utf-8")
+    assert app.run(call.split()) == 2
+    lines = capfd.readouterr().err.strip().splitlines()
+    assert re.search(r"nan|inf", lines[0])
+    assert len(lines) <= 2

@@ -73,3 +73,14 @@ def test_elsewhere_nothing_but_the_folder_is_looked_at(tmp_path):
     (tmp_path / "jobs" / "MAIN.src").write_text(MAIN)
     (tmp_path / "helper.src").write_text("DEF HELPER( )\r\nEND\r\n")
     assert names(tmp_path / "jobs" / "MAIN.src", on_controller=True) == ["MAIN"]
+
+
+def test_a_global_routine_is_found_in_any_file(controller):
+    shared = {
+        "Program/jobs/mine.src": "DEF MINE( )\r\nEND\r\n global def helper( )\r\nEND\r\n",
+        "Program/jobs/local.src": "DEF LOCAL( )\r\nEND\r\nDEF HELPER( )\r\nEND\r\n",
+        "Program/sums.src": "DEF SUMS( )\r\nEND\r\nGLOBAL DEFFCT INT ANSWER(n:IN)\r\nENDFCT\r\n",
+    }
+    path = controller({"Program/jobs/MAIN.src": MAIN, **shared})
+    assert names(path) == ["MAIN"]
+    assert set(names(path, on_controller=True)) == {"MAIN", "MINE", "SUMS"}

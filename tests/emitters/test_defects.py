@@ -451,9 +451,3 @@ def test_nothing_of_the_machine_or_the_day_is_in_a_program():
     path = plans.toolpath(11, path="C:\\Users\\somebody\\wing.cls")
     text = b"".join(write(job(path=path)).values()).decode()
     assert "somebody" not in text
-
-
-def test_a_hook_is_not_named_like_a_word_of_krl():
-    with pytest.raises(EmitError, match=r"krl\.hooks\.stop: 'HALT'") as caught:
-        write(job(), hooks={"stop": "HALT"})
-    assert caught.value.code == "EMT320"

@@ -150,3 +150,64 @@ def test_two_cam_tools_of_one_number_that_differ_are_told(convert, tmp_path):
     assert set(re.findall(r"BAS\(#TOOL,(\d)\)", program.read_text())) == {"7", "8"}
     loaded = load_cell(tmp_path / "cell.toml")
     assert [tool.cam for tool in loaded.tools[:2]] == [("SIX",), ("EIGHT", "CSINK")]
+
+
+TWO_NAMES = """schema = "postproc.cell/1"
+[robot]
+model = "kuka_kr210_r2700_2"
+[[tools]]
+number = 1
+cam = ["DRILL_8"]
+frame = { xyz_mm = [150, 0, 250], abc_deg = [0, 0, 0] }
+axis = "+x"
+[[tools]]
+number = 2
+cam = ["MILL_8"]
+frame = { xyz_mm = [180, 0, 220], abc_deg = [0, 0, 0] }
+axis = "+x"
+[workpiece]
+number = 3
+frame = { xyz_mm = [1500, -60, 700], abc_deg = [0, 0, 0] }
+"""
+OPERATION = """TOOL PATH/{kind},TOOL,{kind}_8
+TLDATA/{kind},{diameter},0.0000,75.0000,0.0000,0.0000
+MSYS/0.0,0.0,0.0,1.0,0.0,0.0,0.0,1.0,0.0
+{load}SPINDL/RPM,1200,CLW
+RAPID
+GOTO/{x},0,120,0,0,1
+FEDRAT/MMPM,200
+GOTO/{x},0,0
+RAPID
+GOTO/{x},0,120
+END-OF-PATH
+"""
+
+
+@pytest.mark.parametrize("diameter", ["8.0000", "10.0000"])
+@pytest.mark.parametrize("load", ["LOAD/TOOL,1\n", "LOAD/TOOL,0\n", ""])
+def test_tools_of_one_number_are_told_by_their_names(convert, run, tmp_path, diameter, load):
+    """Each is called for and the spindle stands meanwhile, whatever the file says of numbers."""
+    text = OPERATION.format(kind="DRILL", diameter="8.0000", load=load, x=0)
+    text += OPERATION.format(kind="MILL", diameter=diameter, load=load, x=50)
+    code, document, program = convert(text, TWO_NAMES)
+    assert (code, document["failures"]) == (0, [])
+    written = program.read_text()
+    calls = re.findall(r"PP_(?:TOOL_CHANGE|SPINDLE_O[NF]+)\(\d*\)|BAS\(#TOOL,\d\)", written)
+    change = calls.index("PP_TOOL_CHANGE(2)")
+    assert calls[change - 1 : change + 3] == [
+        "PP_SPINDLE_OFF()", "PP_TOOL_CHANGE(2)", "BAS(#TOOL,2)", "PP_SPINDLE_ON(1200)",
+    ]  # fmt: skip
+    assert ("PP_TOOL_CHANGE(1)" in calls) == bool(load)
+    program.write_text(re.sub(r"PP_TOOL_CHANGE\(2\).*\n", "", written))
+    verify = ("verify", program, "--cell", tmp_path / "cell.toml", "--json")
+    code, report, _ = run(*verify, "--against", tmp_path / "wing.cls", *NX)
+    assert (code, {v["kind"] for v in report["violations"]}) == (1, {"event"})
+
+
+@pytest.mark.parametrize("call", ["LOADTL/MILL_8", "LOAD/TOOL,'MILL_8'", "LOADTL/'MILL_8'"])
+def test_a_tool_is_loaded_by_its_name(convert, call):
+    text = f"UNITS/MM\n{call}\nSPINDL/1200,RPM,CLW\nRAPID\nGOTO/0,0,120,0,0,1\nFEDRAT/200,MMPM\n"
+    code, document, program = convert(text + "GOTO/0,0,0\nFINI\n", TWO_NAMES, "a.apt", ())
+    assert (code, document["failures"]) == (0, [])
+    assert "PP_TOOL_CHANGE(2)" in program.read_text()
+    assert "BAS(#TOOL,2)" in program.read_text()

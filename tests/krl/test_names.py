@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from postproc.errors import EmitError
-from postproc.krl.text.names import KEYWORDS, SYSTEM_MODULES, NameAllocator, is_legal, legal_name
+from postproc.krl.text.names import NameAllocator, legal_name
+from postproc.names import KEYWORDS, SYSTEM_MODULES, is_legal
 
 LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,23}\Z")
 nasty = st.one_of(

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from postproc.errors import ReadError
 from postproc.model.toolpath import MotionKind
 
 MM = "PARTNO X\nUNITS/MM\n"
@@ -148,6 +149,21 @@ def test_arcslp_is_the_rise_of_the_arc_that_follows(read_text):
     assert np.linalg.norm(drawn(toolpath, 0.5) - at(-45, -1.5)) < 1e-6
 
 
+@pytest.mark.parametrize("block", [1 << 22, 8])
+@pytest.mark.parametrize("dialect", ["mfgsuite", "creo"])
+def test_a_rise_is_of_the_next_arc_however_it_is_written(read_text, block, dialect, monkeypatch):
+    monkeypatch.setattr("postproc.readers.text.blocks.BLOCK_BYTES", block)
+    at = circle_in((0, 0, 1))
+    arc = f"CIRCLE/{text(CENTRE)},0,0,1"
+    helix = f"{MM}GOTO/{text(at(0))}\nARCSLP/{{}}\n{arc}\nGOTO/{text(at(90, 3))}\n"
+    above = CENTRE + np.array([0, 0, 3])
+    flat = f"CIRCLE/{text(above)},$\n0,0,1\nGOTO/{text(at(120, 3))}\nFINI\n"
+    toolpath = read_text(helix.format(3) + flat, dialect=dialect, units="mm")
+    assert np.degrees(toolpath.arcs.sweep) == pytest.approx([90.0, 30.0])
+    with pytest.raises(ReadError, match=r"APT086.*rise of 2\.0000 mm"):
+        read_text(helix.format(2) + flat, dialect=dialect, units="mm")
+
+
 def test_movarc_of_eight_numbers_ends_in_its_sweep(read_text):
     at = circle_in((0, 0, 1))
     toolpath = read_text(
@@ -253,3 +269,27 @@ def test_increments_and_where_the_tool_stands(read_text):
     assert [(use.word, use.refused) for use in toolpath.word_uses] == [
         ("GODLTA", True), ("FROM", False),
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_circle_of_plain_apt_goes_on_as_the_cuts_beside_it(read_text, sense):
+    """Systems differ in the sense that CIRCLE has; a quarter must not become three quarters."""
+    at = circle_in((0, 0, 1))
+    start, end = at(0), at(sense * 90)
+    lead, out = (sense * 5 * np.cross((0, 0, 1), p - CENTRE) / RADIUS for p in (start, end))
+    toolpath = read_text(
+        f"{MM}GOTO/{text(start - lead)}\nGOTO/{text(start)}\nCIRCLE/{text(CENTRE)},0,0,1,{RADIUS}\n"
+        f"GOTO/{text(end)}\nGOTO/{text(end + out)}\nFINI\n"
+    )
+    assert np.linalg.norm(drawn(toolpath, 0.5) - at(sense * 45)) < 1e-6
+    said = [(f.code, f.source.line) for f in toolpath.warnings]
+    assert said == ([] if sense > 0 else [("APT134", 5)])
+
+
+def test_a_circle_of_plain_apt_that_nothing_decides_is_told(read_text):
+    at = circle_in((0, 0, 1))
+    toolpath = read_text(
+        f"{MM}GOTO/{text(at(0))}\nCIRCLE/{text(CENTRE)},0,0,1,{RADIUS}\nGOTO/{text(at(90))}\nFINI\n"
+    )
+    assert np.linalg.norm(drawn(toolpath, 0.5) - at(45)) < 1e-6
+    assert [(f.code, f.source.line) for f in toolpath.warnings] == [("APT133", 4)]

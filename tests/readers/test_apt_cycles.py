@@ -154,6 +154,26 @@ def test_a_rapid_is_no_hole_and_on_brings_the_cycle_back(read_text):
     assert toolpath.cycle.tolist() == [0, -1, 0, -1, 0, 1]
 
 
+@pytest.mark.parametrize("dialect", ["apt", "nx", "catia", "fusion", "solidworks", "postworks"])
+@pytest.mark.parametrize("word", ["DRILL,FEDTO,5,MMPM,100,RAPTO,2", "ON"])
+@pytest.mark.parametrize("block", [1 << 22, 8])
+def test_a_rapid_before_the_cycle_goes_to_its_first_hole(
+    read_text, dialect, word, block, monkeypatch
+):
+    """Only behind the CYCLE does RAPID take a point out of it; blocks of reading do not matter."""
+    monkeypatch.setattr("postproc.readers.text.blocks.BLOCK_BYTES", block)
+    depth = -5 if dialect == "nx" else 5
+    word = word.replace("5", str(depth), 1)
+    first = f"CYCLE/DRILL,FEDTO,{depth},MMPM,100,RAPTO,2\nGOTO/0,0,0\nCYCLE/OFF\n"
+    text = (
+        f"{MM}{first}RAPID\nGOTO/0,0,50\nRAPID\nCYCLE/{word}\nGOTO/0,0,0\n"
+        f"RAPID\nGOTO/5,0,0\nGOTO/6,0,0\nRAPID\nCYCLE/OFF\nGOTO/6,0,9\nFINI\n"
+    )
+    hole, rapid = MotionKind.HOLE, MotionKind.RAPID
+    kinds = read_text(text, dialect=dialect, units="mm", recover=True).kind.tolist()
+    assert kinds == [hole, rapid, hole, rapid, hole, rapid]
+
+
 def test_mill_makes_no_hole(read_text):
     toolpath = holes(read_text, "MILL", None)
     assert (toolpath.kind == MotionKind.LINEAR).all()

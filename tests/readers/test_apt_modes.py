@@ -279,3 +279,29 @@ def test_times_counts_the_turns_that_are_begun(times, degrees, read_text):
     text = f"UNITS/MM\nGOTO/10,0,6\nCIRCLE/0,0,0,0,0,1,10{times}\nGOTO/0,10,0\nFINI\n"
     toolpath = read_text(text)
     assert np.degrees(toolpath.arcs.sweep[0]) == pytest.approx(degrees)
+
+
+FUSION = "PARTNO/'X'\nMODE/MILL\nUNITS/MM\nPPRINT/'T1'\nLOADTL/5, 0, 100., 0.\n"
+
+
+@pytest.mark.parametrize(("dialect", "axis"), [("fusion", (0, 0, 1)), ("catia", (0.6, 0, 0.8))])
+def test_an_operation_behind_multax_off_stands_along_z_where_the_post_says_so(
+    read_text, dialect, axis
+):
+    toolpath = read_text(
+        f"{FUSION}MULTAX/ON\nGOTO/0,0,50,0.6,0,0.8\nMULTAX/OFF\nGOTO/100,0,50\nFINI\n",
+        dialect=dialect,
+    )
+    np.testing.assert_allclose(toolpath.axes[-1], axis, atol=1e-9)
+    np.testing.assert_allclose(toolpath.axes[0], (0.6, 0, 0.8), atol=1e-9)
+
+
+@pytest.mark.parametrize("between", ["", "GOTO/0,0,40\n"])
+def test_a_feed_per_turn_may_stand_before_the_speed_of_the_spindle(read_text, between):
+    """But no point may lie between the two."""
+    toolpath = read_text(
+        "PARTNO X\nUNITS/MM\nRAPID\nGOTO/0,0,50\nFEDRAT/.1,MMPR\n"
+        f"{between}SPINDL/1000,RPM,CLW\nGOTO/0,0,0\nFINI\n"
+    )
+    assert toolpath.feed[-1] == pytest.approx(0.1 / 60.0)
+    assert ("FEDRAT" in [use.word for use in toolpath.word_uses]) == bool(between)

@@ -85,6 +85,8 @@ TABLE = [
     ("spindle.apt", MM + "SPINDL/CLW\nFINI\n", "APT053", "no speed"),
     ("twoarcs.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nCIRCLE/0,0,0,0,0,1\nGOTO/0,1,0\nFINI\n",
      "APT035", "two arcs"),
+    ("twoarcsend.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nCIRCLE/0,0,0,0,0,1\nFINI\n",
+     "APT035", "two arcs"),
     ("arcend.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,1\nFINI\n", "APT030", "no end point"),
     ("arcstart.apt", MM + "CIRCLE/0,0,0,0,0,1\nGOTO/1,0,0\nFINI\n", "APT036", "no point before"),
     ("arcplane.apt", MM + "GOTO/1,0,0\nCIRCLE/0,0,0,0,0,0\nGOTO/0,1,0\nFINI\n", "APT037", "plane"),

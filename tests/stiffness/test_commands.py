@@ -112,7 +112,7 @@ def test_an_unfilled_plan_is_refused_with_its_line(planned, cell_path, tmp_path,
     [
         (["--grid", "-5"], "STF026"),
         (["--method", "grid"], "STF026"),
-        (["--confidence", "2"], "CLI001"),
+        (["--confidence", "2"], "STF028"),
     ],
 )
 def test_wrong_calls_say_what_was_expected(planned, cell_path, tmp_path, capsys, more, code):

@@ -406,3 +406,43 @@ def test_the_slope_of_the_marginal_likelihood_is_that_of_differences(known):
         for i, step in enumerate(1e-5 * np.eye(10)):
             ends = (near.cost(theta + side * step, 3e-5, known)[0] for side in (1.0, -1.0))
             assert slope[i] == pytest.approx(-np.diff(list(ends))[0] / 2e-5, rel=1e-5, abs=1e-6)
+
+
+# ------------------------------------------------------------------------ slips in the loads
+
+
+def loaded(sign=1.0, scale=1.0):
+    def spoil(rows):
+        return replace(rows, wrench=np.asarray(rows.wrench) * sign * scale)
+
+    return spoil
+
+
+@pytest.mark.parametrize(
+    ("spoil", "code"),
+    [(loaded(sign=-1.0), "STF016"), (loaded(scale=1e-3), "STF017"), (loaded(), "")],
+)
+@pytest.mark.parametrize("method", ["auto", "constant"])
+def test_loads_with_another_sign_or_unit_are_refused(arm, postures, spoil, code, method):
+    """No stiffness would be the arm's: springs give way along the load."""
+    twin = Twin()
+    rows = spoil(campaign(twin, postures(60), three_directions(twin), TRACKER))
+    options = IdentifyOptions(method=method)
+    if not code:
+        found = identify(rows, arm, TCP, options, K_PAPER)
+        assert np.all(np.isfinite(found.field.compliance(rows.q, rows.position)[:, :5]))
+        return
+    with pytest.raises(StiffnessError, match=code):
+        identify(rows, arm, TCP, options, K_PAPER)
+
+
+def test_loads_that_stand_in_other_rows_give_no_model(arm, postures):
+    """On tags not fitted no model beats a rigid arm: none is written."""
+    twin = Twin()
+    rows = campaign(twin, postures(60), three_directions(twin), TRACKER)
+    mixed = np.array(rows.wrench)
+    some = np.flatnonzero(np.any(mixed, axis=1))
+    mixed[some] = mixed[np.random.default_rng(3).permutation(some)]
+    mixed[some] *= np.random.default_rng(4).choice([-1.0, 1.0], (len(some), 1))
+    with pytest.raises(StiffnessError, match=r"STF01[0-9]"):
+        identify(replace(rows, wrench=mixed), arm, TCP, IdentifyOptions(), K_PAPER)

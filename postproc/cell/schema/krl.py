@@ -9,9 +9,9 @@ from pydantic import ConfigDict, Field, model_validator
 
 from postproc.cell.choices import HomeStyle, Kss, MotionStyle, PointPlace, Split
 from postproc.cell.schema.table import CHOICE, NotNegative, Positive, Table, Text
+from postproc.names import LETTERS
 
-KRL_NAME = r"^[A-Za-z_][A-Za-z0-9_]{0,23}$"
-KrlName = Annotated[str, Field(pattern=KRL_NAME)]
+KrlName = Annotated[str, Field(pattern=LETTERS)]
 Signal = Annotated[int, Field(ge=1, le=8192)]
 
 
@@ -23,7 +23,7 @@ class HooksTable(Table):
     @model_validator(mode="after")
     def _names(self) -> HooksTable:
         for name, routine in (self.model_extra or {}).items():
-            if not isinstance(routine, str) or not re.fullmatch(KRL_NAME, routine):
+            if not isinstance(routine, str) or not re.fullmatch(LETTERS, routine):
                 raise ValueError(f"{name}: expected the name of a routine, found {routine!r}")
         return self
 

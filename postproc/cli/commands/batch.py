@@ -10,6 +10,7 @@ import click
 
 from postproc.cli import completion
 from postproc.cli.common import (
+    NumberRange,
     Session,
     answer,
     emitter_option,
@@ -52,8 +53,8 @@ Examples:
     "--preset", type=click.Choice(["stiffest", "balanced", "fastest"]), help="As of convert."
 )
 @click.option("--model", metavar="MODEL.toml", help="Compensate what this model predicts.")
-@click.option("--timeout", type=click.FloatRange(min=0.1), help="Seconds per input.")
-@click.option("--memory", type=click.FloatRange(min=0.5), help="GiB per worker.")
+@click.option("--timeout", type=NumberRange(min=0.1), help="Seconds per input.")
+@click.option("--memory", type=NumberRange(min=0.5), help="GiB per worker.")
 @click.option("--force", is_flag=True, help="Redo everything.")
 @click.option("--prune", is_flag=True, help="Remove outputs whose input is gone.")
 @click.option("--check", is_flag=True, help="Write nothing; compare with what is there.")

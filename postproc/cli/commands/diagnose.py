@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from postproc.cli.common import (
+    POSITIVE,
     Session,
     answer,
     read_cam,
@@ -45,7 +46,7 @@ Examples:
 )
 @click.option("--program", metavar="INPUT", help="CAM file: tell where along it the gap lies.")
 @reading_options
-@click.option("--tol-mm", type=float, help="Exit 1 if the gap (rms) is larger than this.")
+@click.option("--tol-mm", type=POSITIVE, help="Exit 1 if the gap (rms) is larger than this.")
 @click.option(
     "-o",
     "--output",

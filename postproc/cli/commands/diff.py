@@ -6,9 +6,13 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import (
+    NOT_NEGATIVE,
+    Session,
+    answer,
+    standard_options,
+)
 
-_TOLERANCE = click.FloatRange(min=0.0)
 EPILOG = """\b
 Examples:
   postproc diff released/panel.src out/panel.src
@@ -22,10 +26,10 @@ Examples:
 @click.argument("old", metavar="OLD", type=click.Path())
 @click.argument("new", metavar="NEW", type=click.Path())
 @click.option(
-    "--tol-mm", default=0.001, show_default=True, type=_TOLERANCE, help="Shift that is the same."
+    "--tol-mm", default=0.001, show_default=True, type=NOT_NEGATIVE, help="Shift that is the same."
 )
 @click.option(
-    "--tol-deg", default=0.001, show_default=True, type=_TOLERANCE, help="Turn that is the same."
+    "--tol-deg", default=0.001, show_default=True, type=NOT_NEGATIVE, help="Turn that is the same."
 )
 @click.option("--html", "page", metavar="FILE.html", help="Write a page that shows what moved.")
 @click.option("--update", is_flag=True, help="Accept: copy NEW over OLD; then 0, not 1.")

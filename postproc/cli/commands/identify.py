@@ -7,7 +7,13 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options, tool_option
+from postproc.cli.common import (
+    NUMBER,
+    Session,
+    answer,
+    standard_options,
+    tool_option,
+)
 
 EPILOG = """\b
 Examples:
@@ -26,11 +32,11 @@ Examples:
     type=click.Choice(["auto", "constant", "grid", "continuous"]),
     help="Kind of model; default: auto (smallest held-out error), or grid with --grid.",
 )
-@click.option("--grid", type=float, metavar="MM", help="One stiffness per cell of this edge [mm].")
+@click.option("--grid", type=NUMBER, metavar="MM", help="One stiffness per cell of this edge [mm].")
 @click.option(
     "--origin",
     nargs=3,
-    type=float,
+    type=NUMBER,
     default=None,
     metavar="X Y Z",
     help="Lowest corner of the grid [mm]; default: of the tool points.",
@@ -44,10 +50,10 @@ Examples:
 )
 @click.option(
     "--confidence",
-    type=click.FloatRange(0.5, 0.999),
+    type=NUMBER,
     default=0.9,
     show_default=True,
-    help="Of the intervals.",
+    help="Of the intervals, 0.5 to 0.999.",
 )
 @click.option("--register", is_flag=True, help="Fit the tracker's frame and the reflector first.")
 @click.option("--report", metavar="FILE.html", help="Write a page with figures.")
@@ -82,15 +88,10 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
 def _settings(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     import numpy as np
 
-    from postproc.errors import StiffnessError
     from postproc.stiffness.identify import IdentifyOptions
     from postproc.units import MM
 
     edge, method = options["grid"], options["method"]
-    if edge is not None and not edge > 0.0:
-        raise StiffnessError("STF026", f"--grid {edge:g}, expected a positive edge in mm")
-    if method == "grid" and edge is None:
-        raise StiffnessError("STF026", "--method grid needs --grid MM")
     return IdentifyOptions(
         method=method or ("grid" if edge is not None else "auto"),
         grid=None if edge is None else edge * MM,

@@ -10,7 +10,12 @@ from typing import Any
 import click
 
 from postproc.cli import completion
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import (
+    NUMBER,
+    Session,
+    answer,
+    standard_options,
+)
 from postproc.cli.questions import AXES, ask
 from postproc.errors import CellError, SourceRef, UsageError
 
@@ -24,8 +29,8 @@ Examples:
   postproc new-cell -o cell.toml
   postproc new-cell --keys
 """
-_TRIPLE = (float, float, float)
-_SIX = (float,) * 6
+_TRIPLE = (NUMBER, NUMBER, NUMBER)
+_SIX = (NUMBER,) * 6
 _OF_BACKUP = (
     "urdf", "tip", "tool_xyz", "tool_abc", "tool_axis", "tool_mass", "workpiece_xyz",
     "workpiece_abc", "tool_number", "base_number", "home", "feed", "input", "tool_mesh",
@@ -49,7 +54,7 @@ _OF_BACKUP = (
 @click.option("--tool-xyz", type=_TRIPLE, metavar="X Y Z", help="TCP in the flange [mm].")
 @click.option("--tool-abc", type=_TRIPLE, metavar="A B C", help="Turn of the TCP frame [deg].")
 @click.option("--tool-axis", type=click.Choice(AXES), help="TCP axis that points into the part.")
-@click.option("--tool-mass", type=float, metavar="KG", help="Mass of the tool [kg].")
+@click.option("--tool-mass", type=NUMBER, metavar="KG", help="Mass of the tool [kg].")
 @click.option("--tool-number", type=int, metavar="N", help="TOOL number; default: 1.")
 @click.option(
     "--tool-mesh", multiple=True, metavar="FILE", help="Solid of the tool, in the flange."
@@ -59,7 +64,7 @@ _OF_BACKUP = (
 @click.option("--base-number", type=int, metavar="N", help="BASE number; default: 1.")
 @click.option("--workpiece-mesh", multiple=True, metavar="FILE", help="Solid, in CAM coordinates.")
 @click.option("--home", type=_SIX, metavar="A1 .. A6", help="Posture to begin and end in [deg].")
-@click.option("--feed", type=float, metavar="MM/MIN", help="Feed where the CAM file gives none.")
+@click.option("--feed", type=NUMBER, metavar="MM/MIN", help="Feed where the CAM file gives none.")
 @click.option(
     "--input",
     metavar="INPUT",

@@ -43,6 +43,8 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
     model = load_model(options["model"]) if options["model"] else None
     prediction, rows = predict(options["measurements"], cell, model, options["registered"])
     write_files({Path(options["output"]): prediction.csv(rows.ids)})
+    for remark in prediction.remarks:
+        session.say(f"{options['measurements']}: {remark.line()}")
     for name in prediction.missing:
         session.say(f"{options['measurements']}: {name} was left out, its columns are missing")
     session.document(
@@ -51,6 +53,7 @@ def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click
             "rows": len(rows),
             "left_out": list(prediction.missing),
             "rms_mm": round(prediction.rms * 1e3, 6),
+            "remarks": [remark.entry() for remark in prediction.remarks],
         }
     )
     session.show(

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from postproc.cli import completion
-from postproc.cli.common import Session, answer, standard_options
+from postproc.cli.common import (
+    NOT_NEGATIVE,
+    Session,
+    answer,
+    standard_options,
+)
 
 if TYPE_CHECKING:
     from postproc.cell import OpwGeometry, Origin, Robot
@@ -24,8 +29,12 @@ _LENGTHS = ("a1", "a2", "b", "c1", "c2", "c3", "c4")
 
 @click.command(epilog=EPILOG)
 @click.argument("name", required=False, shell_complete=completion.robots)
-@click.option("--reach", type=float, metavar="MM", help="Only arms that reach this far [mm].")
-@click.option("--payload", type=float, metavar="KG", help="Only arms that carry this much [kg].")
+@click.option(
+    "--reach", type=NOT_NEGATIVE, metavar="MM", help="Only arms that reach this far [mm]."
+)
+@click.option(
+    "--payload", type=NOT_NEGATIVE, metavar="KG", help="Only arms that carry this much [kg]."
+)
 @standard_options
 def command(
     session: Session, /, name: str | None, reach: float | None, payload: float | None

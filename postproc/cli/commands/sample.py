@@ -7,7 +7,14 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, standard_options, tool_option
+from postproc.cli.common import (
+    NUMBER,
+    NumberRange,
+    Session,
+    answer,
+    standard_options,
+    tool_option,
+)
 
 EPILOG = """\b
 Examples:
@@ -25,11 +32,11 @@ Examples:
     "--box",
     required=True,
     nargs=6,
-    type=float,
+    type=NUMBER,
     metavar="X0 Y0 Z0 X1 Y1 Z1",
     help="Lowest and highest corner of the measured space, robot root frame [mm].",
 )
-@click.option("--grid", type=float, default=150.0, show_default=True, help="Edge of a cell [mm].")
+@click.option("--grid", type=NUMBER, default=150.0, show_default=True, help="Edge of a cell [mm].")
 @click.option("-o", "--output", required=True, metavar="DIR", help="Folder of the plan.")
 @click.option("--name", default="sample", show_default=True, help="Name of the files.")
 @click.option(
@@ -71,21 +78,21 @@ Examples:
 @click.option(
     "--orientation",
     nargs=3,
-    type=float,
+    type=NUMBER,
     default=None,
     metavar="A B C",
     help="Tool orientation at angle 0 [deg]; default: the axis-parallel one that reaches most.",
 )
 @click.option(
     "--load-kg",
-    type=float,
+    type=NUMBER,
     default=None,
     help="Weight to hang on [kg]; default 50 without --force.",
 )
 @click.option(
     "--load-at",
     nargs=3,
-    type=float,
+    type=NUMBER,
     default=None,
     metavar="X Y Z",
     help="Centre of gravity of that weight in the flange [mm]; default: the tool point.",
@@ -93,14 +100,14 @@ Examples:
 @click.option(
     "--force",
     nargs=3,
-    type=float,
+    type=NUMBER,
     multiple=True,
     metavar="FX FY FZ",
     help="Further load: force at the tool point, axes of the robot root [N]; may be repeated.",
 )
 @click.option(
     "--wait",
-    type=click.FloatRange(0.0, 3600.0),
+    type=NumberRange(0.0, 3600.0),
     default=5.0,
     show_default=True,
     help="Wait at a posture [s].",
@@ -108,7 +115,7 @@ Examples:
 @click.option("--halt", is_flag=True, help="Wait for the operator at each posture instead.")
 @click.option(
     "--speed",
-    type=click.FloatRange(1.0, 100.0),
+    type=NumberRange(1.0, 100.0),
     default=30.0,
     show_default=True,
     help="Axis speed [%].",
@@ -183,8 +190,8 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     from postproc.units import DEG, MM, PERCENT
 
     try:
-        angles = np.array([float(text) for text in options["angles"].split(",")]) * DEG
-    except ValueError:
+        angles = [NUMBER.convert(text, None, None) for text in options["angles"].split(",")]
+    except click.BadParameter:
         raise StiffnessError(
             "STF025", f"--angles {options['angles']!r}, expected numbers with commas between"
         ) from None
@@ -192,7 +199,7 @@ def _request(options: dict[str, Any]) -> Any:  # noqa: ANN401 - imported lazily
     abc = options["orientation"]
     rules = SamplingRules(
         axis=np.eye(3)["xyz".index(options["axis"])],
-        angles=angles,
+        angles=np.array(angles) * DEG,
         R_robroot_tcp=None if abc is None else rotation_from_abc(np.array(abc) * DEG),
     )
     return SampleRequest(

@@ -7,7 +7,14 @@ from typing import Any
 
 import click
 
-from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import (
+    NumberRange,
+    Session,
+    answer,
+    read_cam,
+    reading_options,
+    standard_options,
+)
 
 EPILOG = """\b
 Examples:
@@ -25,7 +32,7 @@ Examples:
 @click.option(
     "--most", type=click.IntRange(1, 500), default=24, show_default=True, help="Key tags shown."
 )
-@click.option("--step", type=click.FloatRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
+@click.option("--step", type=NumberRange(0.1, 90.0), help="Step [deg]; default: the cell's.")
 @reading_options
 @standard_options
 def command(session: Session, /, **options: Any) -> int:  # noqa: ANN401 - click's own names

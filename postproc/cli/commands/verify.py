@@ -6,12 +6,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from postproc.cli.common import Session, answer, read_cam, reading_options, standard_options
+from postproc.cli.common import (
+    POSITIVE,
+    Session,
+    answer,
+    read_cam,
+    reading_options,
+    standard_options,
+)
 
 if TYPE_CHECKING:
     from postproc.verification import VerifyReport
 
-_POSITIVE = click.FloatRange(min=0.0, min_open=True)
 EPILOG = """\b
 Examples:
   postproc verify out/panel.src --cell cell.toml
@@ -30,14 +36,14 @@ Examples:
     "--tol-mm",
     default=0.01,
     show_default=True,
-    type=_POSITIVE,
+    type=POSITIVE,
     help="How far a point may be off the CAM file.",
 )
 @click.option(
     "--tol-deg",
     default=0.005,
     show_default=True,
-    type=_POSITIVE,
+    type=POSITIVE,
     help="How far the tool axis may be off the CAM file.",
 )
 @click.option(

@@ -40,7 +40,6 @@ from postproc.krl import (
     Part,
     Routine,
     Statement,
-    is_legal,
     render,
     split,
     suffixes,
@@ -63,8 +62,8 @@ def emit(plan: Plan, cell: Cell, *, names: NameAllocator | None = None) -> tuple
 
     Raises:
         EmitError: EMT310 if the plan is empty or does not begin with a PTP; EMT311 to EMT315 for
-            a move or an event that cannot be written; EMT320 for a hook that KRL cannot call;
-            EMT330 to EMT334 for templates; EMT301 if no name is left.
+            a move or an event that cannot be written; EMT330 to EMT334 for templates; EMT301 if no
+            name is left.
         KrlError: KRL901 to KRL905 for a number that cannot be written.
     """
     if len(plan) == 0:
@@ -98,7 +97,6 @@ class _Program:
         parts = self.parts
         endings = suffixes(len(parts)) if len(parts) > 1 else ()
         extra = (SETUP_ENDING,) if self.style.setup else ()
-        self._require_callable()
         self.names.reserve((HOOKS_MODULE, *self.style.hooks.values()))
         name = self.names.allocate(self.plan.name, (*endings, *extra))
         if endings:
@@ -131,12 +129,6 @@ class _Program:
         if self.style.hooks_example:
             modules.append(hooks_module(self.cell, self.templates))
         return modules
-
-    def _require_callable(self) -> None:
-        for key, name in self.style.hooks.items():
-            if not is_legal(name):
-                text = f"krl.hooks.{key}: {name!r} means something in KRL, expected another name"
-                raise EmitError("EMT320", text, SourceRef(self.cell.path))
 
     @property
     def style(self) -> KrlOptions:

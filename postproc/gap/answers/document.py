@@ -97,10 +97,7 @@ def document(
         ],
         "registration": _registration(diagnosis),
         "orientation": orientation(diagnosis),
-        "remarks": [
-            {"kind": r.kind, "ids": list(r.ids), "text": r.text}
-            for r in problem.measurements.remarks
-        ],
+        "remarks": [remark.entry() for remark in problem.measurements.remarks],
         "outliers": [ids[i] for i in np.flatnonzero(diagnosis.outlier)],
         "not_testable": [
             {"name": name, "needs": list(needs)} for name, needs in problem.not_testable.items()

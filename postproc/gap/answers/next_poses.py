@@ -258,6 +258,8 @@ def _worst(diagnosis: Diagnosis, reach: Reach) -> list[NextPose]:
     for side, _ in sides:
         good &= reach.allows(rows, _from(rows, side) - 0.0)
     rows = rows.rows(np.flatnonzero(good)[:_FEWEST])
+    if len(rows) == 0:
+        return []
     found = []
     for side, what in sides:
         moved = rows if side is None else _approached(rows, side)

@@ -15,18 +15,23 @@ from postproc.gap.fit import register_loaded, seen_in
 from postproc.gap.robot_model import RobotModel, evaluate
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics
-from postproc.measurement import MeasurementSet, frames_of, set_ups
+from postproc.measurement import MeasurementSet, Remark, frames_of, set_ups
 from postproc.model import ModelFile
 from postproc.units import MM
 
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """points (n, 3) [m] in the frame of the measurement; effects left out; rms misfit [m]."""
+    """What a model expects at the rows of a file.
+
+    points (n, 3) [m] in the frame of the measurement; missing: effects left out; rms: misfit [m];
+    remarks: what was wrong in the rows and was worked around.
+    """
 
     points: FloatArray
     missing: tuple[str, ...]
     rms: float
+    remarks: tuple[Remark, ...] = ()
 
     def csv(self, ids: Sequence[str]) -> bytes:
         """Return the points as CSV text.
@@ -80,7 +85,7 @@ def predict(
     if fixed is not None:
         points = apply(frames_of(fixed, rows), points)
     rms = float(np.sqrt(np.mean(np.sum((measured - points) ** 2, axis=1))))
-    return Prediction(points, robot.missing(samples), rms)
+    return Prediction(points, robot.missing(samples), rms, measurements.remarks)
 
 
 def _quoted(name: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from postproc.gap.robot_model import effect_of
+from postproc.measurement import Remark
 
 
 def summary(content: dict[str, Any]) -> list[str]:
@@ -42,9 +43,7 @@ def summary(content: dict[str, Any]) -> list[str]:
             f"Measured orientations, which no fit has seen: {check['rms_before_deg']:.4f} deg rms"
             f" off before, {check['rms_after_deg']:.4f} with what was adopted."
         )
-    for item in content["remarks"]:
-        shown = ", ".join(item["ids"][:8])
-        lines.append(f"Rows {shown} ({len(item['ids'])}): {item['text']}.")
+    lines += [Remark(**item).line() for item in content["remarks"]]
     if content["outliers"]:
         shown = ", ".join(content["outliers"][:8])
         lines.append(f"Measuring faults left out ({len(content['outliers'])}): {shown}")
@@ -95,13 +94,30 @@ def _causes(content: dict[str, Any]) -> list[str]:
             line += f" These rows cannot tell it from {', '.join(item['confounded_with'])}."
         if item["rival"]:
             line += f" In its place {item['rival']} explains more."
-        lines += [line, f"  What to do: {effect_of(item['name']).action}."]
+        lines += [line, *_leading(item), f"  What to do: {effect_of(item['name']).action}."]
         worse = [d["design"] for d in item["transfer"] if d["gain_nats"] < 0.0]
         if worse:
             lines.append(
                 f"  Careful: fitted without {', '.join(worse)}, it makes those rows worse."
             )
     return lines
+
+
+def _leading(item: dict[str, Any]) -> list[str]:
+    """Return what to doubt where joints lead that play would let stay behind."""
+    leading = item["parameters"].get("leading_joints", [])
+    if not leading:
+        return []
+    least = item["interval_90"]["low"]["half_gap_deg"]
+    sure = [joint for joint, gap in enumerate(least, start=1) if gap]
+    names = ", ".join(f"A{joint}" for joint in leading)
+    if len(sure) > 1 and set(sure) <= set(leading):
+        return [
+            "  Careful: every joint that shows it leads where play would let it stay behind"
+            f" ({names}): the dir columns look inverted; +1 is an angle that was growing. If"
+            " so, turn their signs before anything is entered in the controller."
+        ]
+    return [f"  Careful: {names} lead where play would let them stay behind."]
 
 
 def _unexplained(rest: dict[str, Any]) -> list[str]:

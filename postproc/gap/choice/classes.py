@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.gap.data import Samples
-from postproc.gap.fit import Noise, Projection, Regression, Wave
+from postproc.gap.fit import STANDING, Noise, Projection, Regression, Wave
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""
@@ -239,7 +239,7 @@ def _of_joints(samples: Samples) -> Iterator[Group]:
     yield Group("joint", "joints", "linear", _unit(samples.jacobian * spread[:, None, :]))
     for joint in range(6):
         q = samples.q[:, joint]
-        if float(np.ptp(q)) < 1e-3:
+        if float(np.ptp(q)) < STANDING:
             continue
         name, x = f"q{joint + 1}", (q - q.mean()) / np.std(q)
         yield Group("joint", name, "linear", _unit(_turns(samples, joint, x[:, None])))
@@ -308,6 +308,8 @@ def _of_place(samples: Samples) -> Iterator[Group]:
     yield Group("place", "x, y, z", "scale", _unit(_vectors(x)))
     bent = np.column_stack([x**2, x[:, :1] * x[:, 1:], x[:, 1] * x[:, 2]])
     yield Group("place", "x, y, z", "curved", _unit(_vectors(np.column_stack([x, bent]))))
+    if float(np.ptp(samples.q[:, 3:], axis=0).max()) < STANDING:
+        return
     f = np.concatenate([fn(samples.q[:, 3:]) for fn in (np.cos, np.sin)], axis=1)
     R = samples.frames[:, 6, :3, :3]
     X = np.einsum("nij,nk->nijk", R, f).reshape(len(f), 3, -1)

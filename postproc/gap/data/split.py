@@ -16,6 +16,8 @@ from postproc.gap.data.dataset import Samples
 SEALED_SHARE = 0.25
 FEWEST = 40
 """Rows below which none is sealed."""
+_MOST_SEALED = 0.5
+"""No place with more of the rows is sealed: one pose read again and again is all there is."""
 FOLDS = 8
 STRETCHES = 5
 _SEED = 20220115
@@ -137,7 +139,9 @@ def _sealed(cluster: IntArray, share: float, rng: np.random.Generator) -> BoolAr
     for k in rng.permutation(int(cluster.max()) + 1):
         if sealed.mean() >= share:
             break
-        sealed |= cluster == k
+        here = cluster == k
+        if here.mean() <= _MOST_SEALED:
+            sealed |= here
     return sealed
 
 

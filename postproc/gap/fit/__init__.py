@@ -24,11 +24,12 @@ from postproc.gap.fit.noise import (
 from postproc.gap.fit.problem import WIDE, Problem, pose_problem, seen_in, testable
 from postproc.gap.fit.registration import moved_by
 from postproc.gap.fit.regression import Regression
-from postproc.gap.fit.waves import Projection, Wave, find_waves, is_gear_error
+from postproc.gap.fit.waves import STANDING, Projection, Wave, find_waves, is_gear_error
 
 __all__ = [
     "LEAST",
     "REST",
+    "STANDING",
     "WIDE",
     "Block",
     "Fit",

@@ -16,7 +16,6 @@ from postproc.gap.fit.linear import Block, block_of
 from postproc.gap.fit.load_place import register_loaded
 from postproc.gap.fit.memory import at_size, processes
 from postproc.gap.fit.registration import rows_on_the_arm
-from postproc.gap.fit.repair import repaired
 from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, SetUps, in_robroot, points_of, set_ups
@@ -141,7 +140,6 @@ def pose_problem(
         )
     known = model.registration if model is not None else None
     frame = None if registered else known
-    measurements = repaired(measurements, kinematics, cell, registered, frame)
     rows = set_ups(measurements)
     robot = RobotModel.of(kinematics, cell, model)
     samples = samples_of(robot.arm, measurements)

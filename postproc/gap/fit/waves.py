@@ -26,6 +26,8 @@ TYPICAL = 1e-4
 MOST = 11
 """As many waves are no gear error."""
 MOST_ON_A_JOINT = 3
+STANDING = 1e-3
+"""A joint that turns by less [rad] over all rows stands: nothing can be told to follow it."""
 _UNMOVED = 1e-20
 _PRICE = 5.0
 """Nats beyond the noise maximum that one more wave must bring."""
@@ -136,8 +138,9 @@ class _Scan:
 
     @classmethod
     def of(cls, samples: Samples, weight: FloatArray, orders: FloatArray) -> _Scan:
-        """Return the scan of some rows."""
-        push = samples.jacobian * (weight * TYPICAL)[:, None, None]
+        """Return the scan of some rows; a joint that stands has no waves."""
+        turning = np.ptp(samples.q, axis=0) > STANDING
+        push = samples.jacobian * turning * (weight * TYPICAL)[:, None, None]
         return cls(samples.q, push, orders, np.exp(-1j * orders[:, None] * samples.q.T[:, None]))
 
     def columns(self, wave: Wave) -> FloatArray:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
 
-from postproc.krl.rules.naming import global_names
+from postproc.krl.rules.expressions import move_values, values_of
+from postproc.krl.rules.naming import BUILT_IN, global_names
+from postproc.krl.rules.scope import DEFINES
 from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
 from postproc.krl.text import (
+    NAME_LENGTH,
     Aggregate,
     Assign,
     Axes,
     Call,
-    Control,
     Declaration,
     Expr,
     External,
@@ -26,12 +27,9 @@ from postproc.krl.text import (
     Pose,
     Raw,
     Routine,
-    SplineBegin,
     Statement,
     Trigger,
     Value,
-    WaitFor,
-    WaitSec,
     names_in,
     parse_expression,
 )
@@ -41,11 +39,7 @@ _NAMELESS = frozenset({float, int, bool, Pose, Axes, type(None)})
 """Values without a name in them."""
 _FORM_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
-_DEFINES = re.compile(
-    r"(?:DECL\s+|GLOBAL\s+)*(SIGNAL|STRUC|ENUM|CHANNEL)\s*:?\s*([A-Za-z_]\w*)(.*)", re.IGNORECASE
-)
 _EXTERNAL = re.compile(r"\s*(?:[A-Za-z_]\w*\s+)?([A-Za-z_]\w*)\s*(?:\(|$)")
-_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
 _CONFIG = """
 HOME XHOME XHOME1 XHOME2 XHOME3 XHOME4 XHOME5 FHOME PDEFAULT LDEFAULT SDEFAULT FDAT_ACT PDAT_ACT
 LDAT_ACT TOOL_DATA BASE_DATA LOAD_DATA TOOL_NAME BASE_NAME TOOL_TYPE BASE_TYPE MACHINE_DEF
@@ -56,15 +50,12 @@ MAX_BASE LOAD_A3_DATA ERSYSROOT BASIS_SUGG_T LAST_BASIS
 CONFIG_NAMES = frozenset(_CONFIG.split())
 """Data of a delivered $config.dat and of the basis package."""
 _ROUTINES = """
-BAS IR_STOPM USERSPOT USERSAW P00 P00_EXTERN CELL MASREF ERR_CLEAR H50 GLOBAL_POINTS SET_CD_PARAMS
-ABS SQRT SIN COS TAN ACOS ASIN ATAN ATAN2 INV_POS INV EK EB EO ERSYS FRAME VARSTATE PULSE
-CAST_TO CAST_FROM CWRITE CREAD COPEN CCLOSE SREAD SWRITE FORWARD INVERSE DELETE_BACKWARD_BUFFER
-GET_SIG_INF STRTOINT STRADD STRCLEAR STRCOMP STRCOPY STRDECLEN STRFIND STRLEN STRTOREAL STRTOBOOL
-STRTOFRAME STRTOPOS STRTOE6POS STRTOAXIS STRTOE6AXIS SVEL_JOINT SVEL_CP STOOL STOOL2 SBASE SLOAD
+USERSPOT USERSAW P00 P00_EXTERN CELL MASREF ERR_CLEAR H50 GLOBAL_POINTS SET_CD_PARAMS
+INV ERSYS FRAME SVEL_JOINT SVEL_CP STOOL STOOL2 SBASE SLOAD
 SAPO SAPO_PTP SAPO_CP SACC_JOINT SACC_CP SIPO_MODE SORI_TYP SGEAR_JERK SJERK USE_CM_PRO_VALUES
 MSGNOTIFY MSGDIALOG MSGQUIT SET_USR_MSG CLEAR_USR_MSG EXISTS_MSG CLEAR_MSG GET_MSGBUFFER TIMER_LIMIT
 """
-CONTROLLER_ROUTINES = frozenset(_ROUTINES.split())
+CONTROLLER_ROUTINES = BUILT_IN | frozenset(_ROUTINES.split())
 """Routines and functions of a delivered controller."""
 _MANY = 3
 """So many modules that use a name, or names that a module uses, are no slip of the pen."""
@@ -199,7 +190,7 @@ def _defined_by(statement: Statement) -> set[str]:
     if isinstance(statement, Declaration):
         return {variable.name.upper() for variable in statement.variables}
     if isinstance(statement, Raw):
-        found = _DEFINES.match(statement.text)
+        found = DEFINES.match(statement.text)
         if found and found.group(1).upper() != "STRUC":
             return {found.group(2).upper()}
     return set()
@@ -251,6 +242,10 @@ def _undeclared(subject: Subject, item: _Missing) -> None:
         message = f"{item.name} is used and not declared"
         subject.add(5, ERROR, path, line, message, hint="declare it in the .dat")
         return
+    if len(item.name) > NAME_LENGTH:
+        message = f"{item.name} has {len(item.name)} characters, at most {NAME_LENGTH} are legal"
+        subject.add(4, ERROR, path, line, message)
+        return
     severity = NOTE if item.name.startswith(HOOK_PREFIX) else WARNING
     message = f"routine {item.name} is not among these files: it must be on the controller"
     subject.add(5, severity, path, line, message)
@@ -284,9 +279,9 @@ def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
     for statement in statements:
         kind = type(statement)
         if kind is Move:
-            values: Iterable[Value | None] = _move_values(statement)  # type: ignore[arg-type]
+            values: Iterable[Value | None] = move_values(statement)  # type: ignore[arg-type]
         else:
-            values, texts = _values_of(statement)
+            values, texts = values_of(statement)
             if kind is Call:
                 yield statement.name.upper(), True, statement.line  # type: ignore[attr-defined]
             for text in texts:
@@ -299,46 +294,6 @@ def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
         for value in values:
             if type(value) not in _NAMELESS:
                 yield from _names_of_value(value, statement.line)
-
-
-def _move_values(statement: Move) -> tuple[Value | None, ...]:
-    if not statement.settings and statement.auxiliary is None:
-        return (statement.target,)
-    settings = tuple(item.value for item in statement.settings)
-    return (statement.target, statement.auxiliary, statement.angle_deg, *settings)
-
-
-_Parts = tuple[tuple[Value | None, ...], tuple[str, ...]]
-
-
-def _values_of(statement: Statement) -> _Parts:
-    """Return values and expression texts of a statement."""
-    found = _PARTS.get(type(statement))
-    return found(statement) if found is not None else ((), ())
-
-
-_PARTS: dict[type, Callable[[Any], _Parts]] = {
-    Assign: lambda s: ((s.value,), (s.target,)),
-    Call: lambda s: (s.arguments, ()),
-    SplineBegin: lambda s: (tuple(item.value for item in s.settings), ()),
-    WaitSec: lambda s: ((s.seconds,), ()),
-    WaitFor: lambda s: ((), (s.condition,)),
-    Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
-    Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
-    Control: lambda s: ((), _control_texts(s)),
-}
-
-
-def _control_texts(statement: Control) -> tuple[str, ...]:
-    text = statement.text.strip()
-    if statement.word == "IF":
-        return (re.sub(r"\bTHEN\s*$", "", text, flags=re.IGNORECASE),)
-    if statement.word in ("WHILE", "UNTIL", "SWITCH", "RETURN") and text:
-        return (text,)
-    if statement.word == "FOR":
-        found = _FOR.match(text)
-        return tuple(part for part in found.groups() if part) if found else ()
-    return ()
 
 
 def _names_of_value(value: Value | None, line: int) -> Iterator[tuple[str, bool, int]]:

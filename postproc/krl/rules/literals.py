@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from postproc.krl.rules.scope import COMPONENTS
 from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
 from postproc.krl.text import (
     LONG_LINE,
@@ -24,33 +25,6 @@ from postproc.krl.text import (
     components,
 )
 
-_POSE = frozenset({"X", "Y", "Z", "A", "B", "C", "S", "T", "E1", "E2", "E3", "E4", "E5", "E6"})
-_AXES = frozenset({f"{letter}{i}" for letter in "AE" for i in range(1, 7)})
-_POSE_TYPES = frozenset({"FRAME", "POS", "E6POS"})
-_AXES_TYPES = frozenset({"AXIS", "E6AXIS"})
-_FIELDS = {
-    "FDAT": frozenset({"TOOL_NO", "BASE_NO", "IPO_FRAME", "POINT2", "TQ_STATE"}),
-    "PDAT": frozenset(
-        {"VEL", "ACC", "APO_DIST", "APO_MODE", "GEAR_JERK", "EXAX_IGN", "CB", "AXIS_VEL"}
-    ),
-    "LDAT": frozenset(
-        {
-            "VEL",
-            "ACC",
-            "APO_DIST",
-            "APO_FAC",
-            "AXIS_VEL",
-            "AXIS_ACC",
-            "ORI_TYP",
-            "CIRC_TYP",
-            "JERK_FAC",
-            "GEAR_JERK",
-            "EXAX_IGN",
-            "CB",
-        }
-    ),
-    "LOAD": frozenset({"M", "CM", "J"}),
-}
 _NESTED = "a part of a structure"
 """Stands for the type of what lies within a structure: only its declaration knows it."""
 _NOT_NUMBERS = frozenset({"NAN", "INF", "INFINITY", "NULL", "NONE"})
@@ -100,16 +74,13 @@ def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_na
 
 
 def _allowed(kind: str, names: list[str]) -> frozenset[str] | None:
-    if kind in _POSE_TYPES:
-        return _POSE
-    if kind in _AXES_TYPES:
-        return _AXES
-    if kind in _FIELDS:
-        return _FIELDS[kind]
+    if kind in COMPONENTS:
+        return COMPONENTS[kind]
     if kind not in ("", "?"):
         return None  # a structure of the controller or of the user
     if kind == "?" or set("XYZABC") <= set(names) or {"A1", "A2", "A3"} <= set(names):
-        return _AXES if any(name in ("A1", "A2", "A3") for name in names) else _POSE
+        is_axes = any(name in ("A1", "A2", "A3") for name in names)
+        return COMPONENTS["E6AXIS" if is_axes else "E6POS"]
     return None
 
 

@@ -17,6 +17,14 @@ from postproc.krl.text import (
 )
 
 _LEGAL = re.compile(r"[A-Za-z_][A-Za-z0-9_$]*\Z")
+_BUILT_IN = """
+BAS IR_STOPM ABS SQRT SIN COS TAN ACOS ASIN ATAN ATAN2 INV_POS EK EB EO LK VARSTATE PULSE CAST_TO
+CAST_FROM CWRITE CREAD COPEN CCLOSE SREAD SWRITE FORWARD INVERSE DELETE_BACKWARD_BUFFER
+GET_SIG_INF STRTOINT STRADD STRCLEAR STRCOMP STRCOPY STRDECLLEN STRFIND STRLEN STRTOREAL STRTOBOOL
+STRTOFRAME STRTOPOS STRTOE6POS STRTOAXIS STRTOE6AXIS
+"""
+BUILT_IN = frozenset(_BUILT_IN.split())
+"""Routines of every controller, which no module may define for itself."""
 _POINT = re.compile(r"(?:S?PTP|S?LIN|S?CIRC|SPL)\s+([A-Za-z_]\w*)", re.IGNORECASE)
 
 
@@ -81,6 +89,9 @@ def _unique_routines(subject: Subject, module: KrlModule) -> None:
             message = f"a second routine {routine.name} in this module"
             subject.add(4, ERROR, module.src_path, routine.line, message)
         seen.add(routine.name.upper())
+        if routine is not module.main and routine.name.upper() in BUILT_IN:
+            message = f"{routine.name} is a routine of every controller"
+            subject.add(4, ERROR, module.src_path, routine.line, message)
         _unique(subject, module.src_path, routine.statements)
     if module.data is not None:
         _unique(subject, module.dat_path, module.data.statements)

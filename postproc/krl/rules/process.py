@@ -113,6 +113,9 @@ def _trigger(subject: Subject, part: Part, trigger: Trigger, behind: Iterator[St
     elif trigger.word == "PATH" and following.word.is_axis_motion and not following.word.is_spline:
         message = f"TRIGGER WHEN PATH before a {following.word.value}: it needs a path motion"
         subject.add(22, WARNING, part.path, line, message)
+    if trigger.word == "DISTANCE" and number(trigger.where) not in (0.0, 1.0, None):
+        message = "TRIGGER WHEN DISTANCE: 0 is the start of the motion, 1 its end"
+        subject.add(22, WARNING, part.path, line, message)
     if isinstance(trigger.action, Call) and trigger.action.arguments and trigger.priority is None:
         message = "a TRIGGER that calls a routine with parameters needs PRIO"
         subject.add(22, WARNING, part.path, line, message)

@@ -21,6 +21,7 @@ from postproc.krl.text import (
     SplineBegin,
     SplineEnd,
     Statement,
+    Variable,
 )
 
 _FOREIGN = re.compile(r"^(INI\s*$|//|[NG]\d+\b|.*\bVel=|M\d+\s*$|%)", re.IGNORECASE)
@@ -122,6 +123,7 @@ def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine)
                 message = f"a declaration behind the first instruction (line {first.line})"
                 subject.add(6, ERROR, module.src_path, statement.line, message)
             for variable in statement.variables if isinstance(statement, Declaration) else ():
+                _sized(subject, module, routine, statement.line, variable)
                 if variable.value is not None:
                     subject.add(
                         6,
@@ -133,6 +135,18 @@ def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine)
                     )
         elif first is None and not isinstance(statement, _QUIET):
             first = statement
+
+
+def _sized(
+    subject: Subject, module: KrlModule, routine: Routine, line: int, variable: Variable
+) -> None:
+    """An array has a size, but for a parameter, which takes that of its argument."""
+    name = variable.name.upper()
+    if variable.dimension is None or variable.dimension.strip(" ,"):
+        return
+    if all(parameter.name.upper() != name for parameter in routine.parameters):
+        message = f"{variable.name} is an array without a size"
+        subject.add(6, ERROR, module.src_path, line, message)
 
 
 def _declares(statement: Statement) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Finding, Severity, SourceRef
+from postproc.krl.rules.scope import Scope
 from postproc.krl.rules.values import Points, Written, points_among, written_in
 from postproc.krl.text import (
     Assign,
@@ -336,6 +337,11 @@ class Subject:
         """Return the routine that a call reaches, None if it is not here."""
         local = module.routine(name)
         return (module, local) if local is not None else self.routines.get(name.upper())
+
+    @cached_property
+    def scope(self) -> Scope:
+        """What names stand for, as far as the files say."""
+        return Scope(self.modules, self.called)
 
     @cached_property
     def called_routines(self) -> frozenset[RoutineKey]:

@@ -9,11 +9,12 @@ from postproc.krl.text.expression import (
     Structure,
     Unary,
     names_in,
+    nodes_in,
     parse_expression,
 )
 from postproc.krl.text.lexer import KrlSyntaxError, tokenise
 from postproc.krl.text.literals import components, pose_or_axes
-from postproc.krl.text.names import KEYWORDS, NAME_LENGTH, NameAllocator, is_legal, legal_name
+from postproc.krl.text.names import NameAllocator, legal_name
 from postproc.krl.text.parse import load_modules, parse_files, parse_module, require_sound
 from postproc.krl.text.program import (
     Aggregate,
@@ -53,6 +54,7 @@ from postproc.krl.text.program import (
 from postproc.krl.text.render import render, render_statement, value_text
 from postproc.krl.text.source import LONG_LINE, TextFacts, text_of
 from postproc.krl.text.split import Part, split, suffixes
+from postproc.names import KEYWORDS, NAME_LENGTH, is_legal
 
 __all__ = [
     "KEYWORDS",
@@ -107,6 +109,7 @@ __all__ = [
     "legal_name",
     "load_modules",
     "names_in",
+    "nodes_in",
     "parse_expression",
     "parse_files",
     "parse_module",

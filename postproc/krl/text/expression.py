@@ -373,18 +373,17 @@ def parse_expression(text: str) -> Node:
     return node
 
 
-def names_in(node: Node) -> Iterator[tuple[str, bool]]:
-    """Yield (name in upper case, whether it is called) of all variables and functions in a tree."""
+def nodes_in(node: Node) -> Iterator[Node]:
+    """Yield a tree's nodes, the tree itself first."""
     stack: list[Node] = [node]
     while stack:
         item = stack.pop()
+        yield item
         if isinstance(item, Reference):
-            yield item.name, False
             for selector in item.selectors:
                 if not isinstance(selector, str):
                     stack.extend(selector)
         elif isinstance(item, FunctionCall):
-            yield item.name.upper(), True
             stack.extend(argument for argument in item.arguments if argument is not None)
         elif isinstance(item, Unary):
             stack.append(item.operand)
@@ -397,3 +396,12 @@ def names_in(node: Node) -> Iterator[tuple[str, bool]]:
                 parse_expression(value.text) if isinstance(value, Expr) else value
                 for _, value in item.fields
             )
+
+
+def names_in(node: Node) -> Iterator[tuple[str, bool]]:
+    """Yield (name in upper case, whether it is called) of all variables and functions in a tree."""
+    for item in nodes_in(node):
+        if isinstance(item, Reference):
+            yield item.name, False
+        elif isinstance(item, FunctionCall):
+            yield item.name.upper(), True

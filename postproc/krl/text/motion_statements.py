@@ -28,7 +28,7 @@ def move(code: str, comment: str, line: int) -> Statement:
     if word.is_circular:
         parser.expect(",")
         auxiliary, target = target, parser.value()
-    if parser.accept(","):
+    if word.is_circular and parser.accept(","):
         parser.expect("CA")
         angle = parser.value()
     blend, frame, settings = _move_tail(parser)

@@ -342,8 +342,8 @@ class Raw(Statement):
 
     @property
     def word(self) -> str:
-        """Its first word in upper case."""
-        return self.text.upper().replace("(", " ").split()[0]
+        """Its first word in upper case, empty where there is none."""
+        return next(iter(self.text.upper().replace("(", " ").split()), "")
 
 
 # ------------------------------------------------------------------------------------- modules

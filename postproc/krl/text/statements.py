@@ -56,7 +56,7 @@ def parse_statement(code: str, comment: str, line: int) -> Statement:
         KrlSyntaxError: if the line is no KRL statement.
     """
     match = _MOVE_FAST.match(code)
-    if match:
+    if match and (match.group(4) is None or match.group(4).upper() in BLENDS):
         target = _fast_target(match.group(2), match.group(3))
         if target is not None:
             blend = (match.group(4).upper(),) if match.group(4) else ()

@@ -14,8 +14,6 @@ from postproc.readers.apt.statement import Statement, bounded
 from postproc.readers.text import Faults
 
 NAN = float("nan")
-FREE = 0.0
-"""Sign of an arc whose record does not hold its sense."""
 _ELEVEN = 11
 _SWEEP_FIELD = 7
 _MOST_TURNS = 10_000
@@ -36,19 +34,19 @@ class WrittenArc:
     """One arc, numbers as written in the file.
 
     ``numbers``: centre, vector, radius (NaN = not given). ``sign``: +1 counterclockwise about the
-    vector, -1 clockwise, ``FREE``, NaN as the dialect says. ``eighth``: field 8 of a record of 11.
-    ``turns``: turns begun, NX. ``sweep`` [rad] and ``rise`` as written, NaN else. ``tangent``:
-    start direction that decides the sense; ``towards``: a point in that direction. ``end``: point
-    where it ends, if the statement says; ``plane`` i, j, k, d: it ends where it meets this plane
-    for the first (``crossing`` 1) or second time.
+    vector, -1 clockwise, NaN as the dialect says; ``is_free``: the record does not hold the sense.
+    ``eighth``: field 8 of a record of 11. ``turns``: turns begun, NX. ``sweep`` [rad] as written,
+    NaN else. ``tangent``: start direction that decides the sense; ``towards``: a point in that
+    direction. ``end``: point where it ends, if the statement says; ``plane`` i, j, k, d: it ends
+    where it meets this plane for the first (``crossing`` 1) or second time.
     """
 
     numbers: list[float]
     sign: float = NAN
+    is_free: bool = False
     eighth: float = NAN
     turns: int = 0
     sweep: float = NAN
-    rise: float = NAN
     tangent: list[float] | None = None
     towards: list[float] | None = None
     end: list[float] | None = None
@@ -109,7 +107,7 @@ def circle(statement: Statement, faults: Faults, line: int, blanks: bool) -> Wri
             statement.text,
         )
     eighth = values[_SWEEP_FIELD] if len(values) >= _ELEVEN else NAN
-    return WrittenArc([*values, NAN][:7], sign, eighth, turns)
+    return WrittenArc([*values, NAN][:7], sign, eighth=eighth, turns=turns)
 
 
 def _turns(
@@ -155,7 +153,7 @@ def movarc(statement: Statement, faults: Faults, line: int) -> WrittenArc:
     values = numbers_of(statement, words, faults, line)
     if len(values) != 8 or not abs(values[7]) <= 360.0 * _MOST_TURNS:
         raise _bad_movarc(statement, faults, line)
-    return WrittenArc(values[:7], FREE, sweep=radians(values[7]))
+    return WrittenArc(values[:7], 1.0, is_free=True, sweep=radians(values[7]))
 
 
 def _bad_movarc(statement: Statement, faults: Faults, line: int) -> Exception:

@@ -18,6 +18,8 @@ class ArcSense(Enum):
     CLOCKWISE = auto()
     WORD = auto()
     """As the record's last word says."""
+    OPEN = auto()
+    """As the neighbours show; systems differ, and nothing says which one wrote the file."""
 
 
 class EighthField(Enum):
@@ -101,9 +103,10 @@ class Dialect:
     ``marks``: what the head of its files holds, with a weight. ``implied_units``: unit of length
     where no record tells. ``ends``: words one of which must end a complete file. ``origin_moves``:
     ORIGIN places the points. ``setup_plane``: points stand in a setup plane that TLAXIS and ROTABL
-    tilt. ``feed_cancels_rapid``: a FEDRAT
-    between RAPID and GOTO. ``blank_separates``: a blank may stand for a comma. ``axis_reset``:
-    words at which the tool axis falls back to (0, 0, 1).
+    tilt. ``feed_cancels_rapid``: a FEDRAT between RAPID and GOTO. ``blank_separates``: a blank may
+    stand for a comma. ``axis_reset``: words at which the tool axis falls back to (0, 0, 1);
+    ``off_is_upright``: so does MULTAX/OFF, which begins an operation along z (Autodesk's public
+    post writes it so); else it keeps the last axis.
     """
 
     name: str
@@ -111,6 +114,7 @@ class Dialect:
     arc_sense: ArcSense = ArcSense.COUNTERCLOCKWISE
     eighth_field: EighthField = EighthField.TOLERANCE
     axis_rule: AxisRule = AxisRule.KEEP
+    off_is_upright: bool = False
     depth_rule: DepthRule = DepthRule.BELOW
     cycle_grammar: CycleGrammar = CycleGrammar.WORDS
     cycle_rule: CycleRule = CycleRule()

@@ -41,6 +41,7 @@ _SPINDLE_NOTED = frozenset({"BOTH", "LOW", "MEDIUM", "HIGH", "AUTO", "RANGE"})
 
 def feed_statement(state: AptState, statement: Statement, line: int) -> None:
     """Handle FEDRAT/: a number and perhaps a unit, in either order."""
+    settle_turn_feed(state)
     known = state.feed_memo.get(statement.text)
     if known is not None:
         state.feed.set(state.at, known)
@@ -57,12 +58,34 @@ def feed_statement(state: AptState, statement: Statement, line: int) -> None:
         raise state.faults.error(
             "APT052", "FEDRAT must be above zero", line, statement.text, _last_feed(state)
         )
-    state.set_feed(feed_value(state, value, unit, line))
+    if unit in PER_TURN and isnan(state.spindle):
+        state.set_feed(float("nan"))
+        state.waiting_feed = (state.done + state.at, unit, line)
+    else:
+        state.set_feed(feed_value(state, value, unit, line))
     state.revolution_feed = None
     if unit in PER_TURN:
         state.revolution_feed = value * _turn_length(state, unit)
     elif not state.contradicts(unit):
         state.feed_memo[statement.text] = state.feed.value
+
+
+def settle_turn_feed(state: AptState) -> None:
+    """Refuse a feed per turn that points have used before a spindle speed was given."""
+    if state.waiting_feed is None:
+        return
+    points, unit, line = state.waiting_feed
+    if state.done + state.at > points:
+        _refuse_turn_feed(state, unit, line)
+    state.waiting_feed = None
+
+
+def _refuse_turn_feed(state: AptState, unit: str, line: int) -> None:
+    state.faults.warn("APT150", "a feed per turn without a spindle speed", line)
+    state.uses.refuse(
+        "FEDRAT", WordClass.PROCESS, line,
+        f"{unit} is a feed per turn, and no spindle speed is known here",
+    )  # fmt: skip
 
 
 def _feed_words(state: AptState, statement: Statement, line: int) -> tuple[float | None, str]:
@@ -94,11 +117,7 @@ def feed_value(state: AptState, value: float, unit: str, line: int) -> float:
     """Return a feed [m/s]; NaN if it is per turn and no spindle speed is known."""
     if unit in PER_TURN:
         if isnan(state.spindle):
-            state.faults.warn("APT150", "a feed per turn without a spindle speed", line)
-            state.uses.refuse(
-                "FEDRAT", WordClass.PROCESS, line,
-                f"{unit} is a feed per turn, and no spindle speed is known here",
-            )  # fmt: skip
+            _refuse_turn_feed(state, unit, line)
         return value * _turn_length(state, unit) * state.spindle
     if unit in _PER_MINUTE:
         return value * _PER_MINUTE[unit] / _MINUTE
@@ -149,6 +168,8 @@ def spindle_statement(state: AptState, statement: Statement, line: int) -> None:
             "a negative speed and counterclockwise: nothing says whether that is clockwise",
         )  # fmt: skip
     _turn(state, words, value)
+    if not isnan(state.spindle):
+        settle_turn_feed(state)
     if state.revolution_feed is not None:
         state.set_feed(state.revolution_feed * state.spindle)
     known = 0.0 if isnan(state.spindle) else state.spindle

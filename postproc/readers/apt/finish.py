@@ -11,9 +11,10 @@ from postproc.arrays import FloatArray, IndexArray, IntArray, Table
 from postproc.model import Arcs, Cycle, Event, MotionKind, ToolPath
 from postproc.readers.apt.arcs import ArcRecords, arcs_between, tangency
 from postproc.readers.apt.dialect import ArcSense
+from postproc.readers.apt.feed import settle_turn_feed
 from postproc.readers.apt.levels import settle_levels
 from postproc.readers.apt.nurbs import MOST_SEGMENTS, discretised
-from postproc.readers.apt.senses import settled_senses
+from postproc.readers.apt.senses import report_senses, settled_senses
 from postproc.readers.apt.state import AptState, Columns
 from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
 
@@ -36,6 +37,7 @@ class _Tags(Table):
 
 def finished_toolpath(state: AptState, path: str) -> ToolPath:
     """Return the toolpath of a state that has seen the whole file."""
+    settle_turn_feed(state)
     table = _joined(state)
     records = ArcRecords.joined(state.columns.arcs)
     state.columns = Columns()
@@ -135,7 +137,7 @@ def _with_splines(state: AptState, table: _Tags) -> tuple[_Tags, IndexArray]:
                 np.full(m, spline.feed),
                 np.full(m, spline.line, dtype=np.int32),
                 np.full(m, spline.operation, dtype=np.int32),
-                np.full(m, table.tool[at - 1] if at else _NONE, dtype=np.int32),
+                np.full(m, state.tools.of_spline(i, at), dtype=np.int32),
                 np.full(m, _NONE, dtype=np.int32),
             )
         )
@@ -167,16 +169,20 @@ def _arcs(state: AptState, table: _Tags, records: ArcRecords) -> Arcs:
         starts[~later] = state.start
     ends = table.points[records.tag]
     arcs, either = arcs_between(records, starts, ends, state.faults)
+    open_sense = state.dialect.arc_sense in (ArcSense.WORD, ArcSense.OPEN)
+    if not (either.any() or open_sense):
+        return arcs
+    cuts = straight_neighbours(table.points, table.kind, records.tag)
     if either.any():
-        cuts = straight_neighbours(table.points, table.kind, records.tag)
-        arcs = settled_senses(arcs, either, records, (starts, ends), cuts, state.faults, state.uses)
-    if state.dialect.arc_sense is ArcSense.WORD:
-        cut_before, cut_after = straight_neighbours(table.points, table.kind, records.tag)
-        against = tangency(arcs, starts, ends, cut_before, cut_after).sum(axis=1) == -2
+        arcs, sense = settled_senses(arcs, either, records.tag, (starts, ends), cuts)
+        own_end = table.line[records.tag] == records.line
+        report_senses(arcs, sense, records, own_end, state.faults, state.uses)
+    if open_sense:
+        against = tangency(arcs, starts, ends, *cuts).sum(axis=1) == -2
         for row in np.flatnonzero(against).tolist():
             state.faults.warn(
                 "APT132",
-                "the sense written for an arc is against the straight cuts at both of its ends",
+                "the sense of an arc is against the straight cuts at both of its ends",
                 int(records.line[row]),
             )
     return arcs

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import isnan
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.model import WordClass
 from postproc.readers.apt import arctext
-from postproc.readers.apt.arctext import FREE, NAN, WrittenArc, numbers_of
+from postproc.readers.apt.arctext import NAN, WrittenArc, numbers_of
 from postproc.readers.apt.dialect import ArcSense, Dialect, EighthField
 from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
@@ -20,6 +19,7 @@ from postproc.readers.text import Faults
 _POINT, _POINT_AXIS = 3, 6
 _TOLERANCE = 1.0
 """Field 8 of a CIRCLE record up to this is a tolerance [mm or inch], above it a sweep [deg]."""
+_NEVER = -2
 _NORMALS = {"XYPLAN": (0.0, 0.0, 1.0), "YZPLAN": (1.0, 0.0, 0.0), "ZXPLAN": (0.0, 1.0, 0.0)}
 
 
@@ -29,15 +29,17 @@ class MotionArcs(Table):
 
     ``target`` (m,) index of the point at which each ends, k = the first of the next block;
     ``line`` (m,); ``numbers`` (m, 7) centre, vector, radius; ``sign`` (m,) +1 counterclockwise
-    about the written vector, -1 clockwise, 0 not in the record; ``turns`` (m,) turns begun;
-    ``sweep`` (m,) [rad] and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction
-    that decides the sense, ``towards`` (m, 3) a point in that direction, NaN else.
+    about the written vector, -1 clockwise; ``free`` (m,) whether the record leaves the sense open,
+    and the sign is only what most systems mean; ``turns`` (m,) turns begun; ``sweep`` (m,) [rad]
+    and ``rise`` (m,) as written, NaN else; ``tangent`` (m, 3) start direction that decides the
+    sense, ``towards`` (m, 3) a point in that direction, NaN else.
     """
 
     target: IndexArray
     line: IndexArray
     numbers: FloatArray
     sign: FloatArray
+    free: BoolArray
     turns: IndexArray
     sweep: FloatArray
     rise: FloatArray
@@ -50,6 +52,7 @@ class Motions:
     """Motions of a block with k points, numbers as written in the file.
 
     ``lines`` (k,) line indices; ``points`` (k, 6), axis NaN where not given; ``rapid`` (k,);
+    ``suspends`` (k,) which rapids take their point out of a drill cycle: those behind its CYCLE;
     ``arcs`` those that end in this block. Points to be computed from the one before, by index:
     ``relative`` given as increments, ``lifted`` up to a plane i, j, k, d along the tool axis,
     ``crossed`` where the arc that ends there meets its plane.
@@ -58,6 +61,7 @@ class Motions:
     lines: IndexArray
     points: FloatArray
     rapid: BoolArray
+    suspends: BoolArray
     arcs: MotionArcs
     relative: list[int] = field(default_factory=list)
     lifted: dict[int, list[float]] = field(default_factory=dict)
@@ -71,10 +75,12 @@ class MotionReader:
         self._dialect = dialect
         self._faults = faults
         self._uses = uses
-        self._rapid = False
+        self._rapid = self._cycled = False
+        """Whether a RAPID waits for a point of a later block, and a CYCLE stands behind it."""
         self._tangent: list[float] | None = None
         self._towards: list[float] | None = None
         self._rise = NAN
+        """Rise that waits for an arc of a later block."""
         self._clearance: list[float] | None = None
         self._pending: MotionArcs | None = None
         self._scan: Scan
@@ -82,7 +88,9 @@ class MotionReader:
         self._relative: set[int] = set()
         self._lifted: dict[int, list[float]] = {}
         self._arcs: dict[int, WrittenArc] = {}
+        self._slopes: dict[int, float] = {}
         self._feeds: list[int] = []
+        self._cycles: list[int] = []
 
     def read(self, scan: Scan) -> Motions:
         """Return the motions of a block; takes their statements out of ``scan.others``."""
@@ -90,17 +98,18 @@ class MotionReader:
         bulk_points = np.flatnonzero(scan.code == GOTO)
         bulk_arcs = np.flatnonzero(scan.code == CIRCLE)
         self._points, self._relative, self._arcs, self._lifted = {}, set(), {}, {}
-        self._feeds = []
+        self._slopes, self._feeds, self._cycles = {}, [], []
         scan.others = [item for item in scan.others if not self._take(*item)]
         lines = np.flatnonzero(scan.code == GOTO)
         points = self._merged(lines, bulk_points)
-        motions = Motions(lines, points, self._rapids(lines), self._all_arcs(lines, bulk_arcs))
+        rapid, suspends = self._rapids(lines)
+        motions = Motions(lines, points, rapid, suspends, self._all_arcs(lines, bulk_arcs))
         self._carry_arc(motions)
-        self._check_targets(motions.arcs)
         motions.relative = [int(np.searchsorted(lines, line)) for line in sorted(self._relative)]
         for line, plane in self._lifted.items():
             motions.lifted[int(np.searchsorted(lines, line))] = plane
             motions.rapid[motions.lines == line] = True
+            motions.suspends[motions.lines == line] = True
         motions.crossed = {
             int(np.searchsorted(lines, line)): arc
             for line, arc in self._arcs.items()
@@ -124,6 +133,8 @@ class MotionReader:
         word = statement.word
         if word == "FEDRAT":
             self._feeds.append(index)
+        elif word.startswith("CYCLE"):
+            self._cycles.append(index)
         line = self._scan.line(index)
         if word.startswith("TLON"):
             self._tool_on(index, statement, line)
@@ -213,7 +224,7 @@ class MotionReader:
             raise self._faults.error(
                 "APT086", "ARCSLP needs one number, the rise", line, statement.text
             )
-        self._rise = values[0]
+        self._slopes[index] = values[0]
         return self._skip(index, statement, line)
 
     def _clearance_plane(self, index: int, statement: Statement, line: int) -> bool:
@@ -252,12 +263,9 @@ class MotionReader:
             arc = arctext.movarc(statement, self._faults, line)
         elif statement.word == "ARC":
             arc = arctext.arc_with_end(statement, self._faults, line)
-            if self._dialect.name == "apt" and isnan(arc.eighth):
-                arc.sign = FREE
         else:
             blanks = self._dialect.blank_separates
             arc = arctext.circle(statement, self._faults, line, blanks)
-        arc.rise, self._rise = self._rise, NAN
         self._arcs[index] = arc
         if arc.end is not None:
             self._place(index, arc.end)
@@ -281,21 +289,20 @@ class MotionReader:
         result[np.searchsorted(lines, keys)] = [self._points[int(key)] for key in keys]
         return result
 
-    def _rapids(self, lines: IndexArray) -> BoolArray:
-        """Return which points (k,) a RAPID applies to: the next one only."""
+    def _rapids(self, lines: IndexArray) -> tuple[BoolArray, BoolArray]:
+        """Return which points (k,) a RAPID applies to, the next one only, and which it suspends.
+
+        A RAPID behind the CYCLE takes its point out of the cycle; one before it is how the tool
+        goes to the hole, which every cycle does in rapid.
+        """
         k = len(lines)
-        last = np.full(k + 1, -2, dtype=np.int64)
-        if self._rapid:
-            last[0] = -1
-        rapid_lines = np.flatnonzero(self._scan.code == RAPID)
-        last[np.searchsorted(lines, rapid_lines)] = rapid_lines
-        if self._dialect.feed_cancels_rapid and self._feeds:
-            feed_lines = np.array(self._feeds, dtype=np.int64)
-            cancelled = np.full(k + 1, -2, dtype=np.int64)
-            cancelled[np.searchsorted(lines, feed_lines)] = feed_lines
-            last[cancelled > last] = -2
-        self._rapid = bool(last[k] > -2)
-        return np.asarray(last[:k] > -2)
+        rapid = _last_before(lines, np.flatnonzero(self._scan.code == RAPID), self._rapid)
+        if self._dialect.feed_cancels_rapid:
+            rapid[_last_before(lines, self._feeds) > rapid] = _NEVER
+        suspends = rapid > _last_before(lines, self._cycles, self._cycled)
+        is_rapid = rapid > _NEVER
+        self._rapid, self._cycled = bool(is_rapid[k]), bool(is_rapid[k] and not suspends[k])
+        return is_rapid[:k], suspends[:k]
 
     def _all_arcs(self, lines: IndexArray, bulk: IndexArray) -> MotionArcs:
         """Return the arcs of the bulk and of the unusual lines in their order."""
@@ -307,6 +314,7 @@ class MotionReader:
             at + self._scan.block.first_line,
             np.full((m, 7), np.nan),
             np.full(m, np.nan),
+            np.zeros(m, dtype=np.bool_),
             np.zeros(m, dtype=np.int64),
             np.full(m, np.nan),
             np.full(m, np.nan),
@@ -319,12 +327,23 @@ class MotionReader:
         for line, arc in slow.items():
             row = int(np.searchsorted(at, line))
             arcs.numbers[row], eighth[row] = arc.numbers, arc.eighth
-            arcs.sign[row], arcs.turns[row] = arc.sign, arc.turns
-            arcs.sweep[row], arcs.rise[row] = arc.sweep, arc.rise
+            arcs.sign[row], arcs.free[row] = arc.sign, arc.is_free
+            arcs.turns[row], arcs.sweep[row] = arc.turns, arc.sweep
             arcs.tangent[row] = arc.tangent or [NAN] * 3
             arcs.towards[row] = arc.towards or [NAN] * 3
         self._by_dialect(arcs, eighth)
+        self._give_rises(arcs, at)
         return arcs
+
+    def _give_rises(self, arcs: MotionArcs, at: IndexArray) -> None:
+        """Give every rise to the first arc behind it, arcs in lines ``at``; the last one waits."""
+        rises, self._rise = {-1: self._rise, **self._slopes}, NAN
+        for line, rise in rises.items():
+            row = int(np.searchsorted(at, line))
+            if row < len(at):
+                arcs.rise[row] = rise
+            else:
+                self._rise = rise
 
     def _by_dialect(self, arcs: MotionArcs, eighth: FloatArray) -> None:
         """Fill in what a record leaves to the dialect: sense, and the meaning of field 8."""
@@ -335,6 +354,8 @@ class MotionReader:
             clockwise |= eleven
         unsaid = np.isnan(arcs.sign)
         arcs.sign[unsaid] = np.where(clockwise[unsaid], -1.0, 1.0)
+        if self._dialect.arc_sense is ArcSense.OPEN:
+            arcs.free[unsaid & ~eleven] = True
         if meaning is EighthField.TOLERANCE:
             return
         swept = eleven & (arcs.turns == 0)
@@ -343,22 +364,36 @@ class MotionReader:
         arcs.sweep[swept] = np.radians(eighth[swept])
 
     def _carry_arc(self, motions: Motions) -> None:
-        """Prepend the arc that waits from the block before; keep one that waits for the next."""
-        if self._pending is not None and len(motions.lines):
-            self._pending.target[:] = 0
-            motions.arcs = MotionArcs.concat([self._pending, motions.arcs])
-            self._pending = None
-        arcs = motions.arcs
-        if len(arcs) and arcs.target[-1] == len(motions.lines):
-            if self._pending is not None:
-                raise self._two_arcs(int(arcs.line[-1]))
-            self._pending = arcs.rows(np.array([len(arcs) - 1]))
-            motions.arcs = arcs.rows(np.arange(len(arcs) - 1))
+        """Prepend the arc that waits from the block before; keep one that waits for the next.
 
-    def _check_targets(self, arcs: MotionArcs) -> None:
+        Raises:
+            ReadError: APT035 for two arcs that would end at one point.
+        """
+        arcs = motions.arcs
+        if self._pending is not None:
+            self._pending.target[:] = 0
+            arcs = MotionArcs.concat([self._pending, arcs])
         double = np.flatnonzero(np.diff(arcs.target) == 0)
         if len(double):
-            raise self._two_arcs(int(arcs.line[double[0] + 1]))
+            raise self._faults.error(
+                "APT035", "two arcs without a GOTO between them", int(arcs.line[double[0] + 1])
+            )
+        waits = arcs.target == len(motions.lines)
+        self._pending = arcs.rows(np.flatnonzero(waits)) if waits.any() else None
+        motions.arcs = arcs.rows(np.flatnonzero(~waits))
 
-    def _two_arcs(self, line: int) -> Exception:
-        return self._faults.error("APT035", "two arcs without a GOTO between them", line)
+
+def _last_before(
+    lines: IndexArray, words: IndexArray | list[int], carried: bool = False
+) -> IndexArray:
+    """Return the line (k + 1,) of the last word between each point and the one before it.
+
+    The last entry is that of the first point of the next block. -1 where the word stands in a block
+    before (``carried``), ``_NEVER`` where there is none.
+    """
+    last = np.full(len(lines) + 1, _NEVER, dtype=np.int64)
+    if carried:
+        last[0] = -1
+    at = np.array(words, dtype=np.int64)
+    last[np.searchsorted(lines, at)] = at
+    return last

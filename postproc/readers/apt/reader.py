@@ -21,7 +21,7 @@ from postproc.readers.apt.nurbs import close_spline
 from postproc.readers.apt.scan import CIRCLE, COMMENT, GOTO, RAPID, Scan, scan
 from postproc.readers.apt.seats import dialect_of
 from postproc.readers.apt.state import AptState
-from postproc.readers.apt.words import check_homes, comment, handle, unit_name
+from postproc.readers.apt.words import check_homes, comment, handle, settle_tools, unit_name
 from postproc.readers.base import HEAD_BYTES, LENGTH_UNITS, READERS, ReadOptions
 from postproc.readers.text import Faults, TextBlock
 
@@ -65,6 +65,7 @@ class AptReader:
         motion_reader.finish()
         close_spline(state)
         check_homes(state)
+        settle_tools(state)
         if 0 < state.first_fini < last_motion:
             state.uses.refuse(
                 "FINI", WordClass.GEOMETRY, state.first_fini,

@@ -100,6 +100,7 @@ DIALECTS = {
                 (rb"^[ \t]*LOADTL" + _SLASH + rb"[ \t]*\d+, 0, ", 1.0),
             ),
             cycle_grammar=CycleGrammar.HSM,
+            off_is_upright=True,
             cycle_rule=CycleRule(
                 goto_bottom=True, clear=Clear.ABSOLUTE, rapto_below=True, safe=True
             ),
@@ -111,6 +112,7 @@ DIALECTS = {
                 (rb"^[ \t]*CUTCOM" + _SLASH + rb"[ \t]*ON[ \t]*,[ \t]*(LEFT|RIGHT)", 2.0),
             ),
             cycle_grammar=CycleGrammar.HSM,
+            off_is_upright=True,
             cycle_rule=CycleRule(clear=Clear.FROM_BOTTOM, rapto_below=True, safe=True),
         ),
         Dialect(
@@ -129,6 +131,7 @@ DIALECTS = {
             _marks((rb"^[ \t]*MCS" + _SLASH, 8.0), (rb"^[ \t]*CSI_", 1.0)),
             eighth_field=EighthField.SWEEP,
             arc_sense=ArcSense.CLOCKWISE,
+            off_is_upright=True,
             cycle_rule=CycleRule(clear=Clear.ABSOLUTE, safe=True),
         ),
         Dialect(
@@ -142,6 +145,7 @@ DIALECTS = {
             ),
             eighth_field=EighthField.SWEEP,
             arc_sense=ArcSense.CLOCKWISE,
+            off_is_upright=True,
             cycle_rule=CycleRule(clear=Clear.ABSOLUTE, safe=True),
         ),
         Dialect(
@@ -154,7 +158,13 @@ DIALECTS = {
             cycle_rule=CycleRule(deep_breaks=True),
         ),
         Dialect("surfcam", _marks((rb"SURFCAM", 2.0)), cycle_grammar=CycleGrammar.SURFCAM),
-        Dialect("apt", (), eighth_field=EighthField.EITHER, cycle_grammar=CycleGrammar.UNKNOWN),
+        Dialect(
+            "apt",
+            (),
+            arc_sense=ArcSense.OPEN,
+            eighth_field=EighthField.EITHER,
+            cycle_grammar=CycleGrammar.UNKNOWN,
+        ),
     )
 }
 """All dialects by name; ``apt`` is the plain language, used where no mark of a system is found."""

@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
-from postproc.model import CamTool, Cycle, Event, EventKind, MotionKind, Operation
+from postproc.model import Cycle, Event, EventKind, MotionKind, Operation
 from postproc.readers.apt.arcs import ArcRecords
-from postproc.readers.apt.arctext import FREE
 from postproc.readers.apt.byturns import ByTurns
 from postproc.readers.apt.dialect import AxisRule, Dialect
 from postproc.readers.apt.heights import Heights
@@ -18,7 +17,8 @@ from postproc.readers.apt.modal import Modal
 from postproc.readers.apt.motion import Motions
 from postproc.readers.apt.resolve import resolve_points
 from postproc.readers.apt.setup import AXIS_NORM_GAP, MatrixComment, SetupTable, TiltedTable
-from postproc.readers.apt.tools import ToolTable
+from postproc.readers.apt.statement import Statement
+from postproc.readers.apt.tools import Place, Said, ToolTable
 from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
@@ -145,6 +145,8 @@ class AptState:
         self.spindle_sign, self.spindle_signed = 1.0, False
         """-1 counterclockwise; whether the sign of a speed says so."""
         self.revolution_feed: float | None = None
+        self.waiting_feed: tuple[int, str, int] | None = None
+        """A feed per turn that waits for the spindle's speed: points before it, unit, line."""
         """Feed per turn [m] in force, None if the feed is per time."""
         self.drill = KnownCycles()
         self.feed_memo: dict[str, float] = {}
@@ -163,6 +165,11 @@ class AptState:
         """Index of the next tag in the whole file, splines not counted."""
         return self.done + self.at
 
+    @property
+    def place(self) -> Place:
+        """Where the next statement stands."""
+        return Place(self.tag, len(self.splines), len(self.events))
+
     def contradicts(self, feed_unit: str) -> bool:
         """Whether a feed's unit is of inches in a file in mm, or the other way round."""
         inches = {"IPM": True, "MMPM": False, "MMPMIN": False}.get(feed_unit)
@@ -177,9 +184,9 @@ class AptState:
         self.operations.append(Operation(name, line))
         self.operation.set(self.at, len(self.operations) - 1)
 
-    def add_tool(self, line: int, **data: float | str | int) -> CamTool:
+    def add_tool(self, statement: Statement, line: int, said: Said, *, loads: bool = False) -> None:
         """Begin or complete the tool at the next point."""
-        return self.tools.update(self.tag, line, **data)
+        self.tools.update(self.place, statement, line, said, loads=loads)
 
     def set_feed(self, value: float) -> None:
         """Let a feed [m/s] hold from the next point on."""
@@ -216,7 +223,7 @@ class AptState:
         kind = np.full(k, MotionKind.LINEAR, dtype=np.int32)
         kind[motions.rapid] = MotionKind.RAPID
         kind[arcs.tag] = MotionKind.ARC
-        cycle[motions.rapid] = -1
+        cycle[motions.suspends] = -1
         kind[cycle >= 0] = MotionKind.HOLE
         self._check_kinds(motions, kind, arcs)
         columns = self.columns
@@ -266,9 +273,8 @@ class AptState:
     def _arc_records(self, motions: Motions, frame: IntArray) -> ArcRecords:
         arcs = motions.arcs
         target = arcs.target.astype(np.int32)
-        free = arcs.sign == FREE
         centre = arcs.numbers[:, :3] * self.scale
-        normal = arcs.numbers[:, 3:6] * np.where(free, 1.0, arcs.sign)[:, None]
+        normal = arcs.numbers[:, 3:6] * arcs.sign[:, None]
         tangent = arcs.tangent
         of_arc = frame[target]
         for index in np.unique(of_arc[of_arc > 0]).tolist():
@@ -287,7 +293,7 @@ class AptState:
             arcs.turns.astype(np.int32),
             arcs.sweep,
             arcs.rise * self.scale,
-            free,
+            arcs.free,
         )
 
     def _check_kinds(self, motions: Motions, kind: IntArray, arcs: ArcRecords) -> None:

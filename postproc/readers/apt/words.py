@@ -16,7 +16,7 @@ from postproc.readers.apt import feed as apt_feed
 from postproc.readers.apt import frames as apt_frames
 from postproc.readers.apt import nurbs as apt_nurbs
 from postproc.readers.apt.refused import refuse, unhandled
-from postproc.readers.apt.state import AptState
+from postproc.readers.apt.state import AptState, EventRecord
 from postproc.readers.apt.statement import FREE_TEXT, Statement, bounded
 
 Handler = Callable[[AptState, Statement, int], None]
@@ -32,6 +32,20 @@ _MODES = {
 }
 _TOOL_NAMES = ("solidworks", "camworks")
 """Seats that write the name of the coming tool as INSERT."""
+_NO_NAMES = (
+    "ADJUST",
+    "LENGTH",
+    "OSETNO",
+    "OFFSET",
+    "IN",
+    "OUT",
+    "AUTO",
+    "MANUAL",
+    "NEXTTL",
+    "SPINDL",
+)
+"""Minor words of a tool change, which are no names of tools."""
+_QUOTED = re.compile(r"'([^']*)'")
 _CODE = re.compile(r"[;#]|[GM]\d", re.IGNORECASE)
 _ASKS_FOR_MORE = re.compile(r"(?<!\$)\$\s*$")
 _STOP = re.compile(r"STOP\b", re.IGNORECASE)
@@ -135,8 +149,10 @@ def _translate(state: AptState, statement: Statement, line: int) -> None:
         refuse(state, statement, line, WordClass.COORDINATES, reason)
 
 
-def _nothing(state: AptState, statement: Statement, line: int) -> None:
-    """MULTAX: how many numbers a GOTO has shows at the GOTO."""
+def _multax(state: AptState, statement: Statement, line: int) -> None:
+    """MULTAX: how many numbers a GOTO has shows at the GOTO; OFF may say where the axis is."""
+    if "OFF" in statement.upper and state.dialect.off_is_upright:
+        state.set_axis(0.0, 0.0, 1.0)
 
 
 def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
@@ -145,7 +161,7 @@ def _cycle_call(state: AptState, statement: Statement, line: int) -> None:
 
 
 def _load(state: AptState, statement: Statement, line: int) -> None:
-    """LOAD/TOOL,n[,...], LOADTL/n[,...], TOOLNO/n[,...]: a tool change."""
+    """LOAD/TOOL,n[,...], LOADTL/n[,...], TOOLNO/n[,...]: a tool change, n a number or a name."""
     first = statement.upper[0] if statement.upper else ""
     if statement.word == "LOAD" and "TOOL" not in statement.upper:
         reason = "loads something else than a tool, for which there is no hook"
@@ -155,36 +171,52 @@ def _load(state: AptState, statement: Statement, line: int) -> None:
         reason = "number of a length offset of the control; the points are those of the tip"
         state.uses.note("TOOLNO/ADJUST", WordClass.TOOL, line, reason)
         return
-    words = [word for word in statement.upper if word != "TOOL"]
-    number = bounded(words[0]) if words else None
-    if number is None or number < 0 or number != int(number):
-        raise state.faults.error(
-            "APT070", "a tool change without a tool number", line, statement.text
-        )
-    _check_length(state, words, int(number), line)
-    if state.tools.number != int(number) or not state.tools.loaded:
-        state.add_event(EventKind.TOOL_CHANGE, line, float(number), statement.text)
-    state.tools.number, state.tools.loaded = int(number), True
-    data: dict[str, float] = {}
+    said = _tool_called(state, statement, line)
+    words = statement.upper
+    _check_length(state, words, next(iter(said.values())), line)
     if statement.word == "TOOLNO":
         diameter = bounded(statement.args[1]) if len(statement.args) > 1 else None
-        data = {"diameter": diameter * state.scale} if diameter else {}
-    state.add_tool(line, number=int(number), **data)
+        said |= {"diameter": diameter * state.scale} if diameter else {}
+    state.add_tool(statement, line, said, loads=True)
     if "SPINDL" in words:
         rest = tuple(words[words.index("SPINDL") + 1 :])
         apt_feed.spindle_statement(state, Statement("SPINDL", rest, statement.text), line)
 
 
-def _check_length(state: AptState, words: list[str], number: int, line: int) -> None:
+def _tool_called(state: AptState, statement: Statement, line: int) -> dict[str, float | str]:
+    """Return the number or the name by which a statement loads a tool."""
+    args = [arg for arg in statement.args if arg.upper() != "TOOL"]
+    number = bounded(args[0]) if args else None
+    if number is not None and number >= 0 and number == int(number):
+        return {"number": int(number)}
+    quoted = _QUOTED.search(statement.text) if args and args[0].startswith("'") else None
+    name = quoted[1].strip() if quoted else args[0] if args else ""
+    is_name = quoted is not None or name.upper() not in _NO_NAMES
+    if number is not None or statement.word not in ("LOAD", "LOADTL") or not (name and is_name):
+        raise state.faults.error(
+            "APT070", "a tool change without a tool number or name", line, statement.text
+        )
+    return {"name": name}
+
+
+def settle_tools(state: AptState) -> None:
+    """Find the tool of every call once the whole file is known, and add the changes."""
+    for call, reason in state.tools.settle(state.place):
+        state.uses.refuse(call.statement.word, WordClass.TOOL, call.at, reason)
+    for place, event in reversed([*state.tools.changes()]):
+        state.events.insert(place.event, EventRecord(event, place.spline))
+
+
+def _check_length(state: AptState, words: tuple[str, ...], tool: float | str, line: int) -> None:
     """Ask a tool back that comes with another LENGTH than before: it is another one."""
     at = words.index("LENGTH") + 1 if "LENGTH" in words else len(words)
     length = bounded(words[at]) if at < len(words) else None
     if length is None:
         return
-    before, where = state.tools.lengths.setdefault(number, (length, line))
+    before, where = state.tools.lengths.setdefault(tool, (length, line))
     if before != length:
         reason = (
-            f"tool {number} comes with LENGTH {length:g}, in line {where} with {before:g}: a cell "
+            f"tool {tool} comes with LENGTH {length:g}, in line {where} with {before:g}: a cell "
             "has one frame for it"
         )
         state.uses.refuse("LOADTL/LENGTH", WordClass.TOOL, line, reason)
@@ -195,7 +227,7 @@ def _cutter(state: AptState, statement: Statement, line: int) -> None:
     numbers = statement.numbers()
     if not numbers or numbers[0] is None or numbers[0] < 0.0:
         raise state.faults.error("APT071", "CUTTER without a diameter", line, statement.text)
-    _describe(state, line, [v for v in numbers if v is not None], height=6)
+    _describe(state, statement, line, [v for v in numbers if v is not None], height=6)
 
 
 def _tool_data(state: AptState, statement: Statement, line: int) -> None:
@@ -204,16 +236,18 @@ def _tool_data(state: AptState, statement: Statement, line: int) -> None:
     if not numbers or numbers[0] < 0.0:
         raise state.faults.error("APT071", "TLDATA without a diameter", line, statement.text)
     is_mill = statement.upper[0] == "MILL"
-    _describe(state, line, numbers if is_mill else numbers[:1], height=2)
+    _describe(state, statement, line, numbers if is_mill else numbers[:1], height=2)
 
 
-def _describe(state: AptState, line: int, numbers: list[float], height: int) -> None:
+def _describe(
+    state: AptState, statement: Statement, line: int, numbers: list[float], height: int
+) -> None:
     data = {"diameter": numbers[0] * state.scale}
     if len(numbers) > 1:
         data["corner_radius"] = numbers[1] * state.scale
     if len(numbers) > height:
         data["length"] = numbers[height] * state.scale
-    state.add_tool(line, **data)
+    state.add_tool(statement, line, data)
 
 
 def _tool_path(state: AptState, statement: Statement, line: int) -> None:
@@ -223,7 +257,7 @@ def _tool_path(state: AptState, statement: Statement, line: int) -> None:
     state.centre_points = False
     state.add_operation(args[0] if args else "", line)
     if len(args) > 2 and args[1].upper() == "TOOL":
-        state.add_tool(line, name=args[2])
+        state.add_tool(statement, line, {"name": args[2]})
     if statement.word in state.dialect.axis_reset:
         state.set_axis(0.0, 0.0, 1.0)
 
@@ -240,7 +274,7 @@ def _insert(state: AptState, statement: Statement, line: int) -> None:
         state.uses.note("INSERT", WordClass.PROCESS, line, reason)
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
     elif state.dialect.name in _TOOL_NAMES:
-        state.add_tool(line, name=text)
+        state.add_tool(statement, line, {"name": text})
     elif text:
         state.add_event(EventKind.MESSAGE, line, 0.0, text)
 
@@ -416,7 +450,7 @@ _HANDLERS: dict[str, Handler] = {
     "ROTATE": _table,
     "MODE": _mode,
     "TRANS": _translate,
-    "MULTAX": _nothing,
+    "MULTAX": _multax,
     "OPFEATSTART": _operation,
     "SETUP": _setup,
     "NURBS": apt_nurbs.open_spline,

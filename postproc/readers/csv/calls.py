@@ -7,7 +7,8 @@ from itertools import groupby
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.model import CamSetup, CamTool, Event, EventKind, Operation
+from postproc.model import CamSetup, CamTool, Event, Operation
+from postproc.readers.changes import tool_changes
 from postproc.readers.text import Faults, parse_number
 
 _NONE = -1
@@ -42,7 +43,6 @@ def tool_calls(
         return np.full(n, _NONE, dtype=np.int32), (), ()
     index: dict[tuple[int, str], int] = {}
     tools: list[CamTool] = []
-    events: list[Event] = []
     column = np.full(n, _NONE, dtype=np.int32)
     row = 0
     for name, same in groupby(names):
@@ -53,12 +53,8 @@ def tool_calls(
                 index[key] = len(tools)
                 tools.append(CamTool(*key, line=int(line[row])))
             column[row:stop] = index[key]
-            if row == 0 or column[row - 1] != column[row]:
-                events.append(
-                    Event(row, EventKind.TOOL_CHANGE, float(key[0]), key[1], int(line[row]))
-                )
         row = stop
-    return column, tuple(tools), tuple(events)
+    return column, tuple(tools), tuple(tool_changes(column, tools, line, with_first=True))
 
 
 def _tool_key(text: str, line: int, faults: Faults) -> tuple[int, str]:

@@ -1,7 +1,7 @@
 """What motion and accuracy profiles ask for, motion by motion: path speed, axis speed, fly-by.
 
-What no program can keep to is refused like a word, with the lines of its motions; where the user
-accepts it, the cell decides as it does where a file says nothing.
+Where a profile says what no program can keep to, the cell decides as it does where a file says
+nothing, which is a note with the lines of the motions; a speed that is a time is refused.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ _REASONS = {
         "rapid_percent of the cell counts",
     ),
     _PATH_SPEED: (
-        "a path speed of a joint motion, which runs at a share of the speed of the axes",
-        "give joint motions a profile of the basis Percent; accepted, rapid_percent of the cell "
-        "counts",
+        "a path speed of a joint motion, which runs at a share of the speed of the axes: "
+        "rapid_percent of the cell counts",
+        "give joint motions a profile of the basis Percent",
     ),
     _SHARE: (
-        "a share of the largest path speed, which the file does not give",
-        "give the speed in m/s, or export GeneralInfo with MaxSpeed; accepted, feed_mm_min of the "
-        "cell counts",
+        "a share of the largest path speed, which the file does not give: feed_mm_min of the cell "
+        "counts",
+        "give the speed in m/s, or export GeneralInfo with MaxSpeed",
     ),
     _BY_SPEED: (
-        "a fly-by that begins at a share of the speed, the program approximates by distance",
-        "give the accuracy profile the type Distance; accepted, approximation_mm of the cell "
-        "counts",
+        "a fly-by that begins at a share of the speed, the program approximates by distance: "
+        "approximation_mm of the cell counts",
+        "give the accuracy profile the type Distance",
     ),
 }
 Profile = TypeVar("Profile")
 
 
 class Profiles:
-    """The profiles of a robot, and what of them is refused.
+    """The profiles of a robot, and what of them no program keeps to.
 
     Args:
         robot: with its profiles.
@@ -98,32 +98,32 @@ class Profiles:
                 continue
             blends[i] = own
             if np.isnan(own):
-                self._refuse(_BY_SPEED, motion)
+                self._note(_BY_SPEED, motion)
         return blends
 
-    def refused(self) -> tuple[WordUse, ...]:
-        """Return what no program keeps to, with its lines."""
+    def uses(self) -> tuple[WordUse, ...]:
+        """Return what no program keeps to as it stands, with its lines."""
         return tuple(
-            WordUse(word, WordClass.PROCESS, tuple(lines), _REASONS[word][0], True,
-                    _REASONS[word][1])
+            WordUse(word, WordClass.PROCESS, tuple(lines), reason, word == _TIMED, hint)
             for word, lines in self._lines.items()
+            for reason, hint in [_REASONS[word]]
         )  # fmt: skip
 
     def _axis_share(self, profile: MotionProfile, motion: Motion) -> float:
         if profile.is_timed or np.isfinite(profile.speed):
-            return self._refuse(_TIMED if profile.is_timed else _PATH_SPEED, motion)
+            return self._note(_TIMED if profile.is_timed else _PATH_SPEED, motion)
         return profile.share
 
     def _path_speed(self, profile: MotionProfile, motion: Motion) -> float:
         if profile.is_timed:
-            return self._refuse(_TIMED, motion)
+            return self._note(_TIMED, motion)
         if np.isfinite(profile.speed):
             return profile.speed
         if np.isnan(self._robot.max_speed):
-            return self._refuse(_SHARE, motion)
+            return self._note(_SHARE, motion)
         return profile.share * self._robot.max_speed
 
-    def _refuse(self, word: str, motion: Motion) -> float:
+    def _note(self, word: str, motion: Motion) -> float:
         self._lines.setdefault(word, []).append(motion.line)
         return NAN
 

@@ -33,6 +33,7 @@ from postproc.model import (
     WordUse,
 )
 from postproc.readers.base import READERS, ReadOptions
+from postproc.readers.changes import tool_changes
 from postproc.readers.delmia.profiles import Profiles
 from postproc.readers.delmia.records import (
     N_JOINTS,
@@ -191,7 +192,7 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
                 WordUse(kind, WordClass.PROCESS, tuple(lines), _NOT_DONE, True)
                 for kind, lines in path.unknown.items()
             ),
-            *profiles.refused(),
+            *profiles.uses(),
         ),
         warnings=faults.warnings,
         recovered=faults.fixes,
@@ -242,9 +243,7 @@ def _tools(
     """Return the tool (n,), the tools used, and an event for each change after the first."""
     used: dict[str, int] = {}
     tools: list[CamTool] = []
-    events: list[Event] = []
     column = np.full(len(path.motions), _NONE, dtype=np.int32)
-    before = ""
     for i, m in enumerate(path.motions):
         name = m.tool_profile
         if not name:
@@ -255,10 +254,8 @@ def _tools(
             used[name] = len(tools)
             tools.append(CamTool(0, name, line=m.line))
         column[i] = used[name]
-        if before and name != before:
-            events.append(Event(i, EventKind.TOOL_CHANGE, 0.0, name, m.line))
-        before = name
-    return column, tuple(tools), events
+    line = np.array([m.line for m in path.motions], dtype=np.int32)
+    return column, tuple(tools), tool_changes(column, tools, line, with_first=False)
 
 
 def _setups(

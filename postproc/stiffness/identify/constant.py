@@ -28,8 +28,7 @@ from postproc.units import UM
 TYPICAL_C = 1.0 / np.array([1.5e7, 6e6, 5e6, 4e5, 2.5e5, 3e5])
 """Expected pattern of joint compliances [rad/(N*m)] where nothing is known; its size is fitted."""
 BOUNDS = (0.02, 50.0)
-"""A compliance is looked for between these multiples of the expected one."""
-_AT = 1.0 + 1e-9
+"""Multiples of the expected compliance beyond which an estimate is no spring's."""
 NEAR = 5.0
 """A weakly seen joint of a finer model starts within this factor of the expected compliance."""
 HUBER = 3.4
@@ -44,9 +43,10 @@ class ConstantFit:
 
     c_joint (6,) [rad/(N*m)], NaN where unseen; sd (6,) one sigma, NaN where unseen; low, high
     (6,): interval of c at ``confidence`` (low may be <= 0: no upper bound on stiffness);
-    sigma: sd of a component of a case [m]; dof; weight (n,) of the cases; at_bound: joints whose
-    free estimate lay outside the bounds; observability: what the loads show; c_ref (6,): what
-    visibility was judged against; c_expected (6,): the expected pattern at the size of the data.
+    sigma: sd of a component of a case [m]; dof; weight (n,) of the cases; at_bound: joints left
+    out because their free estimate lay outside the bounds; observability: what the loads show;
+    c_ref (6,): what visibility was judged against; c_expected (6,): the expected pattern at the
+    size of the data.
     """
 
     c_joint: FloatArray
@@ -129,33 +129,24 @@ def fit_constant(
             f"{sigma / UM:.1f} um",
         )
     c, sigma, dof = _solve(cases, c_ref, seen.seen, weight)
-    low, high = BOUNDS[0] * c_ref, BOUNDS[1] * c_ref
-    lost = seen.seen & ((c < low) | (c > high)) & (seen.relative_sd > WEAK)
-    if np.any(lost) and not np.all(lost[seen.seen]):
-        # a weak estimate at its bound is no estimate: leave the joint out
-        seen = seen.without(lost)
+    at_bound: list[int] = []
+    while np.any(out := _beyond(c, c_ref, seen)):
+        # an estimate beyond what is physical is none: the least seen joint is left out first
+        worst = int(np.argmax(np.where(out, seen.relative_sd, -np.inf)))
+        at_bound.append(worst)
+        seen = seen.without(np.arange(6) == worst)
         c, sigma, dof = _solve(cases, c_ref, seen.seen, weight)
     sd = _deviations(A, c_ref, seen.seen, sigma)
     reach = _quantile(confidence, dof) * sd
-    inside = np.clip(c, low, high)
-    at_bound = tuple(int(i) for i in np.flatnonzero(seen.seen & (inside != c)))
-    if at_bound:
-        inside = _bounded(cases, c_ref, seen.seen, weight)
-        # the others are estimated anew, with these where they are held
-        held = seen.seen & ((inside <= low * _AT) | (inside >= high / _AT))
-        others = _deviations(A, c_ref, seen.seen & ~held, sigma)
-        sd = np.where(held, sd, others)
-        reach = np.where(held, reach, _quantile(confidence, dof) * others)
-        c = np.where(held, c, inside)
     return ConstantFit(
-        c_joint=np.where(seen.seen, inside, np.nan),
+        c_joint=np.where(seen.seen, c, np.nan),
         sd=sd,
-        low=np.minimum(c - reach, inside),
-        high=np.maximum(c + reach, inside),
+        low=c - reach,
+        high=c + reach,
         sigma=sigma,
         dof=dof,
         weight=weight,
-        at_bound=at_bound,
+        at_bound=tuple(sorted(at_bound)),
         observability=seen,
         c_ref=c_ref,
         c_expected=c_expected,
@@ -212,17 +203,10 @@ def _deviations(A: FloatArray, c_ref: FloatArray, use: BoolArray, sigma: float) 
     return sd
 
 
-def _bounded(cases: LoadCases, c_ref: FloatArray, use: BoolArray, weight: FloatArray) -> FloatArray:
-    from scipy.optimize import lsq_linear
-
-    root = np.repeat(np.sqrt(weight), 3)
-    X = (cases.A.reshape(-1, 6) * c_ref)[:, use] * root[:, None]
-    y = cases.d.reshape(-1) * root
-    size = np.linalg.norm(y) or 1.0
-    result = lsq_linear(X / size, y / size, BOUNDS, method="bvls", lsq_solver="exact")
-    c = np.zeros(6)
-    c[use] = result.x * c_ref[use]
-    return c
+def _beyond(c: FloatArray, c_ref: FloatArray, seen: Observability) -> BoolArray:
+    """Return the joints (6,) that are seen and whose free estimate is no spring's."""
+    size = c / c_ref
+    return np.asarray(seen.seen & ((size < BOUNDS[0]) | (size > BOUNDS[1])))
 
 
 def _quantile(confidence: float, dof: int) -> float:

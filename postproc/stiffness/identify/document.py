@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from postproc.geometry import kuka_from_transform
+from postproc.stiffness.identify.constant import BOUNDS
 from postproc.stiffness.identify.identify import Identification
 from postproc.stiffness.identify.models import ModelScore
 from postproc.stiffness.identify.observability import Visibility, shown_text
@@ -40,18 +41,24 @@ def identify_document(result: Identification) -> dict[str, Any]:
         "models": [_score(score) for score in result.scores],
         "cells": _cells(result),
         "registration": _registration(result),
+        "remarks": [remark.entry() for remark in result.remarks],
         "warnings": warnings(result),
     }
 
 
 def warnings(result: Identification) -> list[str]:
     """Return what a user should know before relying on the numbers."""
-    found = []
+    found = [remark.line() for remark in result.remarks]
     seen = result.constant.observability
     for joint, estimate in enumerate(result.joints):
         shown = shown_text(result.shown_by.get(joint))
         tail = f"; would be shown by {shown}" if shown else ""
-        if estimate.grade is Visibility.UNOBSERVABLE:
+        if estimate.grade is Visibility.UNOBSERVABLE and joint in result.constant.at_bound:
+            found.append(
+                f"A{joint + 1} is left out: no stiffness that is physical fits, the data put it "
+                f"beyond {BOUNDS[0]:g} to {BOUNDS[1]:g} times the expected compliance"
+            )
+        elif estimate.grade is Visibility.UNOBSERVABLE:
             twin = seen.confounded.get(joint)
             why = f", it moves the tool like A{twin + 1}" if twin is not None else ""
             found.append(f"A{joint + 1} cannot be seen under these loads{why}: left out{tail}")
@@ -59,9 +66,6 @@ def warnings(result: Identification) -> list[str]:
             found.append(f"A{joint + 1} varies too much for one constant; the chosen model has it")
         elif estimate.grade is Visibility.WEAK:
             found.append(f"A{joint + 1} is weak: its motion is near or under the noise{tail}")
-    if result.constant.at_bound and result.chosen == "constant":
-        names = ", ".join(f"A{joint + 1}" for joint in result.constant.at_bound)
-        found.append(f"{names} ended at the bound of what is physical: the model does not fit")
     if not result.cases.paired:
         found.append(
             "no posture was read under two loads: geometry errors of the arm go into the stiffness"

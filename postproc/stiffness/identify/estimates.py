@@ -31,7 +31,7 @@ UNSEEN_JOINT = JointEstimate(math.nan, math.nan, math.nan, math.inf, Visibility.
 
 
 def constant_estimates(fit: ConstantFit) -> tuple[JointEstimate, ...]:
-    """Return the estimates of a constant fit; a number at its bound is weak at best."""
+    """Return the estimates of a constant fit."""
     found = []
     for joint, grade in enumerate(fit.observability.visibility):
         if grade is Visibility.UNOBSERVABLE:
@@ -39,8 +39,7 @@ def constant_estimates(fit: ConstantFit) -> tuple[JointEstimate, ...]:
             continue
         low, high = fit.stiffness_interval(joint)
         sd = float(fit.observability.relative_sd[joint])
-        worst = Visibility.WEAK if joint in fit.at_bound else grade
-        found.append(JointEstimate(1.0 / float(fit.c_joint[joint]), low, high, sd, worst))
+        found.append(JointEstimate(1.0 / float(fit.c_joint[joint]), low, high, sd, grade))
     return tuple(found)
 
 

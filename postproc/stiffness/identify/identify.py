@@ -13,7 +13,13 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.kinematics import Kinematics
-from postproc.measurement import MEAN_LENGTH, MeasurementSet, fit_registration, unloaded_rows
+from postproc.measurement import (
+    MEAN_LENGTH,
+    MeasurementSet,
+    Remark,
+    fit_registration,
+    unloaded_rows,
+)
 from postproc.model import Registration
 from postproc.progress import Progress
 from postproc.stiffness.field import StiffnessField
@@ -29,6 +35,7 @@ from postproc.stiffness.identify.estimates import (
 from postproc.stiffness.identify.gridded import GridFit
 from postproc.stiffness.identify.models import METHODS, IdentifyOptions, Models, ModelScore
 from postproc.stiffness.identify.observability import ShowingLoad, Visibility, showing_load
+from postproc.stiffness.identify.slips import require_right_loads
 from postproc.units import MM
 
 FEWEST_RESPONSES = 3
@@ -57,6 +64,7 @@ class Identification:
     deflection_mean: float
     deflection_max: float
     held_out_error: FloatArray
+    remarks: tuple[Remark, ...] = ()
 
     @property
     def noise(self) -> float:
@@ -99,7 +107,8 @@ def identify(
 
     Raises:
         StiffnessError: STF010 no loads, STF012 nothing to see, STF014 too few cases for the
-            method asked for, STF015 unknown method.
+            method asked for, STF015 unknown method, STF016 and STF017 loads that cannot be right,
+            STF018 no model is better than a rigid arm.
         DataError: MEA012 too few postures for the registration.
     """
     wanted = options or IdentifyOptions()
@@ -115,6 +124,11 @@ def identify(
             f"{len(everything)} load responses, expected at least {FEWEST_RESPONSES}",
             source,
         )
+    require_right_loads(
+        measured,
+        everything,
+        lambda other: load_cases(other, kinematics, p_flange_tcp, registration),
+    )
     faults = Models.of(everything, wanted, k_expected, source).faults()
     cases = everything.rows(~faults)
     models = Models.of(cases, wanted, k_expected, source)
@@ -122,6 +136,7 @@ def identify(
     scores = models.scores(held_out)
     chosen, reason = _choose(scores, wanted)
     moved = np.linalg.norm(cases.d * cases.scale[:, None], axis=1)
+    _require_use(next(s for s in scores if s.name == chosen), float(moved.mean()), source)
     return Identification(
         chosen=chosen,
         joints=_estimates(models, chosen),
@@ -138,7 +153,21 @@ def identify(
         deflection_mean=float(moved.mean()),
         deflection_max=float(moved.max()),
         held_out_error=held_out[chosen],
+        remarks=measured.remarks,
     )
+
+
+def _require_use(score: ModelScore, moved: float, source: SourceRef) -> None:
+    """Refuse a model that predicts what it has not seen no better than a rigid arm does."""
+    if score.held_out_mean >= moved:
+        raise StiffnessError(
+            "STF018",
+            f"on tags not fitted the best model is {score.held_out_mean / MM:.4f} mm off, a rigid "
+            f"arm {moved / MM:.4f} mm: no stiffness can be told",
+            source,
+            hint="check that the loads stand in the rows that were read under them; read more "
+            "postures, under larger loads",
+        )
 
 
 def _estimates(models: Models, chosen: str) -> tuple[JointEstimate, ...]:

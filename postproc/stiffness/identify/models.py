@@ -6,6 +6,7 @@ continuous function of the joint angles. Each is scored by its error on tags tha
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,6 +28,8 @@ FEWEST_CASES = 9
 """Cases in the median cell below which a grid is not tried (the paper: more than ten a cell)."""
 FEWEST_POSTURES = 12
 """Postures below which a continuous field is not tried."""
+_LEAST, _MOST = 0.5, 0.999
+"""Confidence that intervals may have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +43,9 @@ class IdentifyOptions:
         blend: run continuously between cell centres; False: the paper's rule.
         confidence: of the intervals.
         register: fit the tracker's frame and the reflector's place first.
+
+    Raises:
+        StiffnessError: STF026, STF028 if a number is none to reckon with.
     """
 
     method: str = "auto"
@@ -48,6 +54,19 @@ class IdentifyOptions:
     blend: bool = True
     confidence: float = 0.9
     register: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that nothing can be reckoned with."""
+        if self.grid is None and self.method == "grid":
+            raise StiffnessError("STF026", "a model of the kind grid needs the edge of its cells")
+        if self.grid is not None and not (math.isfinite(self.grid) and self.grid > 0.0):
+            text = f"a grid of {self.grid / MM:g} mm, expected a positive edge"
+            raise StiffnessError("STF026", text)
+        if self.origin is not None and not np.isfinite(self.origin).all():
+            raise StiffnessError("STF028", f"origin {self.origin / MM} mm, expected finite numbers")
+        if not _LEAST <= self.confidence <= _MOST:
+            text = f"a confidence of {self.confidence:g}, expected {_LEAST} to {_MOST}"
+            raise StiffnessError("STF028", text)
 
 
 @dataclass(frozen=True, slots=True)

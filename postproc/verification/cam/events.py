@@ -1,8 +1,9 @@
 """What happens between the motions: spindle, coolant, stops, dwells of the CAM file, all present?
 
 Routines are recognised by the names that the cell gives them (``krl.hooks``). Each event of the
-file must be there, in order, and behind the motion to the tag before it and not later than the
-motion to the tag it stands before.
+file must be there, in the order of its kind, and behind the motion to the tag before it and not
+later than the motion to the tag it stands before. Of different kinds the order counts as far as one
+finds what the other has made of tool, spindle and coolant (``States``).
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from postproc.process import coolant_mode, hole_calls
 from postproc.units import DEG, RPM
 from postproc.verification.cam.comparison import Comparison
 from postproc.verification.cam.signals import Asked, Span, check_signals, count_text
+from postproc.verification.cam.states import States
+from postproc.verification.cam.steps import check_steps
 from postproc.verification.cam.surplus import check_surplus
 from postproc.verification.report import Result
 
@@ -57,17 +60,26 @@ def check_events(
     spans = _Spans(found.served, found.latest, len(result.paths))
     names = {kind: name.upper() for kind, name in cell.krl.hooks.items()}
     everything = _asked(toolpath, cell, spans)
+    steps = check_steps(result, cell, toolpath, found.served)
+    before = len(result.findings)
     calls: dict[EventKind, list[TraceEvent]] = {}
     surplus: dict[EventKind, list[TraceEvent]] = {}
+    there: list[tuple[Event, TraceEvent]] = []
     for kind in _COUNTED:
         name = names.get(str(kind), "")
         asked = [(event, span) for event, span in everything if event.kind is kind]
         if name:
             calls[kind] = _calls(result, kind, name)
-            surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
+            fits, surplus[kind] = _compare_kind(result, kind, name, asked, calls[kind])
+            there += fits
+    there += check_signals(result, cell, everything)
+    # The order is a question once everything is there, where the file has it.
+    states = None
+    if len(result.findings) == before:
+        states = _states(result, everything, there, steps, surplus)
+        states.check(result, found.is_cut)
     check_surplus(result, cell, calls, surplus, found.is_cut)
-    check_signals(result, cell, everything)
-    _compare_dwells(result, toolpath, spans)
+    _compare_dwells(result, toolpath, spans, states)
     _check_standing(result, everything, found.milled, names)
 
 
@@ -78,6 +90,21 @@ def _asked(toolpath: ToolPath, cell: Cell, spans: _Spans) -> list[Asked]:
         found.append((tag, 1, below, spans.at_bottom(tag)))
         found.append((tag, 2, behind, spans.behind(tag)))
     return [item[2:] for item in sorted(found, key=lambda item: item[:2])]
+
+
+def _states(
+    result: Result,
+    everything: list[Asked],
+    there: list[tuple[Event, TraceEvent]],
+    steps: list[tuple[Event, TraceEvent]],
+    surplus: dict[EventKind, list[TraceEvent]],
+) -> States:
+    """Return what events and dwells find; those of the file in its order, steps at their holes."""
+    call_of = {id(event): call for event, call in (*there, *steps)}
+    order = [*(event for event, _ in everything), *(event for event, _ in steps)]
+    asked = [(event, call_of.get(id(event))) for event in sorted(order, key=lambda e: e.index)]
+    extra = [(kind, call) for kind, calls in surplus.items() for call in calls]
+    return States(result.paths.trace.events, asked, extra)
 
 
 def _calls(result: Result, kind: EventKind, name: str) -> list[TraceEvent]:
@@ -119,13 +146,18 @@ class _Spans:
 
 def _compare_kind(
     result: Result, kind: EventKind, name: str, asked: list[Asked], have: list[TraceEvent]
-) -> list[TraceEvent]:
-    """Compare the calls of one kind with what is asked for; returns those beyond that."""
+) -> tuple[list[tuple[Event, TraceEvent]], list[TraceEvent]]:
+    """Compare the calls of one kind with what is asked for, in its order.
+
+    Returns:
+        (event, its call) of what is there, and the calls beyond that.
+    """
     words = str(kind).replace("_", " ")
     if len(have) < len(asked):
         text = count_text(f"{words}: {len(have)} calls of {name}", asked)
         _tell(result, have[-1] if have else None, text, Severity.ERROR)
-        return []
+        return [], []
+    there: list[tuple[Event, TraceEvent]] = []
     surplus: list[TraceEvent] = []
     motions = [call.motion for call in have]
     faults = at = 0
@@ -140,8 +172,9 @@ def _compare_kind(
         faults += bool(text)
         if text and faults <= _LISTED:
             _tell(result, have[fit], text, Severity.ERROR)
+        there.append((event, have[fit]))
         at = fit + 1
-    return surplus + have[at:]
+    return there, surplus + have[at:]
 
 
 def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, span: Span) -> str:
@@ -164,26 +197,44 @@ def _difference(kind: EventKind, words: str, event: Event, call: TraceEvent, spa
     return ""
 
 
-def _compare_dwells(result: Result, toolpath: ToolPath, spans: _Spans) -> None:
-    """Compare the dwells that stand between tags (those of cycles belong to the holes)."""
+def _compare_dwells(
+    result: Result, toolpath: ToolPath, spans: _Spans, states: States | None
+) -> None:
+    """Compare the dwells that stand between tags (those of cycles belong to the holes).
+
+    Where the order of events is known, only a wait that finds what the dwell finds serves it.
+    """
     waits = [event for event in result.paths.trace.events if event.word is EventWord.DWELL]
-    motions = np.array([event.motion for event in waits], dtype=np.int64)
-    seconds = np.array([event.value for event in waits])
-    asked: dict[Span, float] = {}
-    lines: dict[Span, int] = {}
+    asked: dict[Span, list[Event]] = {}
     for event in toolpath.events:
         if event.kind is EventKind.DWELL:
-            span = spans.of(event)
-            asked[span] = asked.get(span, 0.0) + event.value
-            lines.setdefault(span, event.line)
-    for span, value in asked.items():
-        inside = (motions >= span.first) & (motions <= span.last)
-        have = float(np.nansum(seconds[inside]))
-        last = len(result.paths) - 1
-        if last >= 0 and abs(have - value) > max(1e-3, 0.01 * value):
-            text = f"{have:g} s of dwell, line {lines[span]} of the CAM file asks for {value:g} s"
-            severity = Severity.ERROR if have < value else Severity.WARNING
-            result.finding(RunKind.DWELL, min(span.first, last), text, severity)
+            asked.setdefault(spans.of(event), []).append(event)
+    for span, dwells in asked.items() if len(result.paths) else ():
+        inside = [wait for wait in waits if span.first <= wait.motion <= span.last]
+        alike: dict[object, list[Event]] = {}
+        for dwell in dwells:
+            alike.setdefault(None if states is None else states.key(dwell), []).append(dwell)
+        for few in alike.values():
+            served = [w for w in inside if states is None or not states.difference(few[0], w)]
+            if _tell_dwell(result, span, few, served, Severity.ERROR):
+                break
+        else:
+            _tell_dwell(result, span, dwells, inside, Severity.WARNING)
+
+
+def _tell_dwell(
+    result: Result, span: Span, dwells: list[Event], waits: list[TraceEvent], severity: Severity
+) -> bool:
+    """Report waits that are too short in all (errors) or too long; returns whether they are."""
+    value = sum(dwell.value for dwell in dwells)
+    have = float(np.nansum([wait.value for wait in waits]))
+    beyond = value - have if severity is Severity.ERROR else have - value
+    if beyond <= max(1e-3, 0.01 * value):
+        return False
+    line = dwells[0].line
+    text = f"{have:g} s of dwell, line {line} of the CAM file asks for {value:g} s"
+    result.finding(RunKind.DWELL, min(span.first, len(result.paths) - 1), text, severity)
+    return True
 
 
 def _check_standing(

@@ -1,10 +1,10 @@
-"""Whether motions keep to what the CAM file says of their ends and of the speed of joint motions."""
+"""Whether motions keep to what the CAM file says of their ends and of the speeds of axes."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray
 from postproc.controller import Blend
 from postproc.errors import RunKind
 from postproc.model import ToolPath

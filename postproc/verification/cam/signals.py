@@ -29,13 +29,18 @@ class Span(NamedTuple):
 Asked = tuple[Event, Span]
 
 
-def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> None:
+def check_signals(
+    result: Result, cell: Cell, everything: Sequence[Asked]
+) -> list[tuple[Event, TraceEvent]]:
     """Compare signals and waits for them with those of the CAM file, in their order.
 
     Args:
         result: the program; collects the findings.
         cell: which signals are outputs and inputs, and the names of the routines for the others.
         everything: the events of the file and where each belongs.
+
+    Returns:
+        (event, its call) of the signals that are there; none of a group with too many or too few.
     """
     ports: Mapping[EventKind, Mapping[str, int]] = {
         EventKind.SIGNAL: cell.krl.outputs,
@@ -64,6 +69,7 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
             ],
         ),
     )
+    found: list[tuple[Event, TraceEvent]] = []
     for words, wanted, have in groups:
         if len(wanted) != len(have):
             text = count_text(f"{words}: {len(have)}", wanted)
@@ -76,6 +82,8 @@ def check_signals(result: Result, cell: Cell, everything: Sequence[Asked]) -> No
         ]
         for call, text in faults[:_LISTED]:
             result.finding_at(RunKind.EVENT, trace.place_of(call), text)
+        found += [(event, call) for (event, _), call in zip(wanted, have, strict=True)]
+    return found
 
 
 def count_text(found: str, asked: Sequence[Asked]) -> str:

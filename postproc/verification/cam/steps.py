@@ -20,7 +20,9 @@ _SHARE = 1e-3
 """A number may differ by this share, and by this much."""
 
 
-def check_steps(result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntArray) -> None:
+def check_steps(
+    result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntArray
+) -> list[tuple[Event, TraceEvent]]:
     """Compare the calls around holes with the steps that the cell wants.
 
     Args:
@@ -28,10 +30,13 @@ def check_steps(result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntAr
         cell: names of the steps and their routines.
         toolpath: what was asked for, its holes numbered.
         served: (n,) motion that goes to the bottom of each hole, or to where the robot stands.
+
+    Returns:
+        (step, its call) of the calls that there are.
     """
     names = [cell.krl.hooks[name].upper() for name in cell.process.hole]
     if not names or NUMBER not in toolpath.extra:
-        return
+        return []
     calls = [
         event
         for event in result.paths.trace.events
@@ -42,6 +47,7 @@ def check_steps(result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntAr
         text = f"{len(calls)} calls of {', '.join(names)}, the holes ask for {len(wanted)}"
         _tell(result, calls[-1] if calls else None, text)
     faults = 0
+    found = []
     for call, (name, event, first, last) in zip(calls, wanted, strict=False):
         text = _difference(call, name, event)
         if not text and not first <= call.motion <= last:
@@ -49,6 +55,8 @@ def check_steps(result: Result, cell: Cell, toolpath: ToolPath, served: AnyIntAr
         faults += bool(text)
         if text and faults <= _LISTED:
             _tell(result, call, text)
+        found.append((event, call))
+    return found
 
 
 def _wanted(

@@ -7,27 +7,18 @@ leaves them to the program, but for a tool that is not the one it moves.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray
 from postproc.cell import Cell
 from postproc.controller import TraceEvent
 from postproc.errors import RunKind, Severity
 from postproc.model import EventKind
+from postproc.verification.cam.states import COOLANT, SPINDLE, states_at
 from postproc.verification.report import Result
 
-_SPINDLE = (
-    EventKind.SPINDLE_ON,
-    EventKind.SPINDLE_OFF,
-    EventKind.TAP_REVERSE,
-    EventKind.SPINDLE_ORIENT,
-)
-_COOLANT = (EventKind.COOLANT_ON, EventKind.COOLANT_OFF)
-_OFF = (EventKind.SPINDLE_OFF, EventKind.SPINDLE_ORIENT, EventKind.COOLANT_OFF)
 _LISTED = 20
 
 Calls = Mapping[EventKind, Sequence[TraceEvent]]
@@ -48,13 +39,13 @@ def check_surplus(
         is_cut: (m,) motions that cut.
     """
     harmful: set[int] = set()
-    for kinds in (_SPINDLE, _COOLANT):
+    for kinds in (SPINDLE, COOLANT):
         extra = _in_order(result, surplus, kinds)
         have = _in_order(result, calls, kinds)
         if extra and len(extra) < len(have):
             beyond = {id(event) for _, event in extra}
             asked = [(kind, event) for kind, event in have if id(event) not in beyond]
-            differs = is_cut & (_states(have, len(is_cut)) != _states(asked, len(is_cut)))
+            differs = is_cut & (states_at(have, len(is_cut)) != states_at(asked, len(is_cut)))
             motions = np.array([event.motion for _, event in extra])
             causes = np.searchsorted(motions, np.flatnonzero(differs), side="right") - 1
             harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
@@ -90,13 +81,3 @@ def _in_order(
     kind_of = {id(event): kind for kind in kinds for event in calls.get(kind, ())}
     events = result.paths.trace.events
     return [(kind_of[id(event)], event) for event in events if id(event) in kind_of]
-
-
-def _states(calls: Sequence[tuple[EventKind, TraceEvent]], count: int) -> NDArray[np.object_]:
-    """Return what is on at each of so many motions, None where nothing is."""
-    states: list[object] = [None]
-    for kind, event in calls:
-        value = None if math.isnan(event.value) else event.value
-        states.append(None if kind in _OFF else f"{kind} {value}")
-    behind = np.searchsorted([event.motion for _, event in calls], np.arange(count), side="right")
-    return np.array(states, dtype=np.object_)[behind]

@@ -17,14 +17,9 @@ from postproc.cell import Cell
 from postproc.errors import DataError
 from postproc.geometry import apply
 from postproc.kinematics import Kinematics
-from postproc.measurement import (
-    MeasurementSet,
-    Remark,
-    fit_registration,
-    frames_of,
-    points_of,
-    set_ups,
-)
+from postproc.measurement.registration import fit_registration, frames_of, points_of
+from postproc.measurement.rows import MeasurementSet, Remark
+from postproc.measurement.setups import set_ups
 from postproc.model import Registration
 from postproc.units import DEG, MM
 
@@ -46,7 +41,7 @@ def repaired(
     registered: bool,
     frame: Registration | None,
 ) -> MeasurementSet:
-    """Return the rows without copies, in the units of their columns, neighbours sorted out.
+    """Return the rows in the units of their columns, neighbours sorted out, none left out.
 
     Args:
         measured: the campaign.
@@ -55,7 +50,6 @@ def repaired(
         registered: the measured frame is unknown: each guess is registered anew.
         frame: the registration that holds otherwise, None for the robot root.
     """
-    measured = _without_copies(measured)
     measured = _in_celsius(measured)
     seen = _Seen(kinematics, cell, registered, frame)
     distance = seen.distance(measured)
@@ -70,7 +64,7 @@ def repaired(
     return measured
 
 
-def _without_copies(measured: MeasurementSet) -> MeasurementSet:
+def without_copies(measured: MeasurementSet) -> MeasurementSet:
     """Leave rows out that repeat an earlier one to the last digit: nobody read them."""
     parts = [measured.q, measured.position]
     parts += [v for v in (measured.direction, measured.qd, measured.wrench) if v is not None]

@@ -1,0 +1,40 @@
+"""The readings of a measurement file, as every command that takes one understands them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from postproc.cell import Cell
+from postproc.kinematics import Kinematics
+from postproc.measurement import MeasurementSet, read_campaign, repaired, without_copies
+from postproc.model import ModelFile
+
+
+def readings(
+    paths: Sequence[str | Path],
+    kinematics: Kinematics,
+    cell: Cell,
+    model: ModelFile | None = None,
+    register: bool = False,
+    every_row: bool = False,
+) -> MeasurementSet:
+    """Return the rows of one campaign, in the units of their columns; remarks say what was wrong.
+
+    Args:
+        paths: the files.
+        kinematics: of the cell's robot.
+        cell: with its tool.
+        model: its registration says where the readings are; None: in the robot root.
+        register: the measured frame is unknown.
+        every_row: the answer has a line for each row: none is left out.
+
+    Raises:
+        DataError: if a file is wrong or lacks a column; for ``every_row`` if a row lacks a joint
+            angle or a coordinate (MEA007).
+    """
+    rows = read_campaign(paths, set_aside=not every_row)
+    if not every_row:
+        rows = without_copies(rows)
+    frame = None if register or model is None else model.registration
+    return repaired(rows, kinematics, cell, register, frame)

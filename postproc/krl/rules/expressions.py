@@ -1,0 +1,111 @@
+"""The values and expressions that a statement uses."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from postproc.krl.text import (
+    Aggregate,
+    Assign,
+    Call,
+    Control,
+    Expr,
+    Interrupt,
+    KrlSyntaxError,
+    Move,
+    Node,
+    SplineBegin,
+    Statement,
+    Trigger,
+    Value,
+    WaitFor,
+    WaitSec,
+    nodes_in,
+    parse_expression,
+)
+
+_FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
+
+
+def move_values(statement: Move) -> tuple[Value | None, ...]:
+    """Return the points of a motion, its angle and what it sets."""
+    if not statement.settings and statement.auxiliary is None:
+        return (statement.target,)
+    settings = tuple(item.value for item in statement.settings)
+    return (statement.target, statement.auxiliary, statement.angle_deg, *settings)
+
+
+_Parts = tuple[tuple[Value | None, ...], tuple[str, ...]]
+
+
+def values_of(statement: Statement) -> _Parts:
+    """Return values and expression texts of a statement."""
+    found = _PARTS.get(type(statement))
+    return found(statement) if found is not None else ((), ())
+
+
+_PARTS: dict[type, Callable[[Any], _Parts]] = {
+    Assign: lambda s: ((s.value,), (s.target,)),
+    Call: lambda s: (s.arguments, ()),
+    SplineBegin: lambda s: (tuple(item.value for item in s.settings), ()),
+    WaitSec: lambda s: ((s.seconds,), ()),
+    WaitFor: lambda s: ((), (s.condition,)),
+    Trigger: lambda s: ((s.where, s.delay_ms, s.priority), ()),
+    Interrupt: lambda s: ((s.number,), (s.condition,) if s.condition else ()),
+    Control: lambda s: ((), _control_texts(s)),
+}
+
+
+def _control_texts(statement: Control) -> tuple[str, ...]:
+    text = statement.text.strip()
+    if statement.word == "IF":
+        return (re.sub(r"\bTHEN\s*$", "", text, flags=re.IGNORECASE),)
+    if statement.word in ("WHILE", "UNTIL", "SWITCH", "RETURN") and text:
+        return (text,)
+    if statement.word == "FOR":
+        found = _FOR.match(text)
+        return tuple(part for part in found.groups() if part) if found else ()
+    return ()
+
+
+def nodes_of(statement: Statement, mark: str) -> Iterator[Node]:
+    """Yield the nodes of all expressions of a statement, its action included.
+
+    Args:
+        statement: any.
+        mark: expressions without these characters are left out.
+    """
+    values, texts = values_of(statement)
+    if isinstance(statement, Move):
+        values = move_values(statement)
+    if isinstance(statement, Move | SplineBegin):
+        texts = tuple(item.target for item in statement.settings)
+    for text in (*texts, *(text for value in values for text in _texts(value))):
+        if mark in text:
+            try:
+                yield from nodes_in(parse_expression(text.strip()))
+            except KrlSyntaxError:
+                continue  # row 1 has it
+    if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+        yield from nodes_of(statement.action, mark)
+
+
+def _texts(value: Value | None) -> Iterator[str]:
+    if isinstance(value, Expr):
+        yield value.text
+    elif isinstance(value, Aggregate):
+        for _, item in value.fields:
+            yield from _texts(item)
+
+
+def settings_of(statement: Statement) -> tuple[Assign, ...]:
+    """Return what a statement sets: by itself, WITH a motion or by its action."""
+    if isinstance(statement, Assign):
+        return (statement,)
+    if isinstance(statement, Move | SplineBegin):
+        return statement.settings
+    if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
+        return settings_of(statement.action)
+    return ()

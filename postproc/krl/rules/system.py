@@ -1,0 +1,87 @@
+"""Row 30: system variables exist, may be set, and take what they are given."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+
+from postproc.krl.rules.expressions import nodes_of, settings_of
+from postproc.krl.rules.scope import declared_names, system_names
+from postproc.krl.rules.slips import nearest
+from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas
+from postproc.krl.text import Assign, Call, Enum, Reference
+
+_BASE_NAME = re.compile(r"\$\w+")
+_COUNTED = frozenset({"$IN", "$OUT", "$FLAG", "$CYCFLAG", "$ANIN", "$ANOUT", "$TIMER"})
+"""Arrays whose last index depends on the controller."""
+
+
+def system_variables(subject: Subject) -> None:
+    """Row 30: system variables exist, are not read only where set, take their constants."""
+    known = system_names().variables | {name.upper() for name in subject.options.names}
+    known = known.union(*map(declared_names, subject.modules))
+    commands = subject.scope.enumerations.get("BAS_COMMAND") or system_names().constants["BAS"]
+    told: set[tuple[str, str]] = set()
+    for part in subject.parts:
+        for statement in part.routine.statements:
+            for item in settings_of(statement):
+                _set(subject, part, statement.line, item)
+            for node in nodes_of(statement, "$"):
+                if isinstance(node, Reference) and node.name.startswith("$"):
+                    _exists(subject, part, statement.line, node, known, told)
+        for call in part.calls:
+            _command(subject, part, call, commands)
+
+
+def _exists(
+    subject: Subject,
+    part: Part,
+    line: int,
+    node: Reference,
+    known: Collection[str],
+    told: set[tuple[str, str]],
+) -> None:
+    name = node.name
+    if name not in known:
+        near = nearest(name, known, counts_digits=False)
+        if near:
+            message = f"no system variable {name}"
+            subject.add(30, ERROR, part.path, line, message, hint=f"{near} is meant")
+        elif (part.path, name) not in told:
+            message = f"{name} is no known system variable: an option must bring it"
+            subject.add(30, WARNING, part.path, line, message)
+        told.add((part.path, name))
+        return
+    if name in _COUNTED and node.selectors and node.selectors[0] == (0,):
+        subject.add(30, ERROR, part.path, line, f"{name}[0]: the first index is 1")
+    components = system_names().components.get(name, frozenset())
+    first = node.selectors[0] if node.selectors else ()
+    if components and isinstance(first, str) and first not in components:
+        expected = ", ".join(sorted(components))
+        message = f"{name} has no component {first}, expected {expected}"
+        subject.add(30, ERROR, part.path, line, message)
+
+
+def _set(subject: Subject, part: Part, line: int, item: Assign) -> None:
+    found = _BASE_NAME.match(item.target)
+    name = found.group().upper() if found else ""
+    if name in system_names().read_only:
+        subject.add(30, ERROR, part.path, line, f"{name} is read only")
+    constants = system_names().constants.get(name)
+    if constants and isinstance(item.value, Enum):
+        _constant(subject, part, line, name, item.value.name, constants)
+
+
+def _command(subject: Subject, part: Part, call: Call, commands: Collection[str]) -> None:
+    command, _ = bas(call)
+    if command:
+        _constant(subject, part, call.line, "BAS", command, commands)
+
+
+def _constant(
+    subject: Subject, part: Part, line: int, name: str, constant: str, known: Collection[str]
+) -> None:
+    if constant.upper() not in known:
+        near = nearest(constant.upper(), known)
+        hint = f"#{near} is meant" if near else f"expected #{', #'.join(sorted(known))}"
+        subject.add(30, ERROR, part.path, line, f"{name} knows no #{constant}", hint)

@@ -1,0 +1,144 @@
+"""Row 27: types exist, and values fit what takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from postproc.krl.rules.expressions import nodes_of
+from postproc.krl.rules.scope import COMPONENTS, LANGUAGE_TYPES, Place, Type, names_of
+from postproc.krl.rules.slips import nearest
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.text import (
+    Assign,
+    Axes,
+    Binary,
+    Control,
+    Declaration,
+    Enum,
+    Expr,
+    KrlSyntaxError,
+    Move,
+    Pose,
+    Reference,
+    Statement,
+    Value,
+    WaitFor,
+    parse_expression,
+)
+
+_CONDITIONS = frozenset({"IF", "WHILE", "UNTIL"})
+_POINTS = frozenset({"a pose", "joint angles", ""})
+
+
+def types(subject: Subject) -> None:
+    """Row 27: types exist, values fit what they are given to, motions go to points."""
+    for module in subject.modules:
+        if module.data is not None:
+            _given(subject, module.dat_path, (module, None), module.data.statements)
+    for part in subject.parts:
+        place = (part.module, part.routine)
+        _given(subject, part.path, place, part.of_kinds(Declaration, Assign))
+        for step in part.steps:
+            _target(subject, part.path, place, step.move)
+        for statement in part.of_kinds(Control, WaitFor):
+            _condition(subject, part.path, place, statement)
+    _unknown(subject)
+
+
+def _given(subject: Subject, path: str, place: Place, statements: Iterable[Statement]) -> None:
+    """Check what declarations and assignments give to variables."""
+    for statement in statements:
+        if isinstance(statement, Declaration):
+            wanted = Type(statement.type_name.upper())
+            for variable in statement.variables:
+                if variable.value is not None:
+                    name, value = variable.name, variable.value
+                    _value(subject, path, place, statement.line, name, wanted, value)
+        elif isinstance(statement, Assign):
+            kind = _type_of_target(subject, statement.target, place)
+            if kind is not None:
+                value = statement.value
+                _value(subject, path, place, statement.line, statement.target, kind, value)
+
+
+def _type_of_target(subject: Subject, target: str, place: Place) -> Type | None:
+    try:
+        node = parse_expression(target)
+    except KrlSyntaxError:
+        return None
+    return subject.scope.type_of(node, *place) if isinstance(node, Reference) else None
+
+
+def _value(
+    subject: Subject, path: str, place: Place, line: int, name: str, wanted: Type, value: Value
+) -> None:
+    found = subject.scope.mismatch(value, wanted, place)
+    if found:
+        message = f"{name} is of type {wanted.name} and does not take {found}"
+        subject.add(27, ERROR, path, line, message)
+    elif isinstance(value, Pose | Axes) and wanted.name in COMPONENTS:
+        unknown = [c for c in names_of(value) if c not in COMPONENTS[wanted.name]]
+        if unknown:
+            message = f"{wanted.name} has no component {unknown[0]}"
+            subject.add(7, ERROR, path, line, message)
+
+
+def _target(subject: Subject, path: str, place: Place, move: Move) -> None:
+    """A path leads to poses, a PTP to poses and joint angles."""
+    for point in (move.target, move.auxiliary):
+        if isinstance(point, Axes):
+            family = "joint angles"
+        elif isinstance(point, Expr):
+            kind = _type_of_target(subject, point.text, place)
+            family = subject.scope.family(kind)
+        else:
+            continue
+        if family not in _POINTS:
+            message = f"{move.word.value} to {_shown(point)}, which is {family}: a point is needed"
+            subject.add(27, ERROR, path, move.line, message)
+        elif family == "joint angles" and not move.word.is_axis_motion:
+            message = f"{move.word.value} to joint angles: only a PTP goes there"
+            subject.add(27, ERROR, path, move.line, message)
+
+
+def _condition(subject: Subject, path: str, place: Place, statement: Statement) -> None:
+    """A condition is true or false, and compares an enumeration with its own constants."""
+    scope, line = subject.scope, statement.line
+    nodes = list(nodes_of(statement, ""))
+    is_asked = isinstance(statement, WaitFor) or getattr(statement, "word", "") in _CONDITIONS
+    family = scope.family(scope.type_of(nodes[0], *place)) if is_asked and nodes else "BOOL"
+    if family not in ("BOOL", ""):
+        message = f"a condition that is {family}: it must be true or false"
+        subject.add(27, ERROR, path, line, message)
+    for node in nodes:
+        if isinstance(node, Binary) and node.operator in ("==", "<>"):
+            for constant, other in ((node.left, node.right), (node.right, node.left)):
+                wanted = scope.type_of(other, *place)
+                if isinstance(constant, Enum) and scope.mismatch(constant, wanted, place):
+                    message = f"#{constant.name} is compared with a {wanted and wanted.name}"
+                    subject.add(27, ERROR, path, line, message)
+
+
+def _shown(point: Value | None) -> str:
+    return point.text if isinstance(point, Expr) else "a literal"
+
+
+def _unknown(subject: Subject) -> None:
+    """Report types that nothing defines: an error where a known one is meant."""
+    known = {name.upper() for name in subject.options.names}
+    lists = [(m.dat_path, m.data.statements) for m in subject.modules if m.data is not None]
+    lines: dict[str, dict[str, int]] = {}
+    for path, statements in (*lists, *((p.path, p.of(Declaration)) for p in subject.parts)):
+        for statement in statements:
+            name = statement.type_name.upper() if isinstance(statement, Declaration) else ""
+            if name and name not in known and not subject.scope.is_type(name):
+                lines.setdefault(path, {}).setdefault(name, statement.line)
+    for path, names in lines.items():
+        meant = {name: nearest(name, LANGUAGE_TYPES) for name in names}
+        for name, near in meant.items():
+            if near:
+                subject.add(27, ERROR, path, names[name], f"no type {name}", f"{near} is meant")
+        others = [name for name, near in meant.items() if not near]
+        if others:
+            message = f"types that are not defined in these files: {', '.join(others)}"
+            subject.add(27, WARNING, path, names[others[0]], message)

@@ -1,0 +1,154 @@
+"""Tool, spindle and coolant while the program runs: what each event and each motion finds.
+
+Two events of different kinds are in the wrong order where one finds another state than the CAM
+file has there: a tool that is changed while the spindle turns. Coolant and spindle do not find
+each other: which of them comes first makes no difference.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from postproc.arrays import BoolArray
+from postproc.controller import TraceEvent
+from postproc.errors import RunKind
+from postproc.model import Event, EventKind
+from postproc.verification.report import Result
+
+SPINDLE = (
+    EventKind.SPINDLE_ON,
+    EventKind.SPINDLE_OFF,
+    EventKind.TAP_REVERSE,
+    EventKind.SPINDLE_ORIENT,
+)
+COOLANT = (EventKind.COOLANT_ON, EventKind.COOLANT_OFF)
+_TOOL = (EventKind.TOOL_CHANGE,)
+_SIGNALS = (EventKind.SIGNAL, EventKind.WAIT_SIGNAL)
+_GROUPS = {"tool": _TOOL, "spindle": SPINDLE, "coolant": COOLANT, "signals": _SIGNALS}
+_GROUP_OF = {kind: name for name, kinds in _GROUPS.items() for kind in kinds}
+_OFF = (EventKind.SPINDLE_OFF, EventKind.SPINDLE_ORIENT, EventKind.COOLANT_OFF)
+_FINDING = (
+    EventKind.TOOL_CHANGE,
+    EventKind.STOP,
+    EventKind.OPTIONAL_STOP,
+    EventKind.HOLE,
+    *_SIGNALS,
+)
+"""Events for which it matters what they find."""
+_ADDED = "off, by a call that the file does not ask for"
+_LISTED = 20
+
+State = Mapping[str, object]
+"""What each group is; a group without an entry is off, or not yet named."""
+
+
+class States:
+    """What the events of a program find, and what the CAM file says that they find.
+
+    Args:
+        events: of the program, as it is run.
+        asked: (event of the file, its call, None for a dwell) in the file's order.
+        extra: (kind, call) of those calls that the file does not ask for.
+    """
+
+    def __init__(
+        self,
+        events: Iterable[TraceEvent],
+        asked: Sequence[tuple[Event, TraceEvent | None]],
+        extra: Iterable[tuple[EventKind, TraceEvent]],
+    ) -> None:
+        self._asked = [(event, call) for event, call in asked if call is not None]
+        self._groups = {_GROUP_OF[e.kind] for e, _ in self._asked if e.kind in _GROUP_OF}
+        kinds = {id(call): event.kind for event, call in self._asked}
+        added = {id(call): kind for kind, call in extra}
+        self._expected: dict[int, State] = {}  # by the id of an event of the file
+        state: State = {}
+        for event, call in asked:
+            self._expected[id(event)] = state
+            if call is not None:
+                state = self._after(state, event.kind, call)
+        self._found: dict[int, State] = {}  # by the id of an event of the program
+        state = {}
+        # A trigger fires on the motion behind it: whatever stands between them comes first.
+        for call in sorted(events, key=lambda call: (call.motion, call.on_the_way)):
+            self._found[id(call)] = state
+            kind = kinds.get(id(call), added.get(id(call)))
+            if kind is not None:
+                state = self._after(state, kind, call, id(call) in added)
+
+    def _after(
+        self, state: State, kind: EventKind, call: TraceEvent, is_added: bool = False
+    ) -> State:
+        group = _GROUP_OF.get(kind)
+        if group not in self._groups:
+            return state
+        if kind in _SIGNALS:
+            return {**state, group: (state.get(group) or 0) + 1}  # type: ignore[operator]
+        value = label(kind, call)
+        if value is None and is_added and state.get(group) is not None:
+            value = _ADDED
+        return {**state, group: value}
+
+    def key(self, event: Event) -> object:
+        """Return what is equal for two events of the file that find the same."""
+        state = self._expected[id(event)]
+        return tuple(state.get(group) for group in _GROUPS)
+
+    def difference(self, event: Event, call: TraceEvent) -> str:
+        """Return in what a call of the program finds other than the file says; empty: in nothing.
+
+        That something is off that may be on harms nobody who stands or changes a tool.
+        """
+        asked, found = self._expected[id(event)], self._found[id(call)]
+        for group in _GROUPS:
+            want, have = asked.get(group), found.get(group)
+            if want != have and have != _ADDED:
+                where = f"line {event.line} of the CAM file has it"
+                return f"{group}: {_words(have)}, {where}: {_words(want)}"
+        return ""
+
+    def check(self, result: Result, is_cut: BoolArray) -> None:
+        """Report events that find, and cuts that run with, other than the file says.
+
+        Args:
+            result: the program; collects the findings.
+            is_cut: (m,) motions that cut.
+        """
+        faults = [
+            (call, text)
+            for event, call in self._asked
+            if event.kind in _FINDING and (text := self.difference(event, call))
+        ]
+        place_of = result.paths.trace.place_of
+        for call, text in faults[:_LISTED]:
+            result.finding_at(RunKind.EVENT, place_of(call), f"{call.name} comes with {text}")
+        for kinds in (SPINDLE, COOLANT):
+            asked = [(e.kind, call) for e, call in self._asked if e.kind in kinds]
+            order = {id(call): place for place, call in enumerate(result.paths.trace.events)}
+            have = sorted(asked, key=lambda item: order[id(item[1])])
+            count = len(is_cut)
+            wrong = is_cut & (states_at(have, count) != states_at(asked, count))
+            for motion in np.flatnonzero(wrong)[:1].tolist():
+                text = f"a cut with the {_GROUP_OF[kinds[0]]} not as in the file: calls are swapped"
+                result.finding(RunKind.EVENT, motion, text)
+
+
+def label(kind: EventKind, call: TraceEvent) -> str | None:
+    """Return what a call makes of its group, None for off."""
+    value = "" if math.isnan(call.value) else f" {call.value:g}"
+    return None if kind in _OFF else f"{kind}{value}".replace("_", " ")
+
+
+def states_at(calls: Sequence[tuple[EventKind, TraceEvent]], count: int) -> NDArray[np.object_]:
+    """Return what calls of one group have made of it at each of so many motions."""
+    states = np.array([None, *(label(kind, event) for kind, event in calls)], dtype=np.object_)
+    motions = np.maximum.accumulate([0, *(event.motion for _, event in calls)])[1:]
+    return states[np.searchsorted(motions, np.arange(count), side="right")]
+
+
+def _words(value: object) -> str:
+    return "off" if value is None else str(value)
