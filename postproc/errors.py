@@ -77,6 +77,7 @@ class RunKind(StrEnum):
     DEPTH = "depth"
     AXIS = "axis"
     PATH = "path"
+    APPROXIMATION = "approximation"
     FEED = "feed"
     PLUNGE = "plunge"
     BLENDED_PLUNGE = "blended_plunge"

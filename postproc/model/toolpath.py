@@ -278,6 +278,10 @@ class ToolPath:
             below, -1 = none; setup: likewise, None where the file names no coordinate system.
         rotations: (n, 3, 3) full orientation R_part_tcp where the input gave one, else None.
         joints: (n, 6) joint targets [rad] of the input, NaN where none, else None.
+        largest_blend: (n,) how far [m] before a tag the next motion may begin, 0 = exact stop; NaN
+            where the input leaves it to the cell.
+        joint_fraction: (n,) largest share of axis speed, above 0 to 1, of joint motions to a tag;
+            NaN where the input leaves it to the cell.
         names: ids of the tags where the input has them, else None.
         extra: further columns by name (diameter, ...), each of length n.
         unknown_words: words that the reader does not know, with their count.
@@ -310,6 +314,8 @@ class ToolPath:
     setup: IntArray | None = field(default=None, metadata=column("tag", dtype=np.int32))
     rotations: FloatArray | None = field(default=None, metadata=column("tag", 3, 3))
     joints: FloatArray | None = field(default=None, metadata=column("tag", 6))
+    largest_blend: FloatArray | None = field(default=None, metadata=column("tag"))
+    joint_fraction: FloatArray | None = field(default=None, metadata=column("tag"))
     names: tuple[str, ...] | None = field(default=None, metadata=column("tag", dtype=None))
     extra: Mapping[str, Any] = field(default_factory=dict, metadata=column("tag", dtype=None))
     unknown_words: Mapping[str, int] = field(default_factory=dict)
@@ -322,6 +328,9 @@ class ToolPath:
 
     def __post_init__(self) -> None:
         """Check shapes and freeze."""
+        for name in ("largest_blend", "joint_fraction"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.full(len(self.points), np.nan))
         freeze_columns(self, tag=len(self.points))
         frozen_floats(self, "start", (3,))
 

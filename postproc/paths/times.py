@@ -129,17 +129,20 @@ def torques_of(
     return Torques(of, robot.torque_max)
 
 
-def joint_times(cell: Cell, share: float, q_from: FloatArray, q_to: FloatArray) -> FloatArray:
+def joint_times(
+    cell: Cell, share: float | FloatArray, q_from: FloatArray, q_to: FloatArray
+) -> FloatArray:
     """Return the time (m,) [s] of PTP moves of the arm from rest to rest.
 
     Args:
         cell: its robot moves with its first tool.
-        share: of the axes' speeds.
+        share: of the axes' speeds, one or (m,).
         q_from: (m, 6) [rad].
         q_to: (m, 6) [rad].
     """
     robot = cell.robot
-    speed, torques = robot.qd_max * share, torques_of(robot, [cell.tool])
+    speed = robot.qd_max * np.reshape(share, (-1, 1))
+    torques = torques_of(robot, [cell.tool])
     return joint_move_time(q_from, q_to, speed, robot.qdd_max, jerk_ramps(robot), torques)
 
 

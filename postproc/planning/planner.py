@@ -50,11 +50,10 @@ from postproc.process import (
     hole_calls,
     hole_steps,
     holes_served,
-    only,
     peck_count,
     reordered,
-    repeats,
     switched_off,
+    without_repeats,
 )
 from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM
@@ -124,11 +123,9 @@ def _plan_in(
         toolpath = reordered(toolpath, _order(toolpath, cell, settings, stretches))
         cell = replace(cell, optimize=replace(cell.optimize, free_order=False))
     toolpath = holes_served(toolpath, cell)
-    distinct = np.flatnonzero(~repeats(toolpath))
+    part, distinct = without_repeats(toolpath)
     if len(distinct) < len(toolpath):
-        return with_repeats(
-            _plan_in(only(toolpath, distinct), cell, options, progress), toolpath, distinct
-        )
+        return with_repeats(_plan_in(part, cell, options, progress), toolpath, distinct)
     result = plan_stretches(
         toolpath,
         cell,

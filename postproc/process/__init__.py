@@ -30,7 +30,7 @@ from postproc.process.material import (
     rapid_speeds,
 )
 from postproc.process.order import hole_places, hole_runs, reordered
-from postproc.process.passing import may_be_passed, only
+from postproc.process.passing import may_be_passed, only, without_repeats
 from postproc.process.pointlist import as_served
 from postproc.process.repeats import apart, repeated_tags, repeats
 from postproc.process.spindle import Stretch, may_stand, stretches, switched_off
@@ -107,6 +107,7 @@ __all__ = [
     "unit_findings",
     "weight_wrench",
     "with_orientation",
+    "without_repeats",
     "word_findings",
     "words_settled",
 ]

@@ -16,10 +16,10 @@ from postproc.process.repeats import repeats
 def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
     """Return the tags (n,) that lie within lines of one feed, where nothing else happens.
 
-    The first and the last point of a cut, the ends of arcs and every point at which feed,
-    operation, tool or coordinates change, or an event stands, are none of them. An event stands
-    before a tag, which is at the point of the tag before. A point that repeats the one before is
-    no motion: it is passed where that one is.
+    The first and the last point of a cut, the ends of arcs, exact stops and every point at which
+    feed, blending, operation, tool or coordinates change, or an event stands, are none of them. An
+    event stands before a tag, which is at the point of the tag before. A point that repeats the one
+    before is no motion: it is passed where that one is.
 
     Args:
         toolpath: n tags.
@@ -30,20 +30,41 @@ def may_be_passed(toolpath: ToolPath, cell: Cell) -> BoolArray:
     """
     if not len(toolpath):
         return np.zeros(0, dtype=np.bool_)
-    distinct = ~repeats(toolpath)
-    if not distinct.all():
-        may = may_be_passed(only(toolpath, np.flatnonzero(distinct)), cell)
-        return np.asarray(may[np.cumsum(distinct) - 1])
+    part, tags = without_repeats(toolpath)
+    if len(tags) < len(toolpath):
+        may = may_be_passed(part, cell)
+        return np.asarray(may[np.searchsorted(tags, np.arange(len(toolpath)), side="right") - 1])
     is_line = np.asarray(toolpath.kind) == MotionKind.LINEAR
     inner = is_line[:-1] & is_line[1:]
-    feed = feeds_of(toolpath, cell)
-    inner &= (feed[:-1] == feed[1:]) | (np.isnan(feed[:-1]) & np.isnan(feed[1:]))
+    blend = np.asarray(toolpath.largest_blend)
+    for asked in (feeds_of(toolpath, cell), blend):
+        inner &= (asked[:-1] == asked[1:]) | (np.isnan(asked[:-1]) & np.isnan(asked[1:]))
+    inner &= blend[:-1] != 0.0
     for name in ("operation", "tool", "setup_of_tags"):
         inner &= np.diff(np.asarray(getattr(toolpath, name))) == 0
     inner = np.append(inner, False)
     happens = np.array([event.index - 1 for event in toolpath.events], dtype=np.int64)
     inner[happens[happens >= 0]] = False
     return inner
+
+
+def without_repeats(toolpath: ToolPath) -> tuple[ToolPath, IndexArray]:
+    """Return the points that repeat none, and which they are.
+
+    None is blended farther than those that repeat it.
+
+    Args:
+        toolpath: n tags.
+
+    Returns:
+        The part, and the growing tags (k,) of the whole that it holds.
+    """
+    again = repeats(toolpath)
+    tags = np.flatnonzero(~again)
+    if not again.any():
+        return toolpath, tags
+    blend = np.fmin.reduceat(np.asarray(toolpath.largest_blend), tags)
+    return replace(only(toolpath, tags), largest_blend=blend), tags
 
 
 def only(toolpath: ToolPath, tags: IndexArray) -> ToolPath:

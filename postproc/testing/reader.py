@@ -94,6 +94,10 @@ def _columns(toolpath: ToolPath, path: Path) -> Iterator[tuple[bool, str]]:
     yield bool(np.isin(toolpath.kind, list(MotionKind)).all()), "a kind is no MotionKind"
     feed = toolpath.feed[np.isfinite(toolpath.feed)]
     yield bool((feed > 0.0).all()), "a feed is not above zero; NaN stands for none"
+    blend = _finite(np.asarray(toolpath.largest_blend))
+    yield bool(((blend >= 0.0) & (blend <= 1.0)).all()), "a largest_blend is not from 0 to 1 m"
+    share = _finite(np.asarray(toolpath.joint_fraction))
+    yield bool(((share > 0.0) & (share <= 1.0)).all()), "a joint_fraction is not above 0 to 1"
     # 100 m and 10 m/s are beyond any robot: a file in mm that was not scaled
     yield bool((np.abs(_finite(toolpath.points)) < 100.0).all()), "points are not in metres"
     yield bool((feed < 10.0).all()), "feeds are not in metres per second"

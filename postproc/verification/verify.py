@@ -11,8 +11,9 @@ Nothing of the planner or the emitter is used: text in, answer out. Kinds of vio
   ``blend_end``; ``torque``: what the joints have; ``block_rate``, ``look_ahead``, ``memory``: what
   the controller can take;
 - against a CAM file ``position``, ``missed``, ``order``, ``depth``, ``axis``, ``path``, ``feed``,
-  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``tool``: another
-  tool or base is selected than the file means; ``word``: what the CAM file asks for and no program
+  ``plunge``, ``peck``, ``blended_plunge``, ``retract``, ``dwell``, ``event``; ``approximation``,
+  ``speed``: what the file says of single motions; ``tool``: another tool or base is selected than
+  the file means; ``word``: what the CAM file asks for and no program
   does;
 - ``spindle``: it stands or turns the wrong way in a cut, or still turns at the end.
 
@@ -53,6 +54,7 @@ from postproc.verification.cam import (
     Comparison,
     Tolerances,
     check_events,
+    check_profiles,
     compare_served,
 )
 from postproc.verification.capacity import check_capacity
@@ -134,6 +136,7 @@ def verify(
         comparison = compare_served(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
+        check_profiles(result, toolpath, comparison)
         check_events(result, cell, toolpath, comparison)
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut

@@ -27,7 +27,7 @@ def test_calls_are_followed_in_order(tasks):
 def test_units_attributes_are_obeyed(tasks):
     np.testing.assert_allclose(tasks.points[0], [1.0, 0.0, 1.2])
     np.testing.assert_allclose(tasks.joints[0, :2], [0.25, -np.pi / 2])
-    assert tasks.extra["blend"].tolist() == [0.0, 0.0025, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(tasks.largest_blend, [np.nan, 0.0025, 0.0, 0.0, np.nan])
 
 
 def test_object_frame_and_base_in_the_world(tasks):

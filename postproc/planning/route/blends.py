@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from postproc.arrays import BoolArray, FloatArray, stepped
 from postproc.model import BLEND_SHARE, MoveKind, MoveRole
+from postproc.planning.route.drill import ARRIVE, LEAVE
 from postproc.planning.states import Moves, Problem
 
 _EXACT = frozenset({MoveRole.ENTRY, MoveRole.PLUNGE, MoveRole.LIFT})
@@ -21,18 +22,27 @@ _SHARE = 0.5
 """A corner is not blended less than this share of what it may be for the sake of the others."""
 
 
+def allowed_blends(problem: Problem, table: Moves) -> FloatArray:
+    """Return how far (m,) [m] the cell, and at its tags the file, let a move be approximated."""
+    blend = np.full(len(table), problem.cell.motion.approximation)
+    at = (table.order >= ARRIVE) & (table.order < LEAVE)
+    at[:-1] &= ~(at[1:] & (table.tag[1:] == table.tag[:-1]))  # the last of them ends at the tag
+    asked = np.asarray(problem.toolpath.largest_blend)
+    blend[at] = np.fmin(blend[at], asked[table.tag[at]])
+    return blend
+
+
 def wished_blends(
     problem: Problem, table: Moves, length: FloatArray, stops_before: BoolArray
 ) -> FloatArray:
     """Return the approximation distance (m,) [m] at the end of each move."""
     m = len(table)
-    blend = np.full(m, problem.cell.motion.approximation)
     reach = length.copy()
     joint = table.kind == MoveKind.PTP
     step = np.zeros(m)
     step[1:] = np.linalg.norm(np.diff(table.T_base_tcp[:, :3, 3], axis=0), axis=1)
     reach[joint] = step[joint]
-    blend = np.minimum(blend, BLEND_SHARE * reach)
+    blend = np.minimum(allowed_blends(problem, table), BLEND_SHARE * reach)
     blend[:-1] = np.minimum(blend[:-1], BLEND_SHARE * reach[1:])
     exact = np.isin(table.role, list(_EXACT)) | (table.dwell > 0.0)
     exact[:-1] |= np.isin(table.role[1:], list(_EXACT)) | stops_before[1:]
@@ -68,12 +78,12 @@ def headings(table: Moves) -> tuple[FloatArray, FloatArray]:
     return begin, end
 
 
-def evened(blend: FloatArray, wished: float) -> FloatArray:
+def evened(blend: FloatArray, wished: float | FloatArray) -> FloatArray:
     """Return distances that few lines of a text can tell: round ones, the same along many corners.
 
     Args:
         blend: (m,) [m] how far each corner may be blended, 0 for an exact stop.
-        wished: [m] the distance where nothing speaks against it.
+        wished: one or (m,) [m] the distance where nothing speaks against it.
 
     Returns:
         (m,) [m] none longer than it may be; 0 stays 0.
@@ -82,7 +92,8 @@ def evened(blend: FloatArray, wished: float) -> FloatArray:
     at = np.flatnonzero(blend > 0.0)
     if not len(at):
         return even
-    most = np.where(blend[at] >= wished, wished, stepped(blend[at]))
+    wish = np.broadcast_to(wished, blend.shape)[at]
+    most = np.where(blend[at] >= wish, wish, stepped(blend[at]))
     padded = np.append(most, np.full(_RUN - 1, np.inf))
     ahead = sliding_window_view(padded, _RUN).min(axis=1)
     kept, known = [], 0.0

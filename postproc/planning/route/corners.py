@@ -23,7 +23,7 @@ from postproc.kinematics import (
 )
 from postproc.model import MoveRole
 from postproc.planning.checks import RESOLUTION, Checker, Lines, poses_between
-from postproc.planning.route.blends import evened
+from postproc.planning.route.blends import allowed_blends, evened
 from postproc.planning.states import Moves
 from postproc.units import MM
 
@@ -63,11 +63,10 @@ def lowered_blends(
     cut = table.role == MoveRole.CUT
     at_feed = cut[at] & cut[at + 1]
     feed = at[at_feed]
-    motion = checker.problem.cell.motion
     kept[feed] = within_tolerance(
         kept[feed], lambda rows, far: legs.miss(feed[rows], far), tolerance[feed]
     )
-    kept = evened(kept, motion.approximation)
+    kept = evened(kept, allowed_blends(checker.problem, table))
     if checker.scene is not None:
         plain = (legs.miss(feed, kept[feed]) < NEGLIGIBLE) & (legs.turn(feed, kept[feed]) < IN_STEP)
         at = np.setdiff1d(at, feed[plain])

@@ -23,6 +23,7 @@ from postproc.planning.checks import (
 )
 from postproc.planning.route.blends import headings, wished_blends
 from postproc.planning.route.corners import lowered_blends
+from postproc.planning.route.drill import LEAVE
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
 from postproc.timing import (
@@ -90,7 +91,7 @@ def timed(
         blend = lowered_blends(checker, table, lines, rows, blend, tolerance)
     else:
         blend[:] = 0.0
-    fraction = np.where(is_path, np.nan, problem.cell.motion.rapid)
+    fraction = np.where(is_path, np.nan, _axis_shares(problem, table))
     robot = problem.cell.robot
     torques = torques_of(robot, [problem.cell.tool])
     joints = joint_path(robot, track.row, track.share, track.q, lines.q_from, blend[rows], torques)
@@ -98,6 +99,16 @@ def timed(
         problem, table, length, np.minimum(speed, cap), blend, orientation, joints
     )
     return Timed(np.where(is_path, speed, np.nan), fraction, blend, duration, orientation)
+
+
+def _axis_shares(problem: Problem, table: Moves) -> FloatArray:
+    """Return the share (m,) of axis speed of joint moves: the cell's, or less as the file says.
+
+    What the file says of the motion to a tag holds on the whole way there.
+    """
+    share = np.full(len(table), problem.cell.motion.rapid)
+    asked = np.asarray(problem.toolpath.joint_fraction)[table.tag]
+    return np.where(table.order < LEAVE, np.fmin(share, asked), share)
 
 
 def least_of_moves(problem: Problem, table: Moves) -> FloatArray:
@@ -345,7 +356,8 @@ def _durations(
     duration = np.zeros(len(table))
     joint = np.nonzero(table.kind == MoveKind.PTP)[0]
     later = joint[joint > 0]
-    duration[later] = joint_times(cell, cell.motion.rapid, table.q[later - 1], table.q[later])
+    share = _axis_shares(problem, table)[later]
+    duration[later] = joint_times(cell, share, table.q[later - 1], table.q[later])
     path = np.flatnonzero((table.kind != MoveKind.PTP) & (np.arange(len(table)) > 0))
     stop = (blend[path] == 0.0) | (krl.advance == 0)  # without advance run no corner is blended
     stop[:-1] |= np.diff(path) > 1

@@ -7,7 +7,8 @@ from the full orientation and ``ReadOptions.tool_axis``.
 Proven by samples: element names of tasks, calls, joint motions, Cartesian and joint targets,
 profiles; units; R = Rz(Roll) Ry(Pitch) Rx(Yaw). Taken as a DELMIA user would expect, without a
 sample: ``MotionType`` Linear, Circular and CircularVia, speeds in m/s, fly-by by distance, object
-frames that are not zero (relative to their reference frame, World or RobotBase).
+frames that are not zero (relative to their reference frame, World or RobotBase). A ``ViaPoint`` is
+passed by as far as the cell approximates where its accuracy profile does not fly by.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from postproc.model import (
 )
 from postproc.readers.base import READERS, ReadOptions
 from postproc.readers.changes import tool_changes
+from postproc.readers.delmia.profiles import Profiles
 from postproc.readers.delmia.records import (
     N_JOINTS,
     Document,
@@ -53,6 +55,7 @@ _KINDS = {
 }  # fmt: skip
 _EVENTS = {"signal": EventKind.SIGNAL, "wait": EventKind.WAIT_SIGNAL, "delay": EventKind.DWELL}
 _VIA = frozenset({"circularvia", "circularviamotion"})
+_NOT_DONE = "an activity that is not carried out"
 _NONE = -1
 
 
@@ -153,7 +156,9 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
     _note_joint_only(points, motions, faults)
     _note_coordinates(document, faults)
     joints = np.array([m.joints or (np.nan,) * N_JOINTS for m in motions]).reshape(n, N_JOINTS)
-    blends = document.robot.blends
+    profiles = Profiles(document.robot, faults)
+    feed, joint_fraction = profiles.speeds(motions, kind)
+    largest_blend = profiles.blends(motions)
     return ToolPath(
         path=faults.path,
         name=Path(faults.path).stem,
@@ -163,7 +168,7 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
         points=points,
         axes=axes,
         kind=kind,
-        feed=_feeds(motions, kind, document, faults),
+        feed=feed,
         line=np.array([m.line for m in motions], dtype=np.int32),
         operation=np.array(path.operation, dtype=np.int32),
         tool=tool,
@@ -175,20 +180,19 @@ def _toolpath(path: _Path, document: Document, options: ReadOptions, faults: Fau
         events=tuple(sorted(path.events + events, key=lambda event: event.index)),
         rotations=T[:, :3, :3],
         joints=joints if not np.isnan(joints).all() else None,
+        largest_blend=largest_blend,
+        joint_fraction=joint_fraction,
         setup=setup,
         setups=setups,
         names=tuple(m.name for m in motions),
-        extra={
-            "via": np.array([m.via for m in motions], dtype=np.bool_),
-            "blend": np.array([blends.get(m.accuracy_profile, 0.0) for m in motions]),
-            "tag_group": tuple(m.group for m in motions),
-        },
+        extra={"tag_group": tuple(m.group for m in motions)},
         unknown_words={kind: len(lines) for kind, lines in sorted(path.unknown.items())},
-        word_uses=tuple(
-            WordUse(
-                kind, WordClass.PROCESS, tuple(lines), "an activity that is not carried out", True
-            )
-            for kind, lines in path.unknown.items()
+        word_uses=(
+            *(
+                WordUse(kind, WordClass.PROCESS, tuple(lines), _NOT_DONE, True)
+                for kind, lines in path.unknown.items()
+            ),
+            *profiles.uses(),
         ),
         warnings=faults.warnings,
         recovered=faults.fixes,
@@ -231,25 +235,6 @@ def _frame_of(motion: Motion, document: Document, faults: Faults) -> FloatArray:
         )  # fmt: skip
     T_world_base = pose(motion.base[:3], motion.base[3:])
     return inverse(T_world_base) @ T_reference_object
-
-
-def _feeds(motions: list[Motion], kind: IntArray, document: Document, faults: Faults) -> FloatArray:
-    """Return the path speed (n,) [m/s] of straight and circular motions, NaN else."""
-    robot = document.robot
-    feeds = np.full(len(motions), np.nan)
-    for i, m in enumerate(motions):
-        if kind[i] == MotionKind.JOINT:
-            continue
-        profile = robot.motions.get(m.motion_profile)
-        if profile is None:
-            if robot.motions and m.motion_profile:
-                raise faults.error(
-                    "DEL016", "no motion profile of this name", m.line, m.motion_profile
-                )
-            continue
-        speed = profile.share * robot.max_speed if np.isnan(profile.speed) else profile.speed
-        feeds[i] = speed if speed > 0.0 else np.nan
-    return feeds
 
 
 def _tools(

@@ -15,10 +15,14 @@ NAN = float("nan")
 
 @dataclass(frozen=True, slots=True)
 class MotionProfile:
-    """Speed of a profile: share of the robot's maximum, or [m/s]; NaN where not given."""
+    """Speed of a profile: share of the robot's maximum, or [m/s]; NaN where not given.
+
+    ``is_timed``: it gives the time of a motion instead.
+    """
 
     share: float = NAN
     speed: float = NAN
+    is_timed: bool = False
 
 
 @dataclass(slots=True)
@@ -31,7 +35,7 @@ class RobotData:
     tools: list[str] = field(default_factory=list)
     motions: dict[str, MotionProfile] = field(default_factory=dict)
     blends: dict[str, float] = field(default_factory=dict)
-    """Fly-by distance [m] of the accuracy profiles; 0 = exact stop, NaN = by speed."""
+    """Fly-by distance [m] of the accuracy profiles; 0 = exact stop, NaN = by a share of speed."""
     objects: dict[str, tuple[str, FloatArray]] = field(default_factory=dict)
     """Reference frame and pose of the object frames."""
 

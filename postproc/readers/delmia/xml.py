@@ -26,12 +26,17 @@ from postproc.readers.delmia.records import (
     pose,
 )
 from postproc.readers.text import Faults, check_text, parse_number
-from postproc.units import DEG, INCH, MM, PERCENT
+from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN, PERCENT
 
 _LENGTHS = {"m": 1.0, "mm": MM, "in": INCH, "inch": INCH, "cm": 10.0 * MM}
 _ANGLES = {"deg": DEG, "rad": 1.0}
 _JOINTS = {**_ANGLES, **_LENGTHS}
-_SPEEDS = {"m/s": 1.0, "mm/s": MM}
+_SPEEDS = {
+    "m/s": 1.0, "cm/s": 10.0 * MM, "mm/s": MM, "m/min": MM_PER_MIN / MM, "mm/min": MM_PER_MIN,
+    "in/s": INCH, "inch/s": INCH, "in/min": INCH_PER_MIN, "inch/min": INCH_PER_MIN,
+}  # fmt: skip
+_SHARES = {"%": PERCENT}
+_BASES = ("percent", "absolute", "time")
 _MOST_BYTES = 1 << 23
 """No part of a file as long as this is without a finished activity or list."""
 _LONG_FILE = 65535
@@ -39,6 +44,8 @@ _FIRST_ELEMENT = re.compile(rb"<([A-Za-z_][^\s/>]*)")
 _COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _FARTHEST = 1e6
 """No position lies farther off [m]."""
+_WIDEST = 1.0 + 1e-9
+"""No fly-by begins farther [m] before its target."""
 _ROOT = "OLPData"
 _CALL = "DNBIgpCallRobotTask"
 _MOTION = "DNBRobotMotionActivity"
@@ -175,34 +182,45 @@ class _ElementReader:
         self._robot.coordinates = _text(element.find("DownloadCoordinates"))
         speed = element.find("MaxSpeed")
         if speed is not None and _text(speed):
-            value = self._number(_text(speed), speed)
-            self._robot.max_speed = value * self._unit(speed, _SPEEDS)
+            self._robot.max_speed = self._positive(_text(speed), speed, _SPEEDS)
 
     def _tools(self, element: etree._Element) -> None:
         self._robot.tools = [_text(profile.find("Name")) for profile in element.iter("ToolProfile")]
 
     def _motions(self, element: etree._Element) -> None:
         for profile in element.iter("MotionProfile"):
-            basis, speed = _text(profile.find("MotionBasis")), profile.find("Speed")
-            made = MotionProfile()
-            if speed is not None and speed.get("Value"):
-                value = self._number(speed.get("Value", ""), speed)
-                if speed.get("Units", "%") == "%" and basis.lower() != "time":
-                    made = MotionProfile(share=value * PERCENT)
-                elif speed.get("Units") in _SPEEDS:
-                    made = MotionProfile(speed=value * self._unit(speed, _SPEEDS))
-            self._robot.motions[_text(profile.find("Name"))] = made
+            self._robot.motions[_text(profile.find("Name"))] = self._speed(profile)
+
+    def _speed(self, profile: etree._Element) -> MotionProfile:
+        """Return the speed of a motion profile; its unit says of what kind it is."""
+        basis = self._choice(profile, "MotionBasis", _BASES)
+        if basis == "time":
+            return MotionProfile(is_timed=True)
+        speed = self._child(profile, "Speed")
+        value = speed.get("Value", "")
+        if speed.get("Units") not in _SHARES:
+            return MotionProfile(speed=self._positive(value, speed, {**_SPEEDS, **_SHARES}))
+        share = self._positive(value, speed, _SHARES)
+        if share > 1.0:
+            raise self._faults.error("DEL004", "Speed is above 100 %", _line(speed), value)
+        return MotionProfile(share=share)
 
     def _accuracies(self, element: etree._Element) -> None:
         for profile in element.iter("AccuracyProfile"):
-            blend = 0.0
-            value = profile.find("AccuracyValue")
-            if _text(profile.find("FlyByMode")).lower() == "on":
-                blend = NAN
-                if _text(profile.find("AccuracyType")).lower() == "distance" and value is not None:
-                    blend = self._number(value.get("Value", ""), value)
-                    blend *= self._unit(value, _LENGTHS)
-            self._robot.blends[_text(profile.find("Name"))] = blend
+            self._robot.blends[_text(profile.find("Name"))] = self._blend(profile)
+
+    def _blend(self, profile: etree._Element) -> float:
+        """Return the fly-by distance [m] of an accuracy profile, 0 without one, NaN by speed."""
+        if self._choice(profile, "FlyByMode", ("on", "off")) == "off":
+            return 0.0
+        kind = self._choice(profile, "AccuracyType", ("distance", "speed"))
+        value = self._child(profile, "AccuracyValue")
+        size = self._number(value.get("Value", ""), value)
+        size *= self._unit(value, _LENGTHS if kind == "distance" else _SHARES)
+        if not 0.0 <= size < _WIDEST:
+            text = f"AccuracyValue is not from 0 to {_WIDEST:g} m or 100 %"
+            raise self._faults.error("DEL004", text, _line(value), value.get("Value", ""))
+        return size if kind == "distance" or size == 0.0 else NAN
 
     def _objects(self, element: etree._Element) -> None:
         for profile in element.iter("ObjectFrameProfile"):
@@ -367,6 +385,23 @@ class _ElementReader:
                 "DEL004", f"{element.tag} needs a number, not", _line(element), text or "nothing"
             )
         return value
+
+    def _positive(self, text: str, element: etree._Element, units: dict[str, float]) -> float:
+        value = self._number(text, element) * self._unit(element, units)
+        if not value > 0.0:
+            raise self._faults.error(
+                "DEL004", f"{element.tag} is not above zero", _line(element), text
+            )
+        return value
+
+    def _choice(self, element: etree._Element, tag: str, known: tuple[str, ...]) -> str:
+        """Return what a child says, in lower case: one of the words known."""
+        child = self._child(element, tag)
+        word = _text(child).lower()
+        if word not in known:
+            text = f"{tag} is none of {', '.join(known)}"
+            raise self._faults.error("DEL004", text, _line(child), word or "nothing")
+        return word
 
     def _unit(self, element: etree._Element, known: dict[str, float]) -> float:
         name = element.get("Units", "")

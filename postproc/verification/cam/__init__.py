@@ -1,12 +1,14 @@
-"""The executed path held against the CAM file: points, arcs, holes, feeds, events, tilt."""
+"""The executed path held against the CAM file: points, arcs, holes, feeds, blends, events, tilt."""
 
 from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.events import check_events
 from postproc.verification.cam.order import compare_served
+from postproc.verification.cam.profiles import check_profiles
 
 __all__ = [
     "Comparison",
     "Tolerances",
     "check_events",
+    "check_profiles",
     "compare_served",
 ]
