@@ -101,13 +101,13 @@ MUTANTS = {
         lambda t: t.sub(r"^CIRC", "Y -105.8579", 0, r"Y -94\.1421"),
         "path",
     ),
-    "last piece of an arc missing": (lambda t: t.drop(r"^CIRC", 2), "position"),
+    "an arc missing": (lambda t: t.drop(r"^CIRC"), "position"),
     "arc as a chord": (
         lambda t: t.sub(r"^CIRC", "LIN {", 0, r"CIRC \{[^}]*\},\{"),
         "path",
     ),
     "auxiliary point on the line": (
-        lambda t: t.sub(r"^CIRC", "Y -90.0000,Z 250.0000", 0, r"Y -94\.1421,Z 245\.8579"),
+        lambda t: t.sub(r"^CIRC", "Y -90.0000,Z 270.0000", 0, r"Y -94\.1421,Z 274\.1421"),
         "KRL124",
     ),
     # --- orientation, frames, axes
