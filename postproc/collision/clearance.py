@@ -6,6 +6,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.collision.check import NO_PAIR, check, chunks
+from postproc.collision.cull import Placed
 from postproc.collision.engine import Engine
 
 
@@ -37,37 +38,35 @@ def clearance(
 def _smallest(engine: Engine, q: FloatArray, most: float) -> tuple[FloatArray, IndexArray]:
     placed = engine.place(q)
     n = len(placed)
-    bound = np.where(engine.keeps[:, None], engine.axis_aligned_bound(placed), np.inf)
     least, pair = np.full(n, most), np.full(n, NO_PAIR, dtype=np.int64)
-    if not len(bound):
-        return least, pair
     if np.isfinite(most):
-        wanted = engine.keeps[:, None] & (bound < most)
-        _lower(engine, q, least, pair, np.full((len(bound), 1), most), wanted)
+        threshold = np.full((len(engine.table), 1), most)
+        _lower(engine, placed, least, pair, threshold, engine.keeps[:, None])
         return least, pair
     # an upper bound first: the distance of the pair that looks nearest
+    bound = np.where(engine.keeps[:, None], engine.axis_aligned_bound(placed), np.inf)
+    if not len(bound):
+        return least, pair
     guess = np.zeros(bound.shape, dtype=bool)
     guess[bound.argmin(axis=0), np.arange(n)] = True
     guess &= bound < most
-    _lower(engine, q, least, pair, np.full((len(bound), 1), np.inf), guess)
+    _lower(engine, placed, least, pair, np.full((len(bound), 1), np.inf), guess)
     threshold = np.broadcast_to(least, bound.shape)
     wanted = engine.keeps[:, None] & ~guess & (bound < threshold)
-    _lower(engine, q, least, pair, threshold, wanted)
+    _lower(engine, placed, least, pair, threshold, wanted)
     return least, pair
 
 
 def _lower(
     engine: Engine,
-    q: FloatArray,
+    placed: Placed,
     least: FloatArray,
     pair: IndexArray,
     threshold: FloatArray,
     wanted: BoolArray,
 ) -> None:
     """Lower ``least`` (n,) to the distances of wanted pairs, the most promising first, in place."""
-    found = engine.candidates(
-        engine.place(q), threshold, wanted, fine=bool(np.isfinite(threshold).all())
-    )
+    found = engine.candidates(placed, threshold, wanted, fine=bool(np.isfinite(threshold).all()))
     near = found.near
     least[near.row[found.nested]] = 0.0
     pair[near.row[found.nested]] = near.pair[found.nested]
