@@ -110,7 +110,7 @@ def first_hits(engine: Engine, found: Candidates) -> np.ndarray:
     """Return the first entry of each row that collides, ordered by row."""
     near = found.near
     first, second = engine.bodies(near)
-    hit = found.nested.copy()
+    hit = found.meets.copy()
     # behind a pair that is known to collide nothing of the same row matters
     order = np.where(hit, np.arange(len(found)), len(found))
     earliest = np.full(int(near.row.max(initial=-1)) + 1, len(found))

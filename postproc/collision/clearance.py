@@ -68,8 +68,8 @@ def _lower(
     """Lower ``least`` (n,) to the distances of wanted pairs, the most promising first, in place."""
     found = engine.candidates(placed, threshold, wanted, fine=bool(np.isfinite(threshold).all()))
     near = found.near
-    least[near.row[found.nested]] = 0.0
-    pair[near.row[found.nested]] = near.pair[found.nested]
+    least[near.row[found.meets]] = 0.0
+    pair[near.row[found.meets]] = near.pair[found.meets]
     order = np.lexsort((near.bound, near.row))
     place = np.arange(len(order)) - np.searchsorted(near.row[order], near.row[order])
     for turn in range(int(place.max(initial=-1)) + 1):  # one entry of each row

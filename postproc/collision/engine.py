@@ -11,6 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
+from postproc.collision.convex_pairs import ConvexPairs
 from postproc.collision.cull import Culler, Frames, Near, Placed
 from postproc.collision.exact import ExactTests
 from postproc.collision.external import JOINTS, PART_LINK, WORLD_LINK, ExternalAxes
@@ -36,14 +37,14 @@ CHUNK = 1000
 class Candidates:
     """Pairs that need an exact test, in order of row, then pair.
 
-    ``R``, ``p``: (k, 3, 3), (k, 3) [m] frame of the second body in the first's; ``nested``: (k,)
-    one lies wholly inside the other if their surfaces do not touch.
+    ``R``, ``p``: (k, 3, 3), (k, 3) [m] frame of the second body in the first's; ``meets``: (k,) a
+    point lies in both, or one wholly inside the other if their surfaces do not touch.
     """
 
     near: Near
     R: FloatArray
     p: FloatArray
-    nested: BoolArray
+    meets: BoolArray
 
     def __len__(self) -> int:
         """Return the number of entries."""
@@ -108,6 +109,7 @@ class Engine:
         parts = (self._shapes, self._links, table.first, table.second)
         self._culler = Culler(*parts)
         self._pieces = PieceBounds(self._shapes, table.first, table.second)
+        self._convex = ConvexPairs(self._shapes, table.first, table.second)
         self.sweep = SweepBound(self.arm, *parts, self.external)
 
     def with_clearance(self, more: float) -> Engine:
@@ -144,7 +146,7 @@ class Engine:
         found = self.candidates(placed, np.zeros((len(table), 1)), wanted)
         first, second = self.bodies(found.near)
         every = np.arange(len(found))
-        touching = found.nested.copy()
+        touching = found.meets.copy()
         touching[self.exact.collide(first, second, found.R, found.p, every)] = True
         hit = np.zeros((len(self.table), len(placed)), dtype=bool)
         hit[found.near.pair[touching], found.near.row[touching]] = True
@@ -221,29 +223,38 @@ class Engine:
     def _kept(
         self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray, *, fine: bool
     ) -> Candidates:
-        """Return entries with what pieces of surfaces tell of them, and which are nested."""
-        nested = np.zeros(len(near), dtype=bool)
-        nested[self._culler.nested(near, R, p)] = True
+        """Return entries with what solids and pieces of surfaces tell of them, and which meet."""
+        near, R, p, limit, meets = self._convex.culled(near, R, p, limit)
+        unclear = np.flatnonzero(~meets)
+        meets[unclear[self._culler.nested(near.rows(unclear), R[unclear], p[unclear])]] = True
         if not fine or not len(near):
-            return Candidates(near, R, p, nested)
+            return Candidates(near, R, p, meets)
         kept, bound = self._pieces.refine(near, R, p, limit)
         near.bound[kept] = bound
-        kept = np.union1d(kept, np.flatnonzero(nested))
-        return Candidates(near.rows(kept), R[kept], p[kept], nested[kept])
+        kept = np.union1d(kept, np.flatnonzero(meets))
+        return Candidates(near.rows(kept), R[kept], p[kept], meets[kept])
 
     def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:
-        """Return (n,) whether the surfaces of one pair each meet at configurations (n, 6 + k)."""
+        """Return (n,) whether one pair each meets at configurations (n, 6 + k).
+
+        One inside the other does not, unless that is plain.
+        """
         near = Near(pair, np.arange(len(q)), np.zeros(len(q)))
         R, p = self._culler.relative(self.frames(q), near)
         met = np.zeros(len(q), dtype=np.bool_)
-        met[self.exact.collide(*self.bodies(near), R, p, near.row)] = True
+        near, R, p, _, meets = self._convex.culled(near, R, p, np.zeros(len(q)))
+        met[near.row[meets]] = True
+        near, R, p = near.rows(~meets), R[~meets], p[~meets]
+        met[near.row[self.exact.collide(*self.bodies(near), R, p, near.row)]] = True
         return met
 
     def distances(self, found: Candidates, which: np.ndarray) -> FloatArray:
-        """Return exact distances [m] of the given entries; 0 where they meet or are nested."""
+        """Return exact distances [m] of the given entries; 0 where they meet."""
         first, second = self.bodies(found.near)
-        d = self.exact.distance(first[which], second[which], found.R[which], found.p[which])
-        d[found.nested[which]] = 0.0
+        d = np.zeros(len(which))
+        apart = np.flatnonzero(~found.meets[which])
+        rows = which[apart]
+        d[apart] = self.exact.distance(first[rows], second[rows], found.R[rows], found.p[rows])
         return d
 
     def meeting_point(self, q: FloatArray, pair: int) -> FloatArray:

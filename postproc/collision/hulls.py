@@ -131,7 +131,7 @@ class HullCheck(MotionCheck):
         pair, row = found.near.pair, found.near.row
         margin = self._engine.table.margin[pair]
         gap = found.near.bound - margin
-        unclear = np.flatnonzero((gap <= moves + SLACK) | found.nested)
+        unclear = np.flatnonzero((gap <= moves + SLACK) | found.meets)
         gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
         small = turn.max(axis=1) <= slack.max(axis=1)
         coarse = (q.shape[2] > 1) & (2.0 * moves <= self._coarse)

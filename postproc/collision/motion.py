@@ -335,7 +335,7 @@ class MotionCheck:
         near = found.near
         margin = self._engine.table.margin[near.pair]
         gap: FloatArray = near.bound - margin
-        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.nested)
+        unclear = np.flatnonzero((gap <= _WORTH * moves) | found.meets)
         gap[unclear] = self._engine.distances(found, unclear) - margin[unclear]
         return gap
 

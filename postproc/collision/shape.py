@@ -8,6 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.collision.boxes import Boxes, fit_box
+from postproc.collision.convex import Convex
 from postproc.collision.inside import InsideTest, Parts, parts_of, probes_of
 from postproc.collision.mesh import Mesh
 
@@ -23,7 +24,7 @@ class Shape:
     ``centre`` (3,), ``axes`` (3, 3) as columns and ``half`` (3,) are the box of the whole body;
     ``pieces`` are boxes of groups of its triangles, ``low`` and ``high`` (k, 3) bound the pieces
     along the axes of the body's box, from its centre. ``probes`` (p, 3): one vertex of each
-    connected part. ``reach``: farthest vertex from ``centre`` [m].
+    connected part. ``reach``: farthest vertex from ``centre`` [m]. ``solid``: None if not convex.
     """
 
     mesh: Mesh
@@ -37,6 +38,7 @@ class Shape:
     probes: FloatArray
     inside: InsideTest
     is_closed: bool
+    solid: Convex | None
 
     @staticmethod
     def of(mesh: Mesh) -> Shape:
@@ -59,6 +61,7 @@ class Shape:
             probes=probes_of(mesh, parts),
             inside=InsideTest(mesh, parts),
             is_closed=bool(parts.closed.all()),
+            solid=Convex.of(mesh, parts, centre, axes, half),
         )
 
 

@@ -1,0 +1,126 @@
+"""Pairs of convex solids: how far apart they are at least, and a point that lies in both.
+
+Most of what meets near a robot are boxes, cylinders and hulls. For those the exact test of two
+trees of triangles often asks what a few products tell: the extent of all vertices of the one along
+the axes of the other's box is tighter than box against box, and the middle of where two extents
+overlap mostly lies in both solids if they meet deeply.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.collision.convex import Convex
+from postproc.collision.cull import SLACK, Near
+from postproc.collision.shape import Shape
+
+_DEEP = 1e-9
+"""A point lies in a solid if it is so far [m] behind all of its faces."""
+
+
+class ConvexPairs:
+    """Cheap tests of pairs of convex solids.
+
+    Args:
+        shapes: of the bodies (b).
+        first, second: (p,) bodies of each pair.
+    """
+
+    def __init__(self, shapes: list[Shape], first: IndexArray, second: IndexArray) -> None:
+        self._solids, self._first, self._second = [s.solid for s in shapes], first, second
+        self._centre = np.stack([shape.centre for shape in shapes])
+        self._axes = np.stack([shape.axes for shape in shapes])
+        self._half = np.stack([shape.half for shape in shapes])
+        self._is_box = np.array([s is not None and s.is_box for s in self._solids])
+        is_convex = np.array([solid is not None for solid in self._solids])
+        self._knows = np.asarray(is_convex[first] & is_convex[second])
+
+    def culled(
+        self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray
+    ) -> tuple[Near, FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return the entries (k,) left of those that may be nearer than limits [m], and which meet.
+
+        Args:
+            near: the entries, whose bounds are raised.
+            R: (k, 3, 3) axes of the second body's frame in the first's.
+            p: (k, 3) [m] its origin.
+            limit: (k,) [m].
+        """
+        meets = np.zeros(len(near), dtype=np.bool_)
+        known = np.flatnonzero(self._knows[near.pair])
+        if not len(known):
+            return near, R, p, limit, meets
+        bound, meets[known] = self.judge(near.pair[known], R[known], p[known])
+        near.bound[known] = np.maximum(near.bound[known], bound)
+        left = near.bound <= limit + SLACK
+        if left.all():
+            return near, R, p, limit, meets
+        return near.rows(left), R[left], p[left], limit[left], meets[left]
+
+    def judge(
+        self, pair: IndexArray, R_a_b: FloatArray, p_a_b: FloatArray
+    ) -> tuple[FloatArray, BoolArray]:
+        """Return lower bounds (k,) [m] of distances, and which solids have a point in common (k,).
+
+        Args:
+            pair: (k,) of convex solids.
+            R_a_b: (k, 3, 3) axes of the second body's frame in the first's.
+            p_a_b: (k, 3) [m] its origin.
+        """
+        a, b = self._first[pair], self._second[pair]
+        back = np.swapaxes(self._axes[a], 1, 2)
+        R = back @ (R_a_b @ self._axes[b])
+        p = np.einsum("kij,kj->ki", R_a_b, self._centre[b]) + p_a_b - self._centre[a]
+        p = np.einsum("kij,kj->ki", back, p)
+        R_back = np.swapaxes(R, 1, 2)
+        p_back = -np.einsum("kij,kj->ki", R_back, p)
+        bound_a, middle_a = self._overlap(self._half[a], b, R, p)
+        bound_b, middle_b = self._overlap(self._half[b], a, R_back, p_back)
+        bound = np.maximum(bound_a, bound_b)
+        meets = np.zeros(len(pair), dtype=np.bool_)
+        near = np.flatnonzero(bound == 0.0)
+        for one, two, frame, middle in (
+            (a, b, (R_back, p_back), middle_a),
+            (b, a, (R, p), middle_b),
+        ):
+            near = near[~meets[near]]
+            inside = self._contains(one[near], middle[near])
+            rows = near[inside]
+            other = np.einsum("kij,kj->ki", frame[0][rows], middle[rows]) + frame[1][rows]
+            meets[rows] = self._contains(two[rows], other)
+        return bound, meets
+
+    def _overlap(
+        self, half: FloatArray, body: IndexArray, R: FloatArray, p: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return how far (k,) [m] solids are from boxes, and the middle (k, 3) of the overlap.
+
+        Along the axes of the boxes, of half sizes (k, 3), in which the solids' frames stand as
+        R (k, 3, 3), p (k, 3).
+        """
+        size = np.einsum("kij,kj->ki", np.abs(R), self._half[body])
+        low, high = p - size, p + size
+        for one in np.unique(body[~self._is_box[body]]).tolist():
+            rows = np.flatnonzero(body == one)
+            turned = R[rows].reshape(-1, 3) @ self._solid(one).vertices.T
+            extent = turned.reshape(len(rows), 3, -1)
+            low[rows], high[rows] = p[rows] + extent.min(axis=2), p[rows] + extent.max(axis=2)
+        gap = np.maximum(np.maximum(low - half, -half - high), 0.0)
+        middle = 0.5 * (np.maximum(low, -half) + np.minimum(high, half))
+        return np.sqrt(np.einsum("ki,ki->k", gap, gap)), middle
+
+    def _contains(self, body: IndexArray, points: FloatArray) -> BoolArray:
+        """Return which points (k, 3) [m] lie well inside solids (k,), in the frame of its box."""
+        inside: BoolArray = (np.abs(points) < self._half[body] - _DEEP).all(axis=1)
+        for one in np.unique(body[inside & ~self._is_box[body]]).tolist():
+            rows, solid = np.flatnonzero(inside & (body == one)), self._solid(one)
+            deep = points[rows] @ solid.normals.T < solid.offsets - _DEEP
+            inside[rows] = deep.all(axis=1)
+        return inside
+
+    def _solid(self, body: int) -> Convex:
+        solid = self._solids[body]
+        if solid is None:
+            raise ValueError(f"body {body} is not convex")
+        return solid
