@@ -112,7 +112,7 @@ class ConvexPairs:
 
     def _contains(self, body: IndexArray, points: FloatArray) -> BoolArray:
         """Return which points (k, 3) [m] lie well inside solids (k,), in the frame of its box."""
-        inside: BoolArray = (np.abs(points) < self._half[body] - _DEEP).all(axis=1)
+        inside = np.asarray((np.abs(points) < self._half[body] - _DEEP).all(axis=1))
         for one in np.unique(body[inside & ~self._is_box[body]]).tolist():
             rows, solid = np.flatnonzero(inside & (body == one)), self._solid(one)
             deep = points[rows] @ solid.normals.T < solid.offsets - _DEEP

@@ -1,8 +1,8 @@
 """Culling: which pairs of bodies may be nearer than a threshold, for many configurations at once.
 
 Three stages, each a rigorous lower bound of the distance: axis-aligned boxes of all pairs, then
-oriented boxes of the survivors, then oriented boxes of the pieces of their surfaces. What stays is
-for the exact test. Arrays run over configurations last.
+oriented boxes of the survivors, then their solids where those are convex, or oriented boxes of the
+pieces of their surfaces. What stays is for the exact test. Arrays run over configurations last.
 """
 
 from __future__ import annotations
