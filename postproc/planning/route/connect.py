@@ -38,6 +38,8 @@ _HOPELESS = 5
 """After so many trees that found no way ..."""
 _FEW = 6
 """... the next ones grow no more often than this."""
+_ASKED = 20
+"""So often at most where a way is only asked for: ways that take longer to find are long."""
 GIVE_UP = 40
 """After so many no more are grown: what is left is walled in."""
 
@@ -106,7 +108,7 @@ def detours(
     folded = _by_folding(checker, out.q_from[rows], out.q_to[rows], out.external[rows])
     found = {int(rows[k]): points for k, points in folded.items()}
     rows = np.delete(rows, list(folded))
-    found |= _by_trees(checker, out, rows, give_up)
+    found |= _by_trees(checker, out, rows, give_up, ROUNDS if is_run else _ASKED)
     if is_run:
         found = _drawn_in(checker, out.q_from, out.q_to, out.external, found)
     for row, points in found.items():
@@ -208,9 +210,11 @@ def _pulled(
 
 
 def _by_trees(
-    checker: Checker, ends: Ends, rows: IndexArray, give_up: int
+    checker: Checker, ends: Ends, rows: IndexArray, give_up: int, patience: int
 ) -> dict[int, FloatArray]:
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
+
+    A tree grows ``patience`` times at most.
 
     What is in the way of one connection is mostly in the way of many: the points of every way found
     are offered to the connections that are left, there and back, before the next tree grows, and
@@ -224,7 +228,7 @@ def _by_trees(
     failures = 0
     while len(rows) and failures < give_up:
         row, rows = int(rows[0]), rows[1:]
-        rounds = ROUNDS if failures < _HOPELESS else _FEW
+        rounds = patience if failures < _HOPELESS else _FEW
         place = ends.external[row]
         way = rrt_connect(checker, ends.q_from[row], ends.q_to[row], place, rounds)
         if way is None:
