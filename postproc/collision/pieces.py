@@ -80,11 +80,13 @@ class PieceBounds:
         entry, piece_b = self._pieces_near(
             b[rows], self._box(a[rows]), _inverse(R, p), threshold[rows]
         )
-        other = self._box(b[rows][entry], piece_b)
-        again, piece_a = self._pieces_near(
-            a[rows][entry], other, (R[entry], p[entry]), threshold[rows][entry]
-        )
-        entry, piece_b = entry[again], piece_b[again]
+        piece_a = np.zeros(len(entry), dtype=np.int64)
+        if (self._count[a[rows]] > 1).any():
+            other = self._box(b[rows][entry], piece_b)
+            again, piece_a = self._pieces_near(
+                a[rows][entry], other, (R[entry], p[entry]), threshold[rows][entry]
+            )
+            entry, piece_b = entry[again], piece_b[again]
         if not len(entry):
             return
         one, two = self._box(a[rows][entry], piece_a), self._box(b[rows][entry], piece_b)
