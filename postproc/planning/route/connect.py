@@ -79,43 +79,52 @@ class Detour:
 
 
 def detours(
-    checker: Checker,
-    ends: Ends,
-    attitude: FloatArray,
-    branch: IndexArray,
-    give_up: int = GIVE_UP,
-    *,
-    is_run: bool = True,
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
 ) -> dict[int, Detour]:
     """Return free ways round for connections (m,) by row; rows without one are missing.
 
-    Of those the first ``give_up`` were searched for by trees, the others were not. Ways that are
-    not run (``is_run``) need not be quick.
+    Of those the first ``GIVE_UP`` were searched for by trees, the others were not.
     """
     ways: dict[int, Detour] = {}
     for heights in BACK_OFF:
-        left = [row for row in range(len(ends)) if row not in ways]
-        tried = [(row, height) for height in heights for row in left if height or ends.lift[row]]
-        if tried:
-            rows, height = (np.array(column) for column in zip(*tried, strict=True))
-            ways |= _by_backing_off(checker, ends, rows, attitude, branch, height)
+        left = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+        ways |= _by_backing_off(checker, ends, left, attitude, branch, heights)
     rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
     if not len(rows):
         return ways
-    q, is_out = backed_off(checker, ends, attitude, branch)
-    out = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
-    rows = rows[is_out[rows] | ~(ends.lift[rows] > 0)]
-    folded = _by_folding(checker, out.q_from[rows], out.q_to[rows], out.external[rows])
-    found = {int(rows[k]): points for k, points in folded.items()}
-    rows = np.delete(rows, list(folded))
-    found |= _by_trees(checker, out, rows, give_up, ROUNDS if is_run else _ASKED)
-    if is_run:
-        found = _drawn_in(checker, out.q_from, out.q_to, out.external, found)
+    out, can_leave = _lifted_ends(checker, ends, attitude, branch)
+    rows = rows[can_leave[rows]]
+    found = _folded(checker, out, rows)
+    rows = np.setdiff1d(rows, list(found))
+    found |= _by_trees(checker, out, rows, GIVE_UP)
+    found = _drawn_in(checker, out.q_from, out.q_to, out.external, found)
     for row, points in found.items():
-        first = q[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
+        first = out.q_from[row : row + 1] if ends.lift[row] else np.zeros((0, 6))
         is_line = np.arange(len(first) + len(points)) < len(first)
         ways[row] = Detour(np.vstack([first, points]), is_line, False)
     return ways
+
+
+def all_joined(checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray) -> bool:
+    """Return whether free ways round are found for all connections (m,); looks no further."""
+    out, can_leave = _lifted_ends(checker, ends, attitude, branch)
+    if not can_leave.all():
+        return False
+    rows = np.arange(len(ends))
+    rows = np.setdiff1d(rows, list(_folded(checker, out, rows)))
+    for heights in BACK_OFF:
+        backed = _by_backing_off(checker, ends, rows, attitude, branch, heights)
+        rows = np.setdiff1d(rows, list(backed))
+    return len(_by_trees(checker, out, rows, 1, _ASKED)) == len(rows)
+
+
+def _lifted_ends(
+    checker: Checker, ends: Ends, attitude: FloatArray, branch: IndexArray
+) -> tuple[Ends, BoolArray]:
+    """Return connections from where the tool has backed off as it must, and where it can (m,)."""
+    q, is_out = backed_off(checker, ends, attitude, branch)
+    lifted = replace(ends, q_from=np.where(is_out[:, None], q, ends.q_from))
+    return lifted, is_out | ~(ends.lift > 0.0)
 
 
 def backed_off(
@@ -140,6 +149,12 @@ def why_stuck(
     if not problem.within(q)[0]:
         return Reason.JOINT_LIMIT
     return Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
+
+
+def _folded(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:
+    """Return the points (k, 6) of free ways by row, of some rows, on which the arm is folded."""
+    ways = _by_folding(checker, ends.q_from[rows], ends.q_to[rows], ends.external[rows])
+    return {int(rows[k]): points for k, points in ways.items()}
 
 
 def _by_folding(
@@ -210,7 +225,7 @@ def _pulled(
 
 
 def _by_trees(
-    checker: Checker, ends: Ends, rows: IndexArray, give_up: int, patience: int
+    checker: Checker, ends: Ends, rows: IndexArray, give_up: int, patience: int = ROUNDS
 ) -> dict[int, FloatArray]:
     """Return the points (k, 6) between the ends of free ways by row, as far as there are some.
 
@@ -312,12 +327,13 @@ def _by_backing_off(
     rows: IndexArray,
     attitude: FloatArray,
     branch: IndexArray,
-    height: FloatArray,
+    heights: tuple[float, ...],
 ) -> dict[int, Detour]:
-    """Return free ways by row for connections whose ends back off by ``height`` (m,) [m].
-
-    ``rows`` (m,): the connections, those to be preferred first where one is there more than once.
-    """
+    """Return free ways by row, of some rows, whose ends back off: by the first of heights [m]."""
+    tried = [(row, height) for height in heights for row in rows if height or ends.lift[row]]
+    if not tried:
+        return {}
+    rows, height = (np.array(column) for column in zip(*tried, strict=True))
     part, m = ends.rows(rows), len(rows)
     must = part.lift > 0.0
     q, free = _lifted(

@@ -16,6 +16,7 @@ from postproc.planning.route.connect import (
     GIVE_UP,
     Detour,
     Ends,
+    all_joined,
     backed_off,
     detours,
     free_way,
@@ -250,8 +251,7 @@ def has_ways(checker: Checker, chosen: Chosen, to: IndexArray) -> bool:
     ends = _ends_into(checker, chosen, to, *_ends(checker.problem, checker, chosen, both))
     free = checker.joint_moves(ends.q_from, ends.q_to, ends.external).good & (ends.lift == 0.0)
     rows = np.flatnonzero(~free)
-    asked = ends.rows(rows), chosen.attitude, chosen.branch
-    return len(detours(checker, *asked, give_up=1, is_run=False)) == len(rows)
+    return all_joined(checker, ends.rows(rows), chosen.attitude, chosen.branch)
 
 
 def _decide(
