@@ -120,7 +120,7 @@ def frame_numbers(subject: Subject) -> None:
                 if value is not None:
                     _in_range(subject, part.path, statement.line, command, value)
                     active[command] = value
-            elif isinstance(statement, Assign):
+            elif isinstance(statement, Assign) and statement.target.upper() == "FDAT_ACT":
                 _fdat(subject, part, statement, active)
         _with_frames(subject, part)
     for module in subject.modules:
@@ -151,8 +151,6 @@ def _fdat_range(subject: Subject, path: str, line: int, value: Aggregate) -> Non
 
 
 def _fdat(subject: Subject, part: Part, statement: Assign, active: dict[str, float]) -> None:
-    if statement.target.upper() != "FDAT_ACT":
-        return
     value = subject.value(statement.value, part.module)
     if not isinstance(value, Aggregate):
         return
