@@ -43,7 +43,7 @@ def flow_of(routine: Routine) -> Flow:
     flow = Flow()
     stack: list[tuple[int, str]] = []
     for index, statement in enumerate(routine.statements):
-        if isinstance(statement, Control):
+        if type(statement) is Control:
             _place(flow, stack, index, statement)
     flow.broken += [index for index, _ in stack]
     return flow

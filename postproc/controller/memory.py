@@ -100,7 +100,9 @@ class Memory:
     def _learn(self, statements: Iterable[Statement]) -> None:
         """Note the types of the components of structures; of arrays in them none."""
         for statement in statements:
-            found = _STRUCTURE.match(statement.text) if isinstance(statement, Raw) else None
+            if type(statement) is not Raw:
+                continue
+            found = _STRUCTURE.match(statement.text)
             fields: dict[str, str] = {}
             type_name = ""
             for part in found[2].split(",") if found is not None else ():

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.krl.text import Assign, Axes, Call, Declaration, Move, Pose, Statement, Value
+from postproc.krl.text import (
+    Assign,
+    Axes,
+    Call,
+    Declaration,
+    Move,
+    Pose,
+    Statement,
+    Value,
+    table_of,
+)
 from postproc.records import dataclass
 
 _PLAIN = frozenset({float, int, bool})
+_POINTS = frozenset({Pose, Axes})
 
 
 Written: TypeAlias = tuple[str, int, Value, str]
 """File, line, value and the type that it must have, empty where any will do."""
-_SIX = {
-    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
-    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +45,11 @@ class Points:
 
 def points_among(written: Sequence[Written]) -> Points:
     """Return the points among values."""
-    place = [row for row, (_, _, value, _) in enumerate(written) if type(value) in _SIX]
+    place = [row for row, item in enumerate(written) if type(item[2]) in _POINTS]
     points: list[Any] = [written[row][2] for row in place]
     return Points(
         np.array(place, dtype=np.int64),
-        np.array([_SIX[type(p)](p) for p in points], dtype=np.float64).reshape(-1, 6),
+        table_of(points),
         np.array([_is_more(point) for point in points], dtype=np.bool_),
     )
 

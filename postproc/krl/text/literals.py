@@ -8,8 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from operator import attrgetter
 
+import numpy as np
+
+from postproc.arrays import FloatArray
 from postproc.krl.text.lexer import KrlSyntaxError
 from postproc.krl.text.program import Axes, Pose
 
@@ -132,6 +137,22 @@ def components(value: Pose | Axes) -> Iterator[tuple[str, float]]:
             yield name, number_
     for index, number_ in enumerate(value.external, 1):
         yield f"E{index}", number_
+
+
+_SIX = {
+    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
+    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
+}
+
+
+def table_of(points: Sequence[Pose | Axes]) -> FloatArray:
+    """Return X to C or A1 to A6 (n, 6) [mm, deg] of points, NaN where one is not written."""
+    rows = [_SIX[type(point)](point) for point in points]
+    try:
+        flat = np.fromiter(chain.from_iterable(rows), np.float64, 6 * len(rows))
+    except TypeError:  # one is not written
+        flat = np.array(rows, dtype=np.float64)
+    return flat.reshape(-1, 6)
 
 
 def quick_literal(text: str) -> Pose | Axes | None:
