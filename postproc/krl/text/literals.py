@@ -21,11 +21,14 @@ from postproc.krl.text.program import Axes, Pose
 _POSE_SLOTS = {name: slot for slot, name in enumerate(("X", "Y", "Z", "A", "B", "C", "S", "T"))}
 _POSE_SLOTS |= {f"E{i}": 7 + i for i in range(1, 7)}
 _AXIS_SLOTS = {f"A{i}": i - 1 for i in range(1, 7)} | {f"E{i}": 5 + i for i in range(1, 7)}
-_N = r"([-+]?\d{1,9}(?:\.\d{0,9})?)"
-_PLAIN: tuple[tuple[re.Pattern[str], type[Pose] | type[Axes]], ...] = (
-    (re.compile(rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", re.ASCII), Pose),
-    (re.compile(rf"\{{A1 {_N},A2 {_N},A3 {_N},A4 {_N},A5 {_N},A6 {_N}\}}", re.ASCII), Axes),
+_N = r"([-+]?\d{1,9}+(?:\.\d{0,9}+)?+)"
+PLAIN_LITERALS: tuple[tuple[str, type[Pose] | type[Axes]], ...] = (
+    (rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", Pose),
+    (rf"\{{A1 {_N},A2 {_N},A3 {_N},A4 {_N},A5 {_N},A6 {_N}\}}", Axes),
 )
+"""Patterns, in ASCII, of literals as nearly all are written: six decimal numbers in order, which
+are its groups."""
+_PLAIN = tuple((re.compile(pattern, re.ASCII), kind) for pattern, kind in PLAIN_LITERALS)
 _POSE_TYPES = frozenset({"FRAME", "POS", "E6POS", ""})
 _AXIS_TYPES = frozenset({"AXIS", "E6AXIS", ""})
 
