@@ -45,13 +45,21 @@ def blending(subject: Subject) -> None:
     """Row 18: kinds of blending, last motion, plunges, waits, borders."""
     for part in subject.parts:
         blended = [place for place, words in enumerate(part.blends) if words]
-        for place in blended:
-            _kind(subject, part, part.steps[place])
+        _kinds(subject, part, [part.steps[place] for place in blended])
         _plunges(subject, part)
         for place in blended:
             if part.steps[place].index not in part.in_block:
                 _behind(subject, part, place)
     _last_motions(subject)
+
+
+def _kinds(subject: Subject, part: Part, blended: Sequence[Step]) -> None:
+    """Check the words of blended motions; most of them are a word that may stand there."""
+    for step in blended:
+        words, move = step.move.blend, step.move
+        is_usual = words == ("C_DIS",) or (words == ("C_SPL",) and move.word.is_spline)
+        if not is_usual or step.index in part.in_block:
+            _kind(subject, part, step)
 
 
 def _kind(subject: Subject, part: Part, step: Step) -> None:
@@ -210,6 +218,8 @@ def advance_stops(subject: Subject) -> None:
     Checked between two path motions where the first is blended or made at feed.
     """
     for part in subject.parts:
+        if not any(map(_access, part.different)):
+            continue
         at_feed = (part.path_speeds <= FEED).tolist()
         for place in (np.flatnonzero(part.is_path[1:] & part.is_path[:-1]) + 1).tolist():
             before = part.steps[place - 1]

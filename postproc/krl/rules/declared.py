@@ -190,7 +190,7 @@ def _defined_by(statement: Statement) -> set[str]:
 
 
 def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[str]) -> _Uses:
-    module, telling = part.module, [statement for statement, _ in part.telling]
+    module = part.module
     external = {
         found.group(1).upper()
         for item in part.of(External)
@@ -201,8 +201,8 @@ def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[
             external.add(found.group(1).upper())
     used: set[str] = set()
     missing: dict[str, _Missing] = {}
-    taught = set(_taught(telling))
-    for name, is_call, line in _uses(telling):
+    taught = set(_taught(part.different))
+    for name, is_call, line in _uses(part.different):
         used.add(name)
         if name in missing or name.startswith("$"):
             continue

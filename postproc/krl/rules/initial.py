@@ -113,7 +113,7 @@ def frame_numbers(subject: Subject) -> None:
     """Row 10: tool and base exist on the controller; a form's FDAT agrees with them."""
     for part in subject.parts:
         active: dict[str, float] = {}
-        for statement in part.of_kinds(Assign, Call):
+        for statement in part.different:
             command, argument = bas(statement)
             if command in ("TOOL", "BASE"):
                 value = number(argument)

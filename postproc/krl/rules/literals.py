@@ -10,7 +10,7 @@ from itertools import chain
 import numpy as np
 
 from postproc.krl.rules.scope import COMPONENTS
-from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
+from postproc.krl.rules.subject import ERROR, WARNING, Subject, files_of
 from postproc.krl.text import (
     LONG_LINE,
     Aggregate,
@@ -45,15 +45,17 @@ def literals(subject: Subject) -> None:
     """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
     points = subject.points
     large = (np.abs(points.numbers) > _LARGEST).any(axis=1)
-    looked_at = set(points.place[large | points.more].tolist())
-    for place, (path, line, value, type_name) in enumerate(subject.written):
+    passed = np.zeros(len(subject.written), dtype=np.bool_)
+    passed[points.place[~(large | points.more)]] = True
+    for place in np.flatnonzero(~passed).tolist():
+        path, line, value, type_name = subject.written[place]
         kind = type(value)
         if kind is Aggregate:
             _aggregate(subject, path, line, value, type_name)  # type: ignore[arg-type]
         elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
             subject.add(7, ERROR, path, line, f"{value.text} is no number")  # type: ignore[union-attr]
-        elif place in looked_at:
-            _sizes(subject, path, line, value)  # type: ignore[arg-type]
+        elif isinstance(value, Pose | Axes):
+            _sizes(subject, path, line, value)
 
 
 def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
@@ -158,10 +160,11 @@ def traces(subject: Subject) -> None:
 
 def _stamps(module: KrlModule) -> Iterator[tuple[str, int, str]]:
     """Yield file, line and message of every date or time."""
-    for path, statement in all_statements(module):
-        text = _said(statement)
-        if text and _PARTED.search(text):
-            yield from _stamp(path, statement.line, text)
+    for path, statements in files_of(module):
+        for statement in statements:
+            text = _said(statement)
+            if text and _PARTED.search(text):
+                yield from _stamp(path, statement.line, text)
     for line, text in enumerate(module.attributes, 1):
         yield from _stamp(module.src_path, line, text)
 

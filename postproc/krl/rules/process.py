@@ -52,6 +52,9 @@ class _Spindle:
 
 
 def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
+    names = {_called(statement) for _, statement in subject.walk(module, routine, Call, Trigger)}
+    if not any(_ON.search(name) or _OFF.search(name) for name in names):
+        return  # no spindle of which the text knows
     state = _Spindle()
     for here, statement in subject.walk(module, routine, Assign, Move, Call, Trigger):
         if isinstance(statement, Assign | Move):

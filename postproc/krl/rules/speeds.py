@@ -198,7 +198,7 @@ def _without_advance(subject: Subject, part: Part) -> None:
     """Row 17: with $ADVANCE 0 nothing is blended."""
     advance: float | None = None
     settings = [item for item in part.of(Assign) if item.target == "$ADVANCE"]
-    if not settings:
+    if all(number(item.value) != 0 for item in settings):
         return
     for statement in part.of_kinds(Assign, Move):
         if isinstance(statement, Assign) and statement.target == "$ADVANCE":

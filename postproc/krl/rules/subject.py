@@ -135,6 +135,8 @@ class Part:
     """All statements but lines for people and motions to literals, which say nothing that a rule
     about names and values asks for; each with the number of what it says, -1 for no number.
     Assignments with one number say the same."""
+    different: list[Statement] = field(init=False)
+    """Of those that say the same, the first."""
     _places: dict[type, list[int]] = field(init=False)
     """Statement indices of each kind."""
     _positions: FloatArray | None = field(init=False, default=None)
@@ -147,12 +149,17 @@ class Part:
         self._places = defaultdict(list)
         for index, kind in enumerate(map(type, statements)):
             self._places[kind].append(index)
-        self.steps = tuple(
-            Step(index, move, point(move.target, self.module))
-            for index, move in zip(self._places[Move], self.of(Move), strict=True)
-        )
+        moves = self.of(Move)
+        targets = [
+            move.target
+            if type(move.target) in _LITERAL_TARGETS
+            else point(move.target, self.module)
+            for move in moves
+        ]
+        self.steps = tuple(map(Step, self._places[Move], moves, targets))  # type: ignore[arg-type]
         self.in_block = frozenset(self._within_blocks())
         self.telling = list(_telling(statements))
+        self.different = list(_different(self.telling))
 
     def _within_blocks(self) -> Iterator[int]:
         if not self._places[SplineBegin]:
@@ -359,7 +366,7 @@ class Subject:
     @cached_property
     def written(self) -> tuple[Written, ...]:
         """All values that stand in the text and are no plain numbers."""
-        return tuple(written_in(chain.from_iterable(map(all_statements, self.modules))))
+        return tuple(written_in(chain.from_iterable(map(files_of, self.modules))))
 
     @cached_property
     def points(self) -> Points:
@@ -518,6 +525,16 @@ def _telling(statements: Sequence[Statement]) -> Iterator[tuple[Statement, int]]
             yield statement, -1
 
 
+def _different(telling: Sequence[tuple[Statement, int]]) -> Iterator[Statement]:
+    """Yield the first of all statements that say the same."""
+    known: set[int] = set()
+    for statement, said in telling:
+        if said not in known:
+            yield statement
+            if said >= 0:
+                known.add(said)
+
+
 def _is_plain(move: Move) -> bool:
     """Whether a motion goes to a literal, and that is all it says."""
     return type(move.target) in _LITERAL_TARGETS and move.auxiliary is None and not move.settings
@@ -545,13 +562,12 @@ def _path_speeds(part: Part) -> FloatArray:
     return speeds
 
 
-def all_statements(module: KrlModule) -> Iterator[tuple[str, Statement]]:
-    """Yield file and statement of everything in a module."""
+def files_of(module: KrlModule) -> Iterator[tuple[str, Sequence[Statement]]]:
+    """Yield everything in a module: statements of a routine or a list, each with its file."""
     for routine in module.routines:
-        for statement in chain(routine.statements, routine.after):
-            yield module.src_path, statement
-    for statement in module.before:
-        yield module.src_path, statement
+        yield module.src_path, routine.statements
+        yield module.src_path, routine.after
+    yield module.src_path, module.before
     if module.data is not None:
-        for statement in chain(module.data.before, module.data.statements):
-            yield module.dat_path, statement
+        yield module.dat_path, module.data.before
+        yield module.dat_path, module.data.statements

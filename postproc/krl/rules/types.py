@@ -40,7 +40,8 @@ def types(subject: Subject) -> None:
         place = (part.module, part.routine)
         subject.each(part, partial(_given, subject, part.path, place))
         for step in part.steps:
-            _target(subject, part.path, place, step.move)
+            if type(step.move.target) is not Pose or step.move.auxiliary is not None:
+                _target(subject, part.path, place, step.move)
         for statement in part.of_kinds(Control, WaitFor):
             _condition(subject, part.path, place, statement)
     _unknown(subject)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -47,47 +47,47 @@ def points_among(written: Sequence[Written]) -> Points:
     """Return the points among values."""
     place = [row for row, item in enumerate(written) if type(item[2]) in _POINTS]
     points: list[Any] = [written[row][2] for row in place]
-    return Points(
-        np.array(place, dtype=np.int64),
-        table_of(points),
-        np.array([_is_more(point) for point in points], dtype=np.bool_),
-    )
+    more = [
+        bool(p.external) or (type(p) is Pose and (p.status is not None or p.turn is not None))
+        for p in points
+    ]
+    return Points(np.array(place, dtype=np.int64), table_of(points), np.array(more, dtype=np.bool_))
 
 
-def _is_more(value: Pose | Axes) -> bool:
-    if value.external:
-        return True
-    return type(value) is Pose and (value.status is not None or value.turn is not None)
-
-
-def written_in(statements: Iterable[tuple[str, Statement]]) -> list[Written]:
+def written_in(files: Iterable[tuple[str, Iterable[Statement]]]) -> list[Written]:
     """Return the values of statements, each with its file, but plain numbers of assignments."""
     found: list[Written] = []
-    for path, statement in statements:
-        kind, line = type(statement), statement.line
-        if kind is Move:
-            found += _of_move(path, statement)  # type: ignore[arg-type]
-        elif kind is Assign:
-            value = statement.value  # type: ignore[attr-defined]
-            if type(value) not in _PLAIN:
-                found.append((path, line, value, type_of(statement.target)))  # type: ignore[attr-defined]
-        elif isinstance(statement, Declaration):
-            name = statement.type_name.upper()
-            found += [
-                (path, line, v.value, name) for v in statement.variables if v.value is not None
-            ]
-        elif isinstance(statement, Call):
-            found += [(path, line, value, "") for value in statement.arguments if value is not None]
+    for path, statements in files:
+        for statement in statements:
+            if type(statement) is Move:
+                found.append((path, statement.line, statement.target, "?"))
+                if statement.auxiliary is not None or statement.settings:
+                    found += _beside_target(path, statement)
+            elif type(statement) is Assign:
+                value = statement.value
+                if type(value) not in _PLAIN:
+                    found.append((path, statement.line, value, type_of(statement.target)))
+            else:
+                found += _given(path, statement)
     return found
 
 
-def _of_move(path: str, move: Move) -> Sequence[Written]:
-    target: Written = path, move.line, move.target, "?"
-    if move.auxiliary is None and not move.settings:
-        return (target,)
-    auxiliary = () if move.auxiliary is None else ((path, move.line, move.auxiliary, "FRAME"),)
-    settings = [(path, move.line, setting.value, "") for setting in move.settings]
-    return (target, *auxiliary, *settings)
+def _beside_target(path: str, move: Move) -> Iterator[Written]:
+    if move.auxiliary is not None:
+        yield path, move.line, move.auxiliary, "FRAME"
+    for setting in move.settings:
+        yield path, move.line, setting.value, ""
+
+
+def _given(path: str, statement: Statement) -> Iterable[Written]:
+    """Return what a declaration or a call gives."""
+    line = statement.line
+    if type(statement) is Declaration:
+        name = statement.type_name.upper()
+        return [(path, line, v.value, name) for v in statement.variables if v.value is not None]
+    if type(statement) is Call:
+        return [(path, line, value, "") for value in statement.arguments if value is not None]
+    return ()
 
 
 @lru_cache(maxsize=1024)
