@@ -95,8 +95,9 @@ class Motions:
 
     def move(self, statement: Move) -> None:
         """Execute a motion."""
-        if len(self._recorder) >= MAX_MOTIONS:
-            if len(self._recorder) == MAX_MOTIONS:
+        count = len(self._recorder.motions)
+        if count >= MAX_MOTIONS:
+            if count == MAX_MOTIONS:
                 self._host.finding(RunKind.ENDLESS, f"more than {MAX_MOTIONS} motions")
             return
         before = self._state.values

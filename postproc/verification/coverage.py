@@ -99,8 +99,8 @@ def _motions(modules: Sequence[KrlModule]) -> Iterator[list[_Place]]:
     """Yield the places of the motions of each routine."""
     for module in modules:
         for routine in module.routines:
-            moves = (item for item in routine.statements if isinstance(item, Move))
-            yield [(module.src_path, move.line) for move in moves]
+            path = module.src_path
+            yield [(path, move.line) for move in routine.statements if type(move) is Move]
 
 
 def _why_not(
