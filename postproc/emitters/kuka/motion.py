@@ -102,10 +102,16 @@ class PartWriter:
     _words: tuple[MoveWord, MoveWord, MoveWord] = field(init=False)
     _orientation_deg_s: float = field(init=False)
     """Of the cell."""
+    _blended: tuple[str, ...] = field(init=False)
+    """How a motion is approximated by a distance."""
+    _in_data: bool = field(init=False)
+    """Whether targets stand in the data list."""
 
     def __post_init__(self) -> None:
         """Ask the cell once what every motion needs."""
         self._words = _WORDS[self.style.is_spline]
+        self._blended = ("C_SPL",) if self.style.is_spline else ("C_DIS",)
+        self._in_data = self.style.points is PointPlace.DAT
         self._orientation_deg_s = self.style.orientation_speed / DEG
 
     def statements(self) -> list[Statement]:
@@ -335,7 +341,7 @@ class PartWriter:
         return f" CAM line {line}" if line and self.style.cam_lines else ""
 
     def _target(self, index: int, target: Pose | Axes) -> Value:
-        return self.points.add(index, target) if self.style.points is PointPlace.DAT else target
+        return self.points.add(index, target) if self._in_data else target
 
     # ------------------------------------------------------------------------ spline blocks
 
@@ -415,9 +421,9 @@ class PartWriter:
         if self.modal.blend_mm != blend:
             self.modal.blend_mm = blend
             self.out.append(Assign("$APO.CDIS", blend))
-        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
+        return self._blended
 
 
 def _pose(values: Sequence[float], external: tuple[float, ...]) -> Pose:
     x, y, z, a, b, c = values
-    return Pose(x, y, z, a, b, c, external=external)
+    return Pose(x, y, z, a, b, c, None, None, external)
