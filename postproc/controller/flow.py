@@ -42,9 +42,9 @@ def flow_of(routine: Routine) -> Flow:
     """Return where the control lines of a routine lead."""
     flow = Flow()
     stack: list[tuple[int, str]] = []
-    for index, statement in enumerate(routine.statements):
-        if isinstance(statement, Control):
-            _place(flow, stack, index, statement)
+    controls = [(i, s) for i, s in enumerate(routine.statements) if type(s) is Control]
+    for index, statement in controls:
+        _place(flow, stack, index, statement)
     flow.broken += [index for index, _ in stack]
     return flow
 

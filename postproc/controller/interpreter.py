@@ -40,7 +40,7 @@ from postproc.controller.runtime import (
     text_of,
     with_component,
 )
-from postproc.controller.state import STOPMESS, MotionState
+from postproc.controller.state import NUMBERS, STOPMESS, MotionState
 from postproc.controller.targets import Targets
 from postproc.controller.trace import EventWord, Trace
 from postproc.controller.trust import Trust, is_quiet, reading
@@ -246,6 +246,10 @@ class Interpreter:
 
     def assign(self, statement: Assign) -> None:
         """Execute an assignment."""
+        if type(statement.value) is float and statement.target in NUMBERS:
+            self.state.number(statement.target, statement.value)
+            self._missing_frames()
+            return
         node = parse_expression(statement.target)
         value = self.evaluator.value(statement.value)
         if isinstance(node, Reference) and node.name in ("$TOOL", "$BASE"):

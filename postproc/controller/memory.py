@@ -99,8 +99,8 @@ class Memory:
 
     def _learn(self, statements: Iterable[Statement]) -> None:
         """Note the types of the components of structures; of arrays in them none."""
-        for statement in statements:
-            found = _STRUCTURE.match(statement.text) if isinstance(statement, Raw) else None
+        for text in [s.text for s in statements if type(s) is Raw]:
+            found = _STRUCTURE.match(text)
             fields: dict[str, str] = {}
             type_name = ""
             for part in found[2].split(",") if found is not None else ():

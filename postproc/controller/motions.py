@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from postproc.controller.recorder import Recorder
+from postproc.controller.recorder import Motion, Recorder
 from postproc.controller.runtime import Evaluator
 from postproc.controller.state import MotionState, Values
 from postproc.controller.targets import Targets, numbers_of
@@ -68,6 +68,7 @@ class Motions:
         self._evaluator = evaluator
         self._targets = targets
         self._host = host
+        self._state, self._recorder = host.state, host.recorder
         self._block, self._blocks = -1, 0
         self._before_block: Values = host.state.values
 
@@ -75,32 +76,31 @@ class Motions:
         """Enter a spline block."""
         self._blocks += 1
         self._block = self._blocks
-        self._before_block = self._host.state.values
+        self._before_block = self._state.values
         self._with(statement.settings)
 
     def end_spline(self, statement: SplineEnd) -> None:
         """Leave a spline block; its approximation belongs to the last motion."""
-        recorder = self._host.recorder
-        if recorder.blocks and recorder.blocks[-1] == self._block:
-            recorder.blends[-1] = self._blend(statement.blend)
+        self._recorder.end_block(self._block, self._blend(statement.blend))
         self._block = -1
-        self._host.state.values = self._before_block
+        self._state.values = self._before_block
 
     def _with(self, settings: tuple[Assign, ...]) -> None:
         for setting in settings:
             command = _OF_ALL_AXES.get(setting.target.partition("[")[0])
             if command is not None:
-                self._host.state.bas(command, self._evaluator.value(setting.value), {})
+                self._state.bas(command, self._evaluator.value(setting.value), {})
             else:
                 self._host.assign(setting)
 
     def move(self, statement: Move) -> None:
         """Execute a motion."""
-        if len(self._host.recorder) >= MAX_MOTIONS:
-            if len(self._host.recorder) == MAX_MOTIONS:
+        count = len(self._recorder.motions)
+        if count >= MAX_MOTIONS:
+            if count == MAX_MOTIONS:
                 self._host.finding(RunKind.ENDLESS, f"more than {MAX_MOTIONS} motions")
             return
-        before = self._host.state.values
+        before = self._state.values
         if statement.settings:
             self._with(statement.settings)
         target = self._target(statement)
@@ -109,7 +109,7 @@ class Motions:
         else:
             self._record(statement, target)
         if statement.settings:
-            self._host.state.values = before
+            self._state.values = before
 
     def _target(self, statement: Move) -> Pose | Axes | None:
         value: Any = statement.target
@@ -121,30 +121,26 @@ class Motions:
         return self._targets.complete(value)
 
     def _record(self, statement: Move, target: Pose | Axes) -> None:
-        recorder = self._host.recorder
         is_axes = type(target) is Axes
         motion_type = MOTION_TYPES[statement.word]
         if is_axes and motion_type is not MotionType.PTP:
             self._host.finding(RunKind.TARGET, f"{statement.word.value} to joint angles")
             return
-        row = recorder.motion(
+        status, turn = (-1, -1) if is_axes else _status_and_turn(target)  # type: ignore[arg-type]
+        file, line = self._host.place()
+        motion = Motion(
             motion_type,
-            numbers_of(target),
+            Blend.THROUGH if self._block >= 0 else self._blend(statement.blend),
+            self._state.row(),
             is_axes,
-            self._host.state.row(),
-            self._host.place(),
+            status,
+            turn,
+            file,
+            line,
             self._block,
+            statement.word.is_relative,
         )
-        recorder.relative[row] = statement.word.is_relative
-        if self._block >= 0:
-            recorder.blends[row] = Blend.THROUGH
-        elif statement.blend:
-            recorder.blends[row] = self._blend(statement.blend)
-        if isinstance(target, Pose):
-            recorder.status[row] = -1 if target.status is None else target.status
-            recorder.turn[row] = -1 if target.turn is None else target.turn
-        if target.external:
-            recorder.external[row] = target.external
+        row = self._recorder.motion(motion, target)
         if statement.auxiliary is not None:
             self._auxiliary(statement, row)
         self._targets.remember(target)
@@ -154,20 +150,26 @@ class Motions:
         if statement.word.is_relative:
             value = self._targets.shifted(value, statement.frame)
         if isinstance(value, Pose) and None not in (value.x_mm, value.y_mm, value.z_mm):
-            self._host.recorder.auxiliary[row] = numbers_of(value)
+            self._recorder.auxiliary[row] = numbers_of(value)
         else:
             self._host.finding(RunKind.TARGET, "the auxiliary point of a circle is not known")
         if statement.angle_deg is not None:
             angle = self._evaluator.value(statement.angle_deg)
             if isinstance(angle, int | float):
-                self._host.recorder.angles[row] = float(angle)
+                self._recorder.angles[row] = float(angle)
 
     def _blend(self, words: tuple[str, ...]) -> Blend:
-        if not words or self._host.state.values.advance == 0:
+        if not words or self._state.values.advance == 0:
             return Blend.EXACT
         if "C_PTP" in words:
             return Blend.AXES
         return Blend.DISTANCE if words[0] in ("C_DIS", "C_SPL") else Blend.OTHER
+
+
+def _status_and_turn(pose: Pose) -> tuple[int, int]:
+    """Return S and T of a pose, -1 where they are not written."""
+    status, turn = pose.status, pose.turn
+    return -1 if status is None else status, -1 if turn is None else turn
 
 
 def _name(statement: Move) -> str:

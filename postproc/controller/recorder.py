@@ -6,19 +6,21 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, IntArray
 from postproc.controller.state import MotionState
 from postproc.controller.trace import (
     Blend,
     EventWord,
-    MotionType,
     Trace,
     TraceEvent,
 )
 from postproc.errors import Finding, RunKind, Severity, SourceRef
+from postproc.krl import Axes, Pose, table_of
 from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]
@@ -36,22 +38,28 @@ _NOT_FOLLOWED = frozenset(
 _WAITS = (EventWord.DWELL, EventWord.WAIT_FOR, EventWord.HALT)
 
 
+class Motion(NamedTuple):
+    """The whole numbers of a motion; status and turn -1 where they are not written."""
+
+    motion_type: int
+    blend: int
+    setting: int
+    is_axes: bool
+    status: int
+    turn: int
+    file: int
+    line: int
+    block: int
+    is_relative: bool
+
+
 @dataclass(slots=True)
 class Recorder:
     """Rows of the trace while the program runs; targets in mm and degrees as written."""
 
-    motion_types: list[int] = field(default_factory=list)
-    blends: list[int] = field(default_factory=list)
-    settings: list[int] = field(default_factory=list)
-    axes: list[bool] = field(default_factory=list)
-    targets: list[Numbers] = field(default_factory=list)
-    status: list[int] = field(default_factory=list)
-    turn: list[int] = field(default_factory=list)
+    motions: list[Motion] = field(default_factory=list)
+    targets: list[Pose | Axes] = field(default_factory=list)
     external: dict[int, tuple[float, ...]] = field(default_factory=dict)
-    files: list[int] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-    blocks: list[int] = field(default_factory=list)
-    relative: list[bool] = field(default_factory=list)
     auxiliary: dict[int, Numbers] = field(default_factory=dict)
     angles: dict[int, float] = field(default_factory=dict)
     events: list[TraceEvent] = field(default_factory=list)
@@ -63,7 +71,7 @@ class Recorder:
 
     def __len__(self) -> int:
         """Return the number of motions so far."""
-        return len(self.motion_types)
+        return len(self.motions)
 
     def file_row(self, path: str) -> int:
         """Return the row of a file, new or known."""
@@ -71,28 +79,19 @@ class Recorder:
             self.names.append(path)
         return self.names.index(path)
 
-    def motion(
-        self,
-        motion_type: MotionType,
-        target: Numbers,
-        is_axes: bool,
-        setting: int,
-        place: tuple[int, int],
-        block: int,
-    ) -> int:
-        """Add a motion with an exact stop and return its index."""
-        self.motion_types.append(motion_type)
-        self.blends.append(Blend.EXACT)
-        self.settings.append(setting)
-        self.axes.append(is_axes)
+    def motion(self, motion: Motion, target: Pose | Axes) -> int:
+        """Add a motion to a complete target and return its index."""
+        row = len(self.motions)
+        self.motions.append(motion)
         self.targets.append(target)
-        self.status.append(-1)
-        self.turn.append(-1)
-        self.files.append(place[0])
-        self.lines.append(place[1])
-        self.blocks.append(block)
-        self.relative.append(False)
-        return len(self.motion_types) - 1
+        if target.external:
+            self.external[row] = target.external
+        return row
+
+    def end_block(self, block: int, blend: Blend) -> None:
+        """Give the last motion the approximation of its spline block, if it is in that block."""
+        if self.motions and self.motions[-1].block == block:
+            self.motions[-1] = self.motions[-1]._replace(blend=blend)
 
     def event(
         self,
@@ -110,7 +109,7 @@ class Recorder:
             return
         self.events.append(
             TraceEvent(
-                len(self.motion_types), word, name, value, arguments, *place[::-1], self.in_trigger
+                len(self.motions), word, name, value, arguments, *place[::-1], self.in_trigger
             )
         )
 
@@ -136,7 +135,7 @@ class Recorder:
         if self._hooks and severity is not Severity.ERROR:
             return
         if severity is Severity.ERROR and kind in _NOT_FOLLOWED:
-            self.unsure.add(len(self.motion_types))
+            self.unsure.add(len(self.motions))
         source = SourceRef(self.names[place[0]], place[1])
         found = Finding(severity, kind, message, source=source, hint=hint)
         if found not in self.findings[-50:]:
@@ -144,27 +143,30 @@ class Recorder:
 
     def trace(self, state: MotionState) -> Trace:
         """Return everything recorded, in SI units."""
-        m = len(self.motion_types)
-        is_axes = np.array(self.axes, dtype=np.bool_)
-        target = np.array(self.targets, dtype=np.float64).reshape(m, 6)
+        m, width = len(self.motions), len(Motion._fields)
+        flat = np.fromiter(chain.from_iterable(self.motions), dtype=np.int32, count=m * width)
+        table = np.ascontiguousarray(flat.reshape(m, width).T)
+        column: dict[str, IntArray] = dict(zip(Motion._fields, table, strict=True))
+        is_axes = column["is_axes"].astype(np.bool_)
+        target = table_of(self.targets)
         target[:, :3] *= np.where(is_axes, DEG, MM)[:, None]
         target[:, 3:] *= DEG
         external = np.full((m, 6), np.nan)
         for row, values in self.external.items():
             external[row, : len(values)] = values
         return Trace(
-            motion_type=np.array(self.motion_types, dtype=np.int32),
-            blend=np.array(self.blends, dtype=np.int32),
-            setting=np.array(self.settings, dtype=np.int32),
+            motion_type=column["motion_type"],
+            blend=column["blend"],
+            setting=column["setting"],
             is_axes=is_axes,
             target=target,
-            status=np.array(self.status, dtype=np.int32),
-            turn=np.array(self.turn, dtype=np.int32),
+            status=column["status"],
+            turn=column["turn"],
             external=external,
-            file=np.array(self.files, dtype=np.int32),
-            line=np.array(self.lines, dtype=np.int32),
-            block=np.array(self.blocks, dtype=np.int32),
-            is_relative=np.array(self.relative, dtype=np.bool_),
+            file=column["file"],
+            line=column["line"],
+            block=column["block"],
+            is_relative=column["is_relative"].astype(np.bool_),
             auxiliary={row: _si(values) for row, values in self.auxiliary.items()},
             angle={row: angle * DEG for row, angle in self.angles.items()},
             tools=state.tool_frames.stack(),

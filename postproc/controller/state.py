@@ -252,8 +252,8 @@ class MotionState:
             for name, item in value.fields:
                 if not self.assign(f"{key}.{name.upper()}", item):
                     self._unknown(f"{key}.{name.upper()}")
-        elif key in _NUMBERS:
-            self._number(key, value)
+        elif key in NUMBERS:
+            self.number(key, value)
         elif key.startswith(("$VEL_AXIS[", "$ACC_AXIS[")):
             self._axis_share(key, value)
         elif key in _MODES:
@@ -264,11 +264,12 @@ class MotionState:
             return key in _RAMPS or key.startswith(_INDEXED_RAMPS)
         return True
 
-    def _number(self, key: str, value: Any) -> None:  # noqa: ANN401
+    def number(self, key: str, value: Any) -> None:  # noqa: ANN401
+        """Set a system variable of ``NUMBERS``."""
         if not _is_number(value):
             self._unknown(key)
         elif value > 0 or (value == 0 and not key.startswith(_RATES)):
-            self._set(key, **{_NUMBERS[key]: value})
+            self._set(key, **{NUMBERS[key]: value})
         else:
             self._refused(key, value)
 
@@ -299,8 +300,8 @@ class MotionState:
 
     def read(self, key: str) -> Any:  # noqa: ANN401
         """Return a system variable of the motion state, ``UNKNOWN`` for any other."""
-        if key in _NUMBERS:
-            return getattr(self.values, _NUMBERS[key])
+        if key in NUMBERS:
+            return getattr(self.values, NUMBERS[key])
         if key in ("$ACT_TOOL", "$ACT_BASE"):
             values = self.values
             return values.tool_number if key == "$ACT_TOOL" else values.base_number
@@ -406,7 +407,7 @@ def _is_number(value: Any) -> bool:  # noqa: ANN401
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-_NUMBERS = {
+NUMBERS = {
     "$VEL.CP": "speed",
     "$VEL.ORI1": "swivel",
     "$VEL.ORI2": "rotation",
@@ -417,6 +418,7 @@ _NUMBERS = {
     "$APO.CORI": "cori",
     "$ADVANCE": "advance",
 }
+"""System variables that are one number, by their canonical names."""
 _RATES = ("$VEL.ORI", "$ACC.")
 _MODES = {
     "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),

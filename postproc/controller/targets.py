@@ -38,14 +38,21 @@ class Targets:
         self._kinematics = kinematics
         self._joints_now = joints_now
         self._last: Pose | Axes | None = None
-        self._T_robroot_base: FloatArray = np.eye(4)
-        self._T_flange_tcp: FloatArray = np.eye(4)
+        self._then = state.values
 
     def remember(self, target: Pose | Axes) -> None:
         """Note a target that the robot has been sent to, with the frames in force."""
-        self._last = target
-        self._T_robroot_base = self._state.T_robroot_base
-        self._T_flange_tcp = self._state.T_flange_tcp
+        self._last, self._then = target, self._state.values
+
+    @property
+    def _T_robroot_base(self) -> FloatArray:
+        """(4, 4) base of the last target [m]."""
+        return self._state.base_frames.rows[self._then.base]
+
+    @property
+    def _T_flange_tcp(self) -> FloatArray:
+        """(4, 4) tool of the last target [m]."""
+        return self._state.tool_frames.rows[self._then.tool]
 
     def complete(self, target: Any) -> Pose | Axes | None:  # noqa: ANN401 - a KRL value
         """Return a target with its missing components filled from the last; None if unknown."""

@@ -66,11 +66,16 @@ def chains(paths: Paths) -> AnyIntArray:
     return np.cumsum(begins) - 1
 
 
-def cycle_time(paths: Paths, cell: Cell) -> float:
-    """Return an estimate of the run time [s]: motions with ramps, and waits; hooks take none."""
+def cycle_time(paths: Paths, times: FloatArray) -> float:
+    """Return an estimate of the run time [s]: motions with ramps, and waits; hooks take none.
+
+    Args:
+        paths: the run.
+        times: (m,) ``durations`` of its motions.
+    """
     events = paths.trace.events
     waits = sum(e.value for e in events if e.word is EventWord.DWELL and np.isfinite(e.value))
-    return float(waits + durations(paths, cell).sum())
+    return float(waits + times.sum())
 
 
 def durations(paths: Paths, cell: Cell) -> FloatArray:

@@ -51,8 +51,8 @@ def _world_of(modules: Sequence[KrlModule], cell: Cell, kinematics: Kinematics) 
     bases = {base.number: pose_of(T_world_robroot @ base.T_robroot_base) for base in cell.bases}
     for module in modules:
         for routine in module.routines:
-            for statement in routine.statements:
-                if isinstance(statement, Assign) and isinstance(statement.value, Pose):
+            for statement in [s for s in routine.statements if type(s) is Assign]:
+                if isinstance(statement.value, Pose):
                     _set_up(statement, tools, bases)
     points: dict[str, Pose | Axes | Aggregate] = {}
     if cell.motion.home is not None:

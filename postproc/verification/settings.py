@@ -171,9 +171,8 @@ def _load_data(result: Result, cell: Cell, modules: Sequence[KrlModule]) -> None
     """Check the load data that the program or its set-up enters for the tools of the cell."""
     tools = {f"LOAD_DATA[{tool.number}]": tool for tool in cell.tools}
     for module in modules:
-        for statement in (s for routine in module.routines for s in routine.statements):
-            if not isinstance(statement, Assign):
-                continue
+        of_module = (s for routine in module.routines for s in routine.statements)
+        for statement in [s for s in of_module if type(s) is Assign and s.target[:1] != "$"]:
             name = statement.target.upper().partition("]")[0] + "]"
             if name not in tools:
                 continue

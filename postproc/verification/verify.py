@@ -160,6 +160,7 @@ def _report(
     name: str, result: Result, cell: Cell, comparison: Comparison | None, checked: bool
 ) -> VerifyReport:
     paths = result.paths
+    times = durations(paths, cell)
     position = axis = tilt = tags = matched = real = None
     if comparison is not None:
         position = float(np.max(comparison.position_error, initial=0.0))
@@ -172,7 +173,7 @@ def _report(
         points=len(paths),
         violations=in_order(result.findings, Severity.ERROR),
         warnings=in_order(result.findings, Severity.WARNING),
-        cycle_time=cycle_time(paths, cell),
+        cycle_time=cycle_time(paths, times),
         worst=result.worst,
         position_error=position,
         axis_error=axis,
@@ -184,7 +185,7 @@ def _report(
         collisions_checked=checked,
         run=Run(
             paths,
-            durations(paths, cell),
+            times,
             None if comparison is None else comparison.served,
             None if comparison is None else comparison.position_error,
         ),
@@ -209,8 +210,10 @@ def _check_frames(result: Result, trace: Trace, cell: Cell) -> None:
     for what, frames, own, entries in expected:
         rows = trace.column(what).astype(np.int64)
         used = trace.column(f"{what}_number").astype(np.int64)
-        kinds = np.stack([rows, used, own])[:, cartesian]
-        for row, selected, index in np.unique(kinds, axis=1).T.tolist():
+        # what is selected is a matter of the settings: one motion of each tells
+        some = np.unique(trace.setting[cartesian], return_index=True)[1]
+        told = np.stack([rows, used, own])[:, np.flatnonzero(cartesian)[some]]
+        for row, selected, index in np.unique(told, axis=1).T.tolist():
             number, T = entries[index]
             off = float(np.linalg.norm(frames[row][:3, 3] - T[:3, 3]))
             turned = float(rotation_angle(frames[row][:3, :3], T[:3, :3]))

@@ -19,7 +19,9 @@ from postproc.model import MoveKind, Plan
 from postproc.paths import Displacement, Paths, joint_paths, run_in_cell
 from postproc.verification import VerifyReport, verify
 
-_KINDS = {MotionType.PTP: MoveKind.PTP, MotionType.CIRC: MoveKind.CIRC}
+_KIND_OF = {MotionType.PTP: MoveKind.PTP, MotionType.CIRC: MoveKind.CIRC}
+_KINDS = np.array([_KIND_OF.get(word, MoveKind.LIN) for word in MotionType])
+"""Kinds of moves by the numbers of ``MotionType``."""
 _REAL = (RunKind.POSITION, RunKind.PATH, RunKind.DEPTH)
 """Violations that may be those of the arm and not of the text."""
 
@@ -100,9 +102,7 @@ def _read_back(report: VerifyReport, findings: tuple[Finding, ...]) -> ReadBack:
     for row, values in trace.auxiliary.items():
         aux[row] = values[:3]
     return ReadBack(
-        kind=np.array(
-            [_KINDS.get(MotionType(code), MoveKind.LIN) for code in trace.motion_type.tolist()], int
-        ),
+        kind=_KINDS[trace.motion_type],
         q=paths.q,
         aux=aux,
         external=paths.external,

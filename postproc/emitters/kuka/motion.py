@@ -40,6 +40,7 @@ SPLINE_SEGMENTS = 500
 """Longest spline block; a longer chain is cut into blocks that blend into each other."""
 FORM_ROLES = (MoveRole.ENTRY, MoveRole.APPROACH)
 """Moves that become inline forms when a cell asks for them."""
+_PTP = int(MoveKind.PTP)
 _QUIET = (EventKind.MESSAGE, EventKind.UNKNOWN)
 _WORDS = {
     False: (MoveWord.PTP, MoveWord.LIN, MoveWord.CIRC),
@@ -98,6 +99,20 @@ class PartWriter:
     _key: Key = (Stage.ALWAYS, 0)
     _done: tuple[int, int] = (-1, 0)
     """Move whose first events, so many, have been written."""
+    _words: tuple[MoveWord, MoveWord, MoveWord] = field(init=False)
+    _orientation_deg_s: float = field(init=False)
+    """Of the cell."""
+    _blended: tuple[str, ...] = field(init=False)
+    """How a motion is approximated by a distance."""
+    _in_data: bool = field(init=False)
+    """Whether targets stand in the data list."""
+
+    def __post_init__(self) -> None:
+        """Ask the cell once what every motion needs."""
+        self._words = _WORDS[self.style.is_spline]
+        self._blended = ("C_SPL",) if self.style.is_spline else ("C_DIS",)
+        self._in_data = self.style.points is PointPlace.DAT
+        self._orientation_deg_s = self.style.orientation_speed / DEG
 
     def statements(self) -> list[Statement]:
         """Return all statements of the moves, events and waits of this file."""
@@ -126,20 +141,19 @@ class PartWriter:
         self._write(events, stop)
 
     def _moves(self, first: int, stop: int) -> None:
+        in_blocks = self.style.motion is MotionStyle.SPLINE_BLOCK
+        in_forms = self.style.motion is MotionStyle.FORMS
         index = first
         while index < stop:
             self._guard(index)
-            end = self._block_end(index, stop)
+            end = self._block_end(index, stop) if in_blocks else index + 1
             if end - index > 1:
                 self._block(index, end)
             else:
-                end = index + 1
                 self._before(index)
                 if index in self.homes and self.style.home is not HomeStyle.AXES:
                     self._home(index)
-                elif (
-                    self.style.motion is MotionStyle.FORMS and self.table.role[index] in FORM_ROLES
-                ):
+                elif in_forms and self.table.role[index] in FORM_ROLES:
                     self._form(index)
                 else:
                     self._motion(index)
@@ -152,7 +166,9 @@ class PartWriter:
         self._operation_of(index)
         if self._frames_change(index):
             self._frames(index)
-        events = self.by_index.get(index, ())
+        events = self.by_index.get(index)
+        if not events:
+            return
         if self._done[0] == index:
             events = events[self._done[1] :]
         self._write(events, index)
@@ -223,12 +239,10 @@ class PartWriter:
         Such a routine may select what it needs itself: behind its call both are selected anew. The
         head of a file selects those of its first move.
         """
-        if index == self.part.first:
+        if index == self.part.first or not self.table.is_reframed[index]:
             return False
         events = self.by_index.get(index, ())
-        return self.table.is_reframed[index] and all(
-            event.kind is not EventKind.TOOL_CHANGE for event in events
-        )
+        return all(event.kind is not EventKind.TOOL_CHANGE for event in events)
 
     def _open_operation(self, operation: int) -> None:
         self._operation = operation
@@ -252,15 +266,11 @@ class PartWriter:
 
     # ------------------------------------------------------------------------- the motions
 
-    @property
-    def _words(self) -> tuple[MoveWord, MoveWord, MoveWord]:
-        return _WORDS[self.style.is_spline]
-
     def _motion(self, index: int) -> None:
         """Write one motion, after what it needs set."""
         if self.modal.is_disturbed:
             self._restore()
-        if self.table.kind[index] == MoveKind.PTP:
+        if self.table.kind[index] == _PTP:
             self._percent(self.table.percent[index])
         else:
             self._speed(self.table.speed_m_s[index])
@@ -275,16 +285,18 @@ class PartWriter:
         table = self.table
         kind, aux = table.kind[index], table.auxiliary[index]
         auxiliary = None if aux is None else self._target(index, _pose(aux, table.external[index]))
-        target = self._axes(index) if kind == MoveKind.PTP else self._pose(index)
-        self.out += self._pending
-        self._pending.clear()
+        target = self._axes(index) if kind == _PTP else self._pose(index)
+        if self._pending:
+            self.out += self._pending
+            self._pending.clear()
         self.out.append(
             Move(
                 self._words[kind],
                 self._target(index, target),
                 auxiliary,
-                blend=blend,
-                settings=settings,
+                None,
+                blend,
+                settings,
                 comment=self._cam_line(index),
             )
         )
@@ -329,14 +341,14 @@ class PartWriter:
         return f" CAM line {line}" if line and self.style.cam_lines else ""
 
     def _target(self, index: int, target: Pose | Axes) -> Value:
-        return self.points.add(index, target) if self.style.points is PointPlace.DAT else target
+        return self.points.add(index, target) if self._in_data else target
 
     # ------------------------------------------------------------------------ spline blocks
 
     def _block_end(self, first: int, stop: int) -> int:
         """Return the move behind the spline block that begins with move ``first``."""
         table = self.table
-        if self.style.motion is not MotionStyle.SPLINE_BLOCK or table.kind[first] == MoveKind.PTP:
+        if table.kind[first] == MoveKind.PTP:
             return first + 1
         last = first
         while (
@@ -393,8 +405,7 @@ class PartWriter:
 
     def _orientation(self, deg_s: float) -> None:
         """Set the speed of the orientation where it is not that of the cell."""
-        own = self.style.orientation_speed / DEG
-        if deg_s != (self.modal.orientation_deg_s or own):
+        if deg_s != (self.modal.orientation_deg_s or self._orientation_deg_s):
             self.modal.orientation_deg_s = deg_s
             self.out += [Assign("$VEL.ORI1", deg_s), Assign("$VEL.ORI2", deg_s)]
 
@@ -410,9 +421,9 @@ class PartWriter:
         if self.modal.blend_mm != blend:
             self.modal.blend_mm = blend
             self.out.append(Assign("$APO.CDIS", blend))
-        return ("C_SPL",) if self.style.is_spline else ("C_DIS",)
+        return self._blended
 
 
 def _pose(values: Sequence[float], external: tuple[float, ...]) -> Pose:
     x, y, z, a, b, c = values
-    return Pose(x, y, z, a, b, c, external=external)
+    return Pose(x, y, z, a, b, c, None, None, external)

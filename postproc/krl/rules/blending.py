@@ -45,13 +45,21 @@ def blending(subject: Subject) -> None:
     """Row 18: kinds of blending, last motion, plunges, waits, borders."""
     for part in subject.parts:
         blended = [place for place, words in enumerate(part.blends) if words]
-        for place in blended:
-            _kind(subject, part, part.steps[place])
+        _kinds(subject, part, [part.steps[place] for place in blended])
         _plunges(subject, part)
         for place in blended:
             if part.steps[place].index not in part.in_block:
                 _behind(subject, part, place)
     _last_motions(subject)
+
+
+def _kinds(subject: Subject, part: Part, blended: Sequence[Step]) -> None:
+    """Check the words of blended motions; most of them are a word that may stand there."""
+    for step in blended:
+        words, move = step.move.blend, step.move
+        is_usual = words == ("C_DIS",) or (words == ("C_SPL",) and move.word.is_spline)
+        if not is_usual or step.index in part.in_block:
+            _kind(subject, part, step)
 
 
 def _kind(subject: Subject, part: Part, step: Step) -> None:
@@ -114,11 +122,12 @@ def _plunges(subject: Subject, part: Part) -> None:
     way = np.diff(part.positions, axis=0)
     begin, end = _headings(part, way)
     turns = np.flatnonzero(np.einsum("ij,ij->i", end[:-1], begin[1:]) < _REVERSAL) + 1
-    speeds = part.path_speeds if len(turns) else []
+    turns = turns[part.is_path[turns] & part.is_path[turns + 1]]
     for place in turns.tolist():
         bottom, before = part.steps[place], part.steps[place - 1]
-        path = part.is_path[place] and part.is_path[place + 1]
-        if not path or bottom.index in part.in_block or not _is_plunge(part, place, speeds):
+        if not (bottom.move.blend or before.move.blend):
+            continue
+        if bottom.index in part.in_block or not _is_plunge(part, place):
             continue
         if bottom.move.blend:
             message = "blended where the tool turns back at feed: the depth is not reached"
@@ -178,10 +187,10 @@ def _is_along_tool(bottom: Step, way: FloatArray) -> bool:
     return bool(along.max() > _ALONG)
 
 
-def _is_plunge(part: Part, place: int, speeds: list[float]) -> bool:
+def _is_plunge(part: Part, place: int) -> bool:
     """Whether the way to a turning point is made at feed, or the program waits there."""
     behind = part.between(part.steps[place], part.steps[place + 1])
-    return not speeds[place] > FEED or any(isinstance(s, WaitSec) for s in behind)
+    return not part.path_speeds[place] > FEED or any(isinstance(s, WaitSec) for s in behind)
 
 
 def _sets_feed(part: Part, place: int) -> bool:
@@ -192,7 +201,7 @@ def _sets_feed(part: Part, place: int) -> bool:
 def _last_motions(subject: Subject) -> None:
     for module, routine in subject.entries():
         last: tuple[str, Move] | None = None
-        for here, statement in subject.walk(module, routine):
+        for here, statement in subject.walk(module, routine, Move):
             if isinstance(statement, Move):
                 last = here.src_path, statement
         if last is not None and last[1].blend:
@@ -209,11 +218,13 @@ def advance_stops(subject: Subject) -> None:
     Checked between two path motions where the first is blended or made at feed.
     """
     for part in subject.parts:
-        speeds = part.path_speeds
+        if not any(map(_access, part.different)):
+            continue
+        at_feed = (part.path_speeds <= FEED).tolist()
         for place in (np.flatnonzero(part.is_path[1:] & part.is_path[:-1]) + 1).tolist():
             before = part.steps[place - 1]
             between = part.between(before, part.steps[place])
-            if between and (before.move.blend or speeds[place - 1] <= FEED):
+            if between and (before.move.blend or at_feed[place - 1]):
                 _stops(subject, part, between)
 
 
@@ -230,9 +241,10 @@ def _stops(subject: Subject, part: Part, between: Sequence[Statement]) -> None:
 
 def _access(statement: Statement) -> str:
     if isinstance(statement, Assign):
-        target = statement.target.upper()
-        if target.startswith(_WRITES):
-            return target
+        if statement.target[:1] == "$":
+            target = statement.target.upper()
+            if target.startswith(_WRITES):
+                return target
         text = getattr(statement.value, "text", "")
     elif isinstance(statement, Call):
         if statement.name.upper() == "PULSE":
@@ -242,5 +254,5 @@ def _access(statement: Statement) -> str:
         text = statement.condition
     else:
         text = statement.text if isinstance(statement, Control) else ""
-    found = _READS.search(text)
+    found = _READS.search(text) if text else None
     return found.group().upper() if found else ""

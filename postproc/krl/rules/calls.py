@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of
 from postproc.krl.rules.scope import Place
@@ -19,6 +20,7 @@ from postproc.krl.text import (
     Node,
     Reference,
     Routine,
+    Statement,
     Unary,
     Value,
 )
@@ -41,14 +43,19 @@ def calls(subject: Subject) -> None:
             target = subject.called(call.name, part.module)
             if target is not None:
                 _call(subject, part.path, place, call.line, target, call.arguments, needed)
-        for statement in part.routine.statements:
-            for node in nodes_of(statement, "("):
-                if isinstance(node, FunctionCall):
-                    _function(subject, part.path, place, statement.line, node, needed)
+        subject.each(part, partial(_functions, subject, part.path, place, needed))
 
 
 _Target = tuple[KrlModule, Routine]
 _NeededBy = dict[tuple[str, str, str, int], frozenset[str]]
+
+
+def _functions(
+    subject: Subject, path: str, place: Place, needed: _NeededBy, statement: Statement
+) -> None:
+    for node in nodes_of(statement, "("):
+        if isinstance(node, FunctionCall):
+            _function(subject, path, place, statement.line, node, needed)
 
 
 def _function(

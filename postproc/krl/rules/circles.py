@@ -67,6 +67,8 @@ def _three_points(
 def external_axes(subject: Subject) -> None:
     """Row 25: external axes where the controller has them, none where it has none."""
     count = subject.options.externals
+    if not (count or subject.points.more.any()):
+        return  # there are none, neither here nor there
     with_any = without = 0
     first_without: tuple[str, int] | None = None
     for part in subject.parts:

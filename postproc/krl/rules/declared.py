@@ -7,15 +7,14 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import PurePath
 
-from postproc.krl.rules.expressions import move_values, values_of
+from postproc.krl.rules.expressions import NAMELESS, move_values, values_of
 from postproc.krl.rules.naming import BUILT_IN, global_names
 from postproc.krl.rules.scope import DEFINES
-from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
+from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Part, Subject
 from postproc.krl.text import (
     NAME_LENGTH,
     Aggregate,
     Assign,
-    Axes,
     Call,
     Declaration,
     Expr,
@@ -24,9 +23,7 @@ from postproc.krl.text import (
     KrlModule,
     KrlSyntaxError,
     Move,
-    Pose,
     Raw,
-    Routine,
     Statement,
     Trigger,
     Value,
@@ -35,8 +32,6 @@ from postproc.krl.text import (
 )
 
 _SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
-_NAMELESS = frozenset({float, int, bool, Pose, Axes, type(None)})
-"""Values without a name in them."""
 _FORM_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})
 _POINT_TYPES = frozenset({"E6POS", "POS", "FRAME", "E6AXIS", "AXIS"})
 _EXTERNAL = re.compile(r"\s*(?:[A-Za-z_]\w*\s+)?([A-Za-z_]\w*)\s*(?:\(|$)")
@@ -75,9 +70,9 @@ def declared(subject: Subject) -> None:
     for module in subject.modules:
         own = _data_names(module)
         used: set[str] = set()
-        for routine in module.routines:
-            part_known = known_data | own | _local_names(routine)
-            found = _check_uses(subject, module, routine, part_known, known_calls)
+        for part in subject.parts_of(module):
+            part_known = known_data | own | _local_names(part)
+            found = _check_uses(subject, part, part_known, known_calls)
             used |= found.used
             missing += found.missing
         _unused_points(subject, module, used)
@@ -179,11 +174,9 @@ def _data_names(module: KrlModule) -> set[str]:
     return names
 
 
-def _local_names(routine: Routine) -> set[str]:
-    names = {parameter.name.upper() for parameter in routine.parameters}
-    for statement in routine.statements:
-        names |= _defined_by(statement)
-    return names
+def _local_names(part: Part) -> set[str]:
+    names = {parameter.name.upper() for parameter in part.routine.parameters}
+    return names.union(*map(_defined_by, part.of_kinds(Declaration, Raw)))
 
 
 def _defined_by(statement: Statement) -> set[str]:
@@ -196,21 +189,20 @@ def _defined_by(statement: Statement) -> set[str]:
     return set()
 
 
-def _check_uses(
-    subject: Subject, module: KrlModule, routine: Routine, known: set[str], known_calls: set[str]
-) -> _Uses:
+def _check_uses(subject: Subject, part: Part, known: set[str], known_calls: set[str]) -> _Uses:
+    module = part.module
     external = {
         found.group(1).upper()
-        for item in routine.statements
-        if isinstance(item, External) and (found := _EXTERNAL.match(item.text))
+        for item in part.of(External)
+        if (found := _EXTERNAL.match(item.text))
     }
     for item in module.data.statements if module.data is not None else ():
         if isinstance(item, External) and (found := _EXTERNAL.match(item.text)):
             external.add(found.group(1).upper())
     used: set[str] = set()
     missing: dict[str, _Missing] = {}
-    taught = set(_taught(routine.statements))
-    for name, is_call, line in _uses(routine.statements):
+    taught = set(_taught(part.different))
+    for name, is_call, line in _uses(part.different):
         used.add(name)
         if name in missing or name.startswith("$"):
             continue
@@ -292,7 +284,7 @@ def _uses(statements: Iterable[Statement]) -> Iterator[tuple[str, bool, int]]:
                 for name, is_call, _ in _uses((statement.action,)):
                     yield name, is_call, statement.line
         for value in values:
-            if type(value) not in _NAMELESS:
+            if type(value) not in NAMELESS:
                 yield from _names_of_value(value, statement.line)
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 from postproc.krl.text import (
     Aggregate,
     Assign,
+    Axes,
     Call,
     Control,
     Expr,
@@ -16,6 +18,7 @@ from postproc.krl.text import (
     KrlSyntaxError,
     Move,
     Node,
+    Pose,
     SplineBegin,
     Statement,
     Trigger,
@@ -27,6 +30,10 @@ from postproc.krl.text import (
 )
 
 _FOR = re.compile(r"(.+?)=(.+?)\bTO\b(.+?)(?:\bSTEP\b(.+))?$", re.IGNORECASE)
+
+
+NAMELESS = frozenset({float, int, bool, Pose, Axes, type(None)})
+"""Values without a name in them."""
 
 
 def move_values(statement: Move) -> tuple[Value | None, ...]:
@@ -70,26 +77,38 @@ def _control_texts(statement: Control) -> tuple[str, ...]:
     return ()
 
 
-def nodes_of(statement: Statement, mark: str) -> Iterator[Node]:
-    """Yield the nodes of all expressions of a statement, its action included.
+def nodes_of(statement: Statement, mark: str) -> Iterable[Node]:
+    """Return the nodes of all expressions of a statement, its action included.
 
     Args:
         statement: any.
         mark: expressions without these characters are left out.
     """
+    marked = [text for text in _texts_of(statement) if mark in text]
+    return chain.from_iterable(map(_nodes_of_text, marked)) if marked else ()
+
+
+def _texts_of(statement: Statement) -> list[str]:
+    """Return the texts of all expressions of a statement, its action included."""
     values, texts = values_of(statement)
     if isinstance(statement, Move):
         values = move_values(statement)
     if isinstance(statement, Move | SplineBegin):
         texts = tuple(item.target for item in statement.settings)
-    for text in (*texts, *(text for value in values for text in _texts(value))):
-        if mark in text:
-            try:
-                yield from nodes_in(parse_expression(text.strip()))
-            except KrlSyntaxError:
-                continue  # row 1 has it
+    found = [*texts]
+    for value in values:
+        if type(value) not in NAMELESS:
+            found += _texts(value)
     if isinstance(statement, Trigger | Interrupt) and statement.action is not None:
-        yield from nodes_of(statement.action, mark)
+        found += _texts_of(statement.action)
+    return found
+
+
+def _nodes_of_text(text: str) -> tuple[Node, ...]:
+    try:
+        return tuple(nodes_in(parse_expression(text.strip())))
+    except KrlSyntaxError:
+        return ()  # row 1 has it
 
 
 def _texts(value: Value | None) -> Iterator[str]:

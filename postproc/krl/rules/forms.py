@@ -46,7 +46,10 @@ class Form:
 def folds(subject: Subject) -> None:
     """Row 23: every FOLD has its ENDFOLD; a fold may hold whole routines."""
     for module in subject.modules:
-        parts = ((*routine.statements, *routine.after) for routine in module.routines)
+        parts = (
+            (*part.of_kinds(FoldBegin, FoldEnd), *part.routine.after)
+            for part in subject.parts_of(module)
+        )
         _balance(subject, module.src_path, [*module.before, *chain.from_iterable(parts)])
         if module.data is not None:
             _balance(subject, module.dat_path, module.data.statements)
@@ -83,8 +86,8 @@ def forms(subject: Subject) -> None:
 def _forms(part: Part) -> Iterator[Form]:
     """Yield the inline forms: folds whose text begins with a motion and a form's marks."""
     statements = part.routine.statements
-    for index, statement in enumerate(statements):
-        if not isinstance(statement, FoldBegin) or not _is_form(statement.text):
+    for index, statement in zip(part.places(FoldBegin), part.of(FoldBegin), strict=True):
+        if not _is_form(statement.text):
             continue
         depth, end = 1, index + 1
         while end < len(statements) and depth:

@@ -113,14 +113,14 @@ def frame_numbers(subject: Subject) -> None:
     """Row 10: tool and base exist on the controller; a form's FDAT agrees with them."""
     for part in subject.parts:
         active: dict[str, float] = {}
-        for statement in part.of_kinds(Assign, Call):
+        for statement in part.different:
             command, argument = bas(statement)
             if command in ("TOOL", "BASE"):
                 value = number(argument)
                 if value is not None:
                     _in_range(subject, part.path, statement.line, command, value)
                     active[command] = value
-            elif isinstance(statement, Assign):
+            elif isinstance(statement, Assign) and statement.target.upper() == "FDAT_ACT":
                 _fdat(subject, part, statement, active)
         _with_frames(subject, part)
     for module in subject.modules:
@@ -151,8 +151,6 @@ def _fdat_range(subject: Subject, path: str, line: int, value: Aggregate) -> Non
 
 
 def _fdat(subject: Subject, part: Part, statement: Assign, active: dict[str, float]) -> None:
-    if statement.target.upper() != "FDAT_ACT":
-        return
     value = subject.value(statement.value, part.module)
     if not isinstance(value, Aggregate):
         return

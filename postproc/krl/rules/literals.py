@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator
+from itertools import chain
 
 import numpy as np
 
 from postproc.krl.rules.scope import COMPONENTS
-from postproc.krl.rules.subject import ERROR, WARNING, Subject, all_statements
+from postproc.krl.rules.subject import ERROR, WARNING, Subject, files_of
 from postproc.krl.text import (
     LONG_LINE,
     Aggregate,
@@ -33,6 +34,8 @@ _STAMP = re.compile(
     r"|\b(0?[1-9]|[12]\d|3[01])[./](0?[1-9]|1[0-2])[./](19|20)\d\d\b"
     r"|\b([01]?\d|2[0-3]):[0-5]\d:[0-5]\d\b"
 )
+_PARTED = re.compile(r"\d[-./:]\d")
+"""What every date and every time has in it, and few other texts."""
 _LARGEST = 1e6
 LONGEST_SEEN = 431
 """Longest line in real .src files."""
@@ -42,15 +45,17 @@ def literals(subject: Subject) -> None:
     """Row 7: numbers are numbers, components known and not repeated, axes and poses not mixed."""
     points = subject.points
     large = (np.abs(points.numbers) > _LARGEST).any(axis=1)
-    looked_at = set(points.place[large | points.more].tolist())
-    for place, (path, line, value, type_name) in enumerate(subject.written):
+    passed = np.zeros(len(subject.written), dtype=np.bool_)
+    passed[points.place[~(large | points.more)]] = True
+    for place in np.flatnonzero(~passed).tolist():
+        path, line, value, type_name = subject.written[place]
         kind = type(value)
         if kind is Aggregate:
             _aggregate(subject, path, line, value, type_name)  # type: ignore[arg-type]
         elif kind is Expr and value.text.upper() in _NOT_NUMBERS:  # type: ignore[union-attr]
             subject.add(7, ERROR, path, line, f"{value.text} is no number")  # type: ignore[union-attr]
-        elif place in looked_at:
-            _sizes(subject, path, line, value)  # type: ignore[arg-type]
+        elif isinstance(value, Pose | Axes):
+            _sizes(subject, path, line, value)
 
 
 def _aggregate(subject: Subject, path: str, line: int, value: Aggregate, type_name: str) -> None:
@@ -102,7 +107,7 @@ def _sizes(subject: Subject, path: str, line: int, value: Pose | Axes) -> None:
 def text(subject: Subject) -> None:
     """Row 8: ASCII, CR LF, no byte order mark, a final newline, lines and files not too long."""
     for module in subject.modules:
-        parts = [part for part in subject.parts if part.module is module]
+        parts = subject.parts_of(module)
         moves = [move for part in parts for move in part.of(Move)]
         # Parameters and code of a form of KSS 8.6 are long lines on real controllers, too.
         forms = {move.line for move in moves if move.settings}
@@ -143,7 +148,7 @@ def _facts(subject: Subject, facts: TextFacts, forms: set[int]) -> None:
 
 def traces(subject: Subject) -> None:
     """Row 26: no date or time in the text and no -0: two runs must give the same bytes."""
-    found = [item for module in subject.modules for item in _stamps(module)]
+    found = list(chain.from_iterable(map(_stamps, subject.modules)))
     points = subject.points
     zero = ((points.numbers == 0.0) & np.signbit(points.numbers)).any(axis=1)
     for path, line, point in subject.points_at(zero | points.more):
@@ -155,19 +160,25 @@ def traces(subject: Subject) -> None:
 
 def _stamps(module: KrlModule) -> Iterator[tuple[str, int, str]]:
     """Yield file, line and message of every date or time."""
-    texts = [(path, s.line, _said(s)) for path, s in all_statements(module)]
-    texts += [(module.src_path, line, text) for line, text in enumerate(module.attributes, 1)]
-    if not _STAMP.search("\n".join(text for _, _, text in texts)):
-        return
-    for path, line, text in texts:
-        found = _STAMP.search(text)
-        if found:
-            yield path, line, f"a date or time in the text: {found.group()}"
+    for path, statements in files_of(module):
+        for statement in statements:
+            text = _said(statement)
+            if text and _PARTED.search(text):
+                yield from _stamp(path, statement.line, text)
+    for line, text in enumerate(module.attributes, 1):
+        yield from _stamp(module.src_path, line, text)
+
+
+def _stamp(path: str, line: int, text: str) -> Iterator[tuple[str, int, str]]:
+    found = _STAMP.search(text)
+    if found:
+        yield path, line, f"a date or time in the text: {found.group()}"
 
 
 def _said(statement: Statement) -> str:
     """Return what a line says to people."""
-    return statement.text if isinstance(statement, Comment | FoldBegin) else statement.comment
+    kind = type(statement)
+    return statement.text if kind is Comment or kind is FoldBegin else statement.comment  # type: ignore[attr-defined]
 
 
 def _has_minus_zero(value: Pose | Axes) -> bool:

@@ -56,7 +56,7 @@ def legal_names(subject: Subject) -> None:
             continue
         _check_name(subject, module.src_path or module.dat_path, 1, module.name)
         _unique_routines(subject, module)
-        for name, path, line in _own_names(module):
+        for name, path, line in _own_names(subject, module):
             _check_name(subject, path, line, name)
         for name, path, line in global_names(module):
             key = name.upper()
@@ -84,7 +84,8 @@ def _check_name(subject: Subject, path: str, line: int, name: str) -> None:
 
 def _unique_routines(subject: Subject, module: KrlModule) -> None:
     seen: set[str] = set()
-    for routine in module.routines:
+    for part in subject.parts_of(module):
+        routine = part.routine
         if routine.name.upper() in seen:
             message = f"a second routine {routine.name} in this module"
             subject.add(4, ERROR, module.src_path, routine.line, message)
@@ -92,7 +93,7 @@ def _unique_routines(subject: Subject, module: KrlModule) -> None:
         if routine is not module.main and routine.name.upper() in BUILT_IN:
             message = f"{routine.name} is a routine of every controller"
             subject.add(4, ERROR, module.src_path, routine.line, message)
-        _unique(subject, module.src_path, routine.statements)
+        _unique(subject, module.src_path, part.of(Declaration))
     if module.data is not None:
         _unique(subject, module.dat_path, module.data.statements)
 
@@ -111,12 +112,13 @@ def _unique(subject: Subject, path: str, statements: Iterable[Statement]) -> Non
             seen.add(key)
 
 
-def _own_names(module: KrlModule) -> Iterator[tuple[str, str, int]]:
-    for routine in module.routines:
+def _own_names(subject: Subject, module: KrlModule) -> Iterator[tuple[str, str, int]]:
+    for part in subject.parts_of(module):
+        routine = part.routine
         yield routine.name, module.src_path, routine.line
         for parameter in routine.parameters:
             yield parameter.name, module.src_path, routine.line
-        yield from _declared_in(routine.statements, module.src_path)
+        yield from _declared_in(part.of_kinds(Declaration, Control), module.src_path)
     if module.data is not None:
         yield from _declared_in(module.data.statements, module.dat_path)
 
@@ -143,11 +145,10 @@ def global_names(module: KrlModule) -> Iterator[tuple[str, str, int]]:
 
 def _form_points(subject: Subject, module: KrlModule) -> None:
     """The name of a form's point gets a letter in front: 23 characters are left for it."""
-    for routine in module.routines:
-        for statement in routine.statements:
-            if isinstance(statement, FoldBegin):
-                found = _POINT.match(statement.text.strip())
-                name = found.group(1) if found else ""
-                if len(name) > NAME_LENGTH - 1:
-                    message = f"form point {name}: X{name} has {len(name) + 1} characters"
-                    subject.add(4, ERROR, module.src_path, statement.line, message)
+    for part in subject.parts_of(module):
+        for fold in part.of(FoldBegin):
+            found = _POINT.match(fold.text.strip())
+            name = found.group(1) if found else ""
+            if len(name) > NAME_LENGTH - 1:
+                message = f"form point {name}: X{name} has {len(name) + 1} characters"
+                subject.add(4, ERROR, module.src_path, fold.line, message)

@@ -52,12 +52,18 @@ class _Spindle:
 
 
 def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
+    names = {_called(statement) for _, statement in subject.walk(module, routine, Call, Trigger)}
+    if not any(_ON.search(name) or _OFF.search(name) for name in names):
+        return  # no spindle of which the text knows
     state = _Spindle()
-    for here, statement in subject.walk(module, routine):
+    for here, statement in subject.walk(module, routine, Assign, Move, Call, Trigger):
+        if isinstance(statement, Assign | Move):
+            _follow(state, statement, here)
+            continue
         place, name = (here.src_path, statement.line), _called(statement)
         if not name:
-            _follow(state, statement, place)
-        elif _ON.search(name):
+            continue
+        if _ON.search(name):
             if state.cut is not None:
                 message = "a cut at feed speed while the spindle stands"
                 subject.add(21, WARNING, *state.cut, message)
@@ -73,14 +79,14 @@ def _spindle(subject: Subject, module: KrlModule, routine: Routine) -> None:
         subject.add(21, WARNING, *state.on, message, hint="call what stops it at the end")
 
 
-def _follow(state: _Spindle, statement: Statement, place: tuple[str, int]) -> None:
+def _follow(state: _Spindle, statement: Assign | Move, here: KrlModule) -> None:
     if isinstance(statement, Assign):
         if statement.target == "$VEL.CP":
             state.speed = number(statement.value)
-    elif isinstance(statement, Move) and not statement.word.is_axis_motion:
+    elif not statement.word.is_axis_motion:
         is_cut = state.speed is not None and state.speed <= FEED
         if is_cut and state.on is None and state.cut is None and not state.may_leave:
-            state.cut = place
+            state.cut = here.src_path, statement.line
         state.may_leave = False
 
 

@@ -157,9 +157,9 @@ class Scope:
             for name, kind in _variables((statement,)) if seen else ():
                 known = self._everywhere.setdefault(name, kind)
                 self._everywhere[name] = kind if known == kind else None
-        for statement in (*data, *(s for r in module.routines for s in r.statements)):
-            if isinstance(statement, Raw):
-                self._define(statement.text)
+        for statements in (data, *(routine.statements for routine in module.routines)):
+            for text in [s.text for s in statements if type(s) is Raw]:
+                self._define(text)
 
     def _define(self, text: str) -> None:
         found = DEFINES.match(text)
@@ -324,11 +324,11 @@ def _node(value: Value) -> Node | None:
 def _variables(statements: Iterable[Statement]) -> Iterator[tuple[str, Type | None]]:
     """Yield name and type of what is declared; of a signal only that it is there."""
     for statement in statements:
-        if isinstance(statement, Declaration):
+        if type(statement) is Declaration:
             for variable in statement.variables:
                 rank = 0 if variable.dimension is None else variable.dimension.count(",") + 1
                 yield variable.name.upper(), Type(statement.type_name.upper(), rank)
-        elif isinstance(statement, Raw):
+        elif type(statement) is Raw:
             found = DEFINES.match(statement.text)
             if found and found.group(1).upper() in ("SIGNAL", "CHANNEL"):
                 yield found.group(2).upper(), None

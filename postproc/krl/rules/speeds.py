@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from postproc.arrays import FloatArray
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, known_number, number
 from postproc.krl.text import (
     Aggregate,
@@ -27,19 +29,20 @@ _ORIENTATION = ("$VEL.ORI1", "$VEL.ORI2")
 def speeds(subject: Subject) -> None:
     """Rows 15 to 17: all settings that stand in the text."""
     for part in subject.parts:
-        for statement in part.of_kinds(Assign, Call, Move, SplineBegin):
-            if type(statement) is Move and not statement.settings:
-                continue
-            for line, name, value in _settings(statement):
-                _setting(subject, part.path, line, name, value)
-            if type(statement) is Call:
-                _bas(subject, part.path, statement)
+        subject.each(part, partial(_speeds, subject, part.path))
         _blend_lengths(subject, part)
         _without_advance(subject, part)
     for module in subject.modules:
         for statement in module.data.statements if module.data is not None else ():
             if isinstance(statement, Declaration):
                 _motion_data(subject, module.dat_path, statement)
+
+
+def _speeds(subject: Subject, path: str, statement: Statement) -> None:
+    for line, name, value in _settings(statement):
+        _setting(subject, path, line, name, value)
+    if isinstance(statement, Call):
+        _bas(subject, path, statement)
 
 
 def _settings(statement: Statement) -> Sequence[tuple[int, str, Value]]:
@@ -159,7 +162,7 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
         return
     length = np.linalg.norm(np.diff(part.positions, axis=0), axis=1)
     short = 0.5 * np.fmin(length[:-1], length[1:])
-    distance = np.array(_distances(part))[1:-1]
+    distance = _distances(part)[1:-1]
     blended = np.array(["C_DIS" in b or "C_SPL" in b for b in part.blends])[1:-1]
     known = np.isfinite(length[:-1]) & np.isfinite(length[1:]) & part.is_path[1:-1]
     cut = known & part.is_path[2:] & blended & (distance > short * (1.0 + 1e-6) + 1e-6)
@@ -173,29 +176,29 @@ def _blend_lengths(subject: Subject, part: Part) -> None:
         subject.add(17, WARNING, part.path, first, message)
 
 
-def _distances(part: Part) -> list[float]:
-    """Return $APO.CDIS [mm] in force at each motion, NaN where it is not known."""
-    current, found = float("nan"), []
-    for statement in part.of_kinds(Move, Assign, Call):
-        kind = type(statement)
-        if kind is Move:
-            found.append(current)
-        elif kind is Assign:
-            if statement.target.upper().startswith("$APO"):  # type: ignore[attr-defined]
+def _distances(part: Part) -> FloatArray:
+    """Return $APO.CDIS [mm] (k,) in force at each motion, NaN where it is not known."""
+    changes = []
+    for index, statement in zip(
+        part.places(Assign, Call), part.of_kinds(Assign, Call), strict=True
+    ):
+        if isinstance(statement, Assign):
+            if statement.target.upper().startswith("$APO"):
                 for _, name, value in _settings(statement):
-                    current = known_number(value) if name == "$APO.CDIS" else current
+                    if name == "$APO.CDIS":
+                        changes.append((index, known_number(value)))
         else:
             command, _ = bas(statement)
             if command == "INITMOV" or command.endswith(("PARAMS", "_DAT")):
-                current = float("nan")
-    return found
+                changes.append((index, float("nan")))
+    return part.in_force(changes)
 
 
 def _without_advance(subject: Subject, part: Part) -> None:
     """Row 17: with $ADVANCE 0 nothing is blended."""
     advance: float | None = None
     settings = [item for item in part.of(Assign) if item.target == "$ADVANCE"]
-    if not settings:
+    if all(number(item.value) != 0 for item in settings):
         return
     for statement in part.of_kinds(Assign, Move):
         if isinstance(statement, Assign) and statement.target == "$ADVANCE":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from postproc.krl.rules.subject import ERROR, Subject
+from postproc.krl.rules.subject import ERROR, Part, Subject
 from postproc.krl.text import (
     Assign,
     Blank,
@@ -54,19 +54,20 @@ def parses(subject: Subject) -> None:
 def blocks(subject: Subject) -> None:
     """Row 2: DEF and END, and all blocks, are balanced."""
     for module in subject.modules:
-        for routine in module.routines:
+        for part in subject.parts_of(module):
+            routine = part.routine
             if not routine.is_closed:
                 message = f"{routine.name} has no END: the file is cut off or END is missing"
                 subject.add(2, ERROR, module.src_path, routine.end_line, message)
-            _balance(subject, module, routine)
+            _balance(subject, part)
         if module.data is not None and not module.data.is_closed:
             message = f"{module.data.name} has no ENDDAT"
             subject.add(2, ERROR, module.dat_path, module.data.end_line, message)
 
 
-def _balance(subject: Subject, module: KrlModule, routine: Routine) -> None:
-    stack: list[tuple[str, int]] = []
-    for statement in routine.statements:
+def _balance(subject: Subject, part: Part) -> None:
+    module, stack = part.module, list[tuple[str, int]]()
+    for statement in part.of_kinds(SplineBegin, SplineEnd, Control):
         if isinstance(statement, SplineBegin):
             stack.append(("SPLINE", statement.line))
         elif isinstance(statement, SplineEnd):
@@ -109,32 +110,34 @@ def _close(
 def declarations(subject: Subject) -> None:
     """Row 6: in a .src declarations come first and have no value; in a .dat both in one line."""
     for module in subject.modules:
-        for routine in module.routines:
-            _routine_declarations(subject, module, routine)
+        for part in subject.parts_of(module):
+            _routine_declarations(subject, part)
         if module.data is not None:
             _data_lines(subject, module, module.data)
 
 
-def _routine_declarations(subject: Subject, module: KrlModule, routine: Routine) -> None:
-    first: Statement | None = None
-    for statement in routine.statements:
-        if _declares(statement):
-            if first is not None:
-                message = f"a declaration behind the first instruction (line {first.line})"
-                subject.add(6, ERROR, module.src_path, statement.line, message)
-            for variable in statement.variables if isinstance(statement, Declaration) else ():
-                _sized(subject, module, routine, statement.line, variable)
-                if variable.value is not None:
-                    subject.add(
-                        6,
-                        ERROR,
-                        module.src_path,
-                        statement.line,
-                        f"{variable.name} is given a value in a .src declaration",
-                        hint="declare it in the .dat with its value, or assign it behind INI",
-                    )
-        elif first is None and not isinstance(statement, _QUIET):
-            first = statement
+def _routine_declarations(subject: Subject, part: Part) -> None:
+    module, routine, statements = part.module, part.routine, part.routine.statements
+    instructions = (
+        i for i, s in enumerate(statements) if not (isinstance(s, _QUIET) or _declares(s))
+    )
+    first = next(instructions, len(statements))
+    for index in part.places(Declaration, External, Raw):
+        statement = statements[index]
+        if index > first and _declares(statement):
+            message = f"a declaration behind the first instruction (line {statements[first].line})"
+            subject.add(6, ERROR, module.src_path, statement.line, message)
+        for variable in statement.variables if isinstance(statement, Declaration) else ():
+            _sized(subject, module, routine, statement.line, variable)
+            if variable.value is not None:
+                subject.add(
+                    6,
+                    ERROR,
+                    module.src_path,
+                    statement.line,
+                    f"{variable.name} is given a value in a .src declaration",
+                    hint="declare it in the .dat with its value, or assign it behind INI",
+                )
 
 
 def _sized(

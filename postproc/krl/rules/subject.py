@@ -18,10 +18,14 @@ from postproc.krl.rules.values import Points, Written, points_among, written_in
 from postproc.krl.text import (
     Assign,
     Axes,
+    Blank,
     Call,
+    Comment,
     Declaration,
     Enum,
     Expr,
+    FoldBegin,
+    FoldEnd,
     Interrupt,
     KrlModule,
     Move,
@@ -40,6 +44,10 @@ HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
 """Rows that programs of ours keep and a controller does not ask for: of its own modules they are
 worth a look at most."""
 _S = TypeVar("_S", bound=Statement)
+_TEXTS = frozenset({Comment, Blank, FoldBegin, FoldEnd})
+"""Lines for people."""
+_LITERAL_TARGETS = frozenset({Pose, Axes})
+_PLAIN = frozenset({float, int, bool})
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -85,9 +93,12 @@ class Step:
 
 def position_of(point: Pose | Axes | None) -> tuple[float | None, ...]:
     """Return X, Y, Z [mm] of a point, as an array turns them into NaN where it has none."""
-    if isinstance(point, Pose):
+    if type(point) is Pose:
         return point.x_mm, point.y_mm, point.z_mm
-    return None, None, None
+    return _NO_POSITION
+
+
+_NO_POSITION = (None, None, None)
 
 
 RoutineKey = tuple[str, str, str, int]
@@ -120,11 +131,17 @@ class Part:
     """Motions in the order of the text."""
     in_block: frozenset[int] = field(init=False)
     """Statement indices of motions within a spline block."""
+    telling: list[tuple[Statement, int]] = field(init=False)
+    """All statements but lines for people and motions to literals, which say nothing that a rule
+    about names and values asks for; each with the number of what it says, -1 for no number.
+    Assignments with one number say the same."""
+    different: list[Statement] = field(init=False)
+    """Of those that say the same, the first."""
     _places: dict[type, list[int]] = field(init=False)
     """Statement indices of each kind."""
     _positions: FloatArray | None = field(init=False, default=None)
     _is_path: BoolArray | None = field(init=False, default=None)
-    _path_speeds: list[float] | None = field(init=False, default=None)
+    _path_speeds: FloatArray | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         """Sort the statements by kind, and find the motions."""
@@ -132,11 +149,17 @@ class Part:
         self._places = defaultdict(list)
         for index, kind in enumerate(map(type, statements)):
             self._places[kind].append(index)
-        self.steps = tuple(
-            Step(index, move, point(move.target, self.module))
-            for index, move in zip(self._places[Move], self.of(Move), strict=True)
-        )
+        moves = self.of(Move)
+        targets = [
+            move.target
+            if type(move.target) in _LITERAL_TARGETS
+            else point(move.target, self.module)
+            for move in moves
+        ]
+        self.steps = tuple(map(Step, self._places[Move], moves, targets))  # type: ignore[arg-type]
         self.in_block = frozenset(self._within_blocks())
+        self.telling = list(_telling(statements))
+        self.different = list(_different(self.telling))
 
     def _within_blocks(self) -> Iterator[int]:
         if not self._places[SplineBegin]:
@@ -163,9 +186,19 @@ class Part:
         statements = self.routine.statements
         return [statements[index] for index in self.places(*kinds)]
 
+    def in_force(self, changes: Sequence[tuple[int, float]]) -> FloatArray:
+        """Return the value (k,) in force at each motion, NaN before the first change.
+
+        Args:
+            changes: statement index and value, in the order of the text.
+        """
+        values = np.array([np.nan, *(value for _, value in changes)])
+        places = np.array([index for index, _ in changes], dtype=np.int64)
+        return np.asarray(values[np.searchsorted(places, self._places[Move])])
+
     @property
-    def path_speeds(self) -> list[float]:
-        """$VEL.CP [m/s] in force at each motion, NaN where the text does not tell."""
+    def path_speeds(self) -> FloatArray:
+        """(k,) $VEL.CP [m/s] in force at each motion, NaN where the text does not tell."""
         if self._path_speeds is None:
             self._path_speeds = _path_speeds(self)
         return self._path_speeds
@@ -189,7 +222,7 @@ class Part:
         """(k, 3) X, Y, Z [mm] of the targets, NaN where there are none."""
         if self._positions is None:
             rows = [
-                position_of(None if step.move.word.is_relative else step.target)
+                _NO_POSITION if step.move.word.is_relative else position_of(step.target)
                 for step in self.steps
             ]
             self._positions = np.array(rows, dtype=np.float64).reshape(-1, 3)
@@ -222,6 +255,7 @@ class Subject:
         self.options = options
         self.findings: list[Finding] = []
         self._counts: dict[tuple[str, str], int] = {}
+        self._added = 0
 
     # ----------------------------------------------------------------------------------- findings
 
@@ -240,6 +274,7 @@ class Subject:
         code = f"KRL1{row:02d}"
         key = (code, path)
         self._counts[key] = self._counts.get(key, 0) + 1
+        self._added += 1
         if self._counts[key] <= _SHOWN:
             place = SourceRef(path, max(line, 1))
             self.findings.append(Finding(severity, code, message, source=place, hint=hint))
@@ -252,6 +287,20 @@ class Subject:
                     NOTE, code, f"{count - _SHOWN} more findings of {code}", source=SourceRef(path)
                 )
 
+    def each(self, part: Part, check: Callable[[Statement], None]) -> None:
+        """Check what is telling in a routine, statement by statement.
+
+        A program says the same few things a thousand times: what a check has found in order once,
+        it is not asked again. It must look at nothing but the statement and its routine.
+        """
+        in_order: set[int] = set()
+        for statement, said in part.telling:
+            if said not in in_order:
+                before = self._added
+                check(statement)
+                if said >= 0 and self._added == before:
+                    in_order.add(said)
+
     # -------------------------------------------------------------------------------------- names
 
     @cached_property
@@ -260,6 +309,18 @@ class Subject:
         return tuple(
             Part(module, routine, self) for module in self.modules for routine in module.routines
         )
+
+    @cached_property
+    def _parts_of(self) -> dict[int, tuple[Part, ...]]:
+        """The routines of each module, by its identity."""
+        found: dict[int, tuple[Part, ...]] = {id(module): () for module in self.modules}
+        for part in self.parts:
+            found[id(part.module)] += (part,)
+        return found
+
+    def parts_of(self, module: KrlModule) -> tuple[Part, ...]:
+        """Return the routines of a module."""
+        return self._parts_of[id(module)]
 
     @cached_property
     def data(self) -> dict[tuple[str, str], dict[str, Value]]:
@@ -305,7 +366,7 @@ class Subject:
     @cached_property
     def written(self) -> tuple[Written, ...]:
         """All values that stand in the text and are no plain numbers."""
-        return tuple(written_in(chain.from_iterable(map(all_statements, self.modules))))
+        return tuple(written_in(chain.from_iterable(map(files_of, self.modules))))
 
     @cached_property
     def points(self) -> Points:
@@ -380,22 +441,42 @@ class Subject:
             if key in self.moving and key not in self.called_routines:
                 yield module, module.main
 
-    def walk(self, module: KrlModule, routine: Routine) -> Iterator[tuple[KrlModule, Statement]]:
-        """Yield statements in the order of the text; what is called stands at its first call."""
+    def walk(
+        self, module: KrlModule, routine: Routine, *kinds: type[Statement]
+    ) -> Iterator[tuple[KrlModule, Statement]]:
+        """Yield statements in the order of the text; what is called stands at its first call.
+
+        Args:
+            module: of the routine.
+            routine: where to begin.
+            kinds: of the statements that are wanted; none: all.
+        """
         seen = {key_of(module, routine)}
-        stack: list[tuple[KrlModule, Iterator[Statement]]] = [(module, iter(routine.statements))]
+        stack = [(module, self._walked(module, routine, kinds))]
         while stack:
             here, statements = stack[-1]
-            statement = next(statements, None)
-            if statement is None:
-                stack.pop()
-                continue
-            yield here, statement
-            if isinstance(statement, Call):
+            for statement in statements:
+                if type(statement) is not Call:
+                    yield here, statement
+                    continue
+                if not kinds or Call in kinds:
+                    yield here, statement
                 target = self.called(statement.name, here)
                 if target is not None and key_of(*target) not in seen:
                     seen.add(key_of(*target))
-                    stack.append((target[0], iter(target[1].statements)))
+                    stack.append((target[0], self._walked(*target, kinds)))
+                    break
+            else:
+                stack.pop()
+
+    def _walked(
+        self, module: KrlModule, routine: Routine, kinds: tuple[type[Statement], ...]
+    ) -> Iterator[Statement]:
+        """Return the statements of a routine that a walk sees: of the kinds, and calls."""
+        if not kinds:
+            return iter(routine.statements)
+        part = next(part for part in self.parts_of(module) if part.routine is routine)
+        return iter(part.of_kinds(*{*kinds, Call}))
 
 
 Rule = Callable[[Subject], None]
@@ -424,29 +505,69 @@ def known_number(value: Value | None) -> float:
     return float("nan") if found is None else found
 
 
-def _path_speeds(part: Part) -> list[float]:
-    current, found = float("nan"), []
-    for statement in part.of_kinds(Move, Assign, Call):
-        if isinstance(statement, Move):
-            own = [s.value for s in statement.settings if s.target == "$VEL.CP"]
-            found.append(known_number(own[0]) if own else current)
-        elif isinstance(statement, Assign):
+def _telling(statements: Sequence[Statement]) -> Iterator[tuple[Statement, int]]:
+    """Yield the statements that are more than a line for people or a motion to a literal."""
+    numbers: dict[tuple[str, type, object], int] = {}
+    for statement in statements:
+        kind = type(statement)
+        if kind is Move:
+            if not _is_plain(statement):  # type: ignore[arg-type]
+                yield statement, -1
+        elif kind is Assign:
+            value = statement.value  # type: ignore[attr-defined]
+            of = type(value)
+            if of in _PLAIN:
+                said = (statement.target, of, value)  # type: ignore[attr-defined]
+                yield statement, numbers.setdefault(said, len(numbers))
+            else:
+                yield statement, -1
+        elif kind not in _TEXTS:
+            yield statement, -1
+
+
+def _different(telling: Sequence[tuple[Statement, int]]) -> Iterator[Statement]:
+    """Yield the first of all statements that say the same."""
+    known: set[int] = set()
+    for statement, said in telling:
+        if said not in known:
+            yield statement
+            if said >= 0:
+                known.add(said)
+
+
+def _is_plain(move: Move) -> bool:
+    """Whether a motion goes to a literal, and that is all it says."""
+    return type(move.target) in _LITERAL_TARGETS and move.auxiliary is None and not move.settings
+
+
+def _path_speeds(part: Part) -> FloatArray:
+    changes = []
+    for index, statement in zip(
+        part.places(Assign, Call), part.of_kinds(Assign, Call), strict=True
+    ):
+        if isinstance(statement, Assign):
             if statement.target == "$VEL.CP":
-                current = known_number(statement.value)
+                changes.append((index, known_number(statement.value)))
         else:
             command, argument = bas(statement)
             if command in ("CP_PARAMS", "VEL_CP", "INITMOV"):
-                current = float("nan") if command == "INITMOV" else known_number(argument)
-    return found
+                new = float("nan") if command == "INITMOV" else known_number(argument)
+                changes.append((index, new))
+    speeds = part.in_force(changes)
+    for place, step in enumerate(part.steps):
+        if step.move.settings:
+            own = [s.value for s in step.move.settings if s.target == "$VEL.CP"]
+            if own:
+                speeds[place] = known_number(own[0])
+    return speeds
 
 
-def all_statements(module: KrlModule) -> Iterator[tuple[str, Statement]]:
-    """Yield file and statement of everything in a module."""
+def files_of(module: KrlModule) -> Iterator[tuple[str, Sequence[Statement]]]:
+    """Yield everything in a module: statements of a routine or a list, each with its file."""
     for routine in module.routines:
-        for statement in chain(routine.statements, routine.after):
-            yield module.src_path, statement
-    for statement in module.before:
-        yield module.src_path, statement
+        yield module.src_path, routine.statements
+        yield module.src_path, routine.after
+    yield module.src_path, module.before
     if module.data is not None:
-        for statement in chain(module.data.before, module.data.statements):
-            yield module.dat_path, statement
+        yield module.dat_path, module.data.before
+        yield module.dat_path, module.data.statements

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
+from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of, settings_of
 from postproc.krl.rules.scope import declared_names, system_names
 from postproc.krl.rules.slips import nearest
 from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas
-from postproc.krl.text import Assign, Call, Enum, Reference
+from postproc.krl.text import Assign, Call, Enum, Reference, Statement
 
 _BASE_NAME = re.compile(r"\$\w+")
 _COUNTED = frozenset({"$IN", "$OUT", "$FLAG", "$CYCFLAG", "$ANIN", "$ANOUT", "$TIMER"})
@@ -23,14 +24,23 @@ def system_variables(subject: Subject) -> None:
     commands = subject.scope.enumerations.get("BAS_COMMAND") or system_names().constants["BAS"]
     told: set[tuple[str, str]] = set()
     for part in subject.parts:
-        for statement in part.routine.statements:
-            for item in settings_of(statement):
-                _set(subject, part, statement.line, item)
-            for node in nodes_of(statement, "$"):
-                if isinstance(node, Reference) and node.name.startswith("$"):
-                    _exists(subject, part, statement.line, node, known, told)
+        subject.each(part, partial(_variables, subject, part, known, told))
         for call in part.calls:
             _command(subject, part, call, commands)
+
+
+def _variables(
+    subject: Subject,
+    part: Part,
+    known: Collection[str],
+    told: set[tuple[str, str]],
+    statement: Statement,
+) -> None:
+    for item in settings_of(statement):
+        _set(subject, part, statement.line, item)
+    for node in nodes_of(statement, "$"):
+        if isinstance(node, Reference) and node.name.startswith("$"):
+            _exists(subject, part, statement.line, node, known, told)
 
 
 def _exists(

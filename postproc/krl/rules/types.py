@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of
 from postproc.krl.rules.scope import COMPONENTS, LANGUAGE_TYPES, Place, Type, names_of
@@ -34,31 +34,32 @@ def types(subject: Subject) -> None:
     """Row 27: types exist, values fit what they are given to, motions go to points."""
     for module in subject.modules:
         if module.data is not None:
-            _given(subject, module.dat_path, (module, None), module.data.statements)
+            for statement in module.data.statements:
+                _given(subject, module.dat_path, (module, None), statement)
     for part in subject.parts:
         place = (part.module, part.routine)
-        _given(subject, part.path, place, part.of_kinds(Declaration, Assign))
+        subject.each(part, partial(_given, subject, part.path, place))
         for step in part.steps:
-            _target(subject, part.path, place, step.move)
+            if type(step.move.target) is not Pose or step.move.auxiliary is not None:
+                _target(subject, part.path, place, step.move)
         for statement in part.of_kinds(Control, WaitFor):
             _condition(subject, part.path, place, statement)
     _unknown(subject)
 
 
-def _given(subject: Subject, path: str, place: Place, statements: Iterable[Statement]) -> None:
+def _given(subject: Subject, path: str, place: Place, statement: Statement) -> None:
     """Check what declarations and assignments give to variables."""
-    for statement in statements:
-        if isinstance(statement, Declaration):
-            wanted = Type(statement.type_name.upper())
-            for variable in statement.variables:
-                if variable.value is not None:
-                    name, value = variable.name, variable.value
-                    _value(subject, path, place, statement.line, name, wanted, value)
-        elif isinstance(statement, Assign):
-            kind = _type_of_target(subject, statement.target, place)
-            if kind is not None:
-                value = statement.value
-                _value(subject, path, place, statement.line, statement.target, kind, value)
+    if isinstance(statement, Declaration):
+        wanted = Type(statement.type_name.upper())
+        for variable in statement.variables:
+            if variable.value is not None:
+                name, value = variable.name, variable.value
+                _value(subject, path, place, statement.line, name, wanted, value)
+    elif isinstance(statement, Assign):
+        kind = _type_of_target(subject, statement.target, place)
+        if kind is not None:
+            value = statement.value
+            _value(subject, path, place, statement.line, statement.target, kind, value)
 
 
 def _type_of_target(subject: Subject, target: str, place: Place) -> Type | None:
@@ -86,6 +87,8 @@ def _value(
 def _target(subject: Subject, path: str, place: Place, move: Move) -> None:
     """A path leads to poses, a PTP to poses and joint angles."""
     for point in (move.target, move.auxiliary):
+        if type(point) is Pose or point is None:
+            continue
         if isinstance(point, Axes):
             family = "joint angles"
         elif isinstance(point, Expr):

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
-from operator import attrgetter
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.krl.text import Assign, Axes, Call, Declaration, Move, Pose, Statement, Value
+from postproc.krl.text import (
+    Assign,
+    Axes,
+    Call,
+    Declaration,
+    Move,
+    Pose,
+    Statement,
+    Value,
+    table_of,
+)
 from postproc.records import dataclass
 
 _PLAIN = frozenset({float, int, bool})
+_POINTS = frozenset({Pose, Axes})
 
 
 Written: TypeAlias = tuple[str, int, Value, str]
 """File, line, value and the type that it must have, empty where any will do."""
-_SIX = {
-    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
-    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,49 +45,49 @@ class Points:
 
 def points_among(written: Sequence[Written]) -> Points:
     """Return the points among values."""
-    place = [row for row, (_, _, value, _) in enumerate(written) if type(value) in _SIX]
+    place = [row for row, item in enumerate(written) if type(item[2]) in _POINTS]
     points: list[Any] = [written[row][2] for row in place]
-    return Points(
-        np.array(place, dtype=np.int64),
-        np.array([_SIX[type(p)](p) for p in points], dtype=np.float64).reshape(-1, 6),
-        np.array([_is_more(point) for point in points], dtype=np.bool_),
-    )
+    more = [
+        bool(p.external) or (type(p) is Pose and (p.status is not None or p.turn is not None))
+        for p in points
+    ]
+    return Points(np.array(place, dtype=np.int64), table_of(points), np.array(more, dtype=np.bool_))
 
 
-def _is_more(value: Pose | Axes) -> bool:
-    if value.external:
-        return True
-    return type(value) is Pose and (value.status is not None or value.turn is not None)
-
-
-def written_in(statements: Iterable[tuple[str, Statement]]) -> list[Written]:
+def written_in(files: Iterable[tuple[str, Iterable[Statement]]]) -> list[Written]:
     """Return the values of statements, each with its file, but plain numbers of assignments."""
     found: list[Written] = []
-    for path, statement in statements:
-        kind, line = type(statement), statement.line
-        if kind is Move:
-            found += _of_move(path, statement)  # type: ignore[arg-type]
-        elif kind is Assign:
-            value = statement.value  # type: ignore[attr-defined]
-            if type(value) not in _PLAIN:
-                found.append((path, line, value, type_of(statement.target)))  # type: ignore[attr-defined]
-        elif isinstance(statement, Declaration):
-            name = statement.type_name.upper()
-            found += [
-                (path, line, v.value, name) for v in statement.variables if v.value is not None
-            ]
-        elif isinstance(statement, Call):
-            found += [(path, line, value, "") for value in statement.arguments if value is not None]
+    for path, statements in files:
+        for statement in statements:
+            if type(statement) is Move:
+                found.append((path, statement.line, statement.target, "?"))
+                if statement.auxiliary is not None or statement.settings:
+                    found += _beside_target(path, statement)
+            elif type(statement) is Assign:
+                value = statement.value
+                if type(value) not in _PLAIN:
+                    found.append((path, statement.line, value, type_of(statement.target)))
+            else:
+                found += _given(path, statement)
     return found
 
 
-def _of_move(path: str, move: Move) -> Sequence[Written]:
-    target: Written = path, move.line, move.target, "?"
-    if move.auxiliary is None and not move.settings:
-        return (target,)
-    auxiliary = () if move.auxiliary is None else ((path, move.line, move.auxiliary, "FRAME"),)
-    settings = [(path, move.line, setting.value, "") for setting in move.settings]
-    return (target, *auxiliary, *settings)
+def _beside_target(path: str, move: Move) -> Iterator[Written]:
+    if move.auxiliary is not None:
+        yield path, move.line, move.auxiliary, "FRAME"
+    for setting in move.settings:
+        yield path, move.line, setting.value, ""
+
+
+def _given(path: str, statement: Statement) -> Iterable[Written]:
+    """Return what a declaration or a call gives."""
+    line = statement.line
+    if type(statement) is Declaration:
+        name = statement.type_name.upper()
+        return [(path, line, v.value, name) for v in statement.variables if v.value is not None]
+    if type(statement) is Call:
+        return [(path, line, value, "") for value in statement.arguments if value is not None]
+    return ()
 
 
 @lru_cache(maxsize=1024)

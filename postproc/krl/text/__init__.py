@@ -13,7 +13,7 @@ from postproc.krl.text.expression import (
     parse_expression,
 )
 from postproc.krl.text.lexer import KrlSyntaxError, tokenise
-from postproc.krl.text.literals import components, pose_or_axes
+from postproc.krl.text.literals import components, pose_or_axes, table_of
 from postproc.krl.text.names import NameAllocator, legal_name
 from postproc.krl.text.parse import load_modules, parse_files, parse_module, require_sound
 from postproc.krl.text.program import (
@@ -119,6 +119,7 @@ __all__ = [
     "require_sound",
     "split",
     "suffixes",
+    "table_of",
     "text_of",
     "tokenise",
     "value_text",

@@ -8,19 +8,27 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import chain
+from operator import attrgetter
 
+import numpy as np
+
+from postproc.arrays import FloatArray
 from postproc.krl.text.lexer import KrlSyntaxError
 from postproc.krl.text.program import Axes, Pose
 
 _POSE_SLOTS = {name: slot for slot, name in enumerate(("X", "Y", "Z", "A", "B", "C", "S", "T"))}
 _POSE_SLOTS |= {f"E{i}": 7 + i for i in range(1, 7)}
 _AXIS_SLOTS = {f"A{i}": i - 1 for i in range(1, 7)} | {f"E{i}": 5 + i for i in range(1, 7)}
-_N = r"([-+]?\d{1,9}(?:\.\d{0,9})?)"
-_PLAIN: tuple[tuple[re.Pattern[str], type[Pose] | type[Axes]], ...] = (
-    (re.compile(rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", re.ASCII), Pose),
-    (re.compile(rf"\{{A1 {_N},A2 {_N},A3 {_N},A4 {_N},A5 {_N},A6 {_N}\}}", re.ASCII), Axes),
+_N = r"([-+]?\d{1,9}+(?:\.\d{0,9}+)?+)"
+PLAIN_LITERALS: tuple[tuple[str, type[Pose] | type[Axes]], ...] = (
+    (rf"\{{X {_N},Y {_N},Z {_N},A {_N},B {_N},C {_N}\}}", Pose),
+    (rf"\{{A1 {_N},A2 {_N},A3 {_N},A4 {_N},A5 {_N},A6 {_N}\}}", Axes),
 )
+"""Patterns, in ASCII, of literals as nearly all are written: six decimal numbers in order, which
+are its groups."""
+_PLAIN = tuple((re.compile(pattern, re.ASCII), kind) for pattern, kind in PLAIN_LITERALS)
 _POSE_TYPES = frozenset({"FRAME", "POS", "E6POS", ""})
 _AXIS_TYPES = frozenset({"AXIS", "E6AXIS", ""})
 
@@ -132,6 +140,22 @@ def components(value: Pose | Axes) -> Iterator[tuple[str, float]]:
             yield name, number_
     for index, number_ in enumerate(value.external, 1):
         yield f"E{index}", number_
+
+
+_SIX = {
+    Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
+    Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
+}
+
+
+def table_of(points: Sequence[Pose | Axes]) -> FloatArray:
+    """Return X to C or A1 to A6 (n, 6) [mm, deg] of points, NaN where one is not written."""
+    rows = [_SIX[type(point)](point) for point in points]
+    try:
+        flat = np.fromiter(chain.from_iterable(rows), np.float64, 6 * len(rows))
+    except TypeError:  # one is not written
+        flat = np.array(rows, dtype=np.float64)
+    return flat.reshape(-1, 6)
 
 
 def quick_literal(text: str) -> Pose | Axes | None:

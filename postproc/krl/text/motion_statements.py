@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 from postproc.krl.text.expression import ExpressionParser
 from postproc.krl.text.lexer import KrlSyntaxError, TokenKind
+from postproc.krl.text.literals import PLAIN_LITERALS
 from postproc.krl.text.program import (
     Assign,
     Move,
@@ -16,6 +19,42 @@ from postproc.krl.text.program import (
 
 MOVES = {word.value: word for word in MoveWord}
 BLENDS = frozenset({"C_DIS", "C_PTP", "C_ORI", "C_VEL", "C_SPL"})
+_PLAIN_WORDS = "PTP|LIN|SPTP|SLIN|SPL"
+_PLAIN_LINES = tuple(
+    (
+        re.compile(
+            rf"[ \t]*({_PLAIN_WORDS}) {literal}(?: ({'|'.join(sorted(BLENDS))}))?[ \t]*(?:;(.*))?",
+            re.ASCII,
+        ),
+        kind,
+    )
+    for literal, kind in PLAIN_LITERALS
+)
+_ALONE: dict[str | None, tuple[str, ...]] = {None: (), **{word: (word,) for word in BLENDS}}
+
+
+def plain_move(line: str, number: int) -> Move | None:
+    """Return the motion of a whole line written as nearly all are; None: read it in full.
+
+    Its word, a literal of six numbers, at most one approximation, a comment: one pattern reads a
+    hundred thousand of them.
+    """
+    for pattern, kind in _PLAIN_LINES:
+        match = pattern.fullmatch(line)
+        if match is not None:
+            word, first, second, third, fourth, fifth, sixth, blend, comment = match.groups()
+            target = kind(
+                float(first),
+                float(second),
+                float(third),
+                float(fourth),
+                float(fifth),
+                float(sixth),
+            )
+            return Move(
+                MOVES[word], target, blend=_ALONE[blend], comment=comment or "", line=number
+            )
+    return None
 
 
 def move(code: str, comment: str, line: int) -> Statement:

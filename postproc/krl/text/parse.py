@@ -19,6 +19,7 @@ from pathlib import Path, PurePath
 from postproc.errors import Finding, KrlError, ReadError, Severity, SourceRef
 from postproc.files import read_bytes
 from postproc.krl.text.lexer import KrlSyntaxError, split_comment
+from postproc.krl.text.motion_statements import plain_move
 from postproc.krl.text.program import (
     Blank,
     Comment,
@@ -47,6 +48,8 @@ _PARAMETER = re.compile(
     r"([A-Za-z_]\w*)\s*(\[[^\]]*\])?\s*(?::\s*(IN|OUT))?$", re.ASCII | re.IGNORECASE
 )
 _BETWEEN_PARAMETERS = re.compile(r",(?![^\[]*\])")
+_OF_MOVES = frozenset(" \tPLS")
+"""With these a line of a plain motion begins."""
 _ENDINGS = frozenset({"END", "ENDFCT", "ENDDAT"})
 _PROBLEMS_AT_MOST = 1000
 
@@ -254,6 +257,11 @@ class _Reader:
 
     def run(self, lines: list[str]) -> None:
         for number, raw in enumerate(lines, 1):
+            if self.head is not None and raw[:1] in _OF_MOVES:
+                move = plain_move(raw, number)
+                if move is not None:
+                    self.body.append(move)
+                    continue
             text = raw.strip()
             if not text:
                 self._put(Blank(line=number))
@@ -262,7 +270,7 @@ class _Reader:
             elif text[0] == "&":
                 self._attribute(text, number)
             else:
-                self._code(raw, number)
+                self._code(raw, text, number)
         if self.head is not None:
             self._close(len(lines), is_closed=False, comment="")
         self._flush_loose()
@@ -275,10 +283,9 @@ class _Reader:
             self.part.problem(number, text, "a header line (&) behind the first routine")
         self.part.attributes.append(text[1:])
 
-    def _code(self, raw: str, number: int) -> None:
+    def _code(self, raw: str, text: str, number: int) -> None:
         code, comment = split_comment(raw)
         code = code.strip()
-        text = raw.strip()
         # Most lines are motions or declarations: only lines with these letters can open or close.
         first = code[:1]
         if first in "DdGg" and _OPENING.match(code):

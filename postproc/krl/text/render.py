@@ -82,9 +82,10 @@ def render_statement(statement: Statement) -> str:
 
 def _encode(lines: list[str], name: str) -> bytes:
     """Return the file; a text that carries a line end or other controls is refused here."""
-    content = "\r\n".join([*lines, ""]).encode("ascii", "replace")
+    text = "\r\n".join([*lines, ""])
+    content = text.encode("ascii", "replace")
     rest = content.translate(None, _PRINTABLE)
-    if rest != b"\r\n" * len(lines) or any(not line.isascii() for line in lines):
+    if rest != b"\r\n" * len(lines) or not text.isascii():
         number, line = next(
             (i, text)
             for i, text in enumerate(lines, 1)
@@ -201,6 +202,19 @@ def _partial(pose: Pose) -> str:
 
 
 def _axes(axes: Axes) -> str:
+    a1, a2, a3, a4, a5, a6 = axes.angles_deg
+    try:
+        total = abs(a1) + abs(a2) + abs(a3) + abs(a4) + abs(a5) + abs(a6)  # type: ignore[arg-type]
+    except TypeError:
+        return _some_axes(axes)
+    if not total <= numbers.LARGEST:
+        return _some_axes(axes)  # which names the number that cannot be written
+    head = f"{axes.type_name}: " if axes.type_name else ""
+    text = f"A1 {a1:z.5f},A2 {a2:z.5f},A3 {a3:z.5f},A4 {a4:z.5f},A5 {a5:z.5f},A6 {a6:z.5f}"
+    return f"{{{head}{text}{_external(axes.external)}}}"
+
+
+def _some_axes(axes: Axes) -> str:
     parts = [
         f"{name} {numbers.real(value, numbers.ANGLE_DIGITS)}"
         for name, value in zip(_AXES, axes.angles_deg, strict=True)
@@ -275,7 +289,7 @@ def _outside_quotes(text: str) -> str:
 
 def _move(move: Move) -> str:
     target = move.target
-    text = f"{move.word.value} "
+    text = move.word + " "
     if move.auxiliary is not None:
         text += f"{value_text(move.auxiliary)},"
     text += _pose(target) if type(target) is Pose else value_text(target)

@@ -67,9 +67,11 @@ def decode(data: bytes, path: str) -> tuple[list[str], TextFacts]:
     closed = lines[-1] == ""
     if closed:
         lines.pop()
-    long_lines = tuple(
-        (number, len(line)) for number, line in enumerate(lines, 1) if len(line) >= LONG_LINE
-    )
+    long_lines: tuple[tuple[int, int], ...] = ()
+    if max(map(len, lines), default=0) >= LONG_LINE:
+        long_lines = tuple(
+            (number, len(line)) for number, line in enumerate(lines, 1) if len(line) >= LONG_LINE
+        )
     if long_lines and max(length for _, length in long_lines) > MAX_LINE:
         worst = max(long_lines, key=lambda item: item[1])
         raise KrlError(

@@ -55,6 +55,8 @@ def parse_statement(code: str, comment: str, line: int) -> Statement:
     Raises:
         KrlSyntaxError: if the line is no KRL statement.
     """
+    if code[:1] == "$":  # a variable of the system: no word of the language begins so
+        return _assignment_call_or_declaration(code, comment, line)
     match = _MOVE_FAST.match(code)
     if match and (match.group(4) is None or match.group(4).upper() in BLENDS):
         target = _fast_target(match.group(2), match.group(3))

@@ -25,6 +25,10 @@ SAME_AXIS = 1e-6
 MAX_PAIRS = 5_000_000
 PLACE = 1e-5
 """Size [m] of the cells in which pairs are counted beforehand."""
+_STREAK = 32
+"""After so many points that were visited one after the other, more are looked at together."""
+_STEPS = 4096
+"""So many at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,10 +191,19 @@ def _earliest(
     """Return the earliest visits in order, None if a point has none behind the one before."""
     limit = tolerance * tolerance
     found = np.empty(len(wanted), dtype=np.int32)
-    at, count = 0, visited.shape[1]
+    row = at = streak = 0
+    count = visited.shape[1]
     columns = [[column.tolist() for column in points.T] for points in visited]
-    for row, ((a, b, c), load) in enumerate(zip(wanted.tolist(), case.tolist(), strict=True)):
-        x, y, z = columns[load]
+    points, loads = wanted.tolist(), case.tolist()
+    while row < len(points):
+        if streak == _STREAK:
+            more = _in_step(wanted[row:], visited[:, at:], limit, case[row:])
+            found[row : row + more] = np.arange(at, at + more)
+            row, at, streak = row + more, at + more, 0
+            continue
+        a, b, c = points[row]
+        x, y, z = columns[loads[row]]
+        first = at
         while at < count:
             d, e, f = x[at] - a, y[at] - b, z[at] - c
             if d * d + e * e + f * f <= limit:
@@ -198,9 +211,19 @@ def _earliest(
             at += 1
         else:
             return None
+        streak = streak + 1 if at == first else 0
         found[row] = at
-        at += 1
+        row, at = row + 1, at + 1
     return found
+
+
+def _in_step(wanted: FloatArray, visited: FloatArray, limit: float, case: IntArray) -> int:
+    """Return how many wanted points are visited one after the other, from the first on."""
+    count = min(len(wanted), visited.shape[1], _STEPS)
+    off = visited[case[:count], np.arange(count)] - wanted[:count]
+    d, e, f = off.T
+    missed = np.flatnonzero(~(d * d + e * e + f * f <= limit))
+    return int(missed[0]) if len(missed) else count
 
 
 def _longest_chain(
