@@ -28,7 +28,7 @@ _DRAWN_IN = (0.5, 0.25, 0.1)
 """By these shares of the way to where it is drawn a point is drawn in, one after the other ..."""
 _PULLS = 3
 """... so often each at most, ..."""
-_GAIN = 0.02
+_GAIN = 0.1
 """... where that is worth so much time [s], ..."""
 _LOOKS = 3
 """... the best so many of what seems to be free."""
