@@ -88,7 +88,9 @@ class HullCheck(MotionCheck):
         share = step / np.maximum(count - 1, 1)[row]
         chord = middle[starts], middle[starts + count - 1]
         along = np.stack([share, share])
-        return self._open_along(box, chord, starts, along, wanted, self._near)
+        of_row = np.logical_or.reduceat(wanted, starts, axis=1)
+        open_ = self._open_along(box, chord, starts, along, of_row, self._near)
+        return np.asarray(open_[:, row] & wanted)
 
     def _search(
         self,

@@ -154,7 +154,7 @@ class MotionCheck:
             for tracks in chunks(together.stop - together.start):
                 first = starts[together][tracks]
                 part = slice(int(first[0]), int(ends[together][tracks][-1]))
-                open_ = self._open_pieces(
+                left, open_ = self._open_pieces(
                     q_from[part],
                     q_to[part],
                     contact[part],
@@ -163,9 +163,9 @@ class MotionCheck:
                     share_at[:, part],
                 )
                 there = turns[together][tracks] - first + 1
-                self._close_few(q_from[part], q_to[part], first - part.start, there, open_)
-                left = np.flatnonzero(open_.any(axis=0))
-                parts.append((part.start + left, open_[:, left]))
+                self._close_few(q_from[part], q_to[part], first - part.start, there, left, open_)
+                some = np.flatnonzero(open_.any(axis=0))
+                parts.append((part.start + left[some], open_[:, some]))
             todo, open_ = (np.concatenate(found, axis=-1) for found in zip(*parts, strict=True))
             found = self._run(q_from[todo], q_to[todo], open_, is_first=False)
             pair[todo], share[todo] = found
@@ -179,8 +179,8 @@ class MotionCheck:
         starts: IndexArray,
         turns: IndexArray,
         share: FloatArray,
-    ) -> BoolArray:
-        """Return pairs (p, m) of motions that are not free over the whole track.
+    ) -> tuple[IndexArray, BoolArray]:
+        """Return motions (k,) on tracks that are not free all along, and by which pairs (p, k).
 
         Args:
             q_from: (m, 6) [rad].
@@ -190,10 +190,17 @@ class MotionCheck:
             turns: (t,) its last before it runs back.
             share: (2, m) how far along the track each motion begins and ends.
         """
-        m = len(q_from)
-        wanted = np.broadcast_to(self._engine.wanted(contact), (len(self._engine.table), m))
+        some = np.logical_or.reduceat(contact, starts)
+        wanted = self._engine.wanted(some)
+        if some.any():  # what is wanted of any of its motions
+            wanted = wanted | self._engine.wanted(np.logical_and.reduceat(contact, starts))
+        wanted = np.broadcast_to(wanted, (len(wanted), len(starts)))
         chord = q_from[starts], q_to[turns]
-        return self._open_along((q_from, q_to), chord, starts, share, wanted, self._near)
+        open_ = self._open_along((q_from, q_to), chord, starts, share, wanted, self._near)
+        owner, _ = numbered(np.diff(np.append(starts, len(q_from))))
+        is_open = np.asarray(open_.any(axis=0))
+        rows = np.flatnonzero(is_open[owner])
+        return rows, open_[:, owner[rows]] & self._engine.wanted(contact[rows])
 
     def _close_few(
         self,
@@ -201,30 +208,33 @@ class MotionCheck:
         q_to: FloatArray,
         starts: IndexArray,
         there: IndexArray,
+        left: IndexArray,
         open_: BoolArray,
     ) -> None:
-        """Take out of pairs (p, m) that are open, in place, those free over a few motions.
+        """Take out of pairs (p, k) that are open, in place, those free over a few motions.
 
         Args:
             q_from: (m, 6) [rad].
             q_to: (m, 6) [rad].
             starts: (t,) first motion of each track.
             there: (t,) how many of its motions lead there; a few were looked at as one already.
-            open_: (p, m).
+            left: (k,) motions with open pairs.
+            open_: (p, k).
         """
-        owner, step = numbered(np.diff(np.append(starts, len(q_from))))
-        rows = np.flatnonzero((there > _FEW)[owner] & open_.any(axis=0))
-        if not len(rows):
+        owner, step = (at[left] for at in numbered(np.diff(np.append(starts, len(q_from)))))
+        some = np.flatnonzero((there > _FEW)[owner])
+        if not len(some):
             return
-        few = (owner * len(q_from) + step // _FEW)[rows]
+        few = (owner * len(q_from) + step // _FEW)[some]
         first = np.flatnonzero(np.diff(few, prepend=-1))
-        count = np.diff(np.append(first, len(rows)))
+        count = np.diff(np.append(first, len(some)))
         owner, step = numbered(count)
         share = np.stack([step, step + 1]) / count[owner]
-        ends, last = (q_from[rows], q_to[rows]), first + count - 1
+        ends, last = (q_from[left[some]], q_to[left[some]]), first + count - 1
         chord = ends[0][first], ends[1][last]
-        near = self._near_among
-        open_[:, rows] = self._open_along(ends, chord, first, share, open_[:, rows], near)
+        wanted = np.logical_or.reduceat(open_[:, some], first, axis=1)
+        found = self._open_along(ends, chord, first, share, wanted, self._near_among)
+        open_[:, some] &= found[:, owner]
 
     def _open_along(
         self,
@@ -235,29 +245,29 @@ class MotionCheck:
         wanted: BoolArray,
         near: Callable[[FloatArray, Sway, BoolArray], tuple[Candidates, FloatArray]],
     ) -> BoolArray:
-        """Return wanted pairs (p, m) of boxes of joints that are not free all along their track.
+        """Return wanted pairs (p, t) that are not free all along tracks of boxes of joints.
 
         Args:
             ends: two corners (m, 6 + k) of each box that are opposite in every axis.
             chord: (t, 6 + k) where the straight motion along each track begins and ends.
             starts: (t,) first box of each track.
             share: (2, m) how far along the chord its corners are.
-            wanted: (p, m).
+            wanted: (p, t).
             near: ``_near`` or ``_near_among``.
         """
-        owner, _ = numbered(np.diff(np.append(starts, wanted.shape[1])))
+        owner, _ = numbered(np.diff(np.append(starts, len(ends[0]))))
         a, b = chord
         off = np.zeros_like(ends[0])
         for q, done in zip(ends, share, strict=True):
             np.maximum(off, np.abs(q - (a[owner] + done[:, None] * (b - a)[owner])), out=off)
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
-        found, moves = near(a + way, sway, np.logical_or.reduceat(wanted, starts, axis=1))
+        found, moves = near(a + way, sway, wanted)
         gap = self._gaps(found, moves)
         left = np.flatnonzero(gap <= moves + SLACK)
         open_ = np.zeros((len(wanted), len(starts)), dtype=np.bool_)
         open_[found.near.pair[left], found.near.row[left]] = True
-        return np.asarray(open_[:, owner] & wanted)
+        return open_
 
     def _run(
         self, q_from: FloatArray, q_to: FloatArray, wanted: BoolArray, *, is_first: bool
