@@ -104,3 +104,19 @@ def test_with_json_an_error_is_the_one_object(tmp_path, capsys):
     assert err.splitlines()[0] == line
     code, out, _ = run(["convert", "--json"], capsys)
     assert (code, json.loads(out)["code"]) == (2, "CLI001")
+
+
+@pytest.mark.parametrize(("command", "status"), [("robots", 0), ("nothing", 2)])
+@pytest.mark.parametrize("wrapped", ["", "import sys; sys.setprofile(lambda *_: None)"])
+def test_the_end_of_the_process_loses_nothing(command, status, wrapped):
+    code = f"""
+import atexit
+from postproc.cli import main
+atexit.register(print, 'done at the end')
+{wrapped}
+main(['{command}'])
+"""
+    done = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert done.returncode == status
+    assert done.stdout.endswith("done at the end\n")
+    assert ("KR" in done.stdout, "CLI001" in done.stderr) == (status == 0, status == 2)
