@@ -1,7 +1,8 @@
 """What all readers share: options, the registry, sniffing, and ``read``.
 
 A reader is one class with a ``sniff`` and a ``read``, registered by ``READERS.register(name)``;
-foreign readers come by the entry-point group ``postproc.readers``.
+foreign readers come by the entry-point group ``postproc.readers``. Every file is shown to every
+reader, so a large one loads what it reads with in its ``read``.
 """
 
 from __future__ import annotations
