@@ -10,7 +10,7 @@ from typing import Any, get_args
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from postproc.cell.schema import CellFile, Placement
+from postproc.cell.schema import CellFile, Placement, default_of
 from postproc.toml import toml_value
 
 Values = Mapping[str, Any]
@@ -83,9 +83,10 @@ def _entries(
 def _table(
     name: str, kind: type[BaseModel], field: FieldInfo, values: Values | None
 ) -> Iterator[str]:
-    is_list = field.default == []
+    standard = default_of(field)
+    is_list = standard == []
     heading = f"[[{name}]]" if is_list else f"[{name}]"
-    is_there = not is_list and (values is not None or field.default is not None)
+    is_there = not is_list and (values is not None or standard is not None)
     comment = field.description or (kind.__doc__ or "").splitlines()[0]
     yield ""
     yield f"{'' if is_there else '# '}{heading}  # {comment}"
@@ -93,11 +94,11 @@ def _table(
     plain: dict[str, FieldInfo] = {}
     for key, entry in kind.model_fields.items():
         table = _table_of(entry)
-        if table is None or issubclass(table, Placement) or entry.default in ([], None):
+        if table is None or issubclass(table, Placement) or default_of(entry) in ([], None):
             plain[key] = entry
         else:
             inner[key] = (table, entry)
-    defaults = field.default if isinstance(field.default, BaseModel) else None
+    defaults = standard if isinstance(standard, BaseModel) else None
     shown = dict(values or {})
     if defaults is not None:
         shown = {**defaults.model_dump(include=defaults.model_fields_set), **shown}
@@ -109,7 +110,7 @@ def _table(
 
 def _keys(fields: Mapping[str, FieldInfo], values: Values) -> Iterator[str]:
     for key, field in fields.items():
-        value = values.get(key, None if field.is_required() else field.default)
+        value = values.get(key, None if field.is_required() else default_of(field))
         if isinstance(value, BaseModel):
             value = value.model_dump()
         has_value = value not in (None, [], {})

@@ -12,7 +12,7 @@ from postproc.cell.schema.process import ProcessTable
 from postproc.cell.schema.reading import ImportTable
 from postproc.cell.schema.robot import DimensionsTable, ExternalAxisTable, RobotTable
 from postproc.cell.schema.solid import Solid, ToolSolid
-from postproc.cell.schema.table import Placement, Table
+from postproc.cell.schema.table import Placement, Table, default_of
 from postproc.cell.schema.tool import CutterTable, ToolTable
 from postproc.cell.schema.workpiece import WorkpieceTable
 
@@ -35,4 +35,5 @@ __all__ = [
     "ToolSolid",
     "ToolTable",
     "WorkpieceTable",
+    "default_of",
 ]

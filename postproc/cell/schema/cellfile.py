@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -14,9 +14,12 @@ from postproc.cell.schema.process import ProcessTable
 from postproc.cell.schema.reading import ImportTable
 from postproc.cell.schema.robot import ExternalAxisTable, RobotTable
 from postproc.cell.schema.solid import Solid
-from postproc.cell.schema.table import SixPositive, Table, Text
+from postproc.cell.schema.table import EMPTY, SixPositive, Table, Text
 from postproc.cell.schema.tool import ToolEntry, ToolTable
 from postproc.cell.schema.workpiece import WorkpieceTable
+
+ALONG_Z: Any = {"axis": "+z"}
+"""A tool of which no key is given, for the reason of ``EMPTY``."""
 
 
 class StiffnessTable(Table):
@@ -54,32 +57,28 @@ class CellFile(Table):
         default=None, description="name of the cell; default: name of the file"
     )
     robot: RobotTable = Field(description="the arm")
-    tool: ToolTable = Field(
-        default=ToolTable(axis="+z"), description="the tool of a cell with one tool"
-    )
+    tool: ToolTable = Field(default=ALONG_Z, description="the tool of a cell with one tool")
     tools: list[ToolEntry] = Field(
         default=[], description="the tools of a cell with several, instead of tool"
     )
     workpiece: WorkpieceTable = Field(
-        default=WorkpieceTable(), description="the workpiece of a cell with one setup"
+        default=EMPTY, description="the workpiece of a cell with one setup"
     )
     bases: list[WorkpieceTable] = Field(
         default=[], description="the setups of a cell with several, instead of workpiece"
     )
     obstacles: list[Solid] = Field(default=[], description="solids in the world")
-    limits: LimitsTable = Field(default=LimitsTable(), description="margins")
-    optimize: OptimizeTable = Field(default=OptimizeTable(), description="use of the redundancy")
-    process: ProcessTable = Field(default=ProcessTable(), description="load while working")
+    limits: LimitsTable = Field(default=EMPTY, description="margins")
+    optimize: OptimizeTable = Field(default=EMPTY, description="use of the redundancy")
+    process: ProcessTable = Field(default=EMPTY, description="load while working")
     stiffness: StiffnessTable | None = Field(default=None, description="joint stiffness")
-    measuring: MeasuringTable = Field(
-        default=MeasuringTable(), description="measuring device of campaigns"
-    )
-    motion: MotionTable = Field(default=MotionTable(), description="speeds")
+    measuring: MeasuringTable = Field(default=EMPTY, description="measuring device of campaigns")
+    motion: MotionTable = Field(default=EMPTY, description="speeds")
     reading: ImportTable = Field(
-        default=ImportTable(), alias="import", description="how CAM files are read"
+        default=EMPTY, alias="import", description="how CAM files are read"
     )
-    krl: KrlTable = Field(default=KrlTable(), description="program text")
-    verify: VerifyTable = Field(default=VerifyTable(), description="judging of programs")
+    krl: KrlTable = Field(default=EMPTY, description="program text")
+    verify: VerifyTable = Field(default=EMPTY, description="judging of programs")
     external_axes: Annotated[list[ExternalAxisTable], Field(max_length=6)] = Field(
         default=[], description="rails and positioners; a positioner carries those behind it"
     )

@@ -8,7 +8,7 @@ from typing import Annotated
 from pydantic import ConfigDict, Field, model_validator
 
 from postproc.cell.choices import HomeStyle, Kss, MotionStyle, PointPlace, Split
-from postproc.cell.schema.table import CHOICE, NotNegative, Positive, Table, Text
+from postproc.cell.schema.table import CHOICE, EMPTY, NotNegative, Positive, Table, Text
 from postproc.names import LETTERS
 
 KrlName = Annotated[str, Field(pattern=LETTERS)]
@@ -122,12 +122,12 @@ class KrlTable(Table):
         description="principal inertia for LOAD_DATA of a cell with one tool [kg*m^2]",
     )
     outputs: dict[str, Signal] = Field(
-        default={}, description="signal of an OLP task to the number of its output: $OUT[n]"
+        default=EMPTY, description="signal of an OLP task to the number of its output: $OUT[n]"
     )
     inputs: dict[str, Signal] = Field(
-        default={}, description="signal of an OLP task to the number of its input: $IN[n]"
+        default=EMPTY, description="signal of an OLP task to the number of its input: $IN[n]"
     )
-    hooks: HooksTable = Field(default=HooksTable(), description="routines that programs call")
+    hooks: HooksTable = Field(default=EMPTY, description="routines that programs call")
 
     @model_validator(mode="after")
     def _motions_of_kss(self) -> KrlTable:

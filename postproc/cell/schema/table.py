@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
 
 CHOICE = Field(strict=False)
 """A word of a list: the file holds text, the strict table would ask for the member itself."""
@@ -21,6 +22,9 @@ AngleRange = Annotated[
 ]
 AxisName = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 Text = Annotated[str, Field(min_length=1, max_length=255)]
+EMPTY: Any = {}
+"""A table of which no key is given, as a default. A table in its place would be built while the
+schema loads, apart from that of the whole file."""
 CamNames = list[Text | Annotated[int, Field(ge=0)]]
 
 
@@ -35,6 +39,14 @@ class Table(BaseModel):
         validate_default=True,
         defer_build=True,  # tables are only read as part of the whole file
     )
+
+
+def default_of(field: FieldInfo) -> Any:  # noqa: ANN401 - a value of any key
+    """Return the default of a key, that of a table as a table."""
+    kind, value = field.annotation, field.default
+    if isinstance(value, dict) and isinstance(kind, type) and issubclass(kind, Table):
+        return kind.model_validate(value)
+    return value
 
 
 class Placement(Table):
