@@ -6,6 +6,7 @@ runs over contiguous memory.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,9 @@ from postproc.arrays import FloatArray
 
 _AXIS_FLOOR = 1e-6
 """Cross products of nearly parallel edges shorter than this say nothing and are left out."""
+
+_NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
+"""The axis, corner or edge after each of three, and the one before it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,9 +47,10 @@ def fit_box(points: FloatArray, faces: FloatArray | None = None) -> tuple[FloatA
     smallest = np.inf
     for axes in _candidates(points, faces):
         local = points @ axes
-        low, high = local.min(axis=0), local.max(axis=0)
+        low, high = np.minimum.reduce(local), np.maximum.reduce(local)
         half = 0.5 * (high - low)
-        surface = float(half[0] * half[1] + half[1] * half[2] + half[2] * half[0])
+        x, y, z = half.tolist()
+        surface = x * y + y * z + z * x
         if surface < smallest * (1.0 - 1e-9):
             smallest = surface
             best = (axes @ (0.5 * (high + low)), axes, half)
@@ -59,18 +64,28 @@ def _candidates(points: FloatArray, faces: FloatArray | None) -> list[FloatArray
         _, principal = np.linalg.eigh(spread.T @ spread)
         axes.append(principal)
     if faces is not None and len(faces):
-        edges = np.roll(faces, -1, axis=1) - faces
-        normals = np.cross(edges[:, 0], edges[:, 1])
+        edges = faces[:, _NEXT] - faces
+        normals = _cross(edges[:, 0], edges[:, 1])
         largest = int(np.argmax(np.einsum("fi,fi->f", normals, normals)))
-        lengths = np.linalg.norm(edges[largest], axis=1)
-        area = float(np.linalg.norm(normals[largest]))
+        edge, normal = edges[largest], normals[largest]
+        lengths = np.sqrt(np.add.reduce(edge * edge, axis=1))
+        area = math.sqrt(normal.dot(normal))
         if area > 0.0:
             # the edge that stands most nearly square on another one: a leg of a right triangle
-            unit = edges[largest] / lengths[:, None]
-            square = np.abs(np.einsum("ij,ij->i", unit, np.roll(unit, -1, axis=0)))
-            x, z = unit[int(np.argmin(square))], normals[largest] / area
-            axes.append(np.stack([x, np.cross(z, x), z], axis=1))
+            unit = edge / lengths[:, None]
+            square = np.abs(np.einsum("ij,ij->i", unit, unit[_NEXT]))
+            plane = np.empty((3, 3))
+            plane[:, 0] = x = unit[int(np.argmin(square))]
+            plane[:, 2] = z = normal / area
+            plane[:, 1] = _cross(z, x)
+            axes.append(plane)
     return axes
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Return ``np.cross`` of (..., 3), which takes longer to look at few vectors than to turn."""
+    product: FloatArray = a[..., _NEXT] * b[..., _LAST] - a[..., _LAST] * b[..., _NEXT]
+    return product
 
 
 def box_gap(
