@@ -78,8 +78,10 @@ SLOW = {
     *("numpy", "distributed", "pebble"),
     # rooms that load them, for those who need them in some calls only
     *("postproc.collision", "postproc.compensation", "postproc.comparison", "postproc.report"),
-    *("postproc.jobs", "postproc.planning", "postproc.kinematics", "postproc.process"),
-    *("postproc.krl", "postproc.cell", "postproc.model"),
+    *("postproc.gap", "postproc.jobs", "postproc.planning", "postproc.kinematics"),
+    *("postproc.process", "postproc.krl", "postproc.cell", "postproc.model"),
+    # a whole format, for a reader that is asked whether a file is its own
+    *("postproc.readers.apt.file", "postproc.readers.delmia.file"),
 }
 """What a function may load by itself, so that a command starts fast that does not need it."""
 NOT_EVERYWHERE = {"postproc.version", "resource"}

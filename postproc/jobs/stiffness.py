@@ -10,9 +10,7 @@ import numpy as np
 
 from postproc.arrays import IndexArray
 from postproc.cell import Cell
-from postproc.compensation import cell_with_model
 from postproc.errors import DataError, Finding, SourceRef
-from postproc.gap import stiffness_of
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.process import claimed, word_findings
@@ -68,6 +66,9 @@ def stiffness(
 
 
 def _with_model(path: str, cell: Cell) -> tuple[Cell, str]:
+    from postproc.compensation import cell_with_model
+    from postproc.gap import stiffness_of
+
     model = load_model(path)
     field = stiffness_of(model)
     if field is None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from postproc.cell import Cell
-from postproc.compensation import RealArm, left_out
 from postproc.controller import load_program
 from postproc.model import ModelFile, ToolPath
 from postproc.progress import Progress
@@ -38,7 +37,11 @@ def verify(
         KrlError: if a file is no KRL that could run.
         ReadError: if a file is missing.
     """
-    displacement = None if model is None else RealArm.of(cell, model).on_runs
+    displacement = None
+    if model is not None:
+        from postproc.compensation import RealArm
+
+        displacement = RealArm.of(cell, model).on_runs
     modules = load_program(program, on_controller=True)
     return verify_text(
         modules,
@@ -54,4 +57,6 @@ def verify(
 
 def uncounted(cell: Cell, model: ModelFile) -> dict[str, tuple[str, ...]]:
     """Return the effects of a model that no program can show, with the columns they need."""
+    from postproc.compensation import RealArm, left_out
+
     return left_out(RealArm.of(cell, model).model)

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.cell import Cell
@@ -131,6 +130,8 @@ class _Pieces:
 
     def nearest(self, points: FloatArray) -> tuple[FloatArray, IntArray, FloatArray]:
         """Return way (n,) [m], tag (n,) and distance (n,) [m] of the nearest place of the path."""
+        from scipy.spatial import cKDTree
+
         found = []
         for rapid in (False, True):
             rows = np.flatnonzero(self.rapid == rapid)

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from scipy.cluster.hierarchy import fcluster, linkage
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.choice import Choice
@@ -141,6 +140,8 @@ def _orientations(samples: Samples) -> IntArray:
 
 def _merged(label: IntArray, centres: FloatArray) -> IntArray:
     """Take the nearest orientations together until there are few."""
+    from scipy.cluster.hierarchy import fcluster, linkage
+
     if len(centres) <= LARGEST - 2:
         return label
     cluster = fcluster(linkage(centres, "ward"), LARGEST - 2, "maxclust")

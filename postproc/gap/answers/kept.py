@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtri
 
 from postproc.arrays import FloatArray, IntArray
 from postproc.errors import DataError, SourceRef
@@ -53,6 +52,8 @@ class Kept:
     @property
     def interval(self) -> tuple[float, float]:
         """The shrinkage to expect in nine of ten campaigns."""
+        from scipy.special import ndtri
+
         reach = float(np.exp(ndtri(0.95) * self.spread))
         return self._shrinkage(self.promised * reach), self._shrinkage(self.promised / reach)
 

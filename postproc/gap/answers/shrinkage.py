@@ -11,7 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.choice import Choice, Named, Standing
@@ -178,6 +177,8 @@ def shrink_interval(
         cluster: (n,) cluster of each row.
         stretch: (n,) of rows that follow each other.
     """
+    from scipy.special import stdtrit
+
     places, times = _sums(before, after, cluster), _sums(before, after, stretch)
     k = len(places)
     if k < 2:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from postproc.arrays import FloatArray, Rows
 from postproc.gap.choice.choice import choose
@@ -178,6 +177,8 @@ def _bounded(level: Noise, rest: Saturated) -> Noise:
     Where readings of one pose surely scatter more than that, something moved them that a candidate
     follows and that the few of them do not tell from noise: a growth with the temperature.
     """
+    from scipy.special import fdtrc
+
     if level.source is not Source.REPEATS or level.wander or rest.freedom < _FREE:
         return level
     ratio = (level.white / rest.sigma) ** 2

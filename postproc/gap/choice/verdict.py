@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import fdtrc
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.choice.classes import Part
@@ -262,6 +261,8 @@ def _structure(
     residual: FloatArray, tests: tuple[Dependence, ...], sigma: float, level: Noise
 ) -> float:
     """Return the 3D rms [m] of what follows some condition or exceeds a noise [m] per axis."""
+    from scipy.special import fdtrc
+
     limit = _SURE / max(len(tests), 1)
     found = max((t.rms for t in tests if t.p_value < limit), default=0.0)
     if level.known:

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
@@ -224,6 +223,8 @@ class NormalEquations:
 
 def _solved(G: FloatArray, b: FloatArray) -> tuple[FloatArray, float]:
     """Return (G + 1)^-1 b and half the logarithm of the determinant of G + 1."""
+    from scipy.linalg.lapack import dposv
+
     A = G.copy(order="F")
     A.flat[:: len(A) + 1] += 1.0
     L, theta, failed = dposv(A, b, lower=1, overwrite_a=1)

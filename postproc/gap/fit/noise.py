@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
@@ -145,6 +144,8 @@ def _conflict(repeats: float, device: float) -> str:
 
 def neighbour_bound(samples: Samples, y: FloatArray, usable: BoolArray, unit: IntArray) -> float:
     """Return a bound of the noise [m]: half the variance of differences of neighbouring rows."""
+    from scipy.spatial import cKDTree
+
     rows = np.flatnonzero(usable)
     rows = rows[:: max(1, len(rows) // _USED)]
     part = samples.rows(rows)

@@ -11,8 +11,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import null_space
-from scipy.special import pdtrc
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
@@ -182,6 +180,8 @@ def _among_alike(rest: FloatArray, group: IntArray) -> tuple[float, int]:
     lie close together than noise of their whole scatter lets them. No pairs: there is one scatter.
     What the conditions take from every reading brings all of them together, and says nothing.
     """
+    from scipy.special import pdtrc
+
     order = np.argsort(group, kind="stable")
     apart = []
     for step in range(1, _NEIGHBOURS):
@@ -269,6 +269,8 @@ def _course(
     restricted likelihood of the differences within each pose; white alone unless more is clearly
     there.
     """
+    from scipy.linalg import null_space
+
     nothing: tuple[float, float, float, str, WanderBounds] = (sigma, 0.0, float("nan"), "", ())
     if len(rest) < 2 * FEWEST:
         return nothing
