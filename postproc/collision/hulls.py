@@ -27,7 +27,7 @@ is then not proven free counts as colliding."""
 
 _ROW = 16
 """So many hulls that follow each other closely are first looked at as one ..."""
-_APART = 0.05
+_APART = 0.02
 """... those whose axes stand no farther apart than this [rad or m] ..."""
 _FEW = 4
 """... where there is no more than one row for so many hulls."""
