@@ -97,12 +97,13 @@ def _last_before_edges(
 
     Row of tag, branch and number of each; for the tags ``rows`` (k,), which follow each other.
     """
-    own = np.arange(states.offsets[rows[0]], states.offsets[rows[-1] + 1])
+    ends = states.offsets[rows[0] : rows[-1] + 2]
     width = states.spins.shape[-1]
-    own = own[(states.column[own] < width) & (states.column[own] % stride == 0)]
-    count = -(-width // stride)
-    row = states.tag_of(own) - rows[0]
-    place = (row, states.branch[own].astype(np.int64), states.column[own] // stride)
+    column = states.column[ends[0] : ends[-1]]
+    kept = np.flatnonzero((column < width) & (column % stride == 0))
+    own, count = ends[0] + kept, -(-width // stride)
+    row = np.repeat(np.arange(len(rows)), np.diff(ends))[kept]
+    place = (row, states.branch[own].astype(np.int64), column[kept] // stride)
     index = np.full((len(rows), BRANCHES, count), -np.inf, dtype=np.float32)
     which = np.zeros(index.shape, dtype=np.int32)
     index[place], which[place] = states.index[own], own

@@ -75,8 +75,8 @@ ROLL_PRICE = 0.02
 whose rounding may favour one of two mirrored poses by it."""
 ARM, WRIST = 3, 4
 """The bits of a branch that say how shoulder and elbow stand, and the wrist."""
-_AT_ONCE = 200_000
-"""States that are priced together, so that memory stays bounded."""
+_AT_ONCE = 1000
+"""Tags whose states are priced together, so that memory stays bounded."""
 FINE = 2
 """Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
 
@@ -162,9 +162,11 @@ def states_on(
     states = sample_on(problem, tags, spins, stride)
     edges = edges_of(problem, tags, states, pinned, FINE if spins.shape[-1] > 1 else 1)
     best, price = yardstick(problem, states, edges), problem.settings.weights.price
-    for low in range(0, len(states.q), _AT_ONCE):
-        part = np.arange(low, min(low + _AT_ONCE, len(states.q)))
-        states.cost[part] += price(1.0 - states.index[part] / best[states.tag_of(part)])
+    for low in range(0, len(tags), _AT_ONCE):
+        edge = states.offsets[low : low + _AT_ONCE + 1]
+        part = slice(int(edge[0]), int(edge[-1]))
+        of_state = np.repeat(best[low : low + _AT_ONCE], np.diff(edge))
+        states.cost[part] += price(1.0 - states.index[part] / of_state)
     if wish.least is not None:
         owner = states.tag_of(np.arange(len(states.q)))
         free = ~pinned[owner]
