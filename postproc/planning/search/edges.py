@@ -99,11 +99,11 @@ def _last_before_edges(
     """
     ends = states.offsets[rows[0] : rows[-1] + 2]
     width = states.spins.shape[-1]
-    column = states.column[ends[0] : ends[-1]]
-    kept = np.flatnonzero((column < width) & (column % stride == 0))
+    all_columns = states.column[ends[0] : ends[-1]]
+    kept = np.flatnonzero((all_columns < width) & (all_columns % stride == 0))
     own, count = ends[0] + kept, -(-width // stride)
     row = np.repeat(np.arange(len(rows)), np.diff(ends))[kept]
-    place = (row, states.branch[own].astype(np.int64), column[kept] // stride)
+    place = (row, states.branch[own].astype(np.int64), all_columns[kept] // stride)
     index = np.full((len(rows), BRANCHES, count), -np.inf, dtype=np.float32)
     which = np.zeros(index.shape, dtype=np.int32)
     index[place], which[place] = states.index[own], own
@@ -147,7 +147,6 @@ def _halve(
     good_spin = states.spin_of(state)
     step = columns * _finest(states, row)
     q, reach = states.q[state].astype(np.float64), np.zeros(len(row))
-    index = states.index[state].astype(np.float64)
     share = 1.0
     for _ in range(_HALVINGS):
         share *= 0.5
@@ -162,12 +161,16 @@ def _halve(
         every = np.arange(len(spin))
         ends = StrokeEnds.of(problem, tag, T_flange, every, branch, solved)
         good &= ends.reached & ends.regular & ends.within(problem, every, solved, every)
-        value = evaluate(problem, tag, spin, T, solved)[1]
-        q[good], index[good] = solved[good], value[good]
+        q[good] = solved[good]
         reach[good] += share
-    for k in np.flatnonzero(reach > 0.0).tolist():
-        if index[k] > found.index[row[k]]:
-            found.index[row[k]], found.is_between[row[k]] = index[k], True
+    beyond = np.flatnonzero(reach > 0.0)
+    attitude = np.zeros((len(beyond), 3))
+    attitude[:, 0] = good_spin[beyond] + reach[beyond] * step[beyond]
+    T = problem.placement.tcp(tag[beyond], attitude)
+    index = evaluate(problem, tag[beyond], attitude[:, 0], T, q[beyond])[1]
+    for value, k in zip(index.tolist(), beyond.tolist(), strict=True):
+        if value > found.index[row[k]]:
+            found.index[row[k]], found.is_between[row[k]] = value, True
             found.spin[row[k]] = good_spin[k] + reach[k] * step[k]
             found.branch[row[k]], found.q[row[k]] = branch[k], q[k]
 
