@@ -33,6 +33,8 @@ NEAR = 20
 """So many rungs behind a change values are repaired at once, those farther off when asked for."""
 _QUICK = 100_000
 """So many free steps are worked out anew before it is known which of them changed."""
+_LOOK = 4
+"""Behind a change such rungs are worked out so many at a time before it is asked what changed."""
 _AT_ONCE = 64
 """Rungs of which the factors of the steps are made together."""
 
@@ -62,6 +64,7 @@ class Ladder(Graph):
     broken: BoolArray = field(init=False)
     _least: FloatArray = field(init=False)
     _is_quick: BoolArray = field(init=False)
+    _every: IndexArray = field(init=False)
     _factors: _Factors | None = field(init=False, default=None)
     _solved: bool = field(init=False, default=False)
     _seen: dict[int, FloatArray] = field(init=False, default_factory=dict)
@@ -77,6 +80,7 @@ class Ladder(Graph):
         size = np.diff(self.offsets)
         steps = np.append(0, size[1:] * size[:-1])[: len(self)]
         self._is_quick = (self.rule != CHAIN) & (steps > 0) & (steps <= _QUICK)
+        self._every = np.arange(int(size.max(initial=0)))
 
     def settle(self) -> bool:
         """Repair what was put off behind changes; return whether anything was."""
@@ -96,6 +100,10 @@ class Ladder(Graph):
             self._update(i)
         self._solved = True
 
+    def _is_swept(self, i: int) -> bool:
+        """Return whether a rung is worked out anew from all steps, whatever changed before it."""
+        return i < len(self) and bool(self._is_quick[i]) and i not in self.forbidden
+
     def _swept(self, i: int, low: int, high: int) -> FloatArray | None:
         """Return the values (m,) of a rung into which every step may be done; None: none can be.
 
@@ -111,7 +119,7 @@ class Ladder(Graph):
         np.add(start, self.value[before:low], out=right[:, -2])
         steps = np.matmul(left, right.T, out=self.room(high - low, low - before))
         back = steps.argmin(axis=1)
-        value: FloatArray = steps[np.arange(high - low), back]
+        value: FloatArray = steps[self._every[: high - low], back]
         value += self.cost[low:high]
         if not value[value.argmin()] < np.inf:
             return None
@@ -234,19 +242,19 @@ class Ladder(Graph):
 
     def path(self) -> IndexArray:
         """Return the best state (n,) of every rung, ``NONE`` where a rung has none left."""
-        chosen = np.full(len(self), NONE, dtype=np.int64)
-        follow = NONE
+        chosen, follow = [NONE] * len(self), NONE
+        offsets, is_last = self.offsets.tolist(), [True, *self.broken[1:].tolist()]
         for i in range(len(self) - 1, -1, -1):
-            low, high = int(self.offsets[i]), int(self.offsets[i + 1])
+            low, high = offsets[i], offsets[i + 1]
             if follow == NONE and high > low:
                 best = low + int(np.argmin(self.value[low:high]))
                 follow = best if np.isfinite(self.value[best]) else NONE
             chosen[i] = follow
-            if follow == NONE or self.broken[i] or i == 0:
+            if follow == NONE or is_last[i]:
                 follow = NONE
             else:
-                follow = int(self.offsets[i - 1]) + int(self.back[follow])
-        return chosen
+                follow = offsets[i - 1] + int(self.back[follow])
+        return np.array(chosen, dtype=np.int64)
 
     def total(self, path: IndexArray) -> float:
         """Return the cost of a way: its states and its steps; broken steps are free."""
@@ -297,6 +305,9 @@ class Ladder(Graph):
                 while waiting and waiting[-1] <= i:
                     last = waiting.pop()
                 i += 1
+                if (i - last) % _LOOK and i - last <= reach and self._is_swept(i):
+                    self._seen.pop(i, None)
+                    continue
                 shift = self._since(i, old)
                 if (np.abs(shift) <= _SAME).all():
                     break
@@ -324,7 +335,7 @@ class Ladder(Graph):
         low, high = int(self.offsets[i]), int(self.offsets[i + 1])
         old = self.value[low:high].copy()
         value = None
-        if self._is_quick[i] and i not in self.forbidden:
+        if self._is_swept(i):
             value = self._swept(i, low, high)
         elif self._solved and i and (listed := self.listed(i)) is not None:
             value = self._from_list(i, listed)
@@ -332,7 +343,7 @@ class Ladder(Graph):
             value = self._shifted(i, low, high, shift)
         if value is None:
             value = self._step(i, low, high)
-        lowest = value.min() if high > low else np.inf
+        lowest = value[value.argmin()] if high > low else np.inf
         if lowest < np.inf:
             value -= lowest
             self._least[i] = lowest
