@@ -14,6 +14,8 @@ MOST_FACES = 256
 """Triangles of a solid that is looked at."""
 _FLAT = 1e-9
 """A vertex stands no farther out of a face of a convex solid than this [m]."""
+_CORNERS = 8
+"""Of a box: solids that share some of them are smaller."""
 _SAME = 1e-7
 """Faces whose normals differ by less, and whose distances do [m], are one."""
 
@@ -52,4 +54,5 @@ class Convex:
         faces = np.column_stack([normals, offsets])
         faces = faces[np.unique(np.round(faces / _SAME), axis=0, return_index=True)[1]]
         is_box = bool((np.abs(np.abs(vertices) - half) <= _FLAT).all())
+        is_box &= len(np.unique(np.sign(vertices), axis=0)) == _CORNERS
         return Convex(vertices, faces[:, :3].copy(), faces[:, 3].copy(), is_box)

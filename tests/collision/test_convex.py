@@ -17,6 +17,11 @@ WEDGE = Mesh(
     np.array([[0.0, 0, 0], [0.5, 0, 0], [0, 0.4, 0], [0, 0, 0.3]]),
     np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]),
 )
+INSCRIBED = Mesh(
+    0.2 * np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]),
+    np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]),
+)
+"""A tetrahedron whose vertices are corners of its box."""
 L_SHAPE = joined([box(np.array([1.0, 0.2, 0.2])), box(np.array([0.2, 1.0, 0.2])).moved(at(y=0.5))])
 
 
@@ -27,7 +32,11 @@ def turned(mesh, seed):
     return Mesh(mesh.vertices @ R.T + rng.normal(size=3), mesh.faces)
 
 
-@pytest.mark.parametrize("mesh", [BEAM, PIN, CONE, WEDGE], ids=["beam", "pin", "cone", "wedge"])
+@pytest.mark.parametrize(
+    "mesh",
+    [BEAM, PIN, CONE, WEDGE, INSCRIBED],
+    ids=["beam", "pin", "cone", "wedge", "inscribed"],
+)
 def test_convex_meshes_are_known_wherever_they_stand(mesh):
     for seed in range(5):
         shape = Shape.of(turned(mesh, seed))
@@ -61,8 +70,8 @@ def random_poses(count, spread, seed):
 
 @pytest.mark.parametrize(
     ("one", "two"),
-    [(PIN, BEAM), (PIN, PIN), (CONE, WEDGE), (BEAM, BEAM), (WEDGE, BEAM)],
-    ids=["pin-beam", "pin-pin", "cone-wedge", "beam-beam", "wedge-beam"],
+    [(PIN, BEAM), (PIN, PIN), (CONE, WEDGE), (BEAM, BEAM), (WEDGE, BEAM), (INSCRIBED, BEAM)],
+    ids=["pin-beam", "pin-pin", "cone-wedge", "beam-beam", "wedge-beam", "inscribed-beam"],
 )
 def test_bounds_hold_and_common_points_are_true(one, two):
     one, two = turned(one, 1), turned(two, 2)
