@@ -16,6 +16,9 @@ class Arm(Protocol):
     def link_frames(self, q: FloatArray) -> FloatArray:
         """Return T_robroot_link (..., 7, 4, 4) of links 0..6 for q (..., 6) [rad]."""
 
+    def links_of(self, q: FloatArray) -> FloatArray:
+        """Return ``link_frames`` of (n, 6) as (7, 3, 4, n): configurations last, row 4 left out."""
+
     def fk(self, q: FloatArray) -> FloatArray:
         """Return T_robroot_flange (..., 4, 4) for q (..., 6) [rad]."""
 

@@ -32,11 +32,6 @@ class Frames:
         """Return the number of configurations."""
         return int(self.link.shape[-1])
 
-    @staticmethod
-    def of(q: FloatArray, link_frames: FloatArray) -> Frames:
-        """Return the frames of configurations (n, 6 + k), link frames (n, l, 4, 4) in robroot."""
-        return Frames(q, np.ascontiguousarray(np.moveaxis(link_frames[:, :, :3, :], 0, -1)))
-
 
 @dataclass(frozen=True, slots=True)
 class Placed(Frames):

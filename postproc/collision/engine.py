@@ -172,10 +172,11 @@ class Engine:
 
     def frames(self, q: FloatArray) -> Frames:
         """Return the links at configurations (n, 6 + k): joints [rad], external axes."""
-        frames = self.arm.link_frames(q[:, :JOINTS])
+        links = self.arm.links_of(q[:, :JOINTS])
         if len(self.external):
-            frames = np.concatenate([frames, self.external.frames(q[:, JOINTS:])], axis=1)
-        return Frames.of(q, frames)
+            others = np.moveaxis(self.external.frames(q[:, JOINTS:])[:, :, :3], 0, -1)
+            links = np.concatenate([links, others])
+        return Frames(q, links)
 
     def place(self, q: FloatArray) -> Placed:
         """Return the bodies at configurations (n, 6 + k): joints [rad], external axes."""

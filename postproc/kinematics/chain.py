@@ -65,18 +65,24 @@ class SerialChain:
     def link_frames(self, q: ArrayLike) -> FloatArray:
         """Return the frames (..., 7, 4, 4) [m] in robroot of link 0 (robroot) and links 1..6."""
         angles = np.asarray(q, dtype=np.float64)
-        flat = angles.reshape(-1, 6)
-        T = np.zeros((len(flat), 7, 4, 4))
-        T[:, 0] = np.eye(4)
+        links = self.links_of(angles.reshape(-1, 6))
+        T = np.zeros((links.shape[-1], 7, 4, 4))
+        T[..., :3, :] = np.moveaxis(links, -1, 0)
         T[..., 3, 3] = 1.0
-        steps = self._steps
-        for block in blocks(len(flat)):
+        return T.reshape(*angles.shape[:-1], 7, 4, 4)
+
+    def links_of(self, q: FloatArray) -> FloatArray:
+        """Return ``link_frames`` of (n, 6) as (7, 3, 4, n): configurations last, row 4 left out."""
+        links = np.empty((7, 3, 4, len(q)))
+        links[0] = np.eye(4)[:3, :, None]
+        for block in blocks(len(q)):
             columns, origin = _identity()
-            joints = zip(steps[:6], *_trigonometry(flat[block]), strict=True)
+            joints = zip(self._steps[:6], *_trigonometry(q[block]), strict=True)
             for link, (step, cosine, sine) in enumerate(joints, start=1):
                 columns, origin = step.advance(columns, origin, cosine, sine)
-                _write(T[block, link], _turned(columns, step.back), origin)
-        return T.reshape(*angles.shape[:-1], 7, 4, 4)
+                for place, column in enumerate((*_turned(columns, step.back), origin)):
+                    links[link, :, place, block] = column
+        return links
 
     def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
         """Return the Jacobian (..., 6, 6) of the TCP, axes of robroot.

@@ -54,6 +54,10 @@ class Kinematics:
         """
         return self.chain.link_frames(q)
 
+    def links_of(self, q: FloatArray) -> FloatArray:
+        """Return ``link_frames`` of (n, 6) as (7, 3, 4, n): configurations last, row 4 left out."""
+        return self.chain.links_of(q)
+
     def jacobian(self, q: ArrayLike, p_flange_tcp: ArrayLike = (0.0, 0.0, 0.0)) -> FloatArray:
         """Return (..., 6, 6) of the TCP: rows linear then angular, axes of robroot.
 
