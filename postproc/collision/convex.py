@@ -16,7 +16,7 @@ _FLAT = 1e-9
 """A vertex stands no farther out of a face of a convex solid than this [m]."""
 _CORNERS = 8
 """Of a box: solids that share some of them are smaller."""
-_SAME = 1e-7
+_SAME = 1e-10
 """Faces whose normals differ by less, and whose distances do [m], are one."""
 
 
