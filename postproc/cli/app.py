@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
 import importlib
 import json
@@ -116,13 +117,23 @@ def run(arguments: list[str] | None = None) -> int:  # noqa: PLR0911 - one retur
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return ExitCode.BAD_ANSWER
+    except OSError as error:
+        if error.errno != errno.ENOSPC or error.filename is not None:
+            return _bug()
+        click.echo("postproc:1: error CLI003: no space left where the output goes", err=True)
+        return ExitCode.BAD_INPUT
     except MemoryError:
         return _complain(UsageError("CLI002", "not enough memory for this input"), as_json)
-    except Exception:  # noqa: BLE001 - a bug of ours: show it whole and ask for a report
-        traceback.print_exc()
-        click.echo("postproc: this is a bug of postproc, please report the lines above", err=True)
-        return ExitCode.INTERNAL
+    except Exception:  # noqa: BLE001 - a bug of ours
+        return _bug()
     return result if isinstance(result, int) else ExitCode.GOOD
+
+
+def _bug() -> int:
+    """Show a fault of ours whole, and ask for a report."""
+    traceback.print_exc()
+    click.echo("postproc: this is a bug of postproc, please report the lines above", err=True)
+    return ExitCode.INTERNAL
 
 
 def _complain(error: PostprocError, as_json: bool) -> int:

@@ -1,6 +1,7 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -120,3 +121,13 @@ main(['{command}'])
     assert done.returncode == status
     assert done.stdout.endswith("done at the end\n")
     assert ("KR" in done.stdout, "CLI001" in done.stderr) == (status == 0, status == 2)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+@pytest.mark.parametrize("arguments", [["robots"], ["plugins", "--json"]])
+def test_a_full_device_is_one_line_and_exit_2(arguments):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "postproc", *arguments]
+        done = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2
+    assert done.stderr == "postproc:1: error CLI003: no space left where the output goes\n"

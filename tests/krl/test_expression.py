@@ -52,6 +52,7 @@ def test_pose_literals():
         "{X 1,Q 2}",
         "{X 1,E2 2}",
         "{S 2.5,X 1}",
+        "{T 99999999999,X 1}",
         "{E6AXIS: X 1}",
         "{FRAME: A1 1}",
         "{E1 1}",

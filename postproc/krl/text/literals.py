@@ -36,8 +36,8 @@ _AXIS_TYPES = frozenset({"AXIS", "E6AXIS", ""})
 def pose_or_axes(type_name: str, fields: list[tuple[str, float]]) -> Pose | Axes | None:
     """Return the pose or the axes that these components are; None if they are neither.
 
-    Repeated, mixed or unknown components, external axes with gaps and a fractional status or turn
-    are neither: the aggregate keeps them for lint.
+    Repeated, mixed or unknown components, external axes with gaps and a status or turn that is no
+    INT are neither: the aggregate keeps them for lint.
     """
     upper = type_name.upper()
     if upper in _POSE_TYPES:
@@ -89,7 +89,10 @@ def _in_order(values: list[float | None]) -> tuple[float, ...] | None:
 
 
 def _whole(value: float | None) -> int | None:
-    return int(value) if value is not None and value == int(value) else None
+    """Return an INT, None for what is no whole number of 32 bits."""
+    if value is None or abs(value) >= _INT or value != int(value):
+        return None
+    return int(value)
 
 
 def number(text: str) -> int | float:
@@ -142,6 +145,7 @@ def components(value: Pose | Axes) -> Iterator[tuple[str, float]]:
         yield f"E{index}", number_
 
 
+_INT = 2.0**31
 _SIX = {
     Pose: attrgetter("x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg"),
     Axes: attrgetter("a1_deg", "a2_deg", "a3_deg", "a4_deg", "a5_deg", "a6_deg"),
