@@ -36,6 +36,8 @@ speeds up most if it is short."""
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
+_FAR = 1e5
+"""A way [m or rad] of which the rest is made at even speed."""
 _STOPS = 1e-7
 """A corner that turns back is passed at this speed [m/s]: times are finite."""
 
@@ -297,6 +299,8 @@ class _RestToRest:
         """Return the time-optimal duration [s] of a way >= 0 under speed, acceleration, jerk."""
         if way <= _TINY:
             return 0.0
+        if way > _FAR:  # at even speed; absurd as it is, ruckig gives up
+            return cls.time(_FAR, speed, acceleration, ramp) + (way - _FAR) / speed
         import ruckig
 
         if cls._parts is None:

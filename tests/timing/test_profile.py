@@ -43,6 +43,12 @@ def test_line_time_is_the_double_s(seed):
     assert np.allclose(got, want, rtol=5e-6)
 
 
+def test_absurd_ways_have_a_time():
+    way, speed = np.array([1e5, 1.01e5, 1e9, 1e15]), np.full(4, 1.15)
+    got = line_time(way, speed, acceleration=2.3, ramp=0.1)
+    assert np.allclose(got, [double_s(w, 1.15, 2.3, 23.0) for w in way], rtol=1e-9)
+
+
 def joint_moves(seed):
     rng = np.random.default_rng(seed)
     a, b = rng.uniform(-2, 2, (2, 300, 6))
