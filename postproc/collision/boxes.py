@@ -88,6 +88,25 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return product
 
 
+def seen_from(
+    one: tuple[FloatArray, FloatArray],
+    two: tuple[FloatArray, FloatArray],
+    R_a_b: FloatArray,
+    p_a_b: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Return axes (k, 3, 3) and centre (k, 3) [m] of boxes in the frames of others.
+
+    Args:
+        one: centre (k, 3), axes (k, 3, 3) as columns of the others, in frames a.
+        two: the same of the boxes, in frames b.
+        R_a_b: (k, 3, 3).
+        p_a_b: (k, 3) [m].
+    """
+    back = np.swapaxes(one[1], 1, 2)
+    centre = np.einsum("kij,kj->ki", R_a_b, two[0]) + p_a_b - one[0]
+    return back @ (R_a_b @ two[1]), np.einsum("kij,kj->ki", back, centre)
+
+
 def box_gap(
     R_a_b: FloatArray, p_a_b: FloatArray, half_a: FloatArray, half_b: FloatArray
 ) -> FloatArray:
@@ -139,7 +158,7 @@ def _edge_gap(
         i1, i2 = (i + 1) % 3, (i + 2) % 3
         along = np.abs(p_a_b[i2] * R_a_b[i1] - p_a_b[i1] * R_a_b[i2])
         along -= half_a[i1] * size[i2] + half_a[i2] * size[i1]
-        along -= half_b[[1, 2, 0]] * size[i][[2, 0, 1]] + half_b[[2, 0, 1]] * size[i][[1, 2, 0]]
+        along -= half_b[_NEXT] * size[i][_LAST] + half_b[_LAST] * size[i][_NEXT]
         length = np.sqrt(np.maximum(1.0 - R_a_b[i] ** 2, 0.0))
         usable = length > _AXIS_FLOOR
         gap = np.where(usable, along / np.where(usable, length, 1.0), -np.inf)

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.collision.inside import Parts
-from postproc.collision.mesh import Mesh
+from postproc.collision.mesh import Mesh, normals_of
 
 MOST_FACES = 256
 """Triangles of a solid that is looked at."""
@@ -42,7 +42,7 @@ class Convex:
             return None
         vertices = (mesh.vertices[np.unique(mesh.faces)] - centre) @ axes
         corners = (mesh.corners - centre) @ axes
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = normals_of(corners)
         if np.einsum("ij,ij->", normals, corners[:, 0]) < 0.0:  # six times the volume
             normals = -normals
         size = np.linalg.norm(normals, axis=1, keepdims=True)

@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.collision.boxes import seen_from
 from postproc.collision.convex import Convex
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
@@ -69,10 +70,8 @@ class ConvexPairs:
             p_a_b: (k, 3) [m] its origin.
         """
         a, b = self._first[pair], self._second[pair]
-        back = np.swapaxes(self._axes[a], 1, 2)
-        R = back @ (R_a_b @ self._axes[b])
-        p = np.einsum("kij,kj->ki", R_a_b, self._centre[b]) + p_a_b - self._centre[a]
-        p = np.einsum("kij,kj->ki", back, p)
+        one, two = ((self._centre[body], self._axes[body]) for body in (a, b))
+        R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
         bound_a, middle_a = self._overlap(self._half[a], b, R, p)
@@ -80,15 +79,15 @@ class ConvexPairs:
         bound = np.maximum(bound_a, bound_b)
         meets = np.zeros(len(pair), dtype=np.bool_)
         near = np.flatnonzero(bound == 0.0)
-        for one, two, frame, middle in (
+        for own, other, frame, middle in (
             (a, b, (R_back, p_back), middle_a),
             (b, a, (R, p), middle_b),
         ):
             near = near[~meets[near]]
-            inside = self._contains(one[near], middle[near])
+            inside = self._contains(own[near], middle[near])
             rows = near[inside]
-            other = np.einsum("kij,kj->ki", frame[0][rows], middle[rows]) + frame[1][rows]
-            meets[rows] = self._contains(two[rows], other)
+            there = np.einsum("kij,kj->ki", frame[0][rows], middle[rows]) + frame[1][rows]
+            meets[rows] = self._contains(other[rows], there)
         return bound, meets
 
     def _overlap(

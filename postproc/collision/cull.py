@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Table, numbered
-from postproc.collision.boxes import box_gap
+from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
 
@@ -135,12 +135,11 @@ class Culler:
             limit: (k,) [m]; entries farther apart than this get an infinite bound.
         """
         a, b = self.first[near.pair], self.second[near.pair]
-        A = np.swapaxes(self._axes[a], 1, 2)
-        R_boxes = A @ (R @ self._axes[b])
-        centre = np.einsum("kij,kj->ki", R, self._centre[b]) + p - self._centre[a]
+        one, two = ((self._centre[body], self._axes[body]) for body in (a, b))
+        R_boxes, centre = seen_from(one, two, R, p)
         gap = box_gap(
             np.ascontiguousarray(np.moveaxis(R_boxes, 0, -1)),
-            np.einsum("kij,kj->ik", A, centre),
+            np.ascontiguousarray(centre.T),
             self._half[a].T,
             self._half[b].T,
         )

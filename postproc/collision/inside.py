@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered
-from postproc.collision.mesh import Mesh
+from postproc.collision.mesh import Mesh, normals_of
 
 MOST_PROBES = 64
 """Parts of one body that are tested; of a body in more pieces, the largest ones."""
@@ -73,14 +73,9 @@ def probes_of(mesh: Mesh, parts: Parts) -> FloatArray:
     """Return one vertex (k, 3) [m] of each part, of the ``MOST_PROBES`` largest at most."""
     first = np.unique(parts.label, return_index=True)[1]
     if len(first) > MOST_PROBES:
-        area = np.bincount(parts.label, np.linalg.norm(_normals(mesh.corners), axis=1))
+        area = np.bincount(parts.label, np.linalg.norm(normals_of(mesh.corners), axis=1))
         first = first[np.sort(np.argsort(-area, kind="stable")[:MOST_PROBES])]
     return np.asarray(mesh.vertices[mesh.faces[first, 0]])
-
-
-def _normals(corners: FloatArray) -> FloatArray:
-    """Return normals (f, 3) of twice the area of each triangle [m^2]."""
-    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 class InsideTest:

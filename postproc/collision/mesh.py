@@ -206,6 +206,11 @@ def _unique_rows(rows: FloatArray) -> tuple[FloatArray, IntArray]:
     return rows[first[order]], rank[number.ravel()].astype(np.int32)
 
 
+def normals_of(corners: FloatArray) -> FloatArray:
+    """Return normals (f, 3) of twice the area of each triangle [m^2]."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def box(size: FloatArray) -> Mesh:
     """Return a box of edges ``size`` (3,) [m], centred, faces outward."""
     half_x, half_y, half_z = 0.5 * np.asarray(size, dtype=np.float64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.collision.boxes import box_gap
+from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
 
@@ -90,10 +90,7 @@ class PieceBounds:
         if not len(entry):
             return
         one, two = self._box(a[rows][entry], piece_a), self._box(b[rows][entry], piece_b)
-        A = np.swapaxes(one[1], 1, 2)
-        R_pieces = A @ R[entry] @ two[1]
-        centre = np.einsum("kij,kj->ki", R[entry], two[0]) + p[entry] - one[0]
-        p_pieces = np.einsum("kij,kj->ki", A, centre)
+        R_pieces, p_pieces = seen_from(one[:2], two[:2], R[entry], p[entry])
         gap = box_gap(np.moveaxis(R_pieces, 0, -1), p_pieces.T, one[2].T, two[2].T)
         np.minimum.at(bound, rows[entry], np.maximum(gap, 0.0))
 

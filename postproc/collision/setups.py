@@ -15,7 +15,7 @@ from postproc.arrays import FloatArray
 from postproc.cell import Cell, Workpiece
 from postproc.collision.exact import ExactTests
 from postproc.collision.inside import InsideTest, parts_of, probes_of
-from postproc.collision.mesh import Mesh, solid
+from postproc.collision.mesh import Mesh, normals_of, solid
 from postproc.units import MM
 
 TOUCHING = 0.1 * MM
@@ -90,7 +90,7 @@ def _inset(mesh: Mesh) -> Mesh:
     if not parts.oriented.all():
         return mesh
     corners = mesh.corners
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = normals_of(corners)
     volume = np.einsum("fi,fi->f", corners[:, 0], normal)
     sign = np.sign(np.bincount(parts.label, volume))[parts.label]
     out: FloatArray = np.zeros_like(mesh.vertices)

@@ -8,7 +8,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, numbered
 from postproc.collision.inside import parts_of
-from postproc.collision.mesh import Mesh
+from postproc.collision.mesh import Mesh, normals_of
 from postproc.units import DEG
 
 SMOOTH = 30.0 * DEG
@@ -41,7 +41,7 @@ class Surface:
     def __init__(self, mesh: Mesh) -> None:
         faces = _outward(mesh)
         corners = mesh.vertices[faces]
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal = normals_of(corners)
         size = np.linalg.norm(normal, axis=1)
         flat = size > 0.0
         faces, corners, normal = faces[flat], corners[flat], normal[flat] / size[flat, None]

@@ -14,7 +14,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.krl.rules.scope import Scope
-from postproc.krl.rules.values import Points, Written, points_among, written_in
+from postproc.krl.rules.values import PLAIN, Points, Written, points_among, written_in
 from postproc.krl.text import (
     Assign,
     Axes,
@@ -47,7 +47,6 @@ _S = TypeVar("_S", bound=Statement)
 _TEXTS = frozenset({Comment, Blank, FoldBegin, FoldEnd})
 """Lines for people."""
 _LITERAL_TARGETS = frozenset({Pose, Axes})
-_PLAIN = frozenset({float, int, bool})
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -516,7 +515,7 @@ def _telling(statements: Sequence[Statement]) -> Iterator[tuple[Statement, int]]
         elif kind is Assign:
             value = statement.value  # type: ignore[attr-defined]
             of = type(value)
-            if of in _PLAIN:
+            if of in PLAIN:
                 said = (statement.target, of, value)  # type: ignore[attr-defined]
                 yield statement, numbers.setdefault(said, len(numbers))
             else:

@@ -22,7 +22,8 @@ from postproc.krl.text import (
 )
 from postproc.records import dataclass
 
-_PLAIN = frozenset({float, int, bool})
+PLAIN = frozenset({float, int, bool})
+"""Kinds of plain numbers and truths."""
 _POINTS = frozenset({Pose, Axes})
 
 
@@ -65,7 +66,7 @@ def written_in(files: Iterable[tuple[str, Iterable[Statement]]]) -> list[Written
                     found += _beside_target(path, statement)
             elif type(statement) is Assign:
                 value = statement.value
-                if type(value) not in _PLAIN:
+                if type(value) not in PLAIN:
                     found.append((path, statement.line, value, type_of(statement.target)))
             else:
                 found += _given(path, statement)

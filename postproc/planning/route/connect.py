@@ -89,9 +89,9 @@ def detours(
     """
     ways: dict[int, Detour] = {}
     for heights in BACK_OFF:
-        left = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
-        ways |= _by_backing_off(checker, ends, left, attitude, branch, heights)
-    rows = np.array([row for row in range(len(ends)) if row not in ways], dtype=np.int64)
+        rows = np.setdiff1d(np.arange(len(ends)), list(ways))
+        ways |= _by_backing_off(checker, ends, rows, attitude, branch, heights)
+    rows = np.setdiff1d(np.arange(len(ends)), list(ways))
     if not len(rows):
         return ways
     out, can_leave = _lifted_ends(checker, ends, attitude, branch)

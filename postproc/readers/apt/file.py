@@ -1,8 +1,8 @@
 """APT and CL files to a toolpath: NX, SolidWorks CAM, Creo, CATIA, CAMWorks and plain APT.
 
 A file is read in blocks. In each block the points, arcs and rapids are taken in bulk
-(``apt_scan``, ``apt_motion``), every other statement acts in order on the modal state
-(``apt_words``), and the columns of the block are cut from both (``apt_state``).
+(``scan``, ``motion``), every other statement acts in order on the modal state (``words``), and the
+columns of the block are cut from both (``state``).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def read_file(path: str, options: ReadOptions) -> ToolPath:
     """Return the toolpath of a CL file.
 
     Raises:
-        ReadError: with an ``APT`` code and the line, see ``apt_words`` and its neighbours.
+        ReadError: with an ``APT`` code and the line, see ``words`` and its neighbours.
     """
     faults = Faults(path, options.recover)
     state: AptState | None = None
