@@ -9,15 +9,8 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.geometry import transform_from_kuka
-from postproc.krl.rules.subject import (
-    ERROR,
-    WARNING,
-    Part,
-    Step,
-    Subject,
-    key_of,
-    position_of,
-)
+from postproc.krl.rules.part import Part, Step, key_of, position_of
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Assign,
     Call,
@@ -163,7 +156,7 @@ def _auxiliary(part: Part, place: int) -> tuple[float | None, ...]:
     """Return X, Y, Z [mm] of the auxiliary point of a circle that ends at its target."""
     move = part.steps[place].move
     known = move.auxiliary is not None and move.angle_deg is None
-    return position_of(part.subject.point(move.auxiliary, part.module) if known else None)
+    return position_of(part.point(move.auxiliary, part.module) if known else None)
 
 
 def _inverted(ways: FloatArray) -> FloatArray:

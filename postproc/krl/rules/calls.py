@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of
+from postproc.krl.rules.part import Part, bas, key_of
 from postproc.krl.rules.scope import Place
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, key_of
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Binary,
     Call,

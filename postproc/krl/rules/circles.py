@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, number, position_of
+from postproc.krl.rules.part import Part, number, position_of
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import Statement
 
 _LARGEST = 50_000.0

@@ -9,8 +9,9 @@ from pathlib import PurePath
 
 from postproc.krl.rules.expressions import NAMELESS, move_values, values_of
 from postproc.krl.rules.naming import BUILT_IN, global_names
+from postproc.krl.rules.part import Part
 from postproc.krl.rules.scope import DEFINES
-from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Part, Subject
+from postproc.krl.rules.subject import ERROR, NOTE, WARNING, Subject
 from postproc.krl.text import (
     NAME_LENGTH,
     Aggregate,

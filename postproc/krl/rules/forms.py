@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, number
+from postproc.krl.rules.part import Part, bas, number
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Aggregate,
     Assign,

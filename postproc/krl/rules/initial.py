@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, key_of, number
+from postproc.krl.rules.part import Part, bas, key_of, number
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Aggregate,
     Assign,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import islice
 
 from postproc.krl.rules.blending import FEED
-from postproc.krl.rules.subject import WARNING, Part, Subject, key_of, number
+from postproc.krl.rules.part import Part, key_of, number
+from postproc.krl.rules.subject import WARNING, Subject
 from postproc.krl.text import (
     Assign,
     Call,

@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 
 from postproc.arrays import FloatArray
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas, known_number, number
+from postproc.krl.rules.part import Part, bas, known_number, number
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import (
     Aggregate,
     Assign,

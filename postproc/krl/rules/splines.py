@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.krl.rules.subject import ERROR, Part, Subject
+from postproc.krl.rules.part import Part
+from postproc.krl.rules.subject import ERROR, Subject
 from postproc.krl.text import (
     Assign,
     Blank,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject
+from postproc.krl.rules.part import Part
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import Axes, Pose
 
 _TURNS_OF_ROBOT = 1 << 6

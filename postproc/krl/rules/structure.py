@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-from postproc.krl.rules.subject import ERROR, Part, Subject
+from postproc.krl.rules.part import Part
+from postproc.krl.rules.subject import ERROR, Subject
 from postproc.krl.text import (
     Assign,
     Blank,

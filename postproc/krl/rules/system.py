@@ -7,9 +7,10 @@ from collections.abc import Collection
 from functools import partial
 
 from postproc.krl.rules.expressions import nodes_of, settings_of
+from postproc.krl.rules.part import Part, bas
 from postproc.krl.rules.scope import declared_names, system_names
 from postproc.krl.rules.slips import nearest
-from postproc.krl.rules.subject import ERROR, WARNING, Part, Subject, bas
+from postproc.krl.rules.subject import ERROR, WARNING, Subject
 from postproc.krl.text import Assign, Call, Enum, Reference, Statement
 
 _BASE_NAME = re.compile(r"\$\w+")
