@@ -42,10 +42,12 @@ _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""
 _RIM = 2
 """How far beyond a colliding neighbour the check spreads."""
+_FARTHEST = 32
+"""How far along the tags it spreads at most, twice as far each time, while few poses collide."""
 _FLIP = 4
 """The bit of a branch that turns the wrist over: the arm before it and the tool stand alike."""
-_THIN = 200
-"""From fewer colliding poses the check spreads farther along the tags: a call has its price."""
+_THIN = 1500
+"""So many colliding poses are few: a call has its price."""
 
 
 @dataclass(slots=True)
@@ -333,7 +335,7 @@ class PoseSearch:
             verdict = self.checker.poses(tags, q.astype(np.float64), likely)
             fails = ~verdict.good
             front, reach = poses[fails], _RIM
-            along = _RIM if len(front) > _THIN else _WIDEST
+            along = _RIM if len(front) > _THIN else min(2 * max(along, _RIM), _FARTHEST)
             self.reason[front], self.pair[front] = verdict.reason[fails], verdict.pair[fails]
             found.append(front)
         copies = self._copies(np.concatenate(found))
@@ -357,28 +359,25 @@ class PoseSearch:
     def _around(self, states: IndexArray, far: int, reach: int) -> tuple[IndexArray, IndexArray]:
         """Return one state (k,) of every configuration near to states, and by what one collides.
 
-        Those of the same branch and tilt up to ``far`` tags and ``reach`` spins away, those of the
-        tilts next to it, and that with the wrist turned over.
+        Those of the same branch and tilt up to ``reach`` spins and tags away, and of the same spin
+        up to ``far`` tags; those of the tilts next to it, and that with the wrist turned over.
         """
         width, n = self.states.spins.shape[-1], len(self.tags)
         if self.cells is None:
             self.cells = self._all_cells()
-        along, around = np.arange(-far, far + 1), np.arange(-reach, reach + 1) * FINE
-        at, own = self.states.tag_of(states), self.states.column[states].astype(np.int64)
-        rung = at[:, None, None] + along[None, :, None]
-        tilt, spin = np.divmod(own[:, None, None], width)
+        own, at = self.states.column[states].astype(np.int64), self.states.tag_of(states)
+        branch, pair = self.states.branch[states].astype(np.int64), self.pair[states] + np.int64(1)
+        tilt, spin = np.divmod(own, width)
+        along, around = _cross(far, reach)
+        rung = at[:, None] + along
+        column = tilt[:, None] * width + (spin[:, None] + FINE * around) % width
         inside = (rung >= 0) & (rung < n)
-        branch = self.states.branch[states].astype(np.int64)[:, None, None]
-        column = tilt * width + (spin + around[None, None, :]) % width
-        places = self._place(np.clip(rung, 0, n - 1), column, branch)
-        pair = self.pair[states].astype(np.int64) + 1
-        inside = np.broadcast_to(inside, places.shape)
-        near, by = [places[inside]], [np.broadcast_to(pair[:, None, None], places.shape)[inside]]
-        near.append(self._place(at, own, branch[:, 0, 0] ^ _FLIP))
+        near = [self._place(rung, column, branch[:, None])[inside]]
+        by = [np.broadcast_to(pair[:, None], inside.shape)[inside]]
+        near.append(self._place(at, own, branch ^ _FLIP))
         by.append(pair)
-        which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt[:, 0, 0]])
-        column = other * width + spin[which, 0, 0]
-        near.append(self._place(at[which], column, branch[which, 0, 0]))
+        which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt])
+        near.append(self._place(at[which], other * width + spin[which], branch[which]))
         by.append(pair[which])
         kinds = int(pair.max(initial=0)) + 1
         both = np.sort(np.concatenate(near) * kinds + np.concatenate(by))
@@ -466,6 +465,17 @@ class PoseSearch:
             {row: break_at(self, row) for row in broken.tolist()},
             chosen.at(self.tags),
         )
+
+
+def _cross(far: int, reach: int) -> tuple[IndexArray, IndexArray]:
+    """Return the tags and spins (k,) by which the poses lie off that are near to one.
+
+    All within ``reach`` tags and spins, and those of the same spin within ``far`` tags.
+    """
+    along, around = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
+    farther = np.arange(reach + 1, far + 1)
+    along = np.concatenate([along, -farther, farther])
+    return along, np.append(around, np.zeros(2 * len(farther), dtype=np.int64))
 
 
 def travel(chosen: Chosen) -> float:
