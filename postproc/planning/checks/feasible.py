@@ -159,7 +159,12 @@ class Checker:
         return self.problem.strokes
 
     def states(
-        self, tags: IndexArray, q: FloatArray, attitude: FloatArray, branch: IndexArray
+        self,
+        tags: IndexArray,
+        q: FloatArray,
+        attitude: FloatArray,
+        branch: IndexArray,
+        free: BoolArray | None = None,
     ) -> Verdict:
         """Check poses at tags, with the whole stroke where the tag has one.
 
@@ -168,12 +173,18 @@ class Checker:
             q: (m, 6) [rad].
             attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
             branch: (m,).
+            free: (m,) known to be free of collision all along, with axes whole turns away: what
+                is left to check is whether the axes get there. None: nothing is known.
         """
-        verdict = self.poses(tags, q)
+        verdict = Verdict.clean(len(tags))
+        unknown = np.ones(len(tags), dtype=np.bool_) if free is None else ~free
+        part = self.poses(tags[unknown], q[unknown])
+        verdict.reason[unknown], verdict.pair[unknown] = part.reason, part.pair
         rows = np.nonzero(self.strokes.is_stroke[tags] & verdict.good)[0]
         if len(rows):
-            self._stroke(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
-        rows = np.nonzero((self.problem.ways_out[tags] > 0.0) & verdict.good)[0]
+            at = tags[rows], q[rows], attitude[rows], branch[rows]
+            self._stroke(verdict, rows, *at, ~unknown[rows])
+        rows = np.nonzero((self.problem.ways_out[tags] > 0.0) & verdict.good & unknown)[0]
         if len(rows):
             self._way_out(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
         return verdict
@@ -218,8 +229,12 @@ class Checker:
         q: FloatArray,
         attitude: FloatArray,
         branch: IndexArray,
+        free: BoolArray,
     ) -> None:
-        """Check free way from the top to the start of the feed, then the feed down to the depth."""
+        """Check free way from the top to the start of the feed, then the feed down to the depth.
+
+        Strokes ``free`` (m,) are known to be free of collision.
+        """
         heights, T, joints = self._stroke_ends(verdict, rows, tags, q, attitude, branch)
         external = self.problem.placement.external[tags]
         for start, end, touch in ((0, 1, False), (1, 2, True)):
@@ -234,7 +249,7 @@ class Checker:
                 np.full(len(kept), touch),
                 (external[kept], external[kept]),
             )
-            part = self.lines(lines)[0]
+            part = self.lines(lines, free=free[kept])[0]
             bad = ~part.good
             verdict.reason[rows[kept[bad]]] = part.reason[bad]
             verdict.pair[rows[kept[bad]]] = part.pair[bad]
@@ -266,16 +281,18 @@ class Checker:
             joints.append(solved)
         return heights, poses, joints
 
-    def lines(self, lines: Lines, together: IndexArray | None = None) -> tuple[Verdict, Track]:
+    def lines(
+        self, lines: Lines, together: IndexArray | None = None, free: BoolArray | None = None
+    ) -> tuple[Verdict, Track]:
         """Check CP motions between their ends, which are taken as checked but for collision.
 
         ``together`` (m,): successive motions of the same number are looked at as one first, which
-        is faster where most are free.
+        is faster where most are free. ``free`` (m,): known to be free of collision.
         """
         verdict = Verdict.clean(len(lines))
         track = self.track(lines, verdict)
         if self.scene is not None and len(lines):
-            good = verdict.good[track.row]
+            good = (verdict.good if free is None else verdict.good & ~free)[track.row]
             number = np.arange(len(lines)) if together is None else together
             row = track.row[good]
             poses = self._standing(track.q[good], lines.external_at(row, track.share[good]))

@@ -56,8 +56,9 @@ class PoseSearch:
 
     Tags between key tags follow by interpolation. ``stride`` (n,): every how many of the finest
     spins a tag has; ``edges``: the stiffest pose of each tag; ``passed`` (N,): the state before
-    from which the step into a state was found good; ``failing``: what became of cuts that failed
-    between key tags. ``fanned``: how often steps into a tag failed; ``looked_at``: numbers of those
+    from which the step into a state was found good; ``free`` (N,): whether the first turn copy of a
+    configuration stands for one found free of collision, its stroke as well; ``failing``: what
+    became of cuts that failed between key tags. ``fanned``: how often steps into a tag failed; ``looked_at``: numbers of those
     that were looked at along with them.
     """
 
@@ -77,6 +78,7 @@ class PoseSearch:
     pair: AnyIntArray
     seen: BoolArray
     checked: BoolArray
+    free: BoolArray
     passed: AnyIntArray
     out: BoolArray
     failures: IndexArray
@@ -128,6 +130,7 @@ class PoseSearch:
             pair=np.full(size, NONE, dtype=np.int32),
             seen=np.zeros(size, dtype=np.bool_),
             checked=np.zeros(size, dtype=np.bool_),
+            free=np.zeros(size, dtype=np.bool_),
             passed=np.full(size, NONE, dtype=np.int32),
             out=np.zeros(size, dtype=np.bool_),
             failures=np.zeros(n, dtype=np.int64),
@@ -162,7 +165,7 @@ class PoseSearch:
         self.failures, self.hasty = by_tag(self.failures, 0), by_tag(self.hasty, False)
         self.reason, self.pair = by_state(self.reason, 0), by_state(self.pair, NONE)
         self.seen, self.out = by_state(self.seen, False), by_state(self.out, False)
-        self.checked = by_state(self.checked, False)
+        self.checked, self.free = by_state(self.checked, False), by_state(self.free, False)
         self.passed = moved[by_state(self.passed, NONE)].astype(np.int32)
         parts = ladder_of(problem, self.between, self.tags, self.states, self.wish)
         self.ladder, self.weight, self.share = parts
@@ -271,10 +274,11 @@ class PoseSearch:
         self.checked[fresh] = True
         branch = self.states.branch[fresh].astype(np.int64)
         q = self.states.q[fresh].astype(np.float64)
-        rungs = self.states.tag_of(fresh)
-        verdict = self.checker.states(self.tags[rungs], q, self.states.attitude_of(fresh), branch)
+        tags, first = self.tags[self.states.tag_of(fresh)], self._first_copy(fresh)
+        attitude = self.states.attitude_of(fresh)
+        verdict = self.checker.states(tags, q, attitude, branch, self.free[first])
         self.reason[fresh], self.pair[fresh] = verdict.reason, verdict.pair
-        self.seen[self._first_copy(fresh)] = True
+        self.seen[first], self.free[first[verdict.good]] = True, True
         return np.asarray(self.reason[states] == Reason.NONE)
 
     def check_steps(self, before: IndexArray, after: IndexArray) -> BoolArray:
