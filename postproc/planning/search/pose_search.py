@@ -58,8 +58,8 @@ class PoseSearch:
     spins a tag has; ``edges``: the stiffest pose of each tag; ``passed`` (N,): the state before
     from which the step into a state was found good; ``free`` (N,): whether the first turn copy of a
     configuration stands for one found free of collision, its stroke as well; ``failing``: what
-    became of cuts that failed between key tags. ``fanned``: how often steps into a tag failed; ``looked_at``: numbers of those
-    that were looked at along with them.
+    became of cuts that failed between key tags. ``fanned``: how often steps into a tag failed;
+    ``looked_at``: numbers of those that were looked at along with them.
     """
 
     checker: Checker

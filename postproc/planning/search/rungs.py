@@ -19,6 +19,7 @@ from postproc.planning.search.edges import Edges, best_of, edges_of
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.search.leaning import Leans
 from postproc.planning.states import (
+    BRANCHES,
     NONE,
     TRAVEL_UNIT,
     Chosen,
@@ -229,9 +230,8 @@ def ladder_of(
     change = _price_of_change(problem)
     if wish.steady:  # more coordinates, equal for the same posture
         apart = np.sqrt(change / max(float(weight[rule == Rule.FREE].max(initial=0.0)), 1e-9))
-        position = np.hstack(
-            [position, apart * _bits(states.branch, wish.steady)], dtype=np.float32
-        )
+        bits = (apart * _bits(np.arange(BRANCHES), wish.steady)).astype(np.float32)
+        position = np.hstack([position, bits[states.branch]])
     tolls = _tolls(wish.parted, states.q, _PARTED * change)
     _price_home(problem, states, wish, cost, tolls, change)
     ladder = Ladder(states.offsets, position, cost, states.branch, rule, weight)
