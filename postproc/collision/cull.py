@@ -35,12 +35,14 @@ class Frames:
 
 @dataclass(frozen=True, slots=True)
 class Placed(Frames):
-    """Bodies placed for n configurations, in robroot.
+    """Bodies that move, placed for n configurations, in robroot.
 
-    ``centre`` (b, 3, n), ``axes`` (b, 3, 3, n) and ``extent`` (b, 3, n) of the bodies' boxes:
-    centre, axes as columns, half size along the axes of robroot [m].
+    ``slot`` (b,): where each body stands below, of those that move or of those that stand still;
+    ``centre`` (m, 3, n), ``axes`` (m, 3, 3, n) and ``extent`` (m, 3, n) of the boxes of those that
+    move: centre, axes as columns, half size along the axes of robroot [m].
     """
 
+    slot: np.ndarray
     centre: FloatArray
     axes: FloatArray
     extent: FloatArray
@@ -81,30 +83,35 @@ class Culler:
         self._probe_count = np.array([len(shape.probes) for shape in shapes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
         self._by_link = [np.flatnonzero(links == link) for link in range(int(links.max()) + 1)]
-        starts = np.flatnonzero(np.diff(first, prepend=-1))
+        self._is_still = links == 0
+        self._slot = np.where(self._is_still, np.cumsum(self._is_still), np.cumsum(~self._is_still))
+        self._slot -= 1
+        still = np.flatnonzero(self._is_still)
+        self._still_centre = self._centre[still, :, None]
+        self._still_axes = self._axes[still, :, :, None]
+        self._still_extent = _extent(self._still_axes, self._half[still])
+        changes = np.diff(first, prepend=-1) | np.diff(self._is_still[second], prepend=False)
+        starts = np.flatnonzero(changes)
         ends = np.append(starts, len(first))[1:]  # a scene may hold no pair at all
         self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
 
     def place(self, frames: Frames) -> Placed:
         """Return the bodies where links stand."""
-        n = len(frames)
-        bodies = len(self.shapes)
-        centre = np.empty((bodies, 3, n))
-        axes = np.empty((bodies, 3, 3, n))
-        for link, members in enumerate(self._by_link):
+        n, count = len(frames), int((~self._is_still).sum())
+        centre = np.empty((count, 3, n))
+        axes = np.empty((count, 3, 3, n))
+        for link, members in enumerate(self._by_link[1:], start=1):
             if not len(members):
                 continue
-            R, p = frames.link[link, :, :3], frames.link[link, :, 3]
+            R, p, slot = frames.link[link, :, :3], frames.link[link, :, 3], self._slot[members]
             # (3 rows of R, members, n): one product for each row of the rotation
             moved = np.matmul(self._centre[members], R) + p[:, None]
-            centre[members] = np.moveaxis(moved, 0, 1)
+            centre[slot] = np.moveaxis(moved, 0, 1)
             columns = np.swapaxes(self._axes[members], 1, 2).reshape(-1, 3)
             turned = np.matmul(columns, R).reshape(3, len(members), 3, n)
-            axes[members] = np.moveaxis(turned, 0, 1)
-        extent = np.abs(axes[:, :, 0]) * self._half[:, 0, None, None]
-        extent += np.abs(axes[:, :, 1]) * self._half[:, 1, None, None]
-        extent += np.abs(axes[:, :, 2]) * self._half[:, 2, None, None]
-        return Placed(frames.q, frames.link, centre, axes, extent)
+            axes[slot] = np.moveaxis(turned, 0, 1)
+        extent = _extent(axes, self._half[~self._is_still])
+        return Placed(frames.q, frames.link, self._slot, centre, axes, extent)
 
     def bodies_near(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None = None
@@ -156,14 +163,21 @@ class Culler:
         return bound
 
     def _gap(self, placed: Placed, begin: int, end: int) -> FloatArray:
-        """Return gaps (k, 3, n) along the axes of robroot for pairs of one first body."""
-        a, b = self.first[begin], self.second[begin:end]
-        gap: FloatArray = placed.centre[b]
-        gap -= placed.centre[a]
+        """Return gaps (k, 3, n) along the axes of robroot for pairs of one run."""
+        centre_a, extent_a = self._aligned(placed, self.first[begin])
+        centre_b, extent_b = self._aligned(placed, self.second[begin:end])
+        gap: FloatArray = centre_b - centre_a
         np.abs(gap, out=gap)
-        gap -= placed.extent[b]
-        gap -= placed.extent[a]
+        gap -= extent_b
+        gap -= extent_a
         return gap
+
+    def _aligned(self, placed: Placed, body: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """Return centre and extent (..., 3, n or 1) of bodies (...,) that all move, or none."""
+        slot = self._slot[body]
+        if self._is_still[body].all():
+            return self._still_centre[slot], self._still_extent[slot]
+        return placed.centre[slot], placed.extent[slot]
 
     def _axis_aligned(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None
@@ -181,12 +195,25 @@ class Culler:
         self, placed: Placed, pair: np.ndarray, row: np.ndarray
     ) -> tuple[FloatArray, FloatArray]:
         """Return axes (3, 3, k) and centre (3, k) of the second body's box in the first's."""
-        a, b = self.first[pair], self.second[pair]
-        A = np.moveaxis(placed.axes[a, :, :, row], 0, -1)
-        B = np.moveaxis(placed.axes[b, :, :, row], 0, -1)
-        step = (placed.centre[b, :, row] - placed.centre[a, :, row]).T
+        A, centre_a = self._oriented(placed, self.first[pair], row)
+        B, centre_b = self._oriented(placed, self.second[pair], row)
+        step = centre_b - centre_a
         R = A[0][:, None] * B[0] + A[1][:, None] * B[1] + A[2][:, None] * B[2]
         return R, A[0] * step[0] + A[1] * step[1] + A[2] * step[2]
+
+    def _oriented(
+        self, placed: Placed, body: np.ndarray, row: np.ndarray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return axes (3, 3, k) and centre (3, k) of the boxes of bodies (k,) in rows (k,)."""
+        axes, centre = np.empty((3, 3, len(body))), np.empty((3, len(body)))
+        slot, is_still = self._slot[body], self._is_still[body]
+        some = np.flatnonzero(is_still)
+        axes[:, :, some] = np.moveaxis(self._still_axes[slot[some], :, :, 0], 0, -1)
+        centre[:, some] = self._still_centre[slot[some], :, 0].T
+        some = np.flatnonzero(~is_still)
+        axes[:, :, some] = np.moveaxis(placed.axes[slot[some], :, :, row[some]], 0, -1)
+        centre[:, some] = placed.centre[slot[some], :, row[some]].T
+        return axes, centre
 
     def nested(self, near: Near, R_a_b: FloatArray, p_a_b: FloatArray) -> np.ndarray:
         """Return which entries (h,) have a part of one body wholly inside the other.
@@ -226,3 +253,11 @@ class Culler:
         B = frames.link[self.links[self.second[near.pair]], :, :, near.row]
         R_a = np.swapaxes(A[:, :, :3], 1, 2)
         return R_a @ B[:, :, :3], np.einsum("kij,kj->ki", R_a, B[:, :, 3] - A[:, :, 3])
+
+
+def _extent(axes: FloatArray, half: FloatArray) -> FloatArray:
+    """Return half sizes (m, 3, n) along the axes of robroot of boxes with axes (m, 3, 3, n)."""
+    extent: FloatArray = np.abs(axes[:, :, 0]) * half[:, 0, None, None]
+    extent += np.abs(axes[:, :, 1]) * half[:, 1, None, None]
+    extent += np.abs(axes[:, :, 2]) * half[:, 2, None, None]
+    return extent

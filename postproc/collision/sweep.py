@@ -126,7 +126,7 @@ class SweepBound:
                 self._moved,
                 np.broadcast_to(axis[:, :, None], (JOINTS, 3, *shape)),
                 np.broadcast_to(point[:, :, None], (JOINTS, 3, *shape)),
-                np.moveaxis(placed.centre[self._moved], 0, 1),
+                np.moveaxis(placed.centre[placed.slot[self._moved]], 0, 1),
                 sway.joints(lambda rows: np.broadcast_to(rows[:, None], (JOINTS, *shape))),
             )
             for base, pairs in self._by_base:
