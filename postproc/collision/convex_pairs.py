@@ -3,7 +3,9 @@
 Most of what meets near a robot are boxes, cylinders and hulls. For those the exact test of two
 trees of triangles often asks what a few products tell: the extent of all vertices of the one along
 the axes of the other's box is tighter than box against box, and the middle of where two extents
-overlap mostly lies in both solids if they meet deeply.
+overlap mostly lies in both solids if they meet deeply. What that leaves open is looked at along the
+cross products of the axes of both boxes, which is all there is to know of two boxes (Gottschalk,
+Lin and Manocha 1996). Into other solids that middle is pushed, into the one and the other in turn.
 """
 
 from __future__ import annotations
@@ -18,6 +20,12 @@ from postproc.collision.shape import Shape
 
 _DEEP = 1e-9
 """A point lies in a solid if it is so far [m] behind all of its faces."""
+_PUSHED = 1e-6
+"""So far [m] behind faces a point is pushed."""
+_PUSHES = 3
+"""So often into each of two solids."""
+_PARALLEL = 1e-6
+"""Edges whose cross product is shorter give no axis."""
 
 
 class ConvexPairs:
@@ -52,7 +60,7 @@ class ConvexPairs:
         known = np.flatnonzero(self._knows[near.pair])
         if not len(known):
             return near, R, p, limit, meets
-        bound, meets[known] = self.judge(near.pair[known], R[known], p[known])
+        bound, meets[known] = self.judge(near.pair[known], R[known], p[known], limit[known])
         near.bound[known] = np.maximum(near.bound[known], bound)
         left = near.bound <= limit + SLACK
         if left.all():
@@ -60,7 +68,7 @@ class ConvexPairs:
         return near.rows(left), R[left], p[left], limit[left], meets[left]
 
     def judge(
-        self, pair: IndexArray, R_a_b: FloatArray, p_a_b: FloatArray
+        self, pair: IndexArray, R_a_b: FloatArray, p_a_b: FloatArray, limit: FloatArray
     ) -> tuple[FloatArray, BoolArray]:
         """Return lower bounds (k,) [m] of distances, and which solids have a point in common (k,).
 
@@ -68,14 +76,15 @@ class ConvexPairs:
             pair: (k,) of convex solids.
             R_a_b: (k, 3, 3) axes of the second body's frame in the first's.
             p_a_b: (k, 3) [m] its origin.
+            limit: (k,) [m]: bounds beyond are good enough.
         """
         a, b = self._first[pair], self._second[pair]
         one, two = ((self._centre[body], self._axes[body]) for body in (a, b))
         R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
-        bound_a, middle_a = self._overlap(self._half[a], b, R, p)
-        bound_b, middle_b = self._overlap(self._half[b], a, R_back, p_back)
+        bound_a, middle_a, gap_a = self._overlap(self._half[a], b, R, p)
+        bound_b, middle_b, gap_b = self._overlap(self._half[b], a, R_back, p_back)
         bound = np.maximum(bound_a, bound_b)
         meets = np.zeros(len(pair), dtype=np.bool_)
         near = np.flatnonzero(bound == 0.0)
@@ -88,14 +97,85 @@ class ConvexPairs:
             rows = near[inside]
             there = np.einsum("kij,kj->ki", frame[0][rows], middle[rows]) + frame[1][rows]
             meets[rows] = self._contains(other[rows], there)
+        near = np.flatnonzero(~meets & (bound <= limit + SLACK))
+        across = self._across(a[near], b[near], R[near], p[near])
+        bound[near] = np.maximum(bound[near], across)
+        gap = np.maximum(np.maximum(gap_a[near], gap_b[near]), across)
+        is_box = self._is_box[a[near]] & self._is_box[b[near]]
+        # edges that were left out as parallel part no boxes that overlap by more along all others
+        size = self._half[a[near]].sum(axis=1) + self._half[b[near]].sum(axis=1)
+        meets[near[is_box]] = (gap < -_DEEP - 4.0 * _PARALLEL * size)[is_box]
+        near = near[~is_box & (bound[near] == 0.0)]
+        meets[near] = self._share_a_point(a[near], b[near], R[near], p[near], middle_a[near])
         return bound, meets
+
+    def _share_a_point(
+        self, a: IndexArray, b: IndexArray, R: FloatArray, p: FloatArray, point: FloatArray
+    ) -> BoolArray:
+        """Return which solids (k,) and (k,) are found to have a point in common.
+
+        The frames of the second stand in those of the first as R (k, 3, 3), p (k, 3) [m]; it is
+        looked for from a point (k, 3) [m] there on.
+        """
+        met = np.zeros(len(a), dtype=np.bool_)
+        open_ = np.arange(len(a))
+        for _ in range(_PUSHES):
+            if not len(open_):
+                break
+            turn, shift = R[open_], p[open_]
+            there = np.einsum("kji,kj->ki", turn, self._pushed(a[open_], point) - shift)
+            there = self._pushed(b[open_], there)
+            point = np.einsum("kij,kj->ki", turn, there) + shift
+            met[open_] = self._contains(a[open_], point) & self._contains(b[open_], there)
+            point, open_ = point[~met[open_]], open_[~met[open_]]
+        return met
+
+    def _pushed(self, body: IndexArray, points: FloatArray) -> FloatArray:
+        """Return points (k, 3) [m] moved into solids (k,), or nearer to those that are no boxes."""
+        most = np.maximum(self._half[body] - _PUSHED, 0.0)
+        moved = np.clip(points, -most, most)
+        for one in np.unique(body[~self._is_box[body]]).tolist():
+            rows, solid = np.flatnonzero(body == one), self._solid(one)
+            out = points[rows] @ solid.normals.T - solid.offsets
+            worst = out.argmax(axis=1)
+            far = np.maximum(out[np.arange(len(rows)), worst] + _PUSHED, 0.0)
+            moved[rows] = points[rows] - far[:, None] * solid.normals[worst]
+        return moved
+
+    def _across(self, a: IndexArray, b: IndexArray, R: FloatArray, p: FloatArray) -> FloatArray:
+        """Return the largest gap (k,) [m] along the cross products of the axes of their boxes.
+
+        Negative where they overlap along all. Of solids (k,) and (k,), R (k, 3, 3) and p (k, 3) [m]
+        as of ``_share_a_point``.
+        """
+        one, two = np.divmod(np.arange(9), 3)
+        axis = np.cross(np.eye(3)[one], np.swapaxes(R, 1, 2)[:, two])
+        length = np.linalg.norm(axis, axis=2, keepdims=True)
+        is_axis = length > _PARALLEL
+        axis = np.where(is_axis, axis / np.where(is_axis, length, 1.0), 0.0)
+        low_a, high_a = self._extent(a, axis)
+        low_b, high_b = self._extent(b, axis @ R)
+        middle = np.einsum("kij,kj->ki", axis, p)
+        gap = np.maximum(low_b + middle - high_a, low_a - middle - high_b)
+        return np.asarray(gap.max(axis=1, initial=-np.inf, where=is_axis[:, :, 0]))
+
+    def _extent(self, body: IndexArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how far (k, m) [m] solids (k,) reach down and up axes (k, m, 3) of theirs."""
+        high = np.einsum("kij,kj->ki", np.abs(axis), self._half[body])
+        low = -high
+        for one in np.unique(body[~self._is_box[body]]).tolist():
+            rows = np.flatnonzero(body == one)
+            along = axis[rows] @ self._solid(one).vertices.T
+            low[rows], high[rows] = along.min(axis=2), along.max(axis=2)
+        return low, high
 
     def _overlap(
         self, half: FloatArray, body: IndexArray, R: FloatArray, p: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how far (k,) [m] solids are from boxes, and the middle (k, 3) of the overlap.
 
-        Along the axes of the boxes, of half sizes (k, 3), in which the solids' frames stand as
+        And the largest gap (k,) [m] along one axis, negative where they overlap along all. Along
+        the axes of the boxes, of half sizes (k, 3), in which the solids' frames stand as
         R (k, 3, 3), p (k, 3).
         """
         size = np.einsum("kij,kj->ki", np.abs(R), self._half[body])
@@ -105,9 +185,10 @@ class ConvexPairs:
             turned = R[rows].reshape(-1, 3) @ self._solid(one).vertices.T
             extent = turned.reshape(len(rows), 3, -1)
             low[rows], high[rows] = p[rows] + extent.min(axis=2), p[rows] + extent.max(axis=2)
-        gap = np.maximum(np.maximum(low - half, -half - high), 0.0)
+        gap = np.maximum(low - half, -half - high)
         middle = 0.5 * (np.maximum(low, -half) + np.minimum(high, half))
-        return np.sqrt(np.einsum("ki,ki->k", gap, gap)), middle
+        apart = np.maximum(gap, 0.0)
+        return np.sqrt(np.einsum("ki,ki->k", apart, apart)), middle, gap.max(axis=1)
 
     def _contains(self, body: IndexArray, points: FloatArray) -> BoolArray:
         """Return which points (k, 3) [m] lie well inside solids (k,), in the frame of its box."""

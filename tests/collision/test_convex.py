@@ -2,7 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 from postproc.collision.convex_pairs import ConvexPairs
 from postproc.collision.cull import Near
@@ -87,7 +89,7 @@ def test_bounds_hold_and_common_points_are_true(one, two):
     pairs = ConvexPairs(shapes, np.array([0]), np.array([1]))
     R, p = random_poses(600, 0.35, seed=3)
     p += shapes[0].centre - np.einsum("kij,j->ki", R, shapes[1].centre)
-    bound, meets = pairs.judge(np.zeros(600, dtype=np.int64), R, p)
+    bound, meets = pairs.judge(np.zeros(600, dtype=np.int64), R, p, np.full(600, np.inf))
     a, b, T_two = CoalMesh(one), CoalMesh(two), np.tile(np.eye(4), (600, 1, 1))
     T_two[:, :3, :3], T_two[:, :3, 3] = R, p
     exact = np.array([max(coal_distance(a, np.eye(4), b, T), 0.0) for T in T_two])
@@ -100,8 +102,45 @@ def test_bounds_hold_and_common_points_are_true(one, two):
     assert not (meets & (bound > 0.0)).any()
     assert crosses.sum() > 100
     assert (~crosses).sum() > 100
-    assert meets[crosses].mean() > 0.1
-    assert (bound > 0.0)[exact > 0.05].mean() > 0.8
+    assert meets[crosses].mean() > 0.4
+    assert (bound > 0.0)[exact > 0.005].mean() > 0.8
+    if all(shape.solid.is_box for shape in shapes):
+        assert meets[crosses].mean() > 0.99
+        assert (bound > 0.0)[exact > 1e-6].all()
+
+
+def touching(one, two, R, way):
+    """How far [m] out along a way the second solid still has a point in common with the first."""
+    a, b = ConvexHull(one.vertices).equations, ConvexHull(two.vertices).equations
+    turned = b[:, :3] @ R.T
+    shift = np.concatenate([np.zeros(len(a)), -turned @ way])
+    planes = np.column_stack([np.vstack([a[:, :3], turned]), shift])
+    limits = -np.concatenate([a[:, 3], b[:, 3]])
+    return linprog([0, 0, 0, -1], planes, limits, bounds=[(None, None)] * 4).x[3]
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 3e-7, 2e-6, 1e-3])
+def test_boxes_with_almost_parallel_edges_meet_only_where_they_do(angle):
+    """Long beams whose edges nearly line up, a few micrometres apart or into each other."""
+    shapes = [Shape.of(BEAM), Shape.of(BEAM)]
+    pairs = ConvexPairs(shapes, np.array([0]), np.array([1]))
+    rng = np.random.default_rng(8)
+    axis = rng.normal(size=(400, 3))
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    quarters = np.array([[0, 0, 0], [np.pi / 2, 0, 0], [0, np.pi / 2, 0], [0, 0, np.pi / 4]])
+    turn = Rotation.from_rotvec(angle * axis) * Rotation.from_rotvec(quarters[np.arange(400) % 4])
+    R = turn.as_matrix()
+    way = rng.normal(size=(400, 3))
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    touch = np.array([touching(BEAM, BEAM, *each) for each in zip(R, way, strict=True)])
+    off = rng.uniform(-2e-5, 2e-5, 400)
+    p = (touch + off)[:, None] * way
+    every = np.zeros(400, dtype=np.int64)
+    bound, meets = pairs.judge(every, R, p, np.full(400, np.inf))
+    sure = np.abs(off) > 5e-7  # the linear programs hold their planes to 1e-7
+    assert not meets[sure & (off > 0.0)].any()
+    assert (bound <= np.maximum(off, 0.0) + 5e-7).all()
+    assert (bound > 0.0)[sure & (off > 0.0)].mean() > 0.3
 
 
 def test_entries_beyond_their_limits_go_and_others_are_untouched():
