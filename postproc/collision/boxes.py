@@ -13,7 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 
-_AXIS_FLOOR = 1e-6
+AXIS_FLOOR = 1e-6
 """Cross products of nearly parallel edges shorter than this say nothing and are left out."""
 
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
@@ -160,7 +160,7 @@ def _edge_gap(
         along -= half_a[i1] * size[i2] + half_a[i2] * size[i1]
         along -= half_b[_NEXT] * size[i][_LAST] + half_b[_LAST] * size[i][_NEXT]
         length = np.sqrt(np.maximum(1.0 - R_a_b[i] ** 2, 0.0))
-        usable = length > _AXIS_FLOOR
+        usable = length > AXIS_FLOOR
         gap = np.where(usable, along / np.where(usable, length, 1.0), -np.inf)
         np.maximum(best, gap.max(axis=0), out=best)
     return best

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
-from postproc.collision.boxes import seen_from
+from postproc.collision.boxes import AXIS_FLOOR, seen_from
 from postproc.collision.convex import Convex
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
@@ -24,8 +24,6 @@ _PUSHED = 1e-6
 """So far [m] behind faces a point is pushed."""
 _PUSHES = 3
 """So often into each of two solids."""
-_PARALLEL = 1e-6
-"""Edges whose cross product is shorter give no axis."""
 
 
 class ConvexPairs:
@@ -104,7 +102,7 @@ class ConvexPairs:
         is_box = self._is_box[a[near]] & self._is_box[b[near]]
         # edges that were left out as parallel part no boxes that overlap by more along all others
         size = self._half[a[near]].sum(axis=1) + self._half[b[near]].sum(axis=1)
-        meets[near[is_box]] = (gap < -_DEEP - 4.0 * _PARALLEL * size)[is_box]
+        meets[near[is_box]] = (gap < -_DEEP - 4.0 * AXIS_FLOOR * size)[is_box]
         near = near[~is_box & (bound[near] == 0.0)]
         meets[near] = self._share_a_point(a[near], b[near], R[near], p[near], middle_a[near])
         return bound, meets
@@ -151,7 +149,7 @@ class ConvexPairs:
         one, two = np.divmod(np.arange(9), 3)
         axis = np.cross(np.eye(3)[one], np.swapaxes(R, 1, 2)[:, two])
         length = np.linalg.norm(axis, axis=2, keepdims=True)
-        is_axis = length > _PARALLEL
+        is_axis = length > AXIS_FLOOR
         axis = np.where(is_axis, axis / np.where(is_axis, length, 1.0), 0.0)
         low_a, high_a = self._extent(a, axis)
         low_b, high_b = self._extent(b, axis @ R)
@@ -165,7 +163,8 @@ class ConvexPairs:
         low = -high
         for one in np.unique(body[~self._is_box[body]]).tolist():
             rows = np.flatnonzero(body == one)
-            along = axis[rows] @ self._solid(one).vertices.T
+            along = axis[rows].reshape(-1, 3) @ self._solid(one).vertices.T
+            along = along.reshape(len(rows), axis.shape[1], -1)
             low[rows], high[rows] = along.min(axis=2), along.max(axis=2)
         return low, high
 
@@ -178,13 +177,7 @@ class ConvexPairs:
         the axes of the boxes, of half sizes (k, 3), in which the solids' frames stand as
         R (k, 3, 3), p (k, 3).
         """
-        size = np.einsum("kij,kj->ki", np.abs(R), self._half[body])
-        low, high = p - size, p + size
-        for one in np.unique(body[~self._is_box[body]]).tolist():
-            rows = np.flatnonzero(body == one)
-            turned = R[rows].reshape(-1, 3) @ self._solid(one).vertices.T
-            extent = turned.reshape(len(rows), 3, -1)
-            low[rows], high[rows] = p[rows] + extent.min(axis=2), p[rows] + extent.max(axis=2)
+        low, high = (p + end for end in self._extent(body, R))
         gap = np.maximum(low - half, -half - high)
         middle = 0.5 * (np.maximum(low, -half) + np.minimum(high, half))
         apart = np.maximum(gap, 0.0)

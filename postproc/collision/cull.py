@@ -82,7 +82,7 @@ class Culler:
         self._probes = np.vstack([shape.probes for shape in shapes])
         self._probe_count = np.array([len(shape.probes) for shape in shapes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
-        self._by_link = [np.flatnonzero(links == link) for link in range(int(links.max()) + 1)]
+        self._by_link = [np.flatnonzero(links == link) for link in range(1, int(links.max()) + 1)]
         self._is_still = links == 0
         self._slot = np.where(self._is_still, np.cumsum(self._is_still), np.cumsum(~self._is_still))
         self._slot -= 1
@@ -100,7 +100,7 @@ class Culler:
         n, count = len(frames), int((~self._is_still).sum())
         centre = np.empty((count, 3, n))
         axes = np.empty((count, 3, 3, n))
-        for link, members in enumerate(self._by_link[1:], start=1):
+        for link, members in enumerate(self._by_link, start=1):
             if not len(members):
                 continue
             R, p, slot = frames.link[link, :, :3], frames.link[link, :, 3], self._slot[members]

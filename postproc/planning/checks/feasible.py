@@ -173,8 +173,8 @@ class Checker:
             q: (m, 6) [rad].
             attitude: (m, 3) spin, lead, side tilt [rad], or spins (m,) alone.
             branch: (m,).
-            free: (m,) known to be free of collision all along, with axes whole turns away: what
-                is left to check is whether the axes get there. None: nothing is known.
+            free: (m,) known to be free of collision, stroke and all, with axes whole turns away:
+                what is left to check is whether the axes get there. None: nothing is known.
         """
         verdict = Verdict.clean(len(tags))
         unknown = np.ones(len(tags), dtype=np.bool_) if free is None else ~free

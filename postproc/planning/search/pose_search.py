@@ -372,7 +372,7 @@ class PoseSearch:
         own, at = self.states.column[states].astype(np.int64), self.states.tag_of(states)
         branch, pair = self.states.branch[states].astype(np.int64), self.pair[states] + np.int64(1)
         tilt, spin = np.divmod(own, width)
-        along, around = _cross(far, reach)
+        along, around = _near_by(far, reach)
         rung = at[:, None] + along
         column = tilt[:, None] * width + (spin[:, None] + FINE * around) % width
         inside = (rung >= 0) & (rung < n)
@@ -471,7 +471,7 @@ class PoseSearch:
         )
 
 
-def _cross(far: int, reach: int) -> tuple[IndexArray, IndexArray]:
+def _near_by(far: int, reach: int) -> tuple[IndexArray, IndexArray]:
     """Return the tags and spins (k,) by which the poses lie off that are near to one.
 
     All within ``reach`` tags and spins, and those of the same spin within ``far`` tags.
