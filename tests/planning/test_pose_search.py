@@ -62,6 +62,38 @@ def test_lazy_equals_eager(make_cell, make_path, seed):
         assert found.checked <= len(every)
 
 
+def test_poses_a_turn_away_from_free_ones_are_judged_as_by_themselves(make_cell, make_path):
+    """The last turn copy of each pose first, the others then: strokes and limits are asked."""
+    told = 0
+    for seed in range(0, 50, 4):
+        checker = crowded(make_cell, make_path, seed)
+        search = PoseSearch.of(checker, np.arange(5))
+        states, every = search.states, np.arange(len(search.states.q))
+        at = states.tag_of(every), states.q.astype(np.float64), states.attitude_of(every)
+        alone = checker.states(*at, states.branch.astype(np.int64)).good
+        first = np.unique(states.config, return_index=True)[1]
+        search.check_states(np.append(first[1:], len(every)) - 1)
+        assert np.array_equal(search.check_states(every), alone)
+        told += len(every) - len(first)
+    assert told > 1000
+
+
+def test_the_way_out_of_a_pose_a_turn_away_is_asked(make_cell, make_path, monkeypatch):
+    """Another copy may have been good because its axes could not get there."""
+    points = np.array([[1.9, -0.1, 1.0], [1.9, 0.1, 1.0]])
+    toolpath = make_path(points, [-1.0, 0, 0], [MotionKind.RAPID, MotionKind.LINEAR])
+    cell, settings = settle(make_cell(optimize={"step": 20.0 * DEG}), PlanOptions())
+    checker, asked = Checker(problem_of(toolpath, cell, settings), None), []
+    assert (checker.problem.ways_out > 0.0).tolist() == [False, True]
+    search = PoseSearch.of(checker, np.arange(2))
+    states, every = search.states, np.arange(len(search.states.q))
+    monkeypatch.setattr(Checker, "_way_out", lambda _, verdict, rows, *given: asked.append(rows))
+    tags, branch = states.tag_of(every), states.branch.astype(np.int64)
+    q, free = states.q.astype(np.float64), np.ones(len(every), dtype=np.bool_)
+    checker.states(tags, q, states.attitude_of(every), branch, free)
+    assert np.array_equal(np.concatenate(asked), np.flatnonzero(tags == 1))
+
+
 def test_what_fails_beside_a_pose_collides_and_the_wrist_turned_over_is_among_it(
     make_cell, make_path
 ):

@@ -184,7 +184,8 @@ class Checker:
         if len(rows):
             at = tags[rows], q[rows], attitude[rows], branch[rows]
             self._stroke(verdict, rows, *at, ~unknown[rows])
-        rows = np.nonzero((self.problem.ways_out[tags] > 0.0) & verdict.good & unknown)[0]
+        # known of none: it is asked only where the axes can get there, which another turn may not
+        rows = np.nonzero((self.problem.ways_out[tags] > 0.0) & verdict.good)[0]
         if len(rows):
             self._way_out(verdict, rows, tags[rows], q[rows], attitude[rows], branch[rows])
         return verdict
