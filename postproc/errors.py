@@ -7,8 +7,10 @@ An error carries its values as attributes, so that the command line prints
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import IntEnum, StrEnum
+
+from postproc.records import dataclass
 
 
 class ExitCode(IntEnum):

@@ -13,13 +13,13 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import EntryPoint, EntryPoints, distributions, entry_points
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 from postproc.errors import PluginError, PostprocError
+from postproc.records import dataclass
 
 T = TypeVar("T")
 BUILT_IN = "built-in"

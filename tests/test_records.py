@@ -109,6 +109,74 @@ def test_instances_go_to_other_processes():
     assert pickle.loads(pickle.dumps(sent)) == sent
 
 
+@pytest.mark.parametrize("slots", [True, False])
+def test_fields_of_frozen_instances_are_set_once(slots):
+    def own(dataclass):
+        @dataclass(frozen=True, slots=slots)
+        class Frozen:
+            value: int
+            other: int = 0
+            late: int = field(init=False)
+
+            def __post_init__(self):
+                object.__setattr__(self, "late", self.value)
+
+            def method(self): ...
+
+        return Frozen(3)
+
+    for item in (own(records.dataclass), own(dataclasses.dataclass)):  # theirs: TypeError of slots
+        for name in ("value", "other", "late", "method", "new"):
+            with pytest.raises((AttributeError, TypeError)):
+                setattr(item, name, 4)
+        with pytest.raises(dataclasses.FrozenInstanceError, match="cannot assign to field 'value'"):
+            item.value = 4
+        with pytest.raises(dataclasses.FrozenInstanceError, match="cannot delete field 'value'"):
+            del item.value
+        assert (item.value, item.other, item.late) == (3, 0, 3)
+        assert copy.copy(item) == copy.deepcopy(item) == item
+
+
+@pytest.mark.parametrize("own", [records.dataclass, records.record])
+def test_frozen_classes_of_others_can_derive_from_ours(own):
+    base = own(frozen=True, slots=True)(type("Base", (), {"__annotations__": {"value": int}}))
+    middle = own(frozen=True, slots=True)(type("Middle", (base,), {"__annotations__": {"x": int}}))
+
+    @dataclasses.dataclass(frozen=True, slots=True)
+    class Theirs(middle):
+        more: int = 0
+
+    item = Theirs(1, 2, 3)
+    for name in ("value", "x", "more"):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(item, name, 4)
+    assert replace(item, more=5) == Theirs(1, 2, 5)
+    with pytest.raises(TypeError, match="non-frozen"):
+        dataclasses.dataclass(type("Open", (middle,), {}))
+
+
+def test_records_are_guarded_by_the_type_checker_alone():
+    @records.record(frozen=True, slots=True)
+    class Many:
+        value: int
+
+    item = Many(3)
+    item.value = 4
+    assert item == Many(4)
+    assert hash(item) == hash(Many(4))
+
+
+def test_without_equality_an_instance_equals_itself_alone():
+    @records.dataclass(frozen=True, slots=True, eq=False)
+    class Own:
+        value: int
+
+    item = Own(3)
+    assert item == item
+    assert item != Own(3)
+    assert len({item, Own(3)}) == 2
+
+
 def test_own_methods_are_kept():
     @records.dataclass(frozen=True, slots=True)
     class Own:

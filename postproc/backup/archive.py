@@ -13,10 +13,11 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path, PurePosixPath
 
 from postproc.errors import ReadError, SourceRef
+from postproc.records import dataclass
 
 MOST_FILES = 200_000
 MOST_BYTES = 8 * 1024 * 1024

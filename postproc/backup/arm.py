@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.backup.machine import Machine
 from postproc.cell import OpwGeometry, Robot, find_robot, load_robot, robot_names, type_of
 from postproc.errors import CellError
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 _SAME_LENGTH = 0.1 * MM

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from postproc.backup.frames import BaseEntry, ToolEntry
 from postproc.cell import LENGTHS, Cell, HomeStyle, OpwGeometry, Tool, Workpiece
 from postproc.errors import Severity
 from postproc.geometry import inverse, kuka_from_transform, rotation_angle, transform_from_kuka
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 _MASS_KG = 1e-3

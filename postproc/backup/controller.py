@@ -5,7 +5,7 @@ from __future__ import annotations
 import configparser
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from postproc.arrays import FloatArray
@@ -17,6 +17,7 @@ from postproc.backup.machine import Machine, machine_of
 from postproc.backup.rewritten import rewritten_data
 from postproc.backup.variables import Variables, decoded, read_variables
 from postproc.geometry import transform_from_kuka
+from postproc.records import dataclass
 
 _SOFTWARE = re.compile(r"\bV?(\d{1,2})\.(\d{1,2})(?:\.\d+)*(?:\s*SP\s*\d+)?", re.IGNORECASE)
 _CONNECTION = re.compile(r'ConnectionString="([^"]*)"')

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.errors import Severity
+from postproc.records import dataclass
 
 LENGTH_MM = 1e-3
 ANGLE_DEG = 1e-3

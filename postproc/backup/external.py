@@ -14,12 +14,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from postproc.backup.variables import Variables, numbers_of
 from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.records import dataclass
 
 _FRAME = "X Y Z A B C"
 _RAIL = "ERSYS"

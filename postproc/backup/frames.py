@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from postproc.backup.external import old_external_bases
 from postproc.backup.variables import Variables, numbers_of
+from postproc.records import dataclass
 
 _FRAME = "X Y Z A B C"
 _OLD_EXTERNAL = 16

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 
 from postproc.backup.archive import Archive
 from postproc.errors import ReadError, SourceRef
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from postproc.backup.variables import Variables
 from postproc.cell import same_type
 from postproc.errors import ReadError
+from postproc.records import dataclass
 
 AXES = range(1, 7)
 _FRAME = "X Y Z A B C"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from postproc.backup.archive import Archive
@@ -21,6 +20,7 @@ from postproc.krl import (
     parse_files,
     text_of,
 )
+from postproc.records import dataclass
 
 _TARGET = re.compile(r"([$\w]+)\s*(?:\[\s*([\d,\s]*)\])?$")
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16", b"\xef\xbb\xbf": "utf-8-sig"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from postproc.batch.manifest import Manifest
 from postproc.batch.run import BatchOptions, Progress, called, execute, vanished
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
+from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.comparison import DiffReport

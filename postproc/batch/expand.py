@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from postproc.batch.jobs import Job
 from postproc.batch.sections import parse_rule, split_job
@@ -12,6 +12,7 @@ from postproc.cell import shared_cell
 from postproc.emitters import Program, emitter_of, with_emitter
 from postproc.errors import DataError, SourceRef
 from postproc.jobs.convert import ConvertRequest
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import glob
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.jobs.convert import ConvertRequest
 from postproc.readers import LENGTH_UNITS, READERS
+from postproc.records import dataclass
 from postproc.toml import Location, TomlText, load_toml
 
 if TYPE_CHECKING:

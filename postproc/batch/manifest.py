@@ -11,7 +11,7 @@ import contextlib
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from postproc.batch.fingerprint import UNREADABLE, digest
 from postproc.batch.worker import JobResult
 from postproc.errors import DataError, SourceRef
 from postproc.files import leftovers, write_files
+from postproc.records import dataclass
 
 SCHEMA = "postproc.manifest/1"
 NAME = "manifest.json"

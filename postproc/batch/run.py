@@ -7,7 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from postproc.batch.lock import folder_lock
 from postproc.batch.manifest import Manifest
 from postproc.batch.worker import JobResult
 from postproc.errors import PostprocError
+from postproc.records import dataclass
 
 Progress = Callable[[int, int, int], None]
 """Called with (done, of how many, how many of them failed)."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from postproc.errors import PostprocError, Severity
+from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.batch.jobs import Job

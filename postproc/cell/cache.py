@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 from postproc.cell.cell import Cell
 from postproc.cell.file import load_cell
+from postproc.records import dataclass
 
 _KEPT = 8
 _Mark = tuple[int, int, int, int] | None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from postproc.cell.choices import (
     Strategy,
 )
 from postproc.errors import CellError, SourceRef
+from postproc.records import dataclass
 from postproc.units import STANDARD_GRAVITY
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -51,6 +51,7 @@ from postproc.cell.urdf import read_urdf_robot
 from postproc.errors import CellError
 from postproc.files import read_bytes
 from postproc.geometry import transform, transform_from_kuka
+from postproc.records import dataclass
 from postproc.resources import templates_folder
 from postproc.toml import Location, TomlText, parse_toml
 from postproc.units import DEG, MM, NMM_PER_RAD, PERCENT

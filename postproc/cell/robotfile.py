@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from postproc.arrays import FloatArray
 from postproc.cell.cell import Cell, OpwGeometry, Origin, Provenance, Robot
 from postproc.cell.robotnames import candidates, nearest, normal, type_of
 from postproc.errors import CellError, SourceRef
+from postproc.records import dataclass
 from postproc.units import DEG, MM, NMM_PER_RAD
 
 _FILE = Path(__file__).resolve().parent / "robots.toml"

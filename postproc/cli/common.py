@@ -10,7 +10,6 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 import click
@@ -18,6 +17,7 @@ import click
 from postproc.cli import completion
 from postproc.errors import ExitCode, Finding, Severity, fold
 from postproc.progress import Progress
+from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.cell import Cell

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 from postproc.errors import RunKind, Severity
+from postproc.records import dataclass
 
 __all__ = ["Entry", "Group", "find", "groups", "nearest"]
 

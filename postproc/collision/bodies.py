@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from postproc.collision.setups import absent_bases
 from postproc.collision.urdf_solids import urdf_links
 from postproc.errors import Finding, Severity
 from postproc.geometry import inverse, transform
+from postproc.records import dataclass
 
 WORLD = -1
 """Stands for a link where a body does not move."""

@@ -7,11 +7,11 @@ runs over contiguous memory.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.records import dataclass
 
 AXIS_FLOOR = 1e-6
 """Cross products of nearly parallel edges shorter than this say nothing and are left out."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.collision.engine import CHUNK, Candidates, Engine
+from postproc.records import dataclass
 
 NO_PAIR = -1
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.collision.inside import Parts
 from postproc.collision.mesh import Mesh, normals_of
+from postproc.records import dataclass
 
 MOST_FACES = 256
 """Triangles of a solid that is looked at."""

@@ -7,14 +7,13 @@ pieces of their surfaces. What stays is for the exact test. Arrays run over conf
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Table, numbered
 from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
+from postproc.records import dataclass
 
 SLACK = 1e-9
 """Rounding of positions [m]: nothing nearer than this counts as proven apart."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from postproc.collision.pieces import PieceBounds
 from postproc.collision.shape import Shape
 from postproc.collision.sweep import SweepBound
 from postproc.geometry import inverse
+from postproc.records import dataclass
 
 CHUNK = 1000
 """Configurations handled at once, so that intermediate arrays stay in the cache."""

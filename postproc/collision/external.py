@@ -6,13 +6,12 @@ of the external axes behind the six joints.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import ExternalAxis
 from postproc.geometry import inverse, rotation_about, transform
+from postproc.records import dataclass
 
 JOINTS = 6
 WORLD_LINK = 7

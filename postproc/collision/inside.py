@@ -7,12 +7,11 @@ other, so one point of every part decides.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered
 from postproc.collision.mesh import Mesh, normals_of
+from postproc.records import dataclass
 
 MOST_PROBES = 64
 """Parts of one body that are tested; of a body in more pieces, the largest ones."""

@@ -8,7 +8,7 @@ gets its own collision geometry, else prisms between its joints.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from postproc.collision.arm import Arm
 from postproc.collision.mesh import Mesh, joined, loft, ring
 from postproc.collision.outlines import upright_solids
 from postproc.geometry import across, inverse, transform
+from postproc.records import dataclass
 
 _SIDES = 24
 

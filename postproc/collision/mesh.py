@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from postproc.cell import MeshPlacement
 from postproc.errors import CellError, ReadError, SourceRef
 from postproc.files import read_bytes
 from postproc.geometry import apply
+from postproc.records import dataclass
 
 CYLINDER_SIDES = 32
 """Sides of the prism that stands for a cylinder; it encloses the true cylinder."""

@@ -18,7 +18,6 @@ is touched but by grazing contact in which no point moves farther than the resol
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
 from postproc.collision.sweep import Sway
+from postproc.records import dataclass
 
 RESOLUTION = 1e-3
 """Default length [m] below which a span is not cut further."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import LENGTHS, OpwGeometry, Robot, load_robot
 from postproc.collision.mesh import Mesh, loft
+from postproc.records import dataclass
 from postproc.units import MM
 
 _FILE = Path(__file__).resolve().parent / "outlines.json"

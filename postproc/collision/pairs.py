@@ -22,12 +22,12 @@ arms, (3, 6) over the last sixth of A5 for every third arm.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, Table
 from postproc.collision.bodies import WORLD, Body
+from postproc.records import dataclass
 from postproc.units import DEG
 
 SAMPLES = 64

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray
@@ -11,6 +9,7 @@ from postproc.collision.boxes import Boxes, fit_box
 from postproc.collision.convex import Convex
 from postproc.collision.inside import InsideTest, Parts, parts_of, probes_of
 from postproc.collision.mesh import Mesh
+from postproc.records import dataclass
 
 FEWEST_FACES = 64
 """Pieces are not split below this number of triangles."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, numbered
 from postproc.collision.inside import parts_of
 from postproc.collision.mesh import Mesh, normals_of
+from postproc.records import dataclass
 from postproc.units import DEG
 
 SMOOTH = 30.0 * DEG

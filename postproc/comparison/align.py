@@ -8,12 +8,12 @@ diagonal, where two motions cost the more the farther apart their targets are.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import FloatArray, IndexArray, longest_rising
+from postproc.records import dataclass
 
 GAP = 1.0
 """Cost of a line that the other program has not."""

@@ -11,7 +11,7 @@ removed or changed; whole modules with ``module``.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from postproc.comparison.lines import Program, differences, program_of
 from postproc.controller import load_program
 from postproc.errors import Finding, KrlError, Severity, SourceRef
 from postproc.krl import KrlModule, load_modules, parse_files, require_sound
+from postproc.records import dataclass
 from postproc.units import MM
 
 _SHOWN = 40

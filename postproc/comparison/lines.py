@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from postproc.comparison.settings import setting_differences
 from postproc.controller import Blend, EventWord, Trace, TraceEvent
 from postproc.geometry import rotation_angle, rotation_from_abc
 from postproc.krl import KrlModule
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 _GRID_MM = 1e-3

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -48,6 +47,7 @@ from postproc.krl import (
     render_statement,
     tokenise,
 )
+from postproc.records import dataclass
 
 MAX_INLINED = 1000
 """A routine that is called more often is listed as a call from then on."""

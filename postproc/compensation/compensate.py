@@ -15,7 +15,7 @@ At the start of a cut the tool stands while a point more takes the gears to the 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from postproc.kinematics import Kinematics, corner_miss, within_tolerance
 from postproc.model import ModelFile, MoveKind, MoveRole, Plan, load_model
 from postproc.paths import Moments, Timeline
 from postproc.process import operation_loads
+from postproc.records import dataclass
 from postproc.stiffness import ContinuousField
 from postproc.units import DEG, MM, UM
 

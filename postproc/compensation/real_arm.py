@@ -7,7 +7,7 @@ lands.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -21,6 +21,7 @@ from postproc.kinematics import Kinematics, build
 from postproc.model import ModelFile
 from postproc.paths import Displacement, Moments
 from postproc.process import weight_wrench
+from postproc.records import dataclass
 from postproc.units import MM
 
 LEFT_OF_MOTION = 0.5 * MM

@@ -13,12 +13,11 @@ side that it goes on (``starts``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, forward_filled
 from postproc.paths import Paths, directions
+from postproc.records import dataclass
 
 _FAR = 1e3
 _EARLY = np.linspace(0.0, 1.0, 33)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from postproc.compensation.real_arm import real_point
 from postproc.gap import RobotModel
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
+from postproc.records import dataclass
 
 ACCURACY = 1e-7
 """The iteration ends when every real tool point is this close [m] to its target."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from postproc.controller.flow import Flow
 from postproc.controller.runtime import UNKNOWN, Evaluator, Variables
 from postproc.errors import RunKind, Severity
 from postproc.krl import Control, KrlModule, Node, Routine, Statement, parse_expression
+from postproc.records import dataclass
 
 MAX_JUMPS = 100_000
 """Jumps backwards in one run; more means that the program does not end."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from postproc.krl import Control, Routine
+from postproc.records import dataclass
 
 _OPENERS = {
     "IF": "ENDIF",

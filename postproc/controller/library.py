@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from postproc.controller.runtime import UNKNOWN, component
 from postproc.krl import Aggregate
+from postproc.records import dataclass
 
 SILENT = frozenset(
     {

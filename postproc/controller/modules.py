@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from postproc.errors import KrlError, SourceRef
@@ -18,6 +18,7 @@ from postproc.krl import (
     parse_module,
     require_sound,
 )
+from postproc.records import dataclass
 
 _ROOT = "R1"
 """Folder of a controller below which every module is known by its name."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from postproc.controller.trace import (
 )
 from postproc.errors import Finding, RunKind, Severity, SourceRef
 from postproc.krl import Axes, Pose, table_of
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 Numbers = tuple[float, float, float, float, float, float]

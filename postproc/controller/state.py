@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of
 from postproc.controller.trace import Settings
 from postproc.geometry import inverse
 from postproc.krl import Aggregate, Enum, Pose
+from postproc.records import dataclass
 from postproc.units import DEG, MM, PERCENT
 
 DEFAULT_SPEED = 2.0

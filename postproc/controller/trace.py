@@ -6,7 +6,7 @@ Columns hold the controller's own numbers turned to SI; nothing here knows kinem
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum, StrEnum
 from typing import NamedTuple
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import Finding
+from postproc.records import dataclass
 
 """Indices of motions or samples."""
 

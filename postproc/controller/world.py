@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.controller.trace import Trace
 from postproc.krl import Aggregate, Axes, Pose
+from postproc.records import dataclass
 
 
 @dataclass(slots=True)

@@ -11,11 +11,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
 from postproc.errors import Finding
+from postproc.records import dataclass
 from postproc.registry import Registry
 
 if TYPE_CHECKING:

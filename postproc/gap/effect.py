@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Any, ClassVar
 
@@ -22,6 +22,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.gap.data import Arm, Samples
 from postproc.model import ModelFile, Registration, entry
+from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.stiffness import Locate, StiffnessField
 

@@ -8,7 +8,6 @@ the joints is put in equilibrium with the pose that results, by fixed point.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from postproc.gap.effect import EFFECTS, Basis, Effect, State
 from postproc.geometry import apply, inverse, rotation_from_vector
 from postproc.kinematics import Kinematics
 from postproc.model import ModelFile, Registration
+from postproc.records import dataclass
 
 _FIXED_POINT_STEPS = 8
 """Each step shrinks the error by the deflection over the arm's length, 1e-3 to 1e-2."""

@@ -7,12 +7,11 @@ All functions are vectorised over rows.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.geometry.frames import rotation_about
+from postproc.records import dataclass
 from postproc.units import DEG
 
 STEP_SWEEP = 15.0 * DEG

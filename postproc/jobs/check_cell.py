@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,6 +26,7 @@ from postproc.geometry import across, inverse, kuka_from_transform, rotation_abo
 from postproc.jobs.arm_doubts import arm_doubts
 from postproc.kinematics import Kinematics, build, is_coaxial_with_axis_6, wrist_distance
 from postproc.planning import PlanOptions, settle
+from postproc.records import dataclass
 from postproc.toml import Location, TomlText
 from postproc.units import DEG, MM, NMM_PER_RAD
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from postproc.backup import BackupComparison, Difference, cell_values, compare, read_backup
 from postproc.cell import Cell, cell_text, cell_toml, load_robot
 from postproc.errors import Finding, Severity, SourceRef
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

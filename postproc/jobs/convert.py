@@ -7,7 +7,7 @@ run on the robot model and compared with the CAM path first.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,7 @@ from postproc.process import (
 )
 from postproc.progress import Clock, Progress
 from postproc.readers import ReadOptions, SurfaceNormals, read, read_pins
+from postproc.records import dataclass
 from postproc.units import DEG, MM, N_PER_MM
 
 REASONS = {

@@ -6,7 +6,6 @@ Shared by the measuring plan of ``sample`` and the next measurements of ``diagno
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from postproc.geometry import inverse
 from postproc.jobs.ways import AreFree
 from postproc.kinematics import Kinematics, build
 from postproc.model import Event, EventKind, MotionKind, MoveKind, MoveRole, Plan, ToolPath
+from postproc.records import dataclass
 
 IsFree = Callable[[FloatArray], BoolArray]
 """Joint angles (n, 6) [rad] to (n,) free of collision."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +32,7 @@ from postproc.measurement import (
     cells,
     table_to_fill_in,
 )
+from postproc.records import dataclass
 from postproc.stiffness.sample import travel_order
 from postproc.units import DEG, MM
 

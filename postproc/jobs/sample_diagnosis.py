@@ -6,7 +6,6 @@ read again and again from one side, which tells the noise and a drift.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from postproc.jobs.ways import free_ways
 from postproc.kinematics import Kinematics, build
 from postproc.measurement import DIRECTION, JOINTS, POSITION, WRENCH, cells, table_to_fill_in
 from postproc.progress import Progress
+from postproc.records import dataclass
 from postproc.stiffness.sample import (
     TRACKER_SIGMA,
     Load,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from postproc.errors import DataError, Finding, SourceRef
 from postproc.model import ToolPath, load_model
 from postproc.planning import INDICES, SpinCurves, spin_curves, spin_degrees
 from postproc.process import claimed, word_findings
+from postproc.records import dataclass
 from postproc.stiffness import describe
 from postproc.units import N_PER_MM
 

@@ -7,7 +7,7 @@ planned whole, collisions and all, but only the chosen one is written.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from postproc.cell import Cell, Preset
 from postproc.errors import Severity
 from postproc.model import Plan
 from postproc.planning import grade_counts
+from postproc.records import dataclass
 from postproc.units import MM, N_PER_MM
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from postproc.geometry import across, inverse, kuka_from_transform, transform, t
 from postproc.kinematics import Kinematics, build, wrist_distance
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import frames_across
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 SHIFT = 50.0 * MM

@@ -9,12 +9,13 @@ matrices.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray, frozen_floats
+from postproc.records import dataclass
 
 CHUNK = 2000
 """Configurations handled at once."""

@@ -18,7 +18,6 @@ both ends with its control points between path and corner lies in the triangle.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from postproc.geometry import axis_angle, inverse, rotation_from_vector, transfo
 from postproc.kinematics.linear import linear_joints
 from postproc.kinematics.model import Kinematics
 from postproc.kinematics.singular import wrist_distance
+from postproc.records import dataclass
 from postproc.units import DEG
 
 PIECE_LENGTH = 0.03

@@ -7,8 +7,6 @@ signs and offsets follow; what is left at both ends are the constant foot and fl
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray
@@ -16,6 +14,7 @@ from postproc.cell import OpwGeometry
 from postproc.geometry import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.opw import OpwArm
+from postproc.records import dataclass
 
 LOOSE = 1e-3
 """Angle [rad] and length [m] up to which an arm counts as ortho-parallel with small errors."""

@@ -5,7 +5,7 @@ Friction of the gears and what their motors turn are in no URDF: a real joint ne
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Robot, Tool, UrdfGeometry, read_chain
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True, eq=False)

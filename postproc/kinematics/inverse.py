@@ -16,7 +16,7 @@ Degenerate poses keep all their branches:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,7 @@ from postproc.kinematics.branches import wrapped
 from postproc.kinematics.chain import Columns, blocks
 from postproc.kinematics.opw import OpwArm
 from postproc.kinematics.solver import MayStand, Solver
+from postproc.records import dataclass
 
 CHUNK = 2048
 """Poses handled at once; (2, 2, CHUNK) intermediates stay in the second-level cache."""

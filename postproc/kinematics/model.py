@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -14,6 +12,7 @@ from postproc.kinematics.chain import SerialChain
 from postproc.kinematics.inverse import OpwSolver
 from postproc.kinematics.opw import OpwArm, chain_of
 from postproc.kinematics.solver import MayStand, Solver
+from postproc.records import dataclass
 
 STRAIGHT_WRIST = 1e-7
 """|A5| [rad] below which ``split_wrist`` treats axes 4 and 6 as one."""

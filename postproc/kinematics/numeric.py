@@ -9,7 +9,7 @@ than eight) the one found first, a fixed order, is kept.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,7 @@ from postproc.geometry import vee
 from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain, blocks
 from postproc.kinematics.solver import Solver
+from postproc.records import dataclass
 
 CHUNK = 512
 """Poses whose starts are chosen at once."""

@@ -6,8 +6,6 @@ industrial serial manipulators with an ortho-parallel basis and a spherical wris
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +14,7 @@ from postproc.cell import OpwGeometry
 from postproc.geometry import inverse, rotation_y, rotation_z, transform
 from postproc.kinematics.branches import Branches, wrapped
 from postproc.kinematics.chain import SerialChain
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

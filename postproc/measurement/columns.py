@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum, auto
 
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 JOINTS = tuple(f"q{i}_deg" for i in range(1, 7))

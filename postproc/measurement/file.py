@@ -11,7 +11,6 @@ import csv
 import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
 from postproc.measurement.columns import DIRECTION, KNOWN, LABELS, QUANTITIES, Empty, Quantity
 from postproc.measurement.rows import MeasurementSet, Remark
+from postproc.records import dataclass
 
 LARGEST = 1e15
 """No reading in any unit of the columns comes near this."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IntArray, Rows, frozen_floats, frozen_ints
 from postproc.measurement.columns import LABELS, QUANTITIES
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

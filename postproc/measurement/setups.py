@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from postproc.arrays import IntArray, Rows
 from postproc.measurement.rows import MeasurementSet
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike
 from postproc.arrays import FloatArray, frozen_floats
 from postproc.errors import DataError, SourceRef
 from postproc.geometry import kuka_from_transform, transform_from_kuka
+from postproc.records import dataclass
 from postproc.registry import part_names
 from postproc.toml import TomlText, load_toml, toml_key, toml_table, toml_value
 from postproc.units import DEG, MM, N_PER_MM, NMM_PER_RAD

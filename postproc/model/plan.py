@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -23,6 +23,7 @@ from postproc.arrays import (
 )
 from postproc.errors import Finding, Severity
 from postproc.model.toolpath import Event, EventKind, ToolPath
+from postproc.records import dataclass
 
 BLEND_SHARE = 0.45
 """Largest share of a neighbouring move that blending may take: the controller cuts it at half."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import IntEnum, StrEnum
 from typing import Any
 
@@ -26,6 +26,7 @@ from postproc.arrays import (
     frozen_floats,
 )
 from postproc.errors import Finding, SourceRef
+from postproc.records import dataclass
 
 
 class MotionKind(IntEnum):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
@@ -22,6 +20,7 @@ from postproc.geometry import (
 )
 from postproc.kinematics import Kinematics
 from postproc.paths.externals import Externals
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

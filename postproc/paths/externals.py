@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray, forward_filled
 from postproc.cell import Cell, ExternalAxis
 from postproc.geometry import inverse, rotation_about, transform
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 

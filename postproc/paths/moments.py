@@ -8,7 +8,7 @@ Where the robot stops they are 0.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from postproc.arrays import AnyIntArray, FloatArray, forward_filled
 from postproc.cell import Cell
 from postproc.paths.motion import Paths
 from postproc.paths.times import chains, durations, motion_times
+from postproc.records import dataclass
 from postproc.units import DEG
 
 WINDOW = 0.01

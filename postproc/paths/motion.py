@@ -8,7 +8,6 @@ continuously: at every sampled pose the same branch of the inverse kinematics, t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from postproc.geometry import STEP_SWEEP, inverse
 from postproc.kinematics import Kinematics
 from postproc.paths.curves import Curves, curves_of
 from postproc.paths.externals import Externals
+from postproc.records import dataclass
 from postproc.timing import Samples, resolved
 from postproc.units import DEG
 

@@ -12,7 +12,7 @@ wins: then the points stay as they are written, and the base lies where the cell
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from postproc.cell import Cell, Tool, Workpiece, cam_key
 from postproc.errors import CellError, Finding, Severity, SourceRef
 from postproc.geometry import apply, inverse
 from postproc.model import Arcs, CamSetup, CamTool, EventKind, MotionKind, ToolPath, WordUse
+from postproc.records import dataclass
 from postproc.units import MM
 
 UNCLAIMED = -1

@@ -6,7 +6,7 @@ These are the rules; what a program does with the spindle is read from its text 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from postproc.cell import Cell, Tool
 from postproc.errors import Finding, Severity, SourceRef
 from postproc.model import WORKING, Event, EventKind, ToolPath
 from postproc.process.claims import claimed
+from postproc.records import dataclass
 from postproc.units import RPM
 
 _ADDED = "added: the file leaves it on"

@@ -8,7 +8,7 @@ reader, so a large one loads what it reads with in its ``read``.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -17,6 +17,7 @@ from postproc.errors import Finding, PluginError, ReadError, Severity, SourceRef
 from postproc.files import open_input
 from postproc.model import ToolPath
 from postproc.readers.text import check_text
+from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.units import INCH, MM
 

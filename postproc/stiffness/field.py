@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, frozen_floats
 from postproc.errors import StiffnessError
+from postproc.records import dataclass
 
 Locate = Callable[[FloatArray], FloatArray]
 """Joint angles (n, 6) [rad] to the tool point (n, 3) [m] in robroot."""

@@ -7,7 +7,7 @@ what it reads from a text must be what stands there, not what the plan said.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -16,6 +16,7 @@ from postproc.cell import Cell
 from postproc.emitters import Against, Emitter, Program, differences
 from postproc.errors import EmitError, Finding, PostprocError
 from postproc.model import Event, EventKind, MoveKind, Plan
+from postproc.records import dataclass
 from postproc.testing.contract import require
 from postproc.testing.made import made_cell, made_plan
 from postproc.units import DEG, MM

@@ -12,12 +12,12 @@ Source:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
+from postproc.records import dataclass
 from postproc.timing.torques import Torques
 
 _TINY = 1e-12

@@ -15,12 +15,11 @@ No source publishes jerk limits; jerk is taken as acceleration over ``RAMP``.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import AnyIntArray, FloatArray, runs
+from postproc.records import dataclass
 from postproc.timing.bounded import JointPath, blending_distances, bounded_times, segment_times
 from postproc.timing.torques import Torques
 

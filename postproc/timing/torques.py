@@ -12,11 +12,11 @@ Source:
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
+from postproc.records import dataclass
 
 TorqueOf = Callable[[IndexArray, FloatArray, FloatArray, FloatArray], FloatArray]
 

@@ -8,12 +8,12 @@ from where it comes. All else that ran was judged; violations stand at the line 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from postproc.controller import Trace
 from postproc.errors import Finding, RunKind
 from postproc.krl import KrlModule, Move
+from postproc.records import dataclass
 
 NOT_KNOWN = frozenset({RunKind.UNJUDGED, RunKind.CONDITION, RunKind.ENDLESS})
 """What is said where the text alone does not tell what the arm does."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from postproc.errors import Finding, RunKind, Severity, SourceRef
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 from postproc.verification.coverage import Coverage
 

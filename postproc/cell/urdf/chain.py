@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from xml.parsers import expat
 
@@ -19,6 +18,7 @@ from postproc.arrays import FloatArray
 from postproc.cell.urdf.numbers import check_numbers, origin_of
 from postproc.errors import CellError, SourceRef
 from postproc.files import read_bytes
+from postproc.records import dataclass
 
 _MOVING = ("revolute", "continuous")
 MOST_TURNS = 1000

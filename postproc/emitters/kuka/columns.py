@@ -7,8 +7,6 @@ its share of the shorter neighbouring segment.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, stepped
@@ -17,6 +15,7 @@ from postproc.errors import EmitError, SourceRef
 from postproc.geometry import kuka_from_transform, orthonormalised, transform
 from postproc.krl import numbers
 from postproc.model import BLEND_SHARE, EventKind, MoveKind, MoveRole, Plan
+from postproc.records import dataclass
 from postproc.units import DEG, MM, PERCENT
 
 _DIGITS = 1e-9

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import PurePath
 
@@ -45,6 +44,7 @@ from postproc.krl import (
     suffixes,
 )
 from postproc.model import Event, MoveKind, Plan
+from postproc.records import dataclass
 from postproc.units import DEG, PERCENT
 
 LAST_BASE_OF_KRC2 = 16
@@ -84,7 +84,7 @@ def render_files(modules: Sequence[KrlModule]) -> dict[str, bytes]:
     return files
 
 
-@dataclass
+@dataclass()
 class _Program:
     """One plan on its way to modules."""
 

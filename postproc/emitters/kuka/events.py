@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from postproc.cell import KrlOptions
 from postproc.emitters.kuka.template import TemplateSet
@@ -11,6 +11,7 @@ from postproc.errors import EmitError, KrlError, SourceRef
 from postproc.krl import Comment, FoldBegin, FoldEnd, Statement, Trigger, numbers
 from postproc.model import Event, EventKind
 from postproc.process import coolant_mode
+from postproc.records import dataclass
 from postproc.units import DEG, MM, MM_PER_MIN, RPM
 
 

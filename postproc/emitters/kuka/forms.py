@@ -7,8 +7,6 @@ newer in a fold of their own (``;Params``).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from postproc.cell import Kss
 from postproc.emitters.kuka.points import PointStore
 from postproc.krl import (
@@ -25,6 +23,7 @@ from postproc.krl import (
     Statement,
     numbers,
 )
+from postproc.records import dataclass
 
 SPEED_MAX = 2.0
 """BAS(#CP_PARAMS) takes no more than DEF_VEL_CP [m/s] and says nothing."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from postproc.cell import HomeStyle, KrlOptions, MotionStyle, PointPlace
 from postproc.emitters.kuka.columns import Columns, is_flying
@@ -31,6 +31,7 @@ from postproc.krl import (
     comment_text,
 )
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
+from postproc.records import dataclass
 from postproc.units import DEG
 
 ANCHOR_PERCENT = 10.0

@@ -7,7 +7,7 @@ A point ``P1`` owns ``XP1`` (its position) and, in a form, ``FP1`` (tool and bas
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from postproc.krl import (
     Aggregate,
@@ -22,6 +22,7 @@ from postproc.krl import (
     Value,
     Variable,
 )
+from postproc.records import dataclass
 
 StatusTurn = Callable[[int], tuple[int, int]]
 """Move index to S and T."""

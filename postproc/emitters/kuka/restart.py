@@ -14,7 +14,6 @@ What is modal is written anew behind every border, as the lines before may not h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -33,6 +32,7 @@ from postproc.krl import (
 )
 from postproc.model import Event, EventKind, MoveKind, MoveRole, Plan
 from postproc.process import NUMBER
+from postproc.records import dataclass
 
 START, LAST = "PP_START_HOLE", "PP_LAST_HOLE"
 STATES = frozenset(

@@ -9,7 +9,7 @@ the escaped text.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,7 @@ from postproc.krl import (
     parse_files,
     render_statement,
 )
+from postproc.records import dataclass
 from postproc.resources import templates_folder
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -17,6 +16,7 @@ from postproc.geometry import apply, arc_points, inverse
 from postproc.model import MotionKind, ToolPath
 from postproc.planning import arc_length
 from postproc.process import carried, claimed
+from postproc.records import dataclass
 from postproc.units import MM
 
 REACH = 5.0 * MM

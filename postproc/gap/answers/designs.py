@@ -10,7 +10,6 @@ one design and judged on it, where the frames may adapt (leave one group out, as
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
@@ -19,6 +18,7 @@ from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.choice import Choice
 from postproc.gap.data import Samples
 from postproc.gap.fit import NormalEquations, Problem, Regression
+from postproc.records import dataclass
 from postproc.units import DEG
 
 HARM = 12.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +43,7 @@ from postproc.gap.fit import (
     find_waves,
 )
 from postproc.progress import Progress
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ others: the difference is what the fit took from each (Mallows 1973, Technometri
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from postproc.measurement import (
     points_of,
     set_ups,
 )
+from postproc.records import dataclass
 from postproc.units import MM
 
 FEWEST = 6

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray
 from postproc.gap.data import Samples
 from postproc.kinematics import wrist_distance
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 APPROACH = 4.0 * DEG

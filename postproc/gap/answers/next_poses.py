@@ -11,7 +11,7 @@ separation is sqrt(theta' M theta): a T-optimal design (Atkinson and Fedorov 197
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from postproc.gap.fit import Block, NormalEquations, block_of
 from postproc.gap.robot_model import effect_of, evaluate
 from postproc.geometry import apply
 from postproc.measurement import rigid_motion
+from postproc.records import dataclass
 from postproc.units import DEG
 
 ENOUGH = 8.0

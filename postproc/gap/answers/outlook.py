@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,6 +33,7 @@ from postproc.gap.data import Samples, split
 from postproc.gap.effect import Effect, Kind, Setting, registration_effects
 from postproc.gap.fit import WIDE, Block, block_of, testable
 from postproc.gap.robot_model import effect_of
+from postproc.records import dataclass
 from postproc.units import MM
 
 POWER = 0.9

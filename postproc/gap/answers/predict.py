@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from postproc.geometry import apply
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, Remark, frames_of, set_ups
 from postproc.model import ModelFile
+from postproc.records import dataclass
 from postproc.units import MM
 
 

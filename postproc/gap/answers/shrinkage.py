@@ -8,13 +8,12 @@ places, tells far less surely than all how large a gap is that differs from plac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.choice import Choice, Named, Standing
 from postproc.gap.fit import Fit, Problem, Regression
+from postproc.records import dataclass
 
 LARGEST_FIT = 4000
 """Rows that the numbers of the model file are fitted to; more make them no surer."""

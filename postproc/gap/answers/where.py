@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from postproc.gap.answers.diagnose import Diagnosis
 from postproc.gap.answers.shrinkage import rms
 from postproc.gap.data import Samples
 from postproc.gap.robot_model import effect_of, evaluate
+from postproc.records import dataclass
 from postproc.units import MM
 
 _CELLS = 3

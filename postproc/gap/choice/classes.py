@@ -8,13 +8,13 @@ fairly. The largest is taken, and the others are judged by what it leaves.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray
 from postproc.gap.data import Samples
 from postproc.gap.fit import STANDING, Noise, Projection, Regression, Wave
+from postproc.records import dataclass
 
 SIZES = (1.0, 3.0, 10.0, 30.0)
 """Sizes tried of a group, in noise."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from postproc.arrays import FloatArray
 from postproc.gap.choice.search import DECISIVE, Search
 from postproc.gap.effect import Effect
 from postproc.gap.fit import NormalEquations, Projection, Regression, Subset, block_of
+from postproc.records import dataclass
 
 SMALLEST = 0.5
 """Unique part of a named effect, 3D root mean square, in sigma of one axis."""

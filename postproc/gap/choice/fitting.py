@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from postproc.gap.fit import (
     without_blocks,
 )
 from postproc.gap.robot_model import effect_of, evaluate
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,6 @@ or as a turn of a joint, and compares with the same residual under random permut
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from math import erfc, sqrt
 from typing import Any
 
@@ -16,6 +15,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.fit import Projection
+from postproc.records import dataclass
 
 _PERMUTATIONS = 199
 _SEED = 7

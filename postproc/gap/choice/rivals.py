@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from postproc.gap.choice.classes import Bench, Group, weighted
 from postproc.gap.choice.search import searched
 from postproc.gap.choice.standing import Choice
 from postproc.gap.fit import REST, Regression
+from postproc.records import dataclass
 
 INEXACT = 0.04
 """What the formula of an effect may leave against what it explains, as 3D rms: no formula is exact,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.gap.fit import Block, NormalEquations, Subset
+from postproc.records import dataclass
 
 PRIOR_LIBRARY = 3.0
 """Price of naming one more effect, in nats: 1 in 20 effects is present a priori."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from postproc.gap.fit import (
     saturated,
 )
 from postproc.gap.robot_model import evaluate
+from postproc.records import dataclass
 
 LOW_ORDERS = 6
 """Waves up to this order can be imitated by other effects: they are also sought beside them."""

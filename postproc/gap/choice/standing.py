@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 from postproc.gap.choice.evidence import Evidence
 from postproc.gap.fit import Subset
+from postproc.records import dataclass
 
 
 class Standing(StrEnum):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from postproc.gap.fit import (
     predicted,
 )
 from postproc.measurement import robust_sigma
+from postproc.records import dataclass
 
 STRUCTURE = 1.0
 """Structured rest, 3D root mean square, from which "explained" is no longer said, in sigma."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from postproc.gap.data.reference import ArmReference
 from postproc.geometry import apply, inverse
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, SetUps
+from postproc.records import dataclass
 
 COLUMN_NAMES = {
     "direction": tuple(f"dir{i}" for i in range(1, 7)),

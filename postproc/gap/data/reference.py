@@ -7,14 +7,13 @@ class of the arm and is marked so.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.cell import Cell
 from postproc.geometry import inverse
 from postproc.kinematics import Kinematics
+from postproc.records import dataclass
 
 CLASS_STIFFNESS = np.array([1.58e7, 6.12e6, 5.28e6, 4.66e5, 2.19e5, 3.49e5])
 """(6,) [N*m/rad] of a KUKA KR500, no grid (Jiao et al. 2022); other sources differ by 2."""

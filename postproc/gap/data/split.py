@@ -6,12 +6,11 @@ else a test row has its like among the fitted ones.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data.dataset import Samples
+from postproc.records import dataclass
 
 SEALED_SHARE = 0.25
 FEWEST = 40

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,6 +10,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting, State
 from postproc.gap.robot_model import States, columns, effect_of, evaluate
+from postproc.records import dataclass
 
 _STEPS = 6
 _UNSEEN = 0.9

@@ -9,7 +9,7 @@ of its freedom. One NormalEquations matrix serves all subsets and, part by part,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.effect import Effect, Parameter, Setting
 from postproc.gap.robot_model import columns
+from postproc.records import dataclass
 
 Subset = tuple[str, ...]
 """Keys of blocks."""

@@ -11,7 +11,6 @@ nothing unless that clearly asks for them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from postproc.gap.data import Samples
 from postproc.gap.effect import Basis, Effect, Kind, Parameter, Setting
 from postproc.gap.fit.linear import Block, NormalEquations
 from postproc.gap.fit.noise import Noise
+from postproc.records import dataclass
 from postproc.units import DEG
 
 REST = "memory:rest"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -13,6 +12,7 @@ from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, design_matrix
 from postproc.gap.fit.revisits import WanderBounds, revisits
 from postproc.measurement import robust_sigma
+from postproc.records import dataclass
 from postproc.units import MM
 
 _OUTLIER = 5.5

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from postproc.gap.robot_model import RobotModel, States, arm_of, evaluate
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, SetUps, in_robroot, points_of, set_ups
 from postproc.model import ModelFile, Registration
+from postproc.records import dataclass
 from postproc.units import MM
 
 WIDE = 20.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from postproc.arrays import FloatArray, IntArray, Rows
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, NormalEquations, Subset
 from postproc.gap.fit.memory import REST
+from postproc.records import dataclass
 
 _FEWEST = 3
 """Rows of a fold or a stretch."""

@@ -8,13 +8,14 @@ how much of that is a slow wander of the measuring device.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.gap.data import Samples
 from postproc.measurement import robust_sigma
+from postproc.records import dataclass
 from postproc.units import DEG
 
 _SAME_GIVE = 1e-5

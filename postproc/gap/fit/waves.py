@@ -8,7 +8,6 @@ tried.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 from postproc.arrays import FloatArray
 from postproc.gap.data import Samples
 from postproc.gap.fit.linear import Block, design_matrix
+from postproc.records import dataclass
 
 LOWEST, HIGHEST = 2, 120
 """Orders scanned, whole numbers; refined to a hundredth afterwards."""

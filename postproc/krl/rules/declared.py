@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import PurePath
 
 from postproc.krl.rules.expressions import NAMELESS, move_values, values_of
@@ -31,6 +30,7 @@ from postproc.krl.text import (
     names_in,
     parse_expression,
 )
+from postproc.records import dataclass
 
 _SIMPLE = re.compile(r"(?!(?:TRUE|FALSE)\Z)[A-Za-z_]\w*\Z", re.ASCII | re.IGNORECASE)
 _FORM_DATA = frozenset({"FDAT_ACT", "PDAT_ACT", "LDAT_ACT"})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import chain
 
 from postproc.krl.rules.part import Part, bas, number
@@ -22,6 +21,7 @@ from postproc.krl.text import (
     Move,
     Statement,
 )
+from postproc.records import dataclass
 
 _FORM = re.compile(r"\s*(S?PTP|S?LIN|S?CIRC)\s+([A-Za-z_]\w*)(.*?)(?:;\s*%\{|%\{|$)", re.IGNORECASE)
 _TOOL = re.compile(r"Tool\[(\d+)\]", re.IGNORECASE)

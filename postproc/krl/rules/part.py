@@ -32,7 +32,7 @@ from postproc.krl.text import (
     Trigger,
     Value,
 )
-from postproc.records import dataclass
+from postproc.records import record
 
 _S = TypeVar("_S", bound=Statement)
 _TEXTS = frozenset({Comment, Blank, FoldBegin, FoldEnd})
@@ -40,7 +40,7 @@ _TEXTS = frozenset({Comment, Blank, FoldBegin, FoldEnd})
 _LITERAL_TARGETS = frozenset({Pose, Axes})
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Step:
     """A motion of a routine: place in its statements, and the target if it is known."""
 
@@ -67,7 +67,7 @@ def key_of(module: KrlModule, routine: Routine) -> RoutineKey:
     return module.src_path, module.name, routine.name, routine.line
 
 
-@dataclass(slots=True)
+@record(slots=True)
 class Part:
     """One routine of one module."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import islice
 
 from postproc.krl.rules.blending import FEED
@@ -26,6 +25,7 @@ from postproc.krl.text import (
     WaitFor,
     WaitSec,
 )
+from postproc.records import dataclass
 
 _ON = re.compile(r"SPINDLE.*(ON|RUN|START)\Z|SPINDLERUN\Z")
 _OFF = re.compile(r"SPINDLE.*(OFF|STOP)\Z")

@@ -35,7 +35,7 @@ from postproc.krl.text import (
     components,
     parse_expression,
 )
-from postproc.records import dataclass
+from postproc.records import record
 
 DEFINES = re.compile(
     r"(?:DECL\s+|GLOBAL\s+)*(SIGNAL|STRUC|ENUM|CHANNEL)\s*:?\s*([A-Za-z_]\w*)(.*)", re.IGNORECASE
@@ -84,7 +84,7 @@ Place = tuple[KrlModule, Routine | None]
 Called = Callable[[str, KrlModule], tuple[KrlModule, Routine] | None]
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Type:
     """A type by its name in upper case; ``rank``: how many indices an element takes."""
 
@@ -95,7 +95,7 @@ class Type:
 _PLAIN = {bool: Type("BOOL"), int: Type("INT"), float: Type("REAL"), Text: Type("CHAR")}
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class SystemNames:
     """What ``system.toml`` lists, names of variables with their $."""
 

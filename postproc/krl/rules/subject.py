@@ -22,7 +22,7 @@ from postproc.krl.text import (
     Statement,
     Value,
 )
-from postproc.records import dataclass
+from postproc.records import record
 
 ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
@@ -32,7 +32,7 @@ _SHOWN = 100
 """So many findings of one code are listed per file."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class LintOptions:
     """What the controller is, and what else is there.
 

@@ -20,7 +20,7 @@ from postproc.krl.text import (
     Value,
     table_of,
 )
-from postproc.records import dataclass
+from postproc.records import record
 
 PLAIN = frozenset({float, int, bool})
 """Kinds of plain numbers and truths."""
@@ -31,7 +31,7 @@ Written: TypeAlias = tuple[str, int, Value, str]
 """File, line, value and the type that it must have, empty where any will do."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Points:
     """Poses and axes among values.
 

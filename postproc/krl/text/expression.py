@@ -8,13 +8,13 @@ matching types, so both give the same for every program that a controller takes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TypeAlias
 
 from postproc.krl.text.lexer import KrlSyntaxError, Token, TokenKind, tokenise
 from postproc.krl.text.literals import bits, components, number, pose_or_axes
 from postproc.krl.text.program import Aggregate, Axes, Enum, Expr, Pose, Text, Value
+from postproc.records import dataclass
 
 MAX_DEPTH = 60
 """Nesting beyond this is no program that a person or a post has written."""

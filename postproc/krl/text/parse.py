@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path, PurePath
 
 from postproc.errors import Finding, KrlError, ReadError, Severity, SourceRef
@@ -34,6 +34,7 @@ from postproc.krl.text.program import (
 )
 from postproc.krl.text.source import TextFacts, check_size, decode
 from postproc.krl.text.statements import parse_statement
+from postproc.records import dataclass
 
 _DEF = re.compile(
     r"(GLOBAL\s+)?(?:DEF|DEFFCT\s+([A-Za-z_]\w*(?:\s*\[[^\]]*\])?))\s+"

@@ -18,12 +18,12 @@ from typing import TypeAlias
 
 from postproc.errors import Finding
 from postproc.krl.text.source import TextFacts
-from postproc.records import dataclass
+from postproc.records import record
 
 # --------------------------------------------------------------------------------------- values
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Pose:
     """A FRAME, POS or E6POS literal; ``None`` marks a component that is not written.
 
@@ -48,7 +48,7 @@ class Pose:
         return None not in (self.x_mm, self.y_mm, self.z_mm, self.a_deg, self.b_deg, self.c_deg)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Axes:
     """An AXIS or E6AXIS literal; ``None`` marks a component that is not written."""
 
@@ -72,28 +72,28 @@ class Axes:
         return None not in self.angles_deg
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Text:
     """A character string literal, without its quotes."""
 
     value: str
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Enum:
     """An enumeration constant such as ``#BASE``, without the hash mark."""
 
     name: str
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Expr:
     """Anything else with a value: a variable, a function call, a formula, ``a:b``; as written."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Aggregate:
     """A structure literal that is neither a pose nor axes: LOAD, FDAT, PDAT, LDAT and any other.
 
@@ -117,7 +117,7 @@ Value: TypeAlias = float | int | bool | Text | Enum | Expr | Pose | Axes | Aggre
 # ----------------------------------------------------------------------------------- statements
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record(frozen=True, slots=True, kw_only=True)
 class Statement:
     """One line of a routine or data list.
 
@@ -163,7 +163,7 @@ class MoveWord(StrEnum):
         self.is_relative = word.endswith("_REL")
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Move(Statement):
     """A motion.
 
@@ -186,7 +186,7 @@ class Move(Statement):
     frame: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class SplineBegin(Statement):
     """``SPLINE`` or ``PTP_SPLINE``, the head of a block."""
 
@@ -194,14 +194,14 @@ class SplineBegin(Statement):
     settings: tuple[Assign, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class SplineEnd(Statement):
     """``ENDSPLINE`` with its approximation."""
 
     blend: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Assign(Statement):
     """``target = value``; ``target`` as written, upper case for system variables (``$VEL.CP``)."""
 
@@ -209,7 +209,7 @@ class Assign(Statement):
     value: Value
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Call(Statement):
     """A call of a routine, ``BAS`` among them; an argument left out is None."""
 
@@ -217,31 +217,31 @@ class Call(Statement):
     arguments: tuple[Value | None, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class WaitSec(Statement):
     """``WAIT SEC`` with seconds."""
 
     seconds: Value
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class WaitFor(Statement):
     """``WAIT FOR`` a condition, as written."""
 
     condition: str
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Halt(Statement):
     """``HALT``: the program stands until the operator starts it again."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Continue(Statement):
     """``CONTINUE``: the next line does not stop the advance run."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Trigger(Statement):
     """``TRIGGER WHEN DISTANCE|PATH = where DELAY = ms DO action [PRIO = n]``.
 
@@ -257,7 +257,7 @@ class Trigger(Statement):
     on_start: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Interrupt(Statement):
     """``INTERRUPT DECL|ON|OFF|ENABLE|DISABLE``; condition and action only with ``DECL``."""
 
@@ -268,7 +268,7 @@ class Interrupt(Statement):
     is_global: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Control(Statement):
     """A line of program control: ``word`` in upper case and the rest of the line as written.
 
@@ -280,7 +280,7 @@ class Control(Statement):
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Variable:
     """A declared name; ``dimension`` is the text between its brackets, None without brackets."""
 
@@ -289,7 +289,7 @@ class Variable:
     value: Value | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Declaration(Statement):
     """``[DECL] [GLOBAL] [CONST] type name[, name]``, in a data list also with a value."""
 
@@ -300,7 +300,7 @@ class Declaration(Statement):
     has_decl: bool = True
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class External(Statement):
     """``EXT name(...)`` or ``EXTFCT``: ``text`` is the whole line behind the word."""
 
@@ -308,33 +308,33 @@ class External(Statement):
     word: str = "EXT"
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class FoldBegin(Statement):
     """``;FOLD text``: everything behind the word, form parameters included."""
 
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class FoldEnd(Statement):
     """``;ENDFOLD text``."""
 
     text: str = ""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Comment(Statement):
     """A line that is only a comment; ``text`` is all that follows the ``;``."""
 
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Blank(Statement):
     """An empty line."""
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Raw(Statement):
     """A line that is none of the above, without its indentation and trailing comment."""
 
@@ -349,7 +349,7 @@ class Raw(Statement):
 # ------------------------------------------------------------------------------------- modules
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Parameter:
     """A parameter of a routine; ``mode`` is ``IN``, ``OUT`` or empty."""
 
@@ -358,7 +358,7 @@ class Parameter:
     dimension: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Routine:
     """``DEF name(...)`` or ``DEFFCT type name(...)`` up to its ``END``.
 
@@ -378,7 +378,7 @@ class Routine:
     end_line: int = field(default=0, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class DataList:
     """``DEFDAT name [PUBLIC]`` up to ``ENDDAT``: the module's .dat file.
 
@@ -409,7 +409,7 @@ class DataList:
                         yield variable.name, variable.value, statement.line
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class KrlModule:
     """A module: ``name.src`` and, where it has data, ``name.dat``.
 

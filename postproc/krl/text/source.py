@@ -9,9 +9,9 @@ bytes, control characters in code, endless lines) is one clear error.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from postproc.errors import KrlError, SourceRef
+from postproc.records import dataclass
 
 MAX_BYTES = 256 * 1024 * 1024
 """No controller holds more than a few megabytes; beyond this it is another kind of file."""

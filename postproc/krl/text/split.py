@@ -7,13 +7,13 @@ the end of an operation, before a rapid; in the middle of a cut only where nothi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from postproc.arrays import IntArray
 from postproc.errors import EmitError
+from postproc.records import dataclass
 
 SHARE = 0.5
 """A part is at least this share of the largest allowed one, unless an operation ends before."""

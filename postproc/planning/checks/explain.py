@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from postproc.model import ToolPath
 from postproc.planning.checks.feasible import Checker, Reason
 from postproc.planning.checks.remedy import common_shift, remedy
 from postproc.planning.states import BRANCHES, NO_POSE, Chosen, Problem, States
+from postproc.records import dataclass
 from postproc.units import DEG
 
 WORDS = {

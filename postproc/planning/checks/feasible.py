@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:

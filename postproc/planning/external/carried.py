@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +19,7 @@ from postproc.planning.external.rating import UNREACHED, Rating
 from postproc.planning.external.sequence import AWAY, carrying
 from postproc.planning.search import arc_length
 from postproc.planning.states import Weights
+from postproc.records import dataclass
 
 WORTH = 0.5
 """What carrying has to gain, in the units of the objectives: as much as 5 % of the time of the cut.

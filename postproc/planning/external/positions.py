@@ -7,7 +7,7 @@ plan refuses is closed to the next.
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from postproc.model import Plan
 from postproc.planning.external.rating import BLOCKED, KNOT, UNREACHED, Rating
 from postproc.planning.external.sequence import AWAY, Row, carrying, cheapest, moving_rows
 from postproc.planning.external.smooth import CALM, smoothed
+from postproc.records import dataclass
 
 _MOST_REFUSED = 6
 """A cut that may move is given up after so many plans that all refuse the same tag of it."""

@@ -7,7 +7,7 @@ which the axes may move, or that were refused.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from postproc.planning.external.grid import distinct, grid_step, position_grid
 from postproc.planning.search import FINE, arc_length, best_of, spaced, step_rules
 from postproc.planning.states import Problem, Rule, Settings, evaluate, sample, spin_values
 from postproc.process import feeds_of
+from postproc.records import dataclass
 from postproc.units import DEG
 
 _FINER = 8

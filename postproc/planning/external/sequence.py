@@ -7,7 +7,6 @@ carried also pays for the way by which the tool stands away from one place befor
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.planning.external.grid import grid_step
 from postproc.planning.external.rating import UNREACHED, Rating
+from postproc.records import dataclass
 
 CHANGE = 3.0
 """Price of a change of position, in the units of the objectives: 100 % of stiffness is about 1."""

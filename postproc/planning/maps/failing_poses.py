@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
 )
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 MOST_TAGS = 60

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from postproc.planning.checks import grade_counts, moves_of_tags, near_solids
 from postproc.planning.maps.failing_poses import FailingPose, failing_poses
 from postproc.planning.maps.spin_index import SpinIndex, missing, spin_index
 from postproc.process import claimed
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

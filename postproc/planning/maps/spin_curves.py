@@ -11,7 +11,6 @@ free of collision, with the whole stroke of a hole.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,6 +37,7 @@ from postproc.planning.states import (
     stiffness_of,
 )
 from postproc.process import Claims, claimed
+from postproc.records import dataclass
 from postproc.stiffness import index
 from postproc.units import DEG
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
@@ -20,6 +18,7 @@ from postproc.planning.states import (
     settle,
     spin_values,
 )
+from postproc.records import dataclass
 from postproc.units import DEG
 
 MOST_TAGS = 10_000

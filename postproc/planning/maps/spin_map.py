@@ -10,7 +10,6 @@ free.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
@@ -31,6 +30,7 @@ from postproc.planning.states import (
     settle,
 )
 from postproc.progress import Progress
+from postproc.records import dataclass
 from postproc.units import DEG, N_PER_MM
 
 _CHUNK = 200

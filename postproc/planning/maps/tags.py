@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from postproc.cell import Cell
 from postproc.model import Plan, ToolPath
 from postproc.planning.route import cell_at
 from postproc.process import claimed
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

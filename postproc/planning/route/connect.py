@@ -8,7 +8,7 @@ far as that saves time. Checks are asked for in batches: one call costs far more
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route.fold import folded_ways, way_times
 from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
+from postproc.records import dataclass
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
 """Heights [m] by which both ends back off along their tool axes, tried in turn.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -28,6 +28,7 @@ from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, 
 from postproc.planning.route.thin import Left, corner_tolerances, thinned
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import hole_steps, on_the_way_out
+from postproc.records import dataclass
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""

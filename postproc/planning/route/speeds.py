@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from postproc.planning.route.corners import lowered_blends
 from postproc.planning.route.drill import LEAVE
 from postproc.planning.states import Moves, Problem
 from postproc.process import AXIS_SHARE, TAPS, least_feeds, machining_speeds
+from postproc.records import dataclass
 from postproc.timing import (
     Bends,
     JointPath,

@@ -14,7 +14,6 @@ the number of points and with the logarithm of how many are left out at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +24,7 @@ from postproc.model import MoveKind, MoveRole
 from postproc.planning.checks import Checker, Lines
 from postproc.planning.route.speeds import is_too_fast
 from postproc.process import may_be_passed
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 
 if TYPE_CHECKING:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from postproc.kinematics import build
 from postproc.paths import Externals
 from postproc.planning.checks import MORE_CLEARANCE, RESOLUTION, Checker
 from postproc.planning.route.connect import free_way
+from postproc.records import dataclass
 from postproc.units import DEG
 
 MakeChecker = Callable[[Cell], Checker]

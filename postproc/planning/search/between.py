@@ -10,14 +10,13 @@ where the paper's holds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.model import CUTS
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
+from postproc.records import dataclass
 
 _FULL_TURN = 2.0 * np.pi
 _TURNED = 1e-9

@@ -9,13 +9,14 @@ such leap would have to be refuted on its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states import BRANCHES, NONE, Joined, States
+from postproc.records import dataclass
 
 NEAR = 0.5 * np.pi
 """States of spins beside each other, and of the same spin at successive tags, follow each other if

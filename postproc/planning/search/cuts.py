@@ -8,8 +8,6 @@ then collisions, the whole span as one sweep.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
@@ -18,6 +16,7 @@ from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
 from postproc.planning.search.leaning import as_arcs, leans_too_far
 from postproc.planning.states import Chosen, Problem
+from postproc.records import dataclass
 
 _ROWS = 16384
 """So many tags are judged at once."""

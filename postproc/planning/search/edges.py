@@ -8,7 +8,7 @@ more than the grid has.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.kinematics import STRETCHED, elbow_distance
 from postproc.planning.states import BRANCHES, Problem, States, StrokeEnds, evaluate
+from postproc.records import dataclass
 
 AnyArray = NDArray[Any]
 _HALVINGS = 6

@@ -8,7 +8,7 @@ over, tags inside become key tags: there the way may be too narrow for turns bet
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from postproc.planning.checks import Reason
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.cuts import Judged, Spans
 from postproc.planning.states import Ladder
+from postproc.records import dataclass
 
 _ALL = 8
 """All tags inside a cut of no more become key tags."""

@@ -10,12 +10,12 @@ the next best way mostly runs there.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from postproc.arrays import BoolArray, IndexArray
 from postproc.planning.states import NONE, Ladder
+from postproc.records import dataclass
 
 CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]

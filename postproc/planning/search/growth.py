@@ -9,7 +9,7 @@ leads from tag to tag as no free way was found to.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from postproc.planning.search.free_path import Found
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import FINE
 from postproc.planning.states import NONE
+from postproc.records import dataclass
 
 _WINDOWS = ((8, FINE), (40, 1), (300, 1), (3000, 1), (10**9, 1))
 """Tags to each side of a break, and the stride on the finest grid of spins, tried in turn."""

@@ -8,7 +8,7 @@ steps are taken out of the graph beforehand, where a search would have to refute
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from postproc.planning.states import (
     leaves_tilt_range,
     tilt_frames,
 )
+from postproc.records import dataclass
 
 _SHARES = np.arange(1.0, 8.0) / 8.0
 """Where on a cut the tilt of the tool is checked."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from postproc.planning.search.keytags import spaced
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.search.rungs import Wish
 from postproc.planning.states import NONE, Chosen, Problem, Rule, Weights, evaluate
+from postproc.records import dataclass
 
 _WORTH = 0.98
 _PATIENCE = 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -37,6 +37,7 @@ from postproc.planning.states import (
     beside_in_grid,
     merged,
 )
+from postproc.records import dataclass
 
 _WIDEST = 8
 """How many spins and tags around a failing pose are checked, at most."""

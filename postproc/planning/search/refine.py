@@ -9,13 +9,14 @@ are not looked at again.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
 from postproc.planning.states import Problem, evaluate
+from postproc.records import dataclass
 from postproc.units import DEG
 
 REFINED_GRID = 0.001 * DEG

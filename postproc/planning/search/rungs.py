@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,6 +31,7 @@ from postproc.planning.states import (
     spin_values,
 )
 from postproc.process import AXIS_SHARE
+from postproc.records import dataclass
 from postproc.units import DEG
 
 TIE_TRAVEL = 1e-7

@@ -13,7 +13,6 @@ chosen together, travel counted, so that the way between two of them rarely cros
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,6 +39,7 @@ from postproc.planning.search.pose_search import PoseSearch, travel
 from postproc.planning.search.roll import without_roll
 from postproc.planning.search.rungs import ARM, TIE_TRAVEL, WRIST, Wish, changes_of
 from postproc.planning.states import Chosen, take_joints
+from postproc.records import dataclass
 
 Step = Callable[[int, int, str], None]
 

@@ -6,8 +6,6 @@ that a tag without any state can say why; so is what cannot run its stroke.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +16,7 @@ from postproc.planning.states.problem import Problem
 from postproc.planning.states.stroke_ends import StrokeEnds
 from postproc.planning.states.tilt import UPRIGHT
 from postproc.planning.states.turns import copies_of, nearest_copies, turn_range, turnable
+from postproc.records import dataclass
 
 BRANCHES = 8
 """Arm configurations: shoulder, elbow and wrist."""

@@ -9,7 +9,7 @@ change in units of 10 degrees, times the weight ``travel``.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from postproc.arrays import FloatArray, IndexArray
 from postproc.cell import Cell, Preset, Strategy
 from postproc.errors import CellError, SourceRef
 from postproc.kinematics import Kinematics
+from postproc.records import dataclass
 from postproc.registry import Registry
 from postproc.units import DEG
 

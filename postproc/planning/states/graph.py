@@ -11,7 +11,7 @@ w |a|^2 - 2 w a.b + w |b|^2 + leaves(a).enters(b) with what leads to each a adde
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
 
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.planning.states.listed import Listed
+from postproc.records import dataclass
 
 NONE = -1
 """No state: the rung is empty."""

@@ -14,7 +14,7 @@ stays bounded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
 from postproc.planning.states.listed import Listed
+from postproc.records import dataclass
 
 WIDE = 4_000_000
 """Largest matrix of steps that is worked out at once."""

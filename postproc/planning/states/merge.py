@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.planning.states.candidates import States, sample
 from postproc.planning.states.problem import Problem
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
 from postproc.model import MoveKind, MoveRole
+from postproc.records import dataclass
 
 
 @dataclass(slots=True)

@@ -13,7 +13,7 @@ less than 180 degrees between tags.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from postproc.geometry import inverse, rotation_about, rotation_from_vector, tra
 from postproc.model import ToolPath
 from postproc.paths import Externals
 from postproc.planning.states.tilt import tilt_vectors
+from postproc.records import dataclass
 
 SPIN_GRID = 1e-9
 """Spins are rounded to multiples of this [rad] before poses are built."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.planning.states.problem import Problem
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, taken
 from postproc.planning.states.costs import StateContext, state_costs
 from postproc.planning.states.problem import Problem
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +18,7 @@ from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
 from postproc.process import back_off, in_material, least_feeds, on_the_way_out
+from postproc.records import dataclass
 from postproc.stiffness import joint_compliance
 
 Compliance = Callable[[FloatArray], FloatArray]

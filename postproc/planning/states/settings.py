@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 from typing import TypeVar
 
@@ -13,6 +13,7 @@ from postproc.errors import CellError, SourceRef
 from postproc.planning.states.costs import Weights, weights_of
 from postproc.planning.states.place import spin_values
 from postproc.planning.states.tilt import MOST_COLUMNS, coarsest
+from postproc.records import dataclass
 from postproc.units import DEG
 
 Word = TypeVar("Word", bound=StrEnum)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
 from postproc.planning.states.problem import Problem, nearest_turn
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,13 @@ read, the helical leads of real files slope by exactly the round ramp angles tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, Table
 from postproc.geometry import angle_about
 from postproc.model import Arcs
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 from postproc.units import MM
 
 FULL_CIRCLE_GAP = 1e-4 * MM

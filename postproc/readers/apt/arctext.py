@@ -7,11 +7,11 @@ it (its sense is not always in the record); TLON as CATIA and NCL write it.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from math import isnan, radians
 
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 
 NAN = float("nan")
 _ELEVEN = 11

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isnan, nan
 
 from postproc.model import Cycle, CycleKind
+from postproc.records import dataclass
 
 LEFT = {CycleKind.TAP: CycleKind.TAP_LEFT, CycleKind.RIGID_TAP: CycleKind.RIGID_TAP_LEFT}
 """Taps whose hand the spindle decides, and what they are where it turns counterclockwise."""

@@ -7,8 +7,10 @@ record ("assuming a clockwise direction").
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum, auto
+
+from postproc.records import dataclass
 
 
 class ArcSense(Enum):

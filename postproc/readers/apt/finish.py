@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from postproc.readers.apt.nurbs import MOST_SEGMENTS, discretised
 from postproc.readers.apt.senses import report_senses, settled_senses
 from postproc.readers.apt.state import AptState, Columns
 from postproc.readers.apt.turns import check_resumed, check_standing, settle_turns
+from postproc.records import dataclass
 
 _NONE = -1
 

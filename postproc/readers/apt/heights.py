@@ -6,11 +6,12 @@ the GOTO, so a reading is shown and checked, not trusted.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isnan
 
 from postproc.model import Cycle
 from postproc.readers.apt.dialect import Clear, CycleRule
+from postproc.records import dataclass
 from postproc.units import MM, MM_PER_MIN
 
 DEFAULT_CLEARANCE = 2.0 * MM

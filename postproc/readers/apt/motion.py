@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from postproc.readers.apt.scan import CIRCLE, GOTO, RAPID, SKIP, Scan
 from postproc.readers.apt.statement import Statement, bounded
 from postproc.readers.apt.uses import WordUses
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 
 _POINT, _POINT_AXIS = 3, 6
 _TOLERANCE = 1.0

@@ -7,7 +7,7 @@ commas and evaluated by columns; every line that is in any way unusual takes the
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 
 import numpy as np
@@ -25,6 +25,7 @@ from postproc.readers.text import (
     trim_end,
     trim_start,
 )
+from postproc.records import dataclass
 
 COMMENT = "$$"
 """Word of a comment line."""

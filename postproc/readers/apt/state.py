@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from postproc.readers.apt.tools import Place, Said, ToolTable
 from postproc.readers.apt.uses import Key, WordUses
 from postproc.readers.base import ReadOptions
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 
 NAN = float("nan")
 

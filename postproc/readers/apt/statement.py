@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from postproc.readers.text import LARGEST, parse_number
+from postproc.records import dataclass
 
 FREE_TEXT = ("PARTNO", "PPRINT", "TPRINT", "INSERT")
 """Words after which everything to the end of the line is text, commas and slashes included."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from math import isnan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from postproc.arrays import IntArray
 from postproc.model import CamTool, Event
 from postproc.readers.apt.statement import Statement
 from postproc.readers.changes import tool_changes
+from postproc.records import dataclass
 
 NO_NUMBER = 0
 _NONE = -1
@@ -21,8 +23,7 @@ Said = Mapping[str, float | str]
 """What a file says of a tool: fields of ``CamTool``."""
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Place:
+class Place(NamedTuple):
     """How many tags, splines and events of the file stand before a statement."""
 
     tag: int

@@ -6,9 +6,9 @@ Whether a refused word stops a program is for those to say who make one; a reade
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from postproc.model import WordClass, WordUse
+from postproc.records import dataclass
 
 Key = tuple[str, WordClass, str, bool, str]
 """Word, class, reason, refused, hint."""

@@ -6,10 +6,10 @@ Fusion 360, HSMWorks, MfgSuite, CAMplete and MANUSnc; PostWorks 15.1; ISO 4343.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from postproc.model import WordClass
+from postproc.records import dataclass
 
 GEOMETRY, COORDINATES = WordClass.GEOMETRY, WordClass.COORDINATES
 TOOL, PROCESS, COMMENT = WordClass.TOOL, WordClass.PROCESS, WordClass.COMMENT

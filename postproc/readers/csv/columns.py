@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
 from postproc.readers.csv.table import Layout, is_number
 from postproc.readers.text import Faults, parse_number
+from postproc.records import dataclass
 from postproc.units import DEG, INCH, INCH_PER_MIN, MM, MM_PER_MIN
 
 _BRACKETS = re.compile(r"[\[({<](.*?)[\])}>]")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray, IndexArray, IntArray
 from postproc.model import Cycle, CycleKind, MotionKind
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 from postproc.units import MM
 
 DEFAULT_CLEARANCE = 2.0 * MM

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import csv
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 from postproc.errors import DataError, SourceRef
 from postproc.files import read_bytes
+from postproc.records import dataclass
 
 HEADER = ("tag", "spin_deg")
 _LARGEST = 360.0

@@ -12,7 +12,7 @@ Heights of a hole without columns of its own: the feed starts 2 mm above the poi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import accumulate
 from pathlib import Path
 
@@ -45,6 +45,7 @@ from postproc.readers.csv.table import (
     split_row,
 )
 from postproc.readers.text import Faults, text_blocks
+from postproc.records import dataclass
 from postproc.units import INCH_PER_MIN, MM, MM_PER_MIN
 
 FAR_AWAY = 50.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from postproc.readers.text import (
     trim_end,
     trim_start,
 )
+from postproc.records import dataclass
 
 _SAMPLE_ROWS = 200
 _WIDEST_TEXT = 48

@@ -13,7 +13,7 @@ passed by as far as the cell approximates where its accuracy profile does not fl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -46,6 +46,7 @@ from postproc.readers.delmia.records import (
 from postproc.readers.delmia.tasks import expanded
 from postproc.readers.delmia.xml import read_document
 from postproc.readers.text import Faults
+from postproc.records import dataclass
 
 _KINDS = {
     "joint": MotionKind.JOINT, "jointmotion": MotionKind.JOINT, "slew": MotionKind.JOINT,

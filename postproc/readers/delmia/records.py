@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.geometry import rotation_from_abc, transform
+from postproc.records import dataclass
 
 N_JOINTS = 6
 NAN = float("nan")

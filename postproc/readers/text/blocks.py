@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 from postproc.errors import ReadError, SourceRef
 from postproc.files import open_input
+from postproc.records import dataclass
 
 BLOCK_BYTES = 1 << 22
 LONGEST_LINE = 1 << 16

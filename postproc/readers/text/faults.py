@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from postproc.errors import Finding, ReadError, Severity, SourceRef
+from postproc.records import dataclass
 
 _SHOWN = 60
 

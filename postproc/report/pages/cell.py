@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from postproc.arrays import FloatArray
 from postproc.cell import Cell, Tool, Workpiece
 from postproc.errors import Finding, Severity
+from postproc.records import dataclass
 from postproc.report.parts import Drawing, Page, add_scene, escape, table
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from postproc.arrays import FloatArray, forward_filled
 from postproc.cell import Cell
 from postproc.model import ToolPath
 from postproc.planning import FailingPose
+from postproc.records import dataclass
 from postproc.report.pages.program import (
     frame_data,
     frame_words,

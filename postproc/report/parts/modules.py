@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from postproc.records import dataclass
 
 ASSETS = Path(__file__).parent.parent / "assets"
 _BUNDLE = ".bundle.js"

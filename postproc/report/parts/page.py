@@ -11,12 +11,13 @@ import gzip
 import html
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from postproc.records import dataclass
 from postproc.report.parts.modules import ASSETS, one_script
 
 _SENTENCE = 28

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from postproc.arrays import FloatArray, IntArray
+from postproc.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from postproc.arrays import FloatArray
+from postproc.records import dataclass
 from postproc.report.parts.page import Page, escape, packed
 from postproc.report.parts.scene_data import Drawing, body_data, extent_of, robot_data
 from postproc.report.parts.tag_values import TagColumn

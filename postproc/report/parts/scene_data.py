@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from postproc.arrays import AnyIntArray, FloatArray, IntArray
 from postproc.cell import Cell
 from postproc.geometry import apply, inverse
+from postproc.records import dataclass
 from postproc.report.parts.page import Page, packed
 from postproc.units import DEG
 

@@ -8,12 +8,12 @@ among its tags, so nothing that stands in the way is lost.
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from postproc.planning import Grade, SpinClass, SpinMap
+from postproc.records import dataclass
 from postproc.units import DEG, N_PER_MM
 
 if TYPE_CHECKING:

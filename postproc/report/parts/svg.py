@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import FloatArray
+from postproc.records import dataclass
 from postproc.report.parts.page import escape
 
 COLOURS = ("#0b6bcb", "#c62828", "#2e7d32", "#b26a00", "#6a1b9a", "#00838f")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from postproc.cell import Cell
 from postproc.geometry import angle_between
 from postproc.model import MotionKind, MoveRole, Plan
 from postproc.planning import PlanMaps
+from postproc.records import dataclass
 from postproc.report.parts.page import packed
 from postproc.report.parts.program_text import ProgramText
 from postproc.units import DEG, MM, MM_PER_MIN, N_PER_MM

@@ -10,7 +10,7 @@ posture was read under two loads are absolute readings taken against the nominal
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from postproc.geometry import apply
 from postproc.kinematics import Kinematics
 from postproc.measurement import MeasurementSet, in_robroot
 from postproc.model import Registration
+from postproc.records import dataclass
 from postproc.stiffness.cartesian import joint_torque
 from postproc.units import DEG, MM
 

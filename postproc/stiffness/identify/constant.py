@@ -8,13 +8,12 @@ al. 2022, (AᵀA)⁻¹Aᵀ D as printed with a misprint, by its weighted form th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.errors import StiffnessError
 from postproc.measurement import robust_sigma
+from postproc.records import dataclass
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.observability import (
     FINEST,

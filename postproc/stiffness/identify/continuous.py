@@ -13,11 +13,12 @@ the constant.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.records import dataclass
 from postproc.stiffness.field import ContinuousField, kernel, own_kernel
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.constant import ConstantFit, huber_weight

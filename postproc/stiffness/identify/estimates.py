@@ -7,9 +7,9 @@ of the mean compliance over the measured postures, of the field that was chosen.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from postproc.arrays import FloatArray
+from postproc.records import dataclass
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.constant import ConstantFit
 from postproc.stiffness.identify.continuous import ContinuousFit

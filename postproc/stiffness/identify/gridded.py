@@ -8,11 +8,10 @@ response keeps the constant. A joint that the whole campaign does not show stays
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.records import dataclass
 from postproc.stiffness.field import Grid, GridField
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.stiffness.identify.constant import ConstantFit

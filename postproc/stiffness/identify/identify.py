@@ -6,7 +6,7 @@ error of the best.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from postproc.measurement import (
 )
 from postproc.model import Registration
 from postproc.progress import Progress
+from postproc.records import dataclass
 from postproc.stiffness.field import StiffnessField
 from postproc.stiffness.fieldfile import describe
 from postproc.stiffness.identify.cases import LoadCases, load_cases

@@ -7,13 +7,14 @@ continuous function of the joint angles. Each is scored by its error on tags tha
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.progress import Progress
+from postproc.records import dataclass
 from postproc.stiffness.field import ConstantField, Grid, StiffnessField
 from postproc.stiffness.fieldfile import describe
 from postproc.stiffness.identify.cases import LoadCases

@@ -7,13 +7,14 @@ are visible: two joints that the loads turn alike cannot both be fitted, but one
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from postproc.arrays import BoolArray, FloatArray
+from postproc.records import dataclass
 from postproc.stiffness.cartesian import joint_torque
 from postproc.units import UM
 

@@ -7,13 +7,14 @@ sign is turned, the sign is the fault; no stiffness would be the arm's.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.errors import SourceRef, StiffnessError
 from postproc.measurement import WRENCH, MeasurementSet
+from postproc.records import dataclass
 from postproc.stiffness.identify.cases import LoadCases
 from postproc.units import MM
 

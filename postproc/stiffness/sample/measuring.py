@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from postproc.measurement import (
     table_to_fill_in,
 )
 from postproc.process import weight_wrench
+from postproc.records import dataclass
 from postproc.stiffness.cartesian import regressor
 from postproc.stiffness.field import Grid
 from postproc.stiffness.identify import TYPICAL_C, Observability, ShowingLoad, shown_text

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from postproc.arrays import BoolArray, FloatArray, IntArray
 from postproc.errors import StiffnessError
 from postproc.geometry import inverse, rotation_about, transform
 from postproc.kinematics import Kinematics, wrist_distance
+from postproc.records import dataclass
 from postproc.stiffness.field import Grid, lattice
 from postproc.units import DEG, MM
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 from postproc.verification.cam.matching import Wanted
 from postproc.verification.cam.real import RealPaths

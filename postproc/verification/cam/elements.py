@@ -8,14 +8,13 @@ the tool axis, and go on from no further than where it left. What is not covered
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.controller import MotionType
 from postproc.model import MotionKind, ToolPath
 from postproc.paths import Paths
+from postproc.records import dataclass
 from postproc.units import MM
 
 _SHARES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])

@@ -9,14 +9,13 @@ longest chain that is in order on both sides; what is left over is missing or ou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IntArray, longest_rising
 from postproc.model import Cycle, MotionKind, ToolPath
 from postproc.paths import Station
 from postproc.process import Claims, apart
+from postproc.records import dataclass
 
 FAR = 1e9
 """Where a motion ends that cannot serve a tag [m]."""

@@ -7,7 +7,7 @@ paths; in it a motion works if it is a path motion about as fast as the feeds of
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from postproc.cell import Cell
 from postproc.model import ToolPath
 from postproc.paths import Displacement, Paths, Shift, moments_of
 from postproc.process import feeds_of, load_cases
+from postproc.records import dataclass
 
 FASTER = 1.5
 """A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""

@@ -9,7 +9,7 @@ judged on the points that are left.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from postproc.kinematics import corner_miss
 from postproc.model import BLEND_SHARE, ToolPath
 from postproc.paths import Displacement, Paths
 from postproc.process import claimed, may_be_passed, only
+from postproc.records import dataclass
 from postproc.units import DEG, MM
 from postproc.verification.cam.compare import compare, paths_of, visits_of
 from postproc.verification.cam.comparison import Comparison, Tolerances

@@ -8,7 +8,7 @@ turning evenly from tag to tag, going round with an arc.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from postproc.errors import RunKind
 from postproc.geometry import angle_between, rotation_about, turned_between
 from postproc.model import CUTS, MotionKind, ToolPath
 from postproc.process import PLUNGING, SHARPEST, repeats
+from postproc.records import dataclass
 from postproc.units import DEG
 from postproc.verification.cam.elements import Arc, Line, element_to
 from postproc.verification.cam.feeds import AT_MOST
