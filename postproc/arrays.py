@@ -98,6 +98,26 @@ def numbered(count: AnyIntArray) -> tuple[IndexArray, IndexArray]:
     return owner, np.arange(len(owner)) - (np.cumsum(count) - count)[owner]
 
 
+def members(numbers: AnyIntArray, count: int) -> IndexArray:
+    """Return the distinct ones of numbers (k,) below ``count``, rising.
+
+    As ``np.unique`` does, but in a time that does not depend on how many there are of each.
+    """
+    return np.flatnonzero(_is_member(numbers, count))
+
+
+def renumbered(numbers: AnyIntArray, count: int) -> tuple[IndexArray, IndexArray]:
+    """Return the distinct ones (m,) of numbers (k,) below ``count``, and which (k,) each is."""
+    is_member = _is_member(numbers, count)
+    return np.flatnonzero(is_member), (np.cumsum(is_member) - 1)[numbers]
+
+
+def _is_member(numbers: AnyIntArray, count: int) -> BoolArray:
+    found = np.zeros(count, dtype=np.bool_)
+    found[numbers] = True
+    return found
+
+
 def taken(values: NDArray[Kind], rows: Rows) -> NDArray[Kind]:
     """Return rows (k, ...) of an array: where rows are wide, several times as fast as ``[rows]``.
 

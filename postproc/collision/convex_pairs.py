@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members
 from postproc.collision.boxes import AXIS_FLOOR, seen_from
 from postproc.collision.convex import Convex
 from postproc.collision.cull import SLACK, Near
@@ -24,6 +24,10 @@ _PUSHED = 1e-6
 """So far [m] behind faces a point is pushed."""
 _PUSHES = 3
 """So often into each of two solids."""
+
+_CROSS = np.array([[3 * ((-i - a) % 3) + b for i in range(3)] for a, b in np.ndindex(3, 3)])
+_CROSS_SIGN = np.array([[(0, -1, 1)[(i - a) % 3] for i in range(3)] for a, _ in np.ndindex(3, 3)])
+"""Cross products (9, 3) of the axes of two frames: entries of the turn between them, and signs."""
 
 
 class ConvexPairs:
@@ -132,7 +136,7 @@ class ConvexPairs:
         """Return points (k, 3) [m] moved into solids (k,), or nearer to those that are no boxes."""
         most = np.maximum(self._half[body] - _PUSHED, 0.0)
         moved = np.clip(points, -most, most)
-        for one in np.unique(body[~self._is_box[body]]).tolist():
+        for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(body == one), self._solid(one)
             out = points[rows] @ solid.normals.T - solid.offsets
             worst = out.argmax(axis=1)
@@ -146,8 +150,7 @@ class ConvexPairs:
         Negative where they overlap along all. Of solids (k,) and (k,), R (k, 3, 3) and p (k, 3) [m]
         as of ``_share_a_point``.
         """
-        one, two = np.divmod(np.arange(9), 3)
-        axis = np.cross(np.eye(3)[one], np.swapaxes(R, 1, 2)[:, two])
+        axis = R.reshape(-1, 9)[:, _CROSS] * _CROSS_SIGN
         length = np.linalg.norm(axis, axis=2, keepdims=True)
         is_axis = length > AXIS_FLOOR
         axis = np.where(is_axis, axis / np.where(is_axis, length, 1.0), 0.0)
@@ -161,7 +164,7 @@ class ConvexPairs:
         """Return how far (k, m) [m] solids (k,) reach down and up axes (k, m, 3) of theirs."""
         high = np.einsum("kij,kj->ki", np.abs(axis), self._half[body])
         low = -high
-        for one in np.unique(body[~self._is_box[body]]).tolist():
+        for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows = np.flatnonzero(body == one)
             along = axis[rows].reshape(-1, 3) @ self._solid(one).vertices.T
             along = along.reshape(len(rows), axis.shape[1], -1)
@@ -186,7 +189,7 @@ class ConvexPairs:
     def _contains(self, body: IndexArray, points: FloatArray) -> BoolArray:
         """Return which points (k, 3) [m] lie well inside solids (k,), in the frame of its box."""
         inside = np.asarray((np.abs(points) < self._half[body] - _DEEP).all(axis=1))
-        for one in np.unique(body[inside & ~self._is_box[body]]).tolist():
+        for one in members(body[inside & ~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(inside & (body == one)), self._solid(one)
             deep = points[rows] @ solid.normals.T < solid.offsets - _DEEP
             inside[rows] = deep.all(axis=1)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray
+from postproc.arrays import BoolArray, FloatArray, members
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
 from postproc.collision.convex_pairs import ConvexPairs
@@ -233,7 +233,7 @@ class Engine:
             return Candidates(near, R, p, meets)
         kept, bound = self._pieces.refine(near, R, p, limit)
         near.bound[kept] = bound
-        kept = np.union1d(kept, np.flatnonzero(meets))
+        kept = members(np.append(kept, np.flatnonzero(meets)), len(near))
         return Candidates(near.rows(kept), R[kept], p[kept], meets[kept])
 
     def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, members
 from postproc.collision.mesh import Mesh
 
 _CONTACTS = 1000
@@ -50,7 +50,7 @@ class ExactTests:
             self._local.standing = [None] * len(self._meshes)
             self._local.moving = [None] * len(self._meshes)
         standing, moving = self._local.standing, self._local.moving
-        for body in np.unique(bodies).tolist():
+        for body in members(bodies, len(self._meshes)).tolist():
             if standing[body] is None:
                 standing[body], moving[body] = self._build(self._meshes[body])
         return standing, moving

@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, renumbered
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
@@ -382,9 +382,9 @@ class MotionCheck:
             (True, spans.end, spans.end),
         ):
             mine = np.flatnonzero(is_short == short)
-            rows, place = np.unique(row[mine], return_inverse=True)
+            rows, place = renumbered(row[mine], len(spans.motion))
             open_ = np.zeros((spans.open.shape[0], len(rows)), dtype=bool)
-            open_[pair[mine], place.ravel()] = True
+            open_[pair[mine], place] = True
             parts.append(_Spans(spans.motion[rows], low[rows], high[rows], open_))
         return _Spans.joined(parts)
 

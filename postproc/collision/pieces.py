@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, members
 from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
@@ -125,7 +125,7 @@ class PieceBounds:
         limit = threshold + SLACK
         lowest, highest = low[every, longest] - limit, high[every, longest] + limit
         found: list[tuple[np.ndarray, np.ndarray]] = [(every[:0], every[:0])]
-        for one in np.unique(body).tolist():
+        for one in members(body, len(self._start)).tolist():
             own, first = np.flatnonzero(body == one), int(self._start[one])
             pieces = slice(first, first + int(self._count[one]))
             near = self._lowest[pieces] <= highest[own][:, None]

@@ -14,7 +14,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members
 from postproc.planning.states import BRANCHES, NONE, Joined, States
 from postproc.records import dataclass
 
@@ -60,7 +60,7 @@ class Bridges:
     def changed(self, rungs: IndexArray) -> None:
         """Forget the runs of tags (m,) of which states were taken out."""
         self._stale[rungs] = True
-        for rung in np.unique([rungs, rungs + 1]).tolist():
+        for rung in members(np.stack([rungs, rungs + 1]), len(self.states) + 1).tolist():
             if rung in self._known:
                 self._former[rung] = self._known.pop(rung)
 

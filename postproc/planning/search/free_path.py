@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, IndexArray
+from postproc.arrays import BoolArray, IndexArray, members
 from postproc.planning.states import NONE, Ladder
 from postproc.records import dataclass
 
@@ -70,7 +70,7 @@ def free_path(
         failing = _check(path[path != NONE], known, check_states)
         if len(failing):
             if beside is not None:
-                failing = np.unique(np.concatenate([failing, beside(failing)]))
+                failing = members(np.concatenate([failing, beside(failing)]), len(known))
                 known[failing] = True
             ladder.remove(failing)
             continue

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members
 from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
 from postproc.planning.states.listed import Listed
 from postproc.records import dataclass
@@ -197,7 +197,7 @@ class Ladder(Graph):
     def remove(self, states: IndexArray) -> None:
         """Take states out and repair the values."""
         self.cost[states] = np.inf
-        rungs = np.unique(self.rung_of(np.asarray(states)))
+        rungs = members(self.rung_of(np.asarray(states)), len(self))
         tighter = rungs[:0]
         if self.joins is not None and self._solved:
             behind = np.unique([rungs, rungs + 1])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, taken
+from postproc.arrays import BoolArray, FloatArray, IndexArray, renumbered, taken
 from postproc.planning.states.problem import Problem, nearest_turn
 from postproc.records import dataclass
 
@@ -43,7 +43,7 @@ class StrokeEnds:
             q: (m, 6) joints [rad].
         """
         found = cls(np.ones(len(q), dtype=np.bool_), np.ones(len(q), dtype=np.bool_), [])
-        arms, which = np.unique(4 * pose + slot % 4, return_inverse=True)
+        arms, which = renumbered(4 * pose + slot % 4, 4 * len(tags))
         own, arm = np.divmod(arms, 4)
         wrist = 2 * which + slot // 4
         for height in problem.strokes.levels(tags[own]):
