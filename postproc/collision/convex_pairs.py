@@ -85,9 +85,10 @@ class ConvexPairs:
         R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
-        bound_a, middle_a, gap_a = self._overlap(self._half[a], b, R, p)
-        bound_b, middle_b, gap_b = self._overlap(self._half[b], a, R_back, p_back)
-        bound = np.maximum(bound_a, bound_b)
+        both = ((a, b), (b, a), (R, R_back), (p, p_back))
+        bounds, middles, gaps = self._overlap(*map(np.concatenate, both))
+        bound = np.maximum(*np.split(bounds, 2))
+        middle_a, middle_b = np.split(middles, 2)
         meets = np.zeros(len(pair), dtype=np.bool_)
         near = np.flatnonzero(bound == 0.0)
         for own, other, frame, middle in (
@@ -102,7 +103,7 @@ class ConvexPairs:
         near = np.flatnonzero(~meets & (bound <= limit + SLACK))
         across = self._across(a[near], b[near], R[near], p[near])
         bound[near] = np.maximum(bound[near], across)
-        gap = np.maximum(np.maximum(gap_a[near], gap_b[near]), across)
+        gap = np.maximum(np.maximum(*np.split(gaps, 2))[near], across)
         is_box = self._is_box[a[near]] & self._is_box[b[near]]
         # edges that were left out as parallel part no boxes that overlap by more along all others
         size = self._half[a[near]].sum(axis=1) + self._half[b[near]].sum(axis=1)
@@ -138,9 +139,9 @@ class ConvexPairs:
         moved = np.clip(points, -most, most)
         for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(body == one), self._solid(one)
-            out = points[rows] @ solid.normals.T - solid.offsets
-            worst = out.argmax(axis=1)
-            far = np.maximum(out[np.arange(len(rows)), worst] + _PUSHED, 0.0)
+            out = solid.normals @ points[rows].T - solid.offsets[:, None]
+            worst = out.argmax(axis=0)
+            far = np.maximum(out[worst, np.arange(len(rows))] + _PUSHED, 0.0)
             moved[rows] = points[rows] - far[:, None] * solid.normals[worst]
         return moved
 
@@ -166,20 +167,21 @@ class ConvexPairs:
         low = -high
         for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows = np.flatnonzero(body == one)
-            along = axis[rows].reshape(-1, 3) @ self._solid(one).vertices.T
-            along = along.reshape(len(rows), axis.shape[1], -1)
-            low[rows], high[rows] = along.min(axis=2), along.max(axis=2)
+            along = self._solid(one).vertices @ axis[rows].reshape(-1, 3).T  # fast along vertices
+            low[rows] = along.min(axis=0).reshape(len(rows), -1)
+            high[rows] = along.max(axis=0).reshape(len(rows), -1)
         return low, high
 
     def _overlap(
-        self, half: FloatArray, body: IndexArray, R: FloatArray, p: FloatArray
+        self, own: IndexArray, body: IndexArray, R: FloatArray, p: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how far (k,) [m] solids are from boxes, and the middle (k, 3) of the overlap.
 
         And the largest gap (k,) [m] along one axis, negative where they overlap along all. Along
-        the axes of the boxes, of half sizes (k, 3), in which the solids' frames stand as
-        R (k, 3, 3), p (k, 3).
+        the axes of the boxes of solids ``own`` (k,), in which the frames of solids ``body`` (k,)
+        stand as R (k, 3, 3), p (k, 3).
         """
+        half = self._half[own]
         low, high = (p + end for end in self._extent(body, R))
         gap = np.maximum(low - half, -half - high)
         middle = 0.5 * (np.maximum(low, -half) + np.minimum(high, half))
@@ -191,8 +193,8 @@ class ConvexPairs:
         inside = np.asarray((np.abs(points) < self._half[body] - _DEEP).all(axis=1))
         for one in members(body[inside & ~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(inside & (body == one)), self._solid(one)
-            deep = points[rows] @ solid.normals.T < solid.offsets - _DEEP
-            inside[rows] = deep.all(axis=1)
+            deep = solid.normals @ points[rows].T < (solid.offsets - _DEEP)[:, None]
+            inside[rows] = deep.all(axis=0)
         return inside
 
     def _solid(self, body: int) -> Convex:
