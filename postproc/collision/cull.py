@@ -18,6 +18,8 @@ from postproc.records import dataclass
 SLACK = 1e-9
 """Rounding of positions [m]: nothing nearer than this counts as proven apart."""
 _BATCH = 400_000
+_TOGETHER = 100_000
+"""Of so few pairs and configurations all are looked at at once: calls take longer than numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +83,17 @@ class Culler:
         self._probes = np.vstack([shape.probes for shape in shapes])
         self._probe_count = np.array([len(shape.probes) for shape in shapes])
         self._probe_start = np.cumsum(self._probe_count) - self._probe_count
-        self._by_link = [np.flatnonzero(links == link) for link in range(1, int(links.max()) + 1)]
         self._is_still = links == 0
         self._slot = np.where(self._is_still, np.cumsum(self._is_still), np.cumsum(~self._is_still))
         self._slot -= 1
+        carried = [(link, np.flatnonzero(links == link)) for link in range(1, int(links.max()) + 1)]
+        # of each body its centre, then its axes
+        vectors = np.concatenate([self._centre[:, None], np.swapaxes(self._axes, 1, 2)], axis=1)
+        self._carried = [
+            (link, self._slot[bodies], vectors[bodies].reshape(-1, 3))
+            for link, bodies in carried
+            if len(bodies)
+        ]
         still = np.flatnonzero(self._is_still)
         self._still_centre = self._centre[still, :, None]
         self._still_axes = self._axes[still, :, :, None]
@@ -99,16 +108,12 @@ class Culler:
         n, count = len(frames), int((~self._is_still).sum())
         centre = np.empty((count, 3, n))
         axes = np.empty((count, 3, 3, n))
-        for link, members in enumerate(self._by_link, start=1):
-            if not len(members):
-                continue
-            R, p, slot = frames.link[link, :, :3], frames.link[link, :, 3], self._slot[members]
-            # (3 rows of R, members, n): one product for each row of the rotation
-            moved = np.matmul(self._centre[members], R) + p[:, None]
-            centre[slot] = np.moveaxis(moved, 0, 1)
-            columns = np.swapaxes(self._axes[members], 1, 2).reshape(-1, 3)
-            turned = np.matmul(columns, R).reshape(3, len(members), 3, n)
-            axes[slot] = np.moveaxis(turned, 0, 1)
+        for link, slot, vectors in self._carried:
+            R, p = frames.link[link, :, :3], frames.link[link, :, 3]
+            # (3 rows of R, 4 vectors of each body, n): one product for each row of the rotation
+            turned = np.matmul(vectors, R).reshape(3, len(slot), 4, n)
+            centre[slot] = np.moveaxis(turned[:, :, 0] + p[:, None], 0, 1)
+            axes[slot] = np.moveaxis(turned[:, :, 1:], 0, 1)
         extent = _extent(axes, self._half[~self._is_still])
         return Placed(frames.q, frames.link, self._slot, centre, axes, extent)
 
@@ -171,6 +176,17 @@ class Culler:
         gap -= extent_a
         return gap
 
+    def _gaps(self, placed: Placed) -> FloatArray:
+        """Return gaps (p, 3, n) as ``_gap`` does, of all pairs."""
+        centre, extent = np.empty((2, len(self._slot), 3, len(placed)))
+        centre[self._is_still], extent[self._is_still] = self._still_centre, self._still_extent
+        centre[~self._is_still], extent[~self._is_still] = placed.centre, placed.extent
+        gap: FloatArray = centre[self.second] - centre[self.first]
+        np.abs(gap, out=gap)
+        gap -= extent[self.second]
+        gap -= extent[self.first]
+        return gap
+
     def _aligned(self, placed: Placed, body: np.ndarray) -> tuple[FloatArray, FloatArray]:
         """Return centre and extent (..., 3, n or 1) of bodies (...,) that all move, or none."""
         slot = self._slot[body]
@@ -181,10 +197,13 @@ class Culler:
     def _axis_aligned(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        near = np.empty((len(self.first), len(placed)), dtype=bool)
-        for begin, end in self._runs:
-            gap = self._gap(placed, begin, end).max(axis=1)
-            np.less_equal(gap, threshold[begin:end] + SLACK, out=near[begin:end])
+        if len(self.first) * len(placed) <= _TOGETHER:
+            near = self._gaps(placed).max(axis=1) <= threshold + SLACK
+        else:
+            near = np.empty((len(self.first), len(placed)), dtype=bool)
+            for begin, end in self._runs:
+                gap = self._gap(placed, begin, end).max(axis=1)
+                np.less_equal(gap, threshold[begin:end] + SLACK, out=near[begin:end])
         if wanted is not None:
             near &= wanted
         pair, row = np.nonzero(near)
