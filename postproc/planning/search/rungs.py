@@ -255,14 +255,14 @@ def _price_home(
     if home is None or not len(states):
         return
     price = HOME_SHARE * problem.settings.weights.travel / TRAVEL_UNIT**2
-    at_home = _bits(problem.kinematics.branches.slot(home), wish.steady)
+    at_home = problem.kinematics.branches.slot(home)
     for rung in (0, len(states) - 1):
         at = slice(int(states.offsets[rung]), int(states.offsets[rung + 1]))
         if not wish.each:
             cost[at] += price * ((states.q[at] - home) ** 2).sum(axis=1)
         if wish.steady:
-            other = _bits(states.branch[at], wish.steady) - at_home
-            cost[at] += change * (other**2).sum(axis=1)
+            now, there = (_bits(one, wish.steady) for one in (states.branch[at], at_home))
+            cost[at] += change * ((now - there) ** 2).sum(axis=1)
         if tolls is not None:
             cost[at] += tolls.enters[at] @ _sides(wish.parted, home[None])[0]
 
@@ -316,12 +316,12 @@ def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
 
 
 def _bits(branch: AnyIntArray, steady: int) -> FloatArray:
-    """Return how far apart (..., 3) branches (...,) lie by those bits that are set in ``steady``.
+    """Return how far apart (..., k) branches (...,) lie by those k bits that are set in ``steady``.
 
     The wrist turns over rather than that the arm changes.
     """
-    apart = zip((1, 2, WRIST), (1.0, 1.0, 0.1), strict=True)
-    return np.stack([far * ((branch & bit & steady) != 0) for bit, far in apart], axis=-1)
+    apart = ((bit, far) for bit, far in ((1, 1.0), (2, 1.0), (WRIST, 0.1)) if bit & steady)
+    return np.stack([far * ((branch & bit) != 0) for bit, far in apart], axis=-1)
 
 
 def same_posture(one: AnyIntArray, other: AnyIntArray, bits: int) -> BoolArray:
