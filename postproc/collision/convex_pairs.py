@@ -85,21 +85,15 @@ class ConvexPairs:
         R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
-        both = ((a, b), (b, a), (R, R_back), (p, p_back))
-        bounds, middles, gaps = self._overlap(*map(np.concatenate, both))
+        both_ways = ((a, b), (b, a), (R, R_back), (p, p_back), (R_back, R), (p_back, p))
+        own, other, *frame, R_other, p_other = map(np.concatenate, both_ways)
+        bounds, middles, gaps = self._overlap(own, other, *frame)
         bound = np.maximum(*np.split(bounds, 2))
-        middle_a, middle_b = np.split(middles, 2)
+        rows = np.flatnonzero(np.tile(bound == 0.0, 2))
+        rows = rows[self._contains(own[rows], middles[rows])]
+        there = np.einsum("kij,kj->ki", R_other[rows], middles[rows]) + p_other[rows]
         meets = np.zeros(len(pair), dtype=np.bool_)
-        near = np.flatnonzero(bound == 0.0)
-        for own, other, frame, middle in (
-            (a, b, (R_back, p_back), middle_a),
-            (b, a, (R, p), middle_b),
-        ):
-            near = near[~meets[near]]
-            inside = self._contains(own[near], middle[near])
-            rows = near[inside]
-            there = np.einsum("kij,kj->ki", frame[0][rows], middle[rows]) + frame[1][rows]
-            meets[rows] = self._contains(other[rows], there)
+        meets[rows[self._contains(other[rows], there)] % len(pair)] = True
         near = np.flatnonzero(~meets & (bound <= limit + SLACK))
         across = self._across(a[near], b[near], R[near], p[near])
         bound[near] = np.maximum(bound[near], across)
@@ -109,7 +103,7 @@ class ConvexPairs:
         size = self._half[a[near]].sum(axis=1) + self._half[b[near]].sum(axis=1)
         meets[near[is_box]] = (gap < -_DEEP - 4.0 * AXIS_FLOOR * size)[is_box]
         near = near[~is_box & (bound[near] == 0.0)]
-        meets[near] = self._share_a_point(a[near], b[near], R[near], p[near], middle_a[near])
+        meets[near] = self._share_a_point(a[near], b[near], R[near], p[near], middles[near])
         return bound, meets
 
     def _share_a_point(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Table, numbered
+from postproc.arrays import BoolArray, FloatArray, Table, members, numbered
 from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
@@ -243,13 +243,13 @@ class Culler:
             R_a_b: (k, 3, 3) rotation from ``relative``.
             p_a_b: (k, 3) origin from ``relative`` [m].
         """
+        if not len(near):
+            return np.zeros(0, dtype=np.int64)
         a, b = self.first[near.pair], self.second[near.pair]
         R_b_a = np.swapaxes(R_a_b, 1, 2)
         p_b_a = -np.einsum("kij,kj->ki", R_b_a, p_a_b)
-        found = np.zeros(len(near), dtype=bool)
-        for outer, inner, R, p in ((a, b, R_a_b, p_a_b), (b, a, R_b_a, p_b_a)):
-            found[self._inside(outer, inner, R, p)] = True
-        return np.flatnonzero(found)
+        both_ways = ((a, b), (b, a), (R_a_b, R_b_a), (p_a_b, p_b_a))
+        return members(self._inside(*map(np.concatenate, both_ways)) % len(near), len(near))
 
     def _inside(
         self, outer: np.ndarray, inner: np.ndarray, R: FloatArray, p: FloatArray

@@ -147,7 +147,7 @@ class InsideTest:
         point; None: the first.
         """
         inside = np.zeros(len(points), dtype=bool)
-        if not self.has_inside:
+        if not self.has_inside or not len(points):
             return inside
         turned = points @ _TURN
         mesh = np.zeros(len(points), dtype=np.int64) if mesh is None else mesh
