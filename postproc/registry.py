@@ -14,7 +14,7 @@ import pkgutil
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from importlib.metadata import EntryPoint, EntryPoints, distributions, entry_points
+from importlib.metadata import Distribution, EntryPoint, EntryPoints, distributions
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -24,6 +24,7 @@ from postproc.records import dataclass
 T = TypeVar("T")
 BUILT_IN = "built-in"
 GROUPS = ("readers", "emitters", "effects", "objectives")
+_NAMED = "[postproc."
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,14 +158,28 @@ class Registry(Generic[T]):
 
 
 @cache
-def _installed() -> Any:  # noqa: ANN401 - SelectableGroups before Python 3.12, EntryPoints since
-    """Return the entry points of all installed packages, none where no package names a group.
+def _installed() -> EntryPoints:
+    """Return the entry points of the packages that name a group of ours.
 
-    Finding them reads a file of each package; to tell which package hides which and to take each
-    file apart takes longer, and mostly for nothing.
+    Finding them reads a file of each package; to tell which package hides which takes longer, and
+    mostly for nothing.
     """
-    named = (package.read_text("entry_points.txt") or "" for package in distributions())
-    return entry_points() if any("[postproc." in text for text in named) else EntryPoints(())
+    every = [(package, _entries(package)) for package in distributions()]
+    if not any(_NAMED in text for _, text in every):
+        return EntryPoints(())
+    first: dict[str, Distribution] = {}
+    for package, _ in every:
+        first.setdefault(package.name, package)
+    named = [p for p, text in every if _NAMED in text and first[p.name] is p]
+    return EntryPoints(entry for package in named for entry in package.entry_points)
+
+
+def _entries(package: Distribution) -> str:
+    """Return the text in which a package names its entry points, none if it is no text."""
+    try:
+        return package.read_text("entry_points.txt") or ""
+    except UnicodeDecodeError:
+        return ""
 
 
 def plug_ins(group: str) -> EntryPoints:

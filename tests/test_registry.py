@@ -1,3 +1,4 @@
+import sys
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -80,6 +81,27 @@ def test_a_part_is_registered_under_the_name_that_it_has():
 
     with pytest.raises(PluginError, match="calls itself 'y'"):
         Registry("readers", "postproc.model").register("x")(Part())
+
+
+def test_installed_packages_are_asked_once_each_and_what_is_no_text_is_none(tmp_path, monkeypatch):
+    said = {
+        ("one", "mine"): b"[postproc.readers]\nmine = mine:THING\n",
+        ("one", "torn"): b"[postproc.readers]\n\xff\xfe = torn:THING\n",
+        ("two", "mine"): b"[postproc.readers]\nhidden = mine:OLD\n",
+        ("two", "quiet"): b"[console_scripts]\nquiet = quiet:main\n",
+        ("two", "more"): b"[postproc.effects]\nmore = more:Effect\n",
+    }
+    for (place, name), text in said.items():
+        info = tmp_path / place / f"{name}-1.2.dist-info"
+        info.mkdir(parents=True)
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.2\n")
+        (info / "entry_points.txt").write_bytes(text)
+    monkeypatch.setattr(sys, "path", [str(tmp_path / place) for place in ("one", "two")])
+    registry_module._installed.cache_clear()
+    try:
+        assert registry_module.foreign() == ("effects more more 1.2", "readers mine mine 1.2")
+    finally:
+        registry_module._installed.cache_clear()
 
 
 def test_installed_plug_ins_are_told_without_loading_them(monkeypatch):
