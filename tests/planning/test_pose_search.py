@@ -13,7 +13,7 @@ from postproc.model.toolpath import Cycle, MotionKind
 from postproc.planning.checks.feasible import Checker
 from postproc.planning.planner import problem_of
 from postproc.planning.search import moved, strategy
-from postproc.planning.search.pose_search import PoseSearch
+from postproc.planning.search.pose_search import PoseSearch, _within
 from postproc.planning.search.refine import TagPoses
 from postproc.planning.states.settings import PlanOptions, settle
 from postproc.units import DEG
@@ -155,3 +155,16 @@ def test_refined_poses_that_stand_still_are_not_checked_again(make_cell, make_pa
     passed = np.arange(len(tags)) % 2 == 0
     free = np.ones(len(tags), dtype=np.bool_)
     assert np.array_equal(moved.failing(checker, search.between, poses, free, passed), ~passed)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_is_near_on_lines_is_found_once(seed):
+    rng = np.random.default_rng(seed)
+    n, m, far = rng.integers(1, 30), rng.integers(0, 12), int(rng.integers(0, 8))
+    line, at = rng.integers(0, 3, m), rng.integers(0, n, m)
+    row, where = _within(line, at, far, int(n))
+    found = sorted(zip(line[row].tolist(), where.tolist(), strict=True))
+    near = [(on, k) for on, place in zip(line, at, strict=True) for k in range(n)
+            if abs(k - place) <= far]  # fmt: skip
+    assert found == sorted(set(near))
+    assert (np.abs(at[row] - where) <= far).all()

@@ -373,12 +373,14 @@ class PoseSearch:
         own, at = self.states.column[states].astype(np.int64), self.states.tag_of(states)
         branch, pair = self.states.branch[states].astype(np.int64), self.pair[states] + np.int64(1)
         tilt, spin = np.divmod(own, width)
-        along, around = _near_by(far, reach)
+        row, rung = _within(own * 8 + branch, at, far, n)
+        near, by = [self._place(rung, own[row], branch[row])], [pair[row]]
+        along, around = _beside(reach)
         rung = at[:, None] + along
         column = tilt[:, None] * width + (spin[:, None] + FINE * around) % width
         inside = (rung >= 0) & (rung < n)
-        near = [self._place(rung, column, branch[:, None])[inside]]
-        by = [np.broadcast_to(pair[:, None], inside.shape)[inside]]
+        near.append(self._place(rung, column, branch[:, None])[inside])
+        by.append(np.broadcast_to(pair[:, None], inside.shape)[inside])
         near.append(self._place(at, own, branch ^ _FLIP))
         by.append(pair)
         which, other = np.nonzero(beside_in_grid(self.states.tilts)[tilt])
@@ -472,15 +474,23 @@ class PoseSearch:
         )
 
 
-def _near_by(far: int, reach: int) -> tuple[IndexArray, IndexArray]:
-    """Return the tags and spins (k,) by which the poses lie off that are near to one.
+def _within(line: IndexArray, at: IndexArray, far: int, n: int) -> tuple[IndexArray, IndexArray]:
+    """Return what lies within ``far`` of places (m,) of n on lines (m,), each once.
 
-    All within ``reach`` tags and spins, and those of the same spin within ``far`` tags.
+    By which of the places (k,) it is near, and where on the line of that (k,).
     """
+    order = np.lexsort((at, line))
+    at, line = at[order], line[order]
+    first, last = np.maximum(at - far, 0), np.minimum(at + far, n - 1)
+    first[1:] = np.where(line[1:] == line[:-1], np.maximum(first[1:], last[:-1] + 1), first[1:])
+    row, step = numbered(last - first + 1)
+    return order[row], first[row] + step
+
+
+def _beside(reach: int) -> tuple[IndexArray, IndexArray]:
+    """Return by how many tags and spins (k,) poses of other spins lie off within ``reach``."""
     along, around = (part.ravel() for part in np.mgrid[-reach : reach + 1, -reach : reach + 1])
-    farther = np.arange(reach + 1, far + 1)
-    along = np.concatenate([along, -farther, farther])
-    return along, np.append(around, np.zeros(2 * len(farther), dtype=np.int64))
+    return along[around != 0], around[around != 0]
 
 
 def travel(chosen: Chosen) -> float:
