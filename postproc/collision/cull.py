@@ -7,9 +7,11 @@ pieces of their surfaces. What stays is for the exact test. Arrays run over conf
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, Table, members, numbered
+from postproc.arrays import BoolArray, FloatArray, Table, members, numbered, taken
 from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.inside import InsideTest
 from postproc.collision.shape import Shape
@@ -19,7 +21,7 @@ SLACK = 1e-9
 """Rounding of positions [m]: nothing nearer than this counts as proven apart."""
 _BATCH = 400_000
 _TOGETHER = 100_000
-"""Of so few pairs and configurations all are looked at at once: calls take longer than numbers."""
+"""So many gaps are worked out at once: few calls, and all stays in the cache of the processor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +100,6 @@ class Culler:
         self._still_centre = self._centre[still, :, None]
         self._still_axes = self._axes[still, :, :, None]
         self._still_extent = _extent(self._still_axes, self._half[still])
-        changes = np.diff(first, prepend=-1) | np.diff(self._is_still[second], prepend=False)
-        starts = np.flatnonzero(changes)
-        ends = np.append(starts, len(first))[1:]  # a scene may hold no pair at all
-        self._runs: list[tuple[int, int]] = [*zip(starts.tolist(), ends.tolist(), strict=True)]
 
     def place(self, frames: Frames) -> Placed:
         """Return the bodies where links stand."""
@@ -160,50 +158,33 @@ class Culler:
     def axis_aligned_bound(self, placed: Placed) -> FloatArray:
         """Return lower bounds (p, n) [m] of the distances, from axis-aligned boxes only."""
         bound = np.empty((len(self.first), len(placed)))
-        for begin, end in self._runs:
-            gap = self._gap(placed, begin, end)
+        for part, gap in self._gaps(placed):
             np.maximum(gap, 0.0, out=gap)
-            bound[begin:end] = np.sqrt(np.einsum("kin,kin->kn", gap, gap))
+            bound[:, part] = np.sqrt(np.einsum("kin,kin->kn", gap, gap))
         return bound
 
-    def _gap(self, placed: Placed, begin: int, end: int) -> FloatArray:
-        """Return gaps (k, 3, n) along the axes of robroot for pairs of one run."""
-        centre_a, extent_a = self._aligned(placed, self.first[begin])
-        centre_b, extent_b = self._aligned(placed, self.second[begin:end])
-        gap: FloatArray = centre_b - centre_a
-        np.abs(gap, out=gap)
-        gap -= extent_b
-        gap -= extent_a
-        return gap
-
-    def _gaps(self, placed: Placed) -> FloatArray:
-        """Return gaps (p, 3, n) as ``_gap`` does, of all pairs."""
-        centre, extent = np.empty((2, len(self._slot), 3, len(placed)))
-        centre[self._is_still], extent[self._is_still] = self._still_centre, self._still_extent
-        centre[~self._is_still], extent[~self._is_still] = placed.centre, placed.extent
-        gap: FloatArray = centre[self.second] - centre[self.first]
-        np.abs(gap, out=gap)
-        gap -= extent[self.second]
-        gap -= extent[self.first]
-        return gap
-
-    def _aligned(self, placed: Placed, body: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """Return centre and extent (..., 3, n or 1) of bodies (...,) that all move, or none."""
-        slot = self._slot[body]
-        if self._is_still[body].all():
-            return self._still_centre[slot], self._still_extent[slot]
-        return placed.centre[slot], placed.extent[slot]
+    def _gaps(self, placed: Placed) -> Iterator[tuple[slice, FloatArray]]:
+        """Yield parts of the configurations, and the gaps (p, 3, m) along the axes of robroot."""
+        size = max(1, _TOGETHER // max(1, len(self.first)))
+        for part in (slice(low, low + size) for low in range(0, len(placed), size)):
+            moving = placed.centre[:, :, part], placed.extent[:, :, part]
+            centre, extent = np.empty((2, len(self._slot), 3, moving[0].shape[-1]))
+            centre[self._is_still], extent[self._is_still] = self._still_centre, self._still_extent
+            centre[~self._is_still], extent[~self._is_still] = moving
+            gap = taken(centre, self.second)
+            gap -= taken(centre, self.first)
+            np.abs(gap, out=gap)
+            gap -= taken(extent, self.second)
+            gap -= taken(extent, self.first)
+            yield part, gap
 
     def _axis_aligned(
         self, placed: Placed, threshold: FloatArray, wanted: BoolArray | None
     ) -> tuple[np.ndarray, np.ndarray]:
-        if len(self.first) * len(placed) <= _TOGETHER:
-            near = self._gaps(placed).max(axis=1) <= threshold + SLACK
-        else:
-            near = np.empty((len(self.first), len(placed)), dtype=bool)
-            for begin, end in self._runs:
-                gap = self._gap(placed, begin, end).max(axis=1)
-                np.less_equal(gap, threshold[begin:end] + SLACK, out=near[begin:end])
+        near = np.empty((len(self.first), len(placed)), dtype=bool)
+        limit = np.broadcast_to(threshold + SLACK, near.shape)
+        for part, gap in self._gaps(placed):
+            np.less_equal(gap.max(axis=1), limit[:, part], out=near[:, part])
         if wanted is not None:
             near &= wanted
         pair, row = np.nonzero(near)
