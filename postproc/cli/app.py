@@ -23,9 +23,9 @@ from postproc.version import __version__
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
-# A program is half a million objects without a cycle: to look through them again and again costs
-# a fiftieth of the time. The modules of a command are less than the first look waits for.
-gc.set_threshold(200_000, 20, 20)
+# A program of 10,000 holes is 300,000 objects without a cycle: to look through them again and again
+# costs a fiftieth of the time. The modules of a command are less than the first look waits for.
+gc.set_threshold(500_000, 20, 20)
 
 # Plug-ins of pydantic watch what is validated; to look for them reads a file of every package.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
