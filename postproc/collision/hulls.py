@@ -16,7 +16,7 @@ from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
-from postproc.collision.motion import MotionCheck
+from postproc.collision.motion import MotionCheck, opened
 from postproc.collision.sweep import Sway
 
 MOST_OPEN = 4000
@@ -114,7 +114,7 @@ class HullCheck(MotionCheck):
             crowded = np.bincount(owner[row], minlength=len(met))[owner[row]] > MOST_OPEN
             met[owner[row[crowded]]] = pair[crowded]
             alive = met[owner[row]] == NO_PAIR
-            left, wanted = _open(wanted.shape[0], pair[alive], row[alive])
+            left, wanted = opened(wanted.shape, pair[alive], row[alive])
             q, wanted = np.concatenate(_cut(q[left])), np.tile(wanted, 2)
             owner, slack = np.tile(owner[left], 2), np.tile(slack[left], (2, 1))
             first = False
@@ -162,14 +162,6 @@ def _rows_of(q: FloatArray) -> IndexArray:
     run = np.append(0, np.cumsum(leap))
     place = np.arange(len(q)) - np.searchsorted(run, run, side="left")
     return np.asarray(np.flatnonzero(place % _ROW == 0))
-
-
-def _open(count: int, pair: IndexArray, row: IndexArray) -> tuple[IndexArray, BoolArray]:
-    """Return the rows that are left, each once, and which pairs (p, r) are left open in them."""
-    rows, place = np.unique(row, return_inverse=True)
-    open_ = np.zeros((count, len(rows)), dtype=np.bool_)
-    open_[pair, place.reshape(-1)] = True
-    return rows, open_
 
 
 def _cut(q: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -382,11 +382,22 @@ class MotionCheck:
             (True, spans.end, spans.end),
         ):
             mine = np.flatnonzero(is_short == short)
-            rows, place = renumbered(row[mine], len(spans.motion))
-            open_ = np.zeros((spans.open.shape[0], len(rows)), dtype=bool)
-            open_[pair[mine], place] = True
+            rows, open_ = opened(spans.open.shape, pair[mine], row[mine])
             parts.append(_Spans(spans.motion[rows], low[rows], high[rows], open_))
         return _Spans.joined(parts)
+
+
+def opened(
+    shape: tuple[int, ...], pair: IndexArray, row: IndexArray
+) -> tuple[IndexArray, BoolArray]:
+    """Return the rows (r,) that are left, each once, and which pairs (p, r) are open in them.
+
+    Entries (k,) by their pair and row; ``shape``: of how many pairs and rows.
+    """
+    rows, place = renumbered(row, shape[1])
+    open_ = np.zeros((shape[0], len(rows)), dtype=np.bool_)
+    open_[pair, place] = True
+    return rows, open_
 
 
 def _merged(q_from: FloatArray, q_to: FloatArray, starts: IndexArray) -> IndexArray:
