@@ -85,15 +85,16 @@ class ConvexPairs:
         R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
-        both_ways = ((a, b), (b, a), (R, R_back), (p, p_back), (R_back, R), (p_back, p))
-        own, other, *frame, R_other, p_other = map(np.concatenate, both_ways)
-        bounds, middles, gaps = self._overlap(own, other, *frame)
+        count = len(pair)
+        own, turn, shift = map(np.concatenate, ((a, b), (R, R_back), (p, p_back)))
+        bounds, middles, gaps = self._overlap(own, np.roll(own, count), turn, shift)
         bound = np.maximum(*np.split(bounds, 2))
         rows = np.flatnonzero(np.tile(bound == 0.0, 2))
         rows = rows[self._contains(own[rows], middles[rows])]
-        there = np.einsum("kij,kj->ki", R_other[rows], middles[rows]) + p_other[rows]
-        meets = np.zeros(len(pair), dtype=np.bool_)
-        meets[rows[self._contains(other[rows], there)] % len(pair)] = True
+        other = (rows + count) % (2 * count)
+        there = np.einsum("kij,kj->ki", turn[other], middles[rows]) + shift[other]
+        meets = np.zeros(count, dtype=np.bool_)
+        meets[rows[self._contains(own[other], there)] % count] = True
         near = np.flatnonzero(~meets & (bound <= limit + SLACK))
         across = self._across(a[near], b[near], R[near], p[near])
         bound[near] = np.maximum(bound[near], across)
