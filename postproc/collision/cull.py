@@ -70,7 +70,7 @@ class Culler:
     Args:
         shapes: shapes (b) in the frames of their links; bodies of the world in robroot.
         links: (b,) link that carries each; 0 for what stands still in robroot.
-        first, second: (p,) bodies of each pair, ``first`` in growing order.
+        first, second: (p,) bodies of each pair.
     """
 
     def __init__(
@@ -88,13 +88,11 @@ class Culler:
         self._is_still = links == 0
         self._slot = np.where(self._is_still, np.cumsum(self._is_still), np.cumsum(~self._is_still))
         self._slot -= 1
-        carried = [(link, np.flatnonzero(links == link)) for link in range(1, int(links.max()) + 1)]
         # of each body its centre, then its axes
         vectors = np.concatenate([self._centre[:, None], np.swapaxes(self._axes, 1, 2)], axis=1)
         self._carried = [
-            (link, self._slot[bodies], vectors[bodies].reshape(-1, 3))
-            for link, bodies in carried
-            if len(bodies)
+            (link, self._slot[links == link], vectors[links == link].reshape(-1, 3))
+            for link in np.unique(links[links > 0]).tolist()
         ]
         still = np.flatnonzero(self._is_still)
         self._still_centre = self._centre[still, :, None]
