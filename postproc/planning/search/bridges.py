@@ -60,7 +60,7 @@ class Bridges:
     def changed(self, rungs: IndexArray) -> None:
         """Forget the runs of tags (m,) of which states were taken out."""
         self._stale[rungs] = True
-        for rung in members(np.stack([rungs, rungs + 1]), len(self.states) + 1).tolist():
+        for rung in members(np.append(rungs, rungs + 1), len(self.states) + 1).tolist():
             if rung in self._known:
                 self._former[rung] = self._known.pop(rung)
 

@@ -200,7 +200,7 @@ class Ladder(Graph):
         rungs = members(self.rung_of(np.asarray(states)), len(self))
         tighter = rungs[:0]
         if self.joins is not None and self._solved:
-            behind = np.unique([rungs, rungs + 1])
+            behind = members(np.append(rungs, rungs + 1), len(self) + 1)
             behind = behind[(behind > 0) & (behind < len(self))]
             tighter = self.joins.tighter(behind[self.rule[behind] == CHAIN], self.cost)
         self._repair(tighter, rungs)
