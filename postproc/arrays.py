@@ -10,6 +10,7 @@ import itertools
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from dataclasses import Field, fields
+from functools import cache
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -242,6 +243,7 @@ class Table:
         return len(getattr(self, self._names()[0]))
 
     @classmethod
+    @cache
     def _names(cls) -> list[str]:
         return [f.name for f in fields(cls)]  # type: ignore[arg-type]
 

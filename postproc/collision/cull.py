@@ -107,9 +107,9 @@ class Culler:
         for link, slot, vectors in self._carried:
             R, p = frames.link[link, :, :3], frames.link[link, :, 3]
             # (3 rows of R, 4 vectors of each body, n): one product for each row of the rotation
-            turned = np.matmul(vectors, R).reshape(3, len(slot), 4, n)
-            centre[slot] = np.moveaxis(turned[:, :, 0] + p[:, None], 0, 1)
-            axes[slot] = np.moveaxis(turned[:, :, 1:], 0, 1)
+            turned = np.matmul(vectors, R).reshape(3, len(slot), 4, n).transpose(1, 0, 2, 3)
+            centre[slot] = turned[:, :, 0] + p
+            axes[slot] = turned[:, :, 1:]
         extent = _extent(axes, self._half[~self._is_still])
         return Placed(frames.q, frames.link, self._slot, centre, axes, extent)
 
@@ -205,10 +205,10 @@ class Culler:
         axes, centre = np.empty((3, 3, len(body))), np.empty((3, len(body)))
         slot, is_still = self._slot[body], self._is_still[body]
         some = np.flatnonzero(is_still)
-        axes[:, :, some] = np.moveaxis(self._still_axes[slot[some], :, :, 0], 0, -1)
+        axes[:, :, some] = self._still_axes[slot[some], :, :, 0].transpose(1, 2, 0)
         centre[:, some] = self._still_centre[slot[some], :, 0].T
         some = np.flatnonzero(~is_still)
-        axes[:, :, some] = np.moveaxis(placed.axes[slot[some], :, :, row[some]], 0, -1)
+        axes[:, :, some] = placed.axes[slot[some], :, :, row[some]].transpose(1, 2, 0)
         centre[:, some] = placed.centre[slot[some], :, row[some]].T
         return axes, centre
 

@@ -31,6 +31,8 @@ _WIDER = 4
 """After so many rounds it looks twice as far."""
 _SAMPLE = 0.3
 """Motions are looked at in steps of this [rad] at most before they are proven."""
+_AT_ONCE = 128
+"""So few poses are looked at in one call; a call costs as much as about so many poses."""
 _PROVEN = 2
 """So many ways, the shortest, are to be proven at once."""
 _TRIES = 4
@@ -42,8 +44,8 @@ def seem_free(
 ) -> BoolArray:
     """Return which joint moves (m, 6) to (m, 6) are free at poses between their ends.
 
-    At the middle first, where most that are not meet something. The external axes stand at
-    ``external`` (k,) or (m, k) meanwhile.
+    At the middle first if there are many, for there most that are not meet something. The external
+    axes stand at ``external`` (k,) or (m, k) meanwhile.
     """
     count = np.ceil(np.linalg.norm(end - start, axis=1) / _SAMPLE).astype(np.int64)
     inner = np.maximum(count - 1, 1)
@@ -51,9 +53,9 @@ def seem_free(
     share = (step + 1) / (inner[row] + 1)
     q = start[row] + share[:, None] * (end - start)[row]
     place = _at_each(external, start)[row]
-    is_middle = step == inner[row] // 2
+    is_first = (step == inner[row] // 2) | (len(q) <= _AT_ONCE)
     free = np.ones(len(start), dtype=np.bool_)
-    for wave in (is_middle, ~is_middle):
+    for wave in (is_first, ~is_first):
         asked = np.flatnonzero(wave & free[row])
         free[row[asked[~checker.free_poses(q[asked], place[asked])]]] = False
     return free
