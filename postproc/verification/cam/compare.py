@@ -65,6 +65,7 @@ def compare(
     toolpath: ToolPath,
     tolerances: Tolerances,
     displacement: Displacement | None = None,
+    tilts: Tilts | None = None,
 ) -> Comparison:
     """Compare a program with the CAM file it was made from.
 
@@ -74,6 +75,7 @@ def compare(
         toolpath: what was asked for.
         tolerances: how far the program may be off.
         displacement: of the real tool point against the commanded one; None: as commanded.
+        tilts: of a file with more points than ``toolpath`` at those it has; None: of ``toolpath``.
     """
     paths = result.paths
     wanted, claims = wanted_of(toolpath), claimed(toolpath, cell)
@@ -94,7 +96,7 @@ def compare(
         real,
         None if displacement is None else np.zeros(n),
     )
-    tilts = Tilts.of(toolpath, cell)
+    tilts = Tilts.of(toolpath, cell) if tilts is None else tilts
     _points(result, comparison, claims, cell, tolerances, tilts)
     path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
     feeds = Feeds(result, toolpath, cell)

@@ -72,9 +72,10 @@ def compare_thinned(
     if not len(passed.tag):
         return compare(result, cell, toolpath, tolerances, displacement)
     kept = np.setdiff1d(np.arange(len(toolpath)), passed.tag)
-    found = compare(result, cell, only(toolpath, kept), tolerances, displacement)
-    axis = _axes(result.paths, passed)
-    error, tilt = Tilts.of(toolpath, cell).judge(passed.tag, axis)
+    tilts = Tilts.of(toolpath, cell)
+    fewer = only(toolpath, kept)
+    found = compare(result, cell, fewer, tolerances, displacement, tilts.rows(kept))
+    error, tilt = tilts.judge(passed.tag, _axes(result.paths, passed))
     limits = thin.chord + (tolerances.position + left if displacement else 0.0), thin.axis
     _judge(result, toolpath, passed, error, limits)
     result.passed = len(passed.tag)

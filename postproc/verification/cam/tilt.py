@@ -53,6 +53,10 @@ class Tilts:
         feed = _feeds(replace(toolpath, events=()).rows(np.flatnonzero(~again)))
         return cls(allowed, holder, feed[np.cumsum(~again) - 1])
 
+    def rows(self, tags: AnyIntArray) -> Tilts:
+        """Return what is allowed at some tags (k,)."""
+        return Tilts(self.allowed, self.holder[tags], self.feed[tags])
+
     def judge(self, tags: AnyIntArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the error and the allowed tilt (m,) [rad] of tool axes.
 
