@@ -320,12 +320,13 @@ class Checker:
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
             verdict.refuse(which[~self.problem.regular(solved)], Reason.SINGULAR)
             q[inner] = solved
-            bulge = _bulge(row, q)[inner]
-            verdict.refuse(which[~self.problem.within(solved - bulge)], Reason.JOINT_LIMIT)
-            verdict.refuse(which[~self.problem.within(solved + bulge)], Reason.JOINT_LIMIT)
-        same = row[1:] == row[:-1]
-        leap = np.abs(np.diff(q, axis=0)).max(axis=1, initial=0.0)
-        verdict.refuse(row[1:][same & (leap > JUMP)], Reason.SINGULAR)
+        piece = np.flatnonzero(row[1:] == row[:-1])
+        if inner.any():
+            for farthest in _farthest(q, piece):
+                verdict.refuse(row[piece[~self.problem.within(farthest)]], Reason.JOINT_LIMIT)
+                verdict.refuse(row[piece[~self.problem.regular(farthest)]], Reason.SINGULAR)
+        leap = np.abs(q[piece + 1] - q[piece]).max(axis=1, initial=0.0)
+        verdict.refuse(row[piece[leap > JUMP]], Reason.SINGULAR)
         return Track(row, share, q)
 
     def free_poses(self, q: FloatArray, external: FloatArray) -> BoolArray:
@@ -459,15 +460,25 @@ class Checker:
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
 
 
-def _bulge(row: IndexArray, q: FloatArray) -> FloatArray:
-    """Return how far (k, 6) the joints may leave their samples' range between samples [rad].
+def _farthest(q: FloatArray, piece: IndexArray) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest joints (p, 6) between samples (k, 6) and the next [rad].
 
-    A parabola through three samples rises by an eighth of the second difference between two.
+    A parabola through three samples rises above both ends of a piece where its vertex lies between
+    them: by (1 - 2 |b - a| / s)^2 s / 8, s being the second difference. Of the two parabolas
+    through a piece the one that is bent more counts.
+
+    Args:
+        q: (k, 6).
+        piece: (p,) samples with a next one of the same motion, rising.
     """
-    bulge = np.zeros_like(q)
-    inner = np.nonzero((row[1:-1] == row[:-2]) & (row[1:-1] == row[2:]))[0] + 1
-    bulge[inner] = np.abs(q[inner - 1] - 2.0 * q[inner] + q[inner + 1]) / 8.0
-    return bulge
+    bent = np.zeros_like(q)
+    inner = piece[1:][np.diff(piece) == 1]
+    bent[inner] = np.abs(q[inner - 1] - 2.0 * q[inner] + q[inner + 1])
+    bend, way = np.maximum(bent[piece], bent[piece + 1]), np.abs(q[piece + 1] - q[piece])
+    rise = np.zeros_like(bend)
+    turns = np.nonzero(2.0 * way < bend)
+    rise[turns] = 0.125 * bend[turns] * (1.0 - 2.0 * way[turns] / bend[turns]) ** 2
+    return np.minimum(q[piece], q[piece + 1]) - rise, np.maximum(q[piece], q[piece + 1]) + rise
 
 
 def poses_between(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
