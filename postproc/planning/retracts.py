@@ -18,7 +18,7 @@ from postproc.cell import Cell
 from postproc.errors import Finding, Severity
 from postproc.model import CUTS, MotionKind, Plan, ToolPath
 from postproc.planning.repeats import as_of
-from postproc.planning.states import REENTRY, Chosen, Problem
+from postproc.planning.states import REENTRY, Chosen, Problem, entered_anew
 from postproc.process import back_off
 from postproc.units import DEG
 
@@ -87,7 +87,7 @@ def changes_between(problem: Problem, chosen: Chosen) -> list[Finding]:
     leap = np.abs(chosen.q[first] - chosen.q[last]).max(axis=1, initial=0.0) > np.pi
     leap |= chosen.branch[first] != chosen.branch[last]
     leap &= chosen.good[first]  # else it is inside a cut, at a tag that cannot be run
-    leap &= ~np.asarray(toolpath.extra.get(REENTRY, np.zeros(len(toolpath))), np.bool_)[first]
+    leap &= ~entered_anew(toolpath)[first]
     new = first[leap]
     if not len(new):
         return []

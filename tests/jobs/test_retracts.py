@@ -218,6 +218,18 @@ FINI
 """
 
 
+def test_the_point_at_which_a_cut_was_left_is_met_exactly():
+    """Rounded, the corner would be cut before the tool is back on its way."""
+    toolpath, cell = around(), cell_of(LEAVE)
+    job = made(toolpath, cell)
+    assert job.good
+    plan = job.plan
+    down = [int(np.flatnonzero(plan.role[at:] == MoveRole.CUT)[0]) + at for at in left(plan)]
+    assert len(down) == 1
+    assert plan.blend[down[0]] == 0.0
+    assert plan.blend[down[0] + 1] > 0.0
+
+
 @pytest.mark.parametrize("height", [10, 25])
 def test_where_the_tool_cannot_rise_at_the_last_point_it_is_left_earlier(tmp_path, height):
     """On the wall A1 runs into its limit of 183 degrees, and further into it as the tool rises."""

@@ -30,6 +30,11 @@ MOST_POSES = 1_000_000
 """Most spins times tilts of all tags that tilt, unless the coarsest grid has more."""
 
 
+def entered_anew(toolpath: ToolPath) -> BoolArray:
+    """Return the tags (n,) by which a cut that was left is entered again."""
+    return np.asarray(toolpath.extra.get(REENTRY, np.zeros(len(toolpath))), dtype=np.bool_)
+
+
 def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     """Return the feed direction (n, 3) across the tool axis, unit, part; NaN where there is none.
 
@@ -51,7 +56,7 @@ def feed_directions(toolpath: ToolPath, axis: FloatArray) -> FloatArray:
     total = np.where(has_before[:, None], before, 0.0) + np.where(has_behind[:, None], behind, 0.0)
     able = (has_before | has_behind) & ~(both & turns_back)
     able &= np.isin(kind, (MotionKind.RAPID, *CUTS))
-    able &= ~np.asarray(toolpath.extra.get(REENTRY, False), dtype=np.bool_)
+    able &= ~entered_anew(toolpath)
     size = np.linalg.norm(total, axis=1, keepdims=True)
     return np.where(able[:, None], total / np.maximum(size, 1e-12), np.nan)
 
