@@ -18,7 +18,7 @@ from postproc.arrays import FloatArray
 from postproc.controller.runtime import UNKNOWN, component, matrix_of, pose_of
 from postproc.controller.trace import Settings
 from postproc.geometry import inverse
-from postproc.krl import Aggregate, Enum, Pose
+from postproc.krl import MOST_ADVANCE, MOST_ORIENTATION_SPEED, Aggregate, Enum, Pose
 from postproc.records import dataclass
 from postproc.units import DEG, MM, PERCENT
 
@@ -269,6 +269,8 @@ class MotionState:
         """Set a system variable of ``NUMBERS``."""
         if not _is_number(value):
             self._unknown(key)
+        elif value > _MOST.get(key, math.inf) or (key == "$ADVANCE" and value != int(value)):
+            self._refused(key, value)
         elif value > 0 or (value == 0 and not key.startswith(_RATES)):
             self._set(key, **{NUMBERS[key]: value})
         else:
@@ -278,6 +280,9 @@ class MotionState:
         name, _, digits = key[:-1].partition("[")
         if not (digits.isdigit() and 1 <= int(digits) <= 6 and _is_number(value)):
             self._unknown(key)
+            return
+        if not 0.0 <= value <= 100.0:
+            self._refused(key, value)
             return
         column = "ptp" if name == "$VEL_AXIS" else "ramp"
         shares = list(getattr(self.values, column))
@@ -420,6 +425,14 @@ NUMBERS = {
     "$ADVANCE": "advance",
 }
 """System variables that are one number, by their canonical names."""
+_MOST = {
+    "$ADVANCE": MOST_ADVANCE,
+    "$APO.CPTP": 100.0,
+    "$APO.CVEL": 100.0,
+    "$VEL.ORI1": MOST_ORIENTATION_SPEED,
+    "$VEL.ORI2": MOST_ORIENTATION_SPEED,
+}
+"""The controller takes no more."""
 _RATES = ("$VEL.ORI", "$ACC.")
 _MODES = {
     "$ORI_TYPE": ("VAR", "CONSTANT", "JOINT"),

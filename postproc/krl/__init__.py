@@ -2,7 +2,7 @@
 
 from postproc.krl.lint import lint
 from postproc.krl.rules.scope import declared_names
-from postproc.krl.rules.subject import LintOptions
+from postproc.krl.rules.subject import MOST_ADVANCE, MOST_ORIENTATION_SPEED, LintOptions
 from postproc.krl.text import (
     Aggregate,
     Assign,
@@ -66,6 +66,8 @@ from postproc.krl.text import (
 )
 
 __all__ = [
+    "MOST_ADVANCE",
+    "MOST_ORIENTATION_SPEED",
     "Aggregate",
     "Assign",
     "Axes",

@@ -10,7 +10,7 @@ import numpy as np
 
 from postproc.arrays import FloatArray
 from postproc.krl.rules.part import Part, bas, known_number, number
-from postproc.krl.rules.subject import ERROR, WARNING, Subject
+from postproc.krl.rules.subject import ERROR, MOST_ADVANCE, WARNING, Subject
 from postproc.krl.text import (
     Aggregate,
     Assign,
@@ -84,8 +84,9 @@ def _setting(subject: Subject, path: str, line: int, name: str, value: Value) ->
 
 def _approximation(subject: Subject, path: str, line: int, name: str, value: float) -> None:
     if name == "$ADVANCE":
-        if value != int(value) or not 0 <= value <= 5:
-            subject.add(17, ERROR, path, line, f"$ADVANCE {value:g}, expected 0 to 5")
+        if value not in range(MOST_ADVANCE + 1):
+            expected = f"expected 0 to {MOST_ADVANCE}"
+            subject.add(17, ERROR, path, line, f"$ADVANCE {value:g}, {expected}")
     elif name in _PERCENT:
         if not 0.0 <= value <= 100.0:
             subject.add(17, ERROR, path, line, f"{name} {value:g} %, expected 0 to 100")

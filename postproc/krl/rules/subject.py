@@ -28,6 +28,10 @@ ERROR, WARNING, NOTE = Severity.ERROR, Severity.WARNING, Severity.NOTE
 HOUSE_ROWS = frozenset({8, 9, 11, 12, 18, 24})
 """Rows that programs of ours keep and a controller does not ask for: of its own modules they are
 worth a look at most."""
+MOST_ADVANCE = 5
+"""$ADVANCE: most motions that are planned ahead."""
+MOST_ORIENTATION_SPEED = 400.0
+"""$VEL_MA.ORI of a delivered controller [deg/s]."""
 _SHOWN = 100
 """So many findings of one code are listed per file."""
 
@@ -56,7 +60,7 @@ class LintOptions:
     routines: frozenset[str] = frozenset()
     path_speed_max: float = 3.0
     path_speed_default: float = 2.0
-    orientation_speed_max: float = 400.0
+    orientation_speed_max: float = MOST_ORIENTATION_SPEED
     is_project: bool = False
     max_bytes: int = 1_000_000
     max_points: int = 5_000
