@@ -14,30 +14,45 @@ import numpy as np
 from postproc.arrays import BoolArray, IndexArray
 from postproc.planning.checks import LONG_WAY
 from postproc.planning.search.cuts import judge, probed
-from postproc.planning.search.free_path import Steps
+from postproc.planning.search.free_path import Failing, Steps
+from postproc.records import dataclass
 
 if TYPE_CHECKING:
     from postproc.planning.search.pose_search import PoseSearch
 
 _OFTEN, _MANY = 4, 5000
-"""Every so often so many of all steps between two tags are checked."""
+"""Every so often the cheapest steps between two tags are checked, so many of them at most ..."""
 _SWEPT, _LEAST = 5.0, 32
-"""They are no longer than this together [m], but never fewer."""
+"""... and no longer than this together [m] all along, but never fewer; so few at first ..."""
+_MOSTLY = 0.5
+"""... and twice as many again while more than this share of them fails."""
+_ALIKE = 0.6
+"""Steps are alike if no joint at either end differs by more [rad]."""
 _PROBED = 100_000
 """So many of them at most are looked at half way ..."""
 _AT_FIRST = 5000
 """... so many of these at once, twice as many where too few of them pass."""
 
 
-def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
-    """Return the steps worth a check along with failing ones, and steps known to fail.
+@dataclass(slots=True)
+class _Fan:
+    """Steps (k, 2) to a tag still to be looked at, and how many of them all along."""
 
-    Those that leave or enter the same states; where steps into a tag failed before, the cheapest
-    of all: those that the search would try next. Of long ones many fail half way, and few are
-    checked. None along with a cut over tags between: it costs too much.
+    tag: int
+    pairs: IndexArray
+    left: int
+
+
+def fan(search: PoseSearch, steps: Steps, failing_of: Failing) -> Steps:
+    """Return further steps that fail where some do.
+
+    Of those that leave or enter the same states; where steps into a tag failed before, of those
+    from poses alike to poses alike, and now and then of the cheapest of all: those that the search
+    would try next. More and more of them while most fail, by the joints alone first. None along
+    with a cut over tags between: it costs too much.
     """
-    more: set[tuple[int, int]] = set()
     known: Steps = []
+    fans: list[_Fan] = []
     for a, b in steps:
         rung = int(search.states.tag_of(np.array([b]))[0])
         tag = int(search.tags[rung])
@@ -45,14 +60,49 @@ def fan(search: PoseSearch, steps: Steps) -> tuple[Steps, Steps]:
             continue
         search.fanned[tag] = search.fanned.get(tag, 0) + 1
         if search.fanned[tag] == 1:
-            few = _few(search, tag, _beside(search, rung, a, b))
+            pairs = _beside(search, rung, a, b)
         elif search.fanned[tag] == 2 or search.fanned[tag] % _OFTEN == 0:
-            few = _few(search, tag, search.ladder.cheapest(rung, _PROBED))
+            pairs = search.ladder.cheapest(rung, _PROBED)
         else:
-            continue
-        more.update(few[0])
-        known += few[1]
-    return sorted(more.difference(steps, known)), known
+            pairs = _alike(search, rung, a, b)
+        pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
+        length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
+        count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
+        if length > LONG_WAY and len(pairs):
+            met, pairs = _half_way(search, pairs, count)
+            _note(search, tag, met)
+            known += _as_steps(met)
+        fans.append(_Fan(tag, pairs[:_MANY], count))
+    size = _LEAST
+    while fans := [one for one in fans if len(one.pairs) and one.left]:
+        known += _look(search, fans, size, failing_of)
+        size *= 2
+    return known
+
+
+def _look(search: PoseSearch, fans: list[_Fan], size: int, failing_of: Failing) -> Steps:
+    """Look at the first steps of each, in place; return those that fail.
+
+    What most of them pass is not looked at any more.
+    """
+    parts = [one.pairs[:size] for one in fans]
+    some = np.concatenate(parts)
+    joints = replace(search.checker, scene=None)
+    spans = search.spans(some[:, 0], some[:, 1])
+    good = judge(joints, search.between, spans).good(len(some))
+    ends = np.cumsum([len(part) for part in parts])[:-1]
+    failing = _as_steps(some[~good])
+    open_ = [
+        part[fine][: one.left]
+        for one, part, fine in zip(fans, parts, np.split(good, ends), strict=True)
+    ]
+    bad = {*failing, *failing_of(sorted(set(_as_steps(np.concatenate(open_)))))}
+    for one, part, tried in zip(fans, parts, open_, strict=True):
+        fails = np.array([step in bad for step in _as_steps(part)])
+        _note(search, one.tag, part)
+        one.left -= len(tried)
+        one.pairs = one.pairs[size:] if fails.mean() > _MOSTLY else part[:0]
+    return sorted(bad)
 
 
 def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
@@ -66,29 +116,30 @@ def _beside(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
     return pairs[np.argsort(np.minimum(turn, 2.0 * np.pi - turn), kind="stable")]
 
 
-def _few(search: PoseSearch, tag: int, pairs: IndexArray) -> tuple[Steps, Steps]:
-    """Return the steps to a tag, of some (k, 2), worth a check, and those known to fail.
+def _alike(search: PoseSearch, rung: int, a: int, b: int) -> IndexArray:
+    """Return the steps (k, 2) from poses like one to poses like another, the most alike first."""
+    ends = []
+    for first, end in ((rung - 1, a), (rung, b)):
+        states = np.arange(*search.states.offsets[[first, first + 1]])
+        states = states[np.isfinite(search.ladder.cost[states])]
+        states = states[search.states.branch[states] == search.states.branch[end]]
+        off = np.abs(search.states.q[states] - search.states.q[end]).max(axis=1)
+        ends.append((states[off <= _ALIKE], off[off <= _ALIKE]))
+    (before, from_), (now, to) = ends
+    pairs = np.column_stack([np.repeat(before, len(now)), np.tile(now, len(before))])
+    off = np.maximum(from_[:, None], to[None]).ravel()
+    pairs = pairs[np.argsort(off, kind="stable")]
+    return pairs[search.ladder.is_in_reach(rung, *pairs.T)]
 
-    The first ones that were not looked at before: ``_MANY`` by the joints alone, fewer of long ones
-    all along.
-    """
-    pairs = pairs[~np.isin(_codes(search, pairs), search.looked_at.get(tag, ()))]
-    if not len(pairs):
-        return [], []
-    length = float(np.diff(search.between.way[[tag - 1, tag]])[0])
-    count = int(min(_MANY, max(_LEAST, _SWEPT / max(length, 1e-6))))
-    failing, rest = pairs[:0], pairs[:_MANY]
-    if length > LONG_WAY:
-        failing, rest = _half_way(search, pairs, count)
-    if len(rest) > count:
-        joints = replace(search.checker, scene=None)
-        spans = search.spans(rest[:, 0], rest[:, 1])
-        good = judge(joints, search.between, spans).good(len(rest))
-        failing, rest = np.concatenate([failing, rest[~good]]), rest[good][:count]
+
+def _note(search: PoseSearch, tag: int, steps: IndexArray) -> None:
+    """Note that steps (k, 2) to a tag were looked at."""
     known = search.looked_at.get(tag, np.zeros(0, dtype=np.int64))
-    fresh = _codes(search, np.concatenate([failing, rest]))
-    search.looked_at[tag] = np.concatenate([known, fresh])
-    return [(a, b) for a, b in rest.tolist()], [(a, b) for a, b in failing.tolist()]
+    search.looked_at[tag] = np.concatenate([known, _codes(search, steps)])
+
+
+def _as_steps(pairs: IndexArray) -> Steps:
+    return [(a, b) for a, b in pairs.tolist()]
 
 
 def _half_way(search: PoseSearch, pairs: IndexArray, count: int) -> tuple[IndexArray, IndexArray]:

@@ -10,6 +10,7 @@ the next best way mostly runs there.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -21,7 +22,8 @@ CheckStates = Callable[[IndexArray], BoolArray]
 CheckSteps = Callable[[IndexArray, IndexArray], BoolArray]
 Beside = Callable[[IndexArray], IndexArray]
 Steps = list[tuple[int, int]]
-Widen = Callable[[Steps], tuple[Steps, Steps]]
+Failing = Callable[[Steps], Steps]
+Widen = Callable[[Steps, Failing], Steps]
 Weigh = Callable[[IndexArray, IndexArray], None]
 
 
@@ -52,7 +54,8 @@ def free_path(
         check_steps: states from (m,), to (m,) -> (m,) whether each step passes; asked for the
             unbroken steps of ways whose states all pass, once for each.
         beside: failing states (m,) -> further states known to fail, in any order.
-        widen: failing steps -> steps worth a check along with them, and steps known to fail.
+        widen: failing steps, and what returns those of some steps that fail -> further steps that
+            fail, from a look at those that the search would try next.
         weigh: told of the way (n,) before steps of it were taken out, and of that found instead.
         is_passing: whether the way that passes need not be the best, as the graph will change.
 
@@ -81,9 +84,8 @@ def free_path(
         if not bad or check_steps is None:
             return Found(path, rounds, int(known.sum()), forbidden)
         if widen is not None:
-            more, refuted = widen(bad)
-            more = [step for step in more if step not in passed]
-            bad = sorted({*bad, *refuted, *_failing_steps(more, passed, check_steps)})
+            failing_of = partial(_failing_steps, passed=passed, check=check_steps)
+            bad = sorted({*bad, *widen(bad, failing_of)})
         forbidden += len(bad)
         ladder.forbid(bad)
         if weigh is not None:
@@ -104,10 +106,11 @@ def _bad_steps(
 ) -> Steps:
     joined = (path[1:] != NONE) & (path[:-1] != NONE) & ~ladder.broken[1:]
     pairs = zip(path[:-1][joined].tolist(), path[1:][joined].tolist(), strict=True)
-    return _failing_steps([pair for pair in pairs if pair not in passed], passed, check)
+    return _failing_steps(list(pairs), passed, check)
 
 
-def _failing_steps(todo: Steps, passed: set[tuple[int, int]], check: CheckSteps) -> Steps:
+def _failing_steps(steps: Steps, passed: set[tuple[int, int]], check: CheckSteps) -> Steps:
+    todo = [step for step in steps if step not in passed]
     if not todo:
         return []
     ends = np.array(todo)
