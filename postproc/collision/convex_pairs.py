@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, members
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
 from postproc.collision.boxes import AXIS_FLOOR, seen_from
 from postproc.collision.convex import Convex
 from postproc.collision.cull import SLACK, Near
@@ -62,12 +62,14 @@ class ConvexPairs:
         known = np.flatnonzero(self._knows[near.pair])
         if not len(known):
             return near, R, p, limit, meets
-        bound, meets[known] = self.judge(near.pair[known], R[known], p[known], limit[known])
+        bound, meets[known] = self.judge(
+            near.pair[known], taken(R, known), taken(p, known), limit[known]
+        )
         near.bound[known] = np.maximum(near.bound[known], bound)
         left = near.bound <= limit + SLACK
         if left.all():
             return near, R, p, limit, meets
-        return near.rows(left), R[left], p[left], limit[left], meets[left]
+        return near.rows(left), taken(R, left), taken(p, left), limit[left], meets[left]
 
     def judge(
         self, pair: IndexArray, R_a_b: FloatArray, p_a_b: FloatArray, limit: FloatArray
@@ -81,7 +83,7 @@ class ConvexPairs:
             limit: (k,) [m]: bounds beyond are good enough.
         """
         a, b = self._first[pair], self._second[pair]
-        one, two = ((self._centre[body], self._axes[body]) for body in (a, b))
+        one, two = ((taken(self._centre, body), taken(self._axes, body)) for body in (a, b))
         R, p = seen_from(one, two, R_a_b, p_a_b)
         R_back = np.swapaxes(R, 1, 2)
         p_back = -np.einsum("kij,kj->ki", R_back, p)
@@ -90,21 +92,23 @@ class ConvexPairs:
         bounds, middles, gaps = self._overlap(own, np.roll(own, count), turn, shift)
         bound = np.maximum(*np.split(bounds, 2))
         rows = np.flatnonzero(np.tile(bound == 0.0, 2))
-        rows = rows[self._contains(own[rows], middles[rows])]
+        rows = rows[self._contains(own[rows], taken(middles, rows))]
         other = (rows + count) % (2 * count)
-        there = np.einsum("kij,kj->ki", turn[other], middles[rows]) + shift[other]
+        there = np.einsum("kij,kj->ki", taken(turn, other), taken(middles, rows))
+        there += taken(shift, other)
         meets = np.zeros(count, dtype=np.bool_)
         meets[rows[self._contains(own[other], there)] % count] = True
         near = np.flatnonzero(~meets & (bound <= limit + SLACK))
-        across = self._across(a[near], b[near], R[near], p[near])
+        across = self._across(a[near], b[near], taken(R, near), taken(p, near))
         bound[near] = np.maximum(bound[near], across)
         gap = np.maximum(np.maximum(*np.split(gaps, 2))[near], across)
         is_box = self._is_box[a[near]] & self._is_box[b[near]]
         # edges that were left out as parallel part no boxes that overlap by more along all others
-        size = self._half[a[near]].sum(axis=1) + self._half[b[near]].sum(axis=1)
+        size = taken(self._half, a[near]).sum(axis=1) + taken(self._half, b[near]).sum(axis=1)
         meets[near[is_box]] = (gap < -_DEEP - 4.0 * AXIS_FLOOR * size)[is_box]
         near = near[~is_box & (bound[near] == 0.0)]
-        meets[near] = self._share_a_point(a[near], b[near], R[near], p[near], middles[near])
+        frame = taken(R, near), taken(p, near)
+        meets[near] = self._share_a_point(a[near], b[near], *frame, taken(middles, near))
         return bound, meets
 
     def _share_a_point(
@@ -120,17 +124,17 @@ class ConvexPairs:
         for _ in range(_PUSHES):
             if not len(open_):
                 break
-            turn, shift = R[open_], p[open_]
+            turn, shift = taken(R, open_), taken(p, open_)
             there = np.einsum("kji,kj->ki", turn, self._pushed(a[open_], point) - shift)
             there = self._pushed(b[open_], there)
             point = np.einsum("kij,kj->ki", turn, there) + shift
             met[open_] = self._contains(a[open_], point) & self._contains(b[open_], there)
-            point, open_ = point[~met[open_]], open_[~met[open_]]
+            point, open_ = taken(point, ~met[open_]), open_[~met[open_]]
         return met
 
     def _pushed(self, body: IndexArray, points: FloatArray) -> FloatArray:
         """Return points (k, 3) [m] moved into solids (k,), or nearer to those that are no boxes."""
-        most = np.maximum(self._half[body] - _PUSHED, 0.0)
+        most = np.maximum(taken(self._half, body) - _PUSHED, 0.0)
         moved = np.clip(points, -most, most)
         for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(body == one), self._solid(one)
@@ -158,11 +162,12 @@ class ConvexPairs:
 
     def _extent(self, body: IndexArray, axis: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return how far (k, m) [m] solids (k,) reach down and up axes (k, m, 3) of theirs."""
-        high = np.einsum("kij,kj->ki", np.abs(axis), self._half[body])
+        high = np.einsum("kij,kj->ki", np.abs(axis), taken(self._half, body))
         low = -high
         for one in members(body[~self._is_box[body]], len(self._solids)).tolist():
             rows = np.flatnonzero(body == one)
-            along = self._solid(one).vertices @ axis[rows].reshape(-1, 3).T  # fast along vertices
+            directions = taken(axis, rows).reshape(-1, 3).T
+            along = self._solid(one).vertices @ directions  # fast along vertices
             low[rows] = along.min(axis=0).reshape(len(rows), -1)
             high[rows] = along.max(axis=0).reshape(len(rows), -1)
         return low, high
@@ -176,7 +181,7 @@ class ConvexPairs:
         the axes of the boxes of solids ``own`` (k,), in which the frames of solids ``body`` (k,)
         stand as R (k, 3, 3), p (k, 3).
         """
-        half = self._half[own]
+        half = taken(self._half, own)
         low, high = (p + end for end in self._extent(body, R))
         gap = np.maximum(low - half, -half - high)
         middle = 0.5 * (np.maximum(low, -half) + np.minimum(high, half))
@@ -185,10 +190,10 @@ class ConvexPairs:
 
     def _contains(self, body: IndexArray, points: FloatArray) -> BoolArray:
         """Return which points (k, 3) [m] lie well inside solids (k,), in the frame of its box."""
-        inside = np.asarray((np.abs(points) < self._half[body] - _DEEP).all(axis=1))
+        inside = np.asarray((np.abs(points) < taken(self._half, body) - _DEEP).all(axis=1))
         for one in members(body[inside & ~self._is_box[body]], len(self._solids)).tolist():
             rows, solid = np.flatnonzero(inside & (body == one)), self._solid(one)
-            deep = solid.normals @ points[rows].T < (solid.offsets - _DEEP)[:, None]
+            deep = solid.normals @ taken(points, rows).T < (solid.offsets - _DEEP)[:, None]
             inside[rows] = deep.all(axis=0)
         return inside
 

@@ -125,8 +125,8 @@ class Culler:
         """
         pair, row = self._axis_aligned(placed, threshold, wanted)
         R_a_b, p_a_b = self._relative(placed, pair, row)
-        half_a = self._half[self.first[pair]].T
-        half_b = self._half[self.second[pair]].T
+        half_a = taken(self._half, self.first[pair]).T
+        half_b = taken(self._half, self.second[pair]).T
         gap = box_gap(R_a_b, p_a_b, half_a, half_b)
         limit = threshold[pair, row] if threshold.shape[1] > 1 else threshold[pair, 0]
         kept = np.flatnonzero(gap <= limit + SLACK)
@@ -142,13 +142,13 @@ class Culler:
             limit: (k,) [m]; entries farther apart than this get an infinite bound.
         """
         a, b = self.first[near.pair], self.second[near.pair]
-        one, two = ((self._centre[body], self._axes[body]) for body in (a, b))
+        one, two = ((taken(self._centre, body), taken(self._axes, body)) for body in (a, b))
         R_boxes, centre = seen_from(one, two, R, p)
         gap = box_gap(
             np.ascontiguousarray(np.moveaxis(R_boxes, 0, -1)),
             np.ascontiguousarray(centre.T),
-            self._half[a].T,
-            self._half[b].T,
+            taken(self._half, a).T,
+            taken(self._half, b).T,
         )
         bound = np.where(gap <= limit + SLACK, np.maximum(gap, 0.0), np.inf)
         return Near(near.pair, near.row, bound)
@@ -237,12 +237,12 @@ class Culler:
         entry = np.flatnonzero(self._has_inside[outer])
         owner, step = numbered(self._probe_count[inner[entry]])
         entry = entry[owner]
-        probe = self._probes[self._probe_start[inner[entry]] + step]
-        points = np.einsum("kij,kj->ki", R[entry], probe) + p[entry]
+        probe = taken(self._probes, self._probe_start[inner[entry]] + step)
+        points = np.einsum("kij,kj->ki", taken(R, entry), probe) + taken(p, entry)
         body = outer[entry]
-        local = np.einsum("kji,kj->ki", self._axes[body], points - self._centre[body])
-        kept = np.flatnonzero((np.abs(local) <= self._half[body]).all(axis=1))
-        return entry[kept[self._inside_test.contains(points[kept], body[kept])]]
+        local = np.einsum("kji,kj->ki", taken(self._axes, body), points - taken(self._centre, body))
+        kept = np.flatnonzero((np.abs(local) <= taken(self._half, body)).all(axis=1))
+        return entry[kept[self._inside_test.contains(taken(points, kept), body[kept])]]
 
     def relative(self, frames: Frames, near: Near) -> tuple[FloatArray, FloatArray]:
         """Return rotation (k, 3, 3) and origin (k, 3) of the second body's frame in the first's."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, members
+from postproc.arrays import BoolArray, FloatArray, members, taken
 from postproc.collision.arm import Arm
 from postproc.collision.bodies import WORLD, Body
 from postproc.collision.convex_pairs import ConvexPairs
@@ -220,7 +220,9 @@ class Engine:
         R, p = self._culler.relative(frames, near)
         near = self._culler.entries_near(near, R, p, threshold)
         kept = np.flatnonzero(np.isfinite(near.bound))
-        return self._kept(near.rows(kept), R[kept], p[kept], threshold[kept], fine=True)
+        return self._kept(
+            near.rows(kept), taken(R, kept), taken(p, kept), threshold[kept], fine=True
+        )
 
     def _kept(
         self, near: Near, R: FloatArray, p: FloatArray, limit: FloatArray, *, fine: bool
@@ -228,13 +230,15 @@ class Engine:
         """Return entries with what solids and pieces of surfaces tell of them, and which meet."""
         near, R, p, limit, meets = self._convex.culled(near, R, p, limit)
         unclear = np.flatnonzero(~meets)
-        meets[unclear[self._culler.nested(near.rows(unclear), R[unclear], p[unclear])]] = True
+        meets[
+            unclear[self._culler.nested(near.rows(unclear), taken(R, unclear), taken(p, unclear))]
+        ] = True
         if not fine or not len(near):
             return Candidates(near, R, p, meets)
         kept, bound = self._pieces.refine(near, R, p, limit)
         near.bound[kept] = bound
         kept = members(np.append(kept, np.flatnonzero(meets)), len(near))
-        return Candidates(near.rows(kept), R[kept], p[kept], meets[kept])
+        return Candidates(near.rows(kept), taken(R, kept), taken(p, kept), meets[kept])
 
     def met(self, q: FloatArray, pair: np.ndarray) -> BoolArray:
         """Return (n,) whether one pair each meets at configurations (n, 6 + k).

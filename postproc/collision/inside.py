@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray, numbered, taken
 from postproc.collision.mesh import Mesh, normals_of
 from postproc.records import dataclass
 
@@ -167,7 +167,7 @@ class InsideTest:
         count = self._start[cell + 1] - self._start[cell]
         row, step = numbered(count)
         face = self._members[self._start[cell][row] + step]
-        above = self._is_above(points[row], face)
+        above = self._is_above(taken(points, row), face)
         row, face = row[above], face[above]
         oriented = self._is_oriented[face]
         side = self._side[face[oriented]]
@@ -181,14 +181,14 @@ class InsideTest:
         Each edge is evaluated from its smaller to its larger vertex, so the two faces at an edge
         get the same number and a ray through the edge meets exactly one of them.
         """
-        index = self._faces[face]
+        index = taken(self._faces, face)
         left = np.empty((3, len(face)), dtype=bool)
         weight = np.empty((3, len(face)))
         for k in range(3):
             a, b = index[:, k], index[:, (k + 1) % 3]
             is_turned = a > b
-            p = self._turned[np.where(is_turned, b, a)]
-            q = self._turned[np.where(is_turned, a, b)]
+            p = taken(self._turned, np.where(is_turned, b, a))
+            q = taken(self._turned, np.where(is_turned, a, b))
             cross = (q[:, 0] - p[:, 0]) * (points[:, 1] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (
                 points[:, 0] - p[:, 0]
             )

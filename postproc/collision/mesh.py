@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints
+from postproc.arrays import FloatArray, IntArray, frozen_floats, frozen_ints, taken
 from postproc.cell import MeshPlacement
 from postproc.errors import CellError, ReadError, SourceRef
 from postproc.files import read_bytes
@@ -198,7 +198,7 @@ def _unique_rows(rows: FloatArray) -> tuple[FloatArray, IntArray]:
     mixed *= np.uint64(0xBF58476D1CE4E5B9)
     key = mixed[:, 0] ^ (mixed[:, 1] << np.uint64(1)) ^ (mixed[:, 2] >> np.uint64(1))
     _, first, number = np.unique(key, return_index=True, return_inverse=True)
-    if not np.array_equal(rows[first][number], rows):
+    if not np.array_equal(taken(taken(rows, first), number), rows):
         _, first, number = np.unique(rows, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty_like(order)

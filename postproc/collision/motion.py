@@ -21,7 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, renumbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, renumbered, taken
 from postproc.collision.check import NO_PAIR, chunks
 from postproc.collision.cull import SLACK
 from postproc.collision.engine import CHUNK, Candidates, Engine
@@ -230,8 +230,9 @@ class MotionCheck:
         count = np.diff(np.append(first, len(some)))
         owner, step = numbered(count)
         share = np.stack([step, step + 1]) / count[owner]
-        ends, last = (q_from[left[some]], q_to[left[some]]), first + count - 1
-        chord = ends[0][first], ends[1][last]
+        rows, last = left[some], first + count - 1
+        ends = taken(q_from, rows), taken(q_to, rows)
+        chord = taken(ends[0], first), taken(ends[1], last)
         wanted = np.logical_or.reduceat(open_[:, some], first, axis=1)
         found = self._open_along(ends, chord, first, share, wanted, self._near_among)
         open_[:, some] &= found[:, owner]
@@ -259,7 +260,9 @@ class MotionCheck:
         a, b = chord
         off = np.zeros_like(ends[0])
         for q, done in zip(ends, share, strict=True):
-            np.maximum(off, np.abs(q - (a[owner] + done[:, None] * (b - a)[owner])), out=off)
+            np.maximum(
+                off, np.abs(q - (taken(a, owner) + done[:, None] * taken(b - a, owner))), out=off
+            )
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
         found, moves = near(a + way, sway, wanted)
@@ -293,9 +296,10 @@ class MotionCheck:
     ) -> tuple[_Found, _Spans]:
         """Return collisions in the middle of spans, and the spans that are still open."""
         middle = 0.5 * (spans.start + spans.end)
-        whole = (q_to - q_from)[spans.motion]
+        whole = taken(q_to - q_from, spans.motion)
         way = whole * (0.5 * (spans.end - spans.start))[:, None]
-        q, sway = q_from[spans.motion] + middle[:, None] * whole, Sway(np.abs(way), way)
+        q = taken(q_from, spans.motion) + middle[:, None] * whole
+        sway = Sway(np.abs(way), way)
         if is_first:
             found, moves = self._near(q, sway, spans.open)
         else:
@@ -411,7 +415,7 @@ def _merged(q_from: FloatArray, q_to: FloatArray, starts: IndexArray) -> IndexAr
     way = (q_to - q_from)[starts]
     single = np.diff(np.append(starts, len(q_from))) == 1
     single &= np.abs(way).max(axis=1, initial=0.0) < _SHORT
-    joined = (np.abs(q_from[starts[1:]] - q_to[starts[1:] - 1]) < _NEAR).all(axis=1)
+    joined = (np.abs(taken(q_from, starts[1:]) - taken(q_to, starts[1:] - 1)) < _NEAR).all(axis=1)
     joined &= np.einsum("ij,ij->i", way[1:], way[:-1]) > 0.0
     run = np.append(0, np.cumsum(~(joined & single[1:] & single[:-1])))
     place = np.arange(len(starts)) - np.searchsorted(run, run, side="left")
@@ -439,8 +443,8 @@ def _there_and_back(
     is_back = np.zeros(len(starts), dtype=np.bool_)
     is_back[1:] = count[1:] == count[:-1]
     for one, other in (
-        (q_from[starts[1:]], q_to[turns[:-1]]),
-        (q_to[turns[1:]], q_from[starts[:-1]]),
+        (taken(q_from, starts[1:]), taken(q_to, turns[:-1])),
+        (taken(q_to, turns[1:]), taken(q_from, starts[:-1])),
     ):
         is_back[1:] &= (np.abs(one - other) < _NEAR).all(axis=1)
     every = np.arange(len(starts))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import FloatArray, members
+from postproc.arrays import FloatArray, members, taken
 from postproc.collision.boxes import box_gap, seen_from
 from postproc.collision.cull import SLACK, Near
 from postproc.collision.shape import Shape
@@ -76,21 +76,20 @@ class PieceBounds:
         bound: FloatArray,
     ) -> None:
         """Lower ``bound`` of the given rows to the least of their pairs of pieces, in place."""
-        R, p = R_a_b[rows], p_a_b[rows]
+        R, p = taken(R_a_b, rows), taken(p_a_b, rows)
         entry, piece_b = self._pieces_near(
             b[rows], self._box(a[rows]), _inverse(R, p), threshold[rows]
         )
         piece_a = np.zeros(len(entry), dtype=np.int64)
         if (self._count[a[rows]] > 1).any():
             other = self._box(b[rows][entry], piece_b)
-            again, piece_a = self._pieces_near(
-                a[rows][entry], other, (R[entry], p[entry]), threshold[rows][entry]
-            )
+            frame = taken(R, entry), taken(p, entry)
+            again, piece_a = self._pieces_near(a[rows][entry], other, frame, threshold[rows][entry])
             entry, piece_b = entry[again], piece_b[again]
         if not len(entry):
             return
         one, two = self._box(a[rows][entry], piece_a), self._box(b[rows][entry], piece_b)
-        R_pieces, p_pieces = seen_from(one[:2], two[:2], R[entry], p[entry])
+        R_pieces, p_pieces = seen_from(one[:2], two[:2], taken(R, entry), taken(p, entry))
         gap = box_gap(np.moveaxis(R_pieces, 0, -1), p_pieces.T, one[2].T, two[2].T)
         np.minimum.at(bound, rows[entry], np.maximum(gap, 0.0))
 
@@ -98,10 +97,9 @@ class PieceBounds:
         self, body: np.ndarray, piece: np.ndarray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return centre (k, 3), axes (k, 3, 3), half (k, 3) of bodies or of their pieces."""
-        if piece is not None:
-            index = self._start[body] + piece
-            return self._centre[index], self._axes[index], self._half[index]
-        return self._whole[0][body], self._whole[1][body], self._whole[2][body]
+        index = body if piece is None else self._start[body] + piece
+        boxes = self._whole if piece is None else (self._centre, self._axes, self._half)
+        return taken(boxes[0], index), taken(boxes[1], index), taken(boxes[2], index)
 
     def _pieces_near(
         self,
@@ -132,7 +130,10 @@ class PieceBounds:
             near &= self._highest[pieces] >= lowest[own][:, None]
             row, piece = np.nonzero(near)
             row, piece = own[row], piece + first
-            apart = np.maximum(self._low[piece] - high[row], low[row] - self._high[piece])
+            apart = np.maximum(
+                taken(self._low, piece) - taken(high, row),
+                taken(low, row) - taken(self._high, piece),
+            )
             np.maximum(apart, 0.0, out=apart)
             close = np.einsum("ki,ki->k", apart, apart) <= limit[row] ** 2
             found.append((row[close], piece[close] - first))

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import FloatArray
+from postproc.arrays import FloatArray, taken
 from postproc.collision.arm import Arm, joint_axes
 from postproc.collision.bodies import LAST_LINK
 from postproc.collision.cull import Frames, Placed
@@ -147,7 +147,7 @@ class SweepBound:
             body, rows = self._body[pair[order]], row[order]
             axis, point = self._axes(frames)
             T = frames.link[self._links[body], :, :, rows]
-            centre = np.einsum("kij,kj->ik", T[:, :, :3], self._centre[body]) + T[:, :, 3].T
+            centre = np.einsum("kij,kj->ik", T[:, :, :3], taken(self._centre, body)) + T[:, :, 3].T
             by_base = self._bounds(
                 body,
                 axis[:, :, rows, None],

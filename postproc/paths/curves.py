@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, taken
 from postproc.controller import MotionType, Trace
 from postproc.geometry import (
     Circles,
@@ -85,8 +85,8 @@ class Curves:
         """Return T_robroot_flange (n, 4, 4) at ``share`` of path motions ``row``."""
         trace = self.trace
         tools, bases = _rows(trace)
-        T_tcp_flange = inverse(trace.tools)[tools[row]]
-        T_robroot_base = trace.bases[bases[row]]
+        T_tcp_flange = taken(inverse(trace.tools), tools[row])
+        T_robroot_base = taken(trace.bases, bases[row])
         if externals:
             T_robroot_base = (
                 externals.shift(self.external_at(row, share, external)) @ T_robroot_base

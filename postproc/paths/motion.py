@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, numbered
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, numbered, taken
 from postproc.cell import Cell
 from postproc.controller import Trace
 from postproc.errors import Finding, RunKind, Severity, SourceRef
@@ -93,9 +93,9 @@ class Paths:
         return Poses(
             row[order],
             np.concatenate([self.share, np.ones(len(ptp))])[order],
-            np.concatenate([self.q_sample, self.q[ptp]])[order],
-            np.concatenate([self.point, self.end_point[ptp]])[order],
-            np.concatenate([self.axis, self.end_axis[ptp]])[order],
+            taken(np.concatenate([self.q_sample, self.q[ptp]]), order),
+            taken(np.concatenate([self.point, self.end_point[ptp]]), order),
+            taken(np.concatenate([self.axis, self.end_axis[ptp]]), order),
         )
 
     def points_at(self, row: AnyIntArray, share: FloatArray) -> FloatArray:
@@ -486,7 +486,9 @@ def _continued(
     last = np.maximum.accumulate(np.where(known, rows, -1))
     before = np.r_[-1, last[:-1]]
     from_start = before < heads[run]
-    reference = np.where(from_start[:, None], q_start[run], principal[np.maximum(before, 0)])
+    reference = np.where(
+        from_start[:, None], taken(q_start, run), taken(principal, np.maximum(before, 0))
+    )
     angles = kinematics.split_wrist(principal, reference)
     wraps = -np.rint((angles - reference) / _TURN)
     wraps[~known] = 0.0

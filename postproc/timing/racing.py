@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Rows
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Rows, taken
 
 PlacesAt = Callable[[IndexArray, FloatArray, FloatArray], FloatArray]
 """Places (k, d) at shares (k,) of motions (k,), near to places (k, d); NaN out of reach."""
@@ -34,7 +34,7 @@ class Samples(NamedTuple):
 
     def of(self, mine: Rows) -> Samples:
         """Return those samples."""
-        return Samples(self.row[mine], self.share[mine], self.places[mine])
+        return Samples(self.row[mine], self.share[mine], taken(self.places, mine))
 
 
 def resolved(samples: Samples, time: FloatArray, top: FloatArray, places_at: PlacesAt) -> Samples:
@@ -78,7 +78,7 @@ def _halved(samples: Samples, first: IndexArray, places_at: PlacesAt) -> Samples
     """Return the samples with one more in the middle behind each of those (k,)."""
     row, share, places = samples
     middle = 0.5 * (share[first] + share[first + 1])
-    between = places_at(row[first], middle, 0.5 * (places[first] + places[first + 1]))
+    between = places_at(row[first], middle, 0.5 * (taken(places, first) + taken(places, first + 1)))
     known = np.isfinite(between).all(axis=1)
     at = first[known] + 1
     return Samples(
@@ -98,14 +98,15 @@ def _speeds(samples: Samples, time: FloatArray, top: FloatArray) -> tuple[FloatA
     seconds = np.diff(share) * time[row[:-1]]
     piece = np.flatnonzero((row[1:] == row[:-1]) & (seconds > 0.0) & np.isfinite(seconds))
     seconds, motion = seconds[piece, None], row[piece]
-    chord = np.nan_to_num((places[piece + 1] - places[piece]) / top / seconds)
+    chord = np.nan_to_num((taken(places, piece + 1) - taken(places, piece)) / top / seconds)
     mean = np.abs(chord).max(axis=1, initial=0.0)
     np.maximum.at(best, motion, mean)
     after = np.flatnonzero(motion[1:] == motion[:-1])
-    bend = np.abs(chord[after + 1] - chord[after]) / (seconds[after] + seconds[after + 1])
+    bend = np.abs(taken(chord, after + 1) - taken(chord, after))
+    bend /= seconds[after] + seconds[after + 1]
     peak = mean.copy()
     for beside in (after, after + 1):
-        reached = np.abs(chord[beside]) + bend * seconds[beside]
+        reached = np.abs(taken(chord, beside)) + bend * seconds[beside]
         peak[beside] = np.maximum(peak[beside], reached.max(axis=1, initial=0.0))
     few = np.bincount(motion, minlength=len(time))[motion] < _FEWEST
     largest = best[motion]

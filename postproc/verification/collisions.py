@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, taken
 from postproc.cell import Cell
 from postproc.errors import RunKind
 from postproc.kinematics import Corners, Kinematics
@@ -61,7 +61,9 @@ def check_collisions(
             first = scene.check(q[:1])
             if first.hit[0]:
                 reported.add(0, first.pairs[int(first.pair[0])])
-        hits = scene.check_paths(q[rows], q[rows + 1], steps[rows], track=motion[rows + 1])
+        hits = scene.check_paths(
+            taken(q, rows), taken(q, rows + 1), steps[rows], track=motion[rows + 1]
+        )
         for row in np.flatnonzero(hits.hit).tolist():
             reported.add(int(motion[rows[row] + 1]), hits.pairs[int(hits.pair[row])])
         corner = np.flatnonzero(own[at] & own[at + 1])

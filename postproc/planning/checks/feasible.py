@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.geometry import STEP_SWEEP, arc_poses, line_poses, path_length, rotation_angle
 from postproc.planning.states import Problem, Strokes
 from postproc.records import dataclass
@@ -297,10 +297,10 @@ class Checker:
             good = (verdict.good if free is None else verdict.good & ~free)[track.row]
             number = np.arange(len(lines)) if together is None else together
             row = track.row[good]
-            poses = self._standing(track.q[good], lines.external_at(row, track.share[good]))
+            poses = self._standing(taken(track.q, good), lines.external_at(row, track.share[good]))
             self._probe(verdict, row, poses, lines.contact)
             good = verdict.good[row]
-            self._sweep(verdict, row[good], poses[good], lines.contact, number)
+            self._sweep(verdict, row[good], taken(poses, good), lines.contact, number)
         return verdict, track
 
     def track(self, lines: Lines, verdict: Verdict) -> Track:
@@ -309,14 +309,14 @@ class Checker:
         turn = rotation_angle(lines.T_from[:, :3, :3], lines.T_to[:, :3, :3])
         verdict.refuse(np.nonzero(turn > LARGEST_TURN)[0], Reason.SINGULAR)
         inner = (share > 0.0) & (share < 1.0)
-        q = lines.q_from[row] + share[:, None] * (lines.q_to - lines.q_from)[row]
+        q = taken(lines.q_from, row) + share[:, None] * taken(lines.q_to - lines.q_from, row)
         if inner.any():
             which = row[inner]
             T = poses_between(lines, which, share[inner])
             external = lines.external_at(which, share[inner])
-            solved, reached = self.problem.solve(T, external, lines.branch[which], q[inner])
+            solved, reached = self.problem.solve(T, external, lines.branch[which], taken(q, inner))
             verdict.refuse(which[~reached], Reason.UNREACHABLE)
-            solved = np.where(reached[:, None], solved, q[inner])
+            solved = np.where(reached[:, None], solved, taken(q, inner))
             verdict.refuse(which[~self.problem.within(solved)], Reason.JOINT_LIMIT)
             verdict.refuse(which[~self.problem.regular(solved)], Reason.SINGULAR)
             q[inner] = solved
@@ -325,7 +325,7 @@ class Checker:
             for farthest in _farthest(q, piece):
                 verdict.refuse(row[piece[~self.problem.within(farthest)]], Reason.JOINT_LIMIT)
                 verdict.refuse(row[piece[~self.problem.regular(farthest)]], Reason.SINGULAR)
-        leap = np.abs(q[piece + 1] - q[piece]).max(axis=1, initial=0.0)
+        leap = np.abs(taken(q, piece + 1) - taken(q, piece)).max(axis=1, initial=0.0)
         verdict.refuse(row[piece[leap > JUMP]], Reason.SINGULAR)
         return Track(row, share, q)
 
@@ -454,7 +454,11 @@ class Checker:
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
         hits = self.scene.check_paths(
-            q[start], q[start + 1], contact[motion], RESOLUTION, track=together[motion]
+            taken(q, start),
+            taken(q, start + 1),
+            contact[motion],
+            RESOLUTION,
+            track=together[motion],
         )
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
@@ -473,17 +477,18 @@ def _farthest(q: FloatArray, piece: IndexArray) -> tuple[FloatArray, FloatArray]
     """
     bent = np.zeros_like(q)
     inner = piece[1:][np.diff(piece) == 1]
-    bent[inner] = np.abs(q[inner - 1] - 2.0 * q[inner] + q[inner + 1])
-    bend, way = np.maximum(bent[piece], bent[piece + 1]), np.abs(q[piece + 1] - q[piece])
+    bent[inner] = np.abs(taken(q, inner - 1) - 2.0 * taken(q, inner) + taken(q, inner + 1))
+    start, end = taken(q, piece), taken(q, piece + 1)
+    bend, way = np.maximum(taken(bent, piece), taken(bent, piece + 1)), np.abs(end - start)
     rise = np.zeros_like(bend)
     turns = np.nonzero(2.0 * way < bend)
     rise[turns] = 0.125 * bend[turns] * (1.0 - 2.0 * way[turns] / bend[turns]) ** 2
-    return np.minimum(q[piece], q[piece + 1]) - rise, np.maximum(q[piece], q[piece + 1]) + rise
+    return np.minimum(start, end) - rise, np.maximum(start, end) + rise
 
 
 def poses_between(lines: Lines, row: IndexArray, share: FloatArray) -> FloatArray:
     """Return T_base_tcp (k, 4, 4) at ``share`` (k,) of motions ``row`` (k,)."""
-    T_a, T_b = lines.T_from[row], lines.T_to[row]
+    T_a, T_b = taken(lines.T_from, row), taken(lines.T_to, row)
     if lines.sweep is None or lines.centre is None or lines.normal is None:
         return line_poses(T_a, T_b, share)
     poses = line_poses(T_a, T_b, share)

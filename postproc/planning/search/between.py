@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered
+from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.model import CUTS
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
@@ -106,7 +106,8 @@ class Interpolation:
         turn = end - start
         turn -= _FULL_TURN * np.round(turn / _FULL_TURN)
         spin = (start[rows.span] - self.carried[rows.tag]) + rows.share * turn[rows.span]
-        tilt = ends[0][rows.span, 1:] + rows.share[:, None] * (ends[1] - ends[0])[rows.span, 1:]
+        way = taken((ends[1] - ends[0])[:, 1:], rows.span)
+        tilt = taken(ends[0][:, 1:], rows.span) + rows.share[:, None] * way
         tilt[~self.may_tilt[rows.tag]] = 0.0
         result = np.column_stack([rounded_spin(spin), tilt])
         at_end = rows.share == 1.0

@@ -14,7 +14,7 @@ from dataclasses import field
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, members
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
 from postproc.planning.states import BRANCHES, NONE, Joined, States
 from postproc.records import dataclass
 
@@ -137,7 +137,7 @@ class Bridges:
         place = self._place(states)
         order = np.argsort(place * width + spin, kind="stable")
         states, place, spin = states[order], place[order], spin[order]
-        q = self.states.q[states]
+        q = taken(self.states.q, states)
         beyond = spin + self.stride[place // BRANCHES]
         wraps = beyond >= width
         target = place * width + np.where(wraps & self.closed, beyond % width, beyond)
@@ -186,7 +186,7 @@ class Bridges:
         width, q = self.states.spins.shape[-1], self.states.q
         key = self._place(states) * width + self.states.column[states]
         order = np.argsort(key, kind="stable")
-        found = _near(key[order], q[states[order]], key - BRANCHES * width, q[states])
+        found = _near(key[order], taken(q, states[order]), key - BRANCHES * width, taken(q, states))
         hit = np.flatnonzero(found != NONE)
         return states[hit], states[order[found[hit]]]
 
@@ -205,7 +205,7 @@ def _near(keys: IndexArray, q: Joints, wanted: IndexArray, q_wanted: Joints) -> 
     found = np.full(len(wanted), NONE, dtype=np.int64)
     for copy in range(int((high - low).max(initial=0))):
         at = np.minimum(low + copy, len(keys) - 1)
-        near = (low + copy < high) & (np.abs(q[at] - q_wanted).max(axis=1) <= NEAR)
+        near = (low + copy < high) & (np.abs(taken(q, at) - q_wanted).max(axis=1) <= NEAR)
         found[near] = at[near]
     return found
 

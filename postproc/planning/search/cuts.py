@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, Table
+from postproc.arrays import BoolArray, FloatArray, IndexArray, Table, taken
 from postproc.planning.checks import PROBES, Checker, Lines, Reason
 from postproc.planning.route import is_too_fast
 from postproc.planning.search.between import Interpolation, Rows
@@ -214,15 +214,15 @@ def _followed(rows: Rows, q: FloatArray, reached: BoolArray, q_first: FloatArray
     last = np.maximum.accumulate(np.where(reached, np.arange(len(q)), -1))
     start_of = starts[rows.span]
     before = np.empty_like(q)
-    before[1:] = q[np.maximum(last[:-1], 0)]
+    before[1:] = taken(q, np.maximum(last[:-1], 0))
     none = np.append(-1, last[:-1]) < start_of
     before[none] = q_first[rows.span[none]]
     step = q - before
     step -= _FULL_TURN * np.round(step / _FULL_TURN)
     step[~reached] = 0.0
     total = np.cumsum(step, axis=0)
-    base = np.vstack([np.zeros((1, 6)), total])[start_of]
-    near = q_first[rows.span] + total - base
+    base = taken(np.vstack([np.zeros((1, 6)), total]), start_of)
+    near: FloatArray = taken(q_first, rows.span) + total - base
     return np.where(reached[:, None], q + _FULL_TURN * np.round((near - q) / _FULL_TURN), near)
 
 
@@ -239,16 +239,16 @@ def _check_motions(
     rows, (T_first, q_first, T) = judged.rows, known
     is_first = np.diff(rows.span, prepend=-1)[open_] != 0
     span, before = rows.span[open_], np.maximum(open_ - 1, 0)
-    T_from = np.where(is_first[:, None, None], T_first[span], T[before])
-    q_from = np.where(is_first[:, None], q_first[span], judged.q[before])
+    T_from = np.where(is_first[:, None, None], taken(T_first, span), taken(T, before))
+    q_from = np.where(is_first[:, None], taken(q_first, span), taken(judged.q, before))
     a_from = np.where(is_first[:, None], spans.attitude_first[span], judged.attitude[before])
     tags = rows.tag[open_] - 1, rows.tag[open_]
     external = checker.problem.placement.external
     lines = Lines(
         T_from,
-        T[open_],
+        taken(T, open_),
         q_from,
-        judged.q[open_],
+        taken(judged.q, open_),
         spans.branch[span],
         np.ones(len(open_), dtype=np.bool_),
         (external[tags[0]], external[tags[1]]),

@@ -105,7 +105,7 @@ class _Now(NamedTuple):
         """Set tags ``rows`` (m,) to values where good (m,), else to those they have elsewhere."""
         for mine, value, other in zip(self, values, else_, strict=True):
             fits = np.reshape(good, (-1,) + (1,) * (value.ndim - 1))
-            mine[rows] = np.where(fits, value, other[rows])
+            mine[rows] = np.where(fits, value, taken(other, rows))
 
 
 def refine(

@@ -185,7 +185,7 @@ def _chunk(
     refused[:, 1] += n_of(row[pose[(n_of(source, len(pose)) > 0) & ~stay]], n)
     may = fits & as_given(problem, which[pose[source]], q)
     if not may.all():
-        q, source = q[may], source[may]
+        q, source = taken(q, may), source[may]
     orientation = Orientation.of(problem, which, T_base_tcp)
     cost, index = costs_of(problem, which, attitude[:, 0], orientation, pose, q, source)
     owner = row[pose[source]]
@@ -213,7 +213,7 @@ def _attitudes(
     use[:, 1:] = problem.placement.may_tilt[tags][:, None, None]
     row, tilt, column = np.nonzero(use)
     spin = np.broadcast_to(spins, (n, width))[row, column]
-    return row, tilt * width + column, np.column_stack([spin, tilts[tilt]])
+    return row, tilt * width + column, np.column_stack([spin, taken(tilts, tilt)])
 
 
 def n_of(rows: IndexArray, n: int) -> IndexArray:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
+from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray, taken
 from postproc.planning.states.listed import Listed
 from postproc.records import dataclass
 
@@ -312,7 +312,7 @@ class Graph:
         if joined is not None:
             of_now = joined.now[now - int(self.offsets[i])]
             of_before = joined.before[before - int(self.offsets[i - 1])]
-            np.putmask(steps, ~joined.may[of_now][:, of_before], np.inf)
+            np.putmask(steps, ~taken(joined.may, of_now).take(of_before, axis=1), np.inf)
         if self.joins is not None:
             barred = self.joins.barred(i, before, now)
             if barred is not None:
@@ -328,7 +328,8 @@ class Graph:
         rows = np.flatnonzero(~self.is_in_reach(i, before[back], now))
         if not len(rows):
             return
-        a, b, some = self.position[before], self.position[now[rows]], steps[rows]
+        a, b = taken(self.position, before), taken(self.position, now[rows])
+        some = taken(steps, rows)
         limit = np.broadcast_to(self._most(i), a.shape[1:])
         for j in range(a.shape[1]):
             gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
@@ -343,7 +344,7 @@ class Graph:
             before: (k,) on the rung before.
             now: (k,).
         """
-        gap = np.abs(self.position[now] - self.position[before])
+        gap = np.abs(taken(self.position, now) - taken(self.position, before))
         return np.asarray((gap <= self._most(i)).all(axis=1))
 
     def _most(self, i: int) -> FloatArray | float:

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from postproc.arrays import BoolArray, FloatArray, IndexArray, members
+from postproc.arrays import BoolArray, FloatArray, IndexArray, members, taken
 from postproc.planning.states.graph import CHAIN, NONE, Graph, Joined
 from postproc.planning.states.listed import Listed
 from postproc.records import dataclass
@@ -268,7 +268,7 @@ class Ladder(Graph):
         costs[has] = self.cost[path[has]]
         joined = np.append(False, has[1:] & has[:-1] & ~self.broken[1:])
         at = np.flatnonzero(joined)
-        leap = self.position[path[at]] - self.position[path[at - 1]]
+        leap = taken(self.position, path[at]) - taken(self.position, path[at - 1])
         costs[at] += self.weight[at] * (leap**2).sum(axis=1)
         return costs + self.tolls_on(path)
 
