@@ -53,6 +53,7 @@ from postproc.process import (
     peck_count,
     reordered,
     switched_off,
+    with_turns,
     without_repeats,
 )
 from postproc.progress import Clock, Progress
@@ -115,7 +116,7 @@ def _plan_in(
     """Return the plan in a cell as it is settled."""
     settings = settle(cell, options)[1]
     claims = claimed(switched_off(toolpath), cell)
-    toolpath = claims.toolpath
+    toolpath = with_turns(claims.toolpath)
     if any(finding.is_error for finding in claims.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
     stretches = claims.stretches()
@@ -402,7 +403,7 @@ def _events(toolpath: ToolPath, table: Moves, cell: Cell) -> tuple[tuple[int, Ev
     for tag, below, behind in hole_calls(toolpath, cell):
         rows = np.flatnonzero((table.tag == tag) & (table.role == MoveRole.RETRACT))
         if len(rows):
-            found += [(int(rows[0]), 0, below), (int(rows[0]) + 1, 0, behind)]
+            found += [(int(rows[0]), 0, below), (int(rows[0]) + 1, -2, behind)]
     for tag, ahead, behind_ in hole_steps(toolpath, cell):
         places = step_rows(table, tag, standing=cell.process.unit_feeds)
         if places is not None:

@@ -45,6 +45,7 @@ from postproc.process.strokes import (
     pecks,
     turns_at,
     with_orientation,
+    with_turns,
 )
 from postproc.process.tilt import PLUNGING, SHARPEST
 from postproc.process.unit import NUMBER, hole_steps, holes_served, restart_notes, unit_findings
@@ -107,6 +108,7 @@ __all__ = [
     "unit_findings",
     "weight_wrench",
     "with_orientation",
+    "with_turns",
     "without_repeats",
     "word_findings",
     "words_settled",

@@ -18,6 +18,8 @@ FEED_OUT = TAPS | {CycleKind.REAM, CycleKind.BORE}
 """What leaves the hole with the feed, up to the height where the feed began."""
 _STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
 """What leaves the hole with a spindle that stands."""
+TURNS = "spindle_turns"
+"""Column of a toolpath: the speed [turns/s] of the spindle at each tag, as ``turns_at`` says."""
 _ORIENTS = str(EventKind.SPINDLE_ORIENT)
 CHIP_LIFT = 1e-3
 """How far [m] the tool lifts to break the chip."""
@@ -57,8 +59,24 @@ def pecks(cycle: Cycle, chip: float = CHIP_LIFT) -> list[tuple[float, float]]:
     return list(zip(depths, [*lifts, cycle.clearance], strict=True))
 
 
+def with_turns(toolpath: ToolPath) -> ToolPath:
+    """Return the toolpath with the speed of the spindle at each tag as a column.
+
+    So a part of it that begins behind the word that starts the spindle still knows it.
+    """
+    if TURNS in toolpath.extra or not any(map(_calls_spindle, toolpath.cycles)):
+        return toolpath
+    return replace(toolpath, extra={**toolpath.extra, TURNS: turns_at(toolpath)})
+
+
+def _calls_spindle(cycle: Cycle) -> bool:
+    return cycle.kind in TAPS or cycle.kind in _STANDS_OUT
+
+
 def turns_at(toolpath: ToolPath) -> FloatArray:
     """Return the speed (n,) [turns/s] of the spindle at each tag, as ``Stretch`` has it."""
+    if TURNS in toolpath.extra:
+        return np.asarray(toolpath.extra[TURNS], dtype=np.float64)
     turns = np.full(len(toolpath), np.nan)
     for part in stretches(toolpath.events, len(toolpath)):
         turns[part.first : part.stop] = part.turns
@@ -94,8 +112,7 @@ def hole_calls(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, Event, Eve
     stands, there is nothing to call.
     """
     orients = _ORIENTS in cell.krl.hooks
-    kinds = [cycle.kind for cycle in toolpath.cycles]
-    wanted = [i for i, kind in enumerate(kinds) if kind in TAPS or kind in _STANDS_OUT]
+    wanted = [i for i, cycle in enumerate(toolpath.cycles) if _calls_spindle(cycle)]
     holes = np.asarray(toolpath.kind) == MotionKind.HOLE
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, wanted))
     turns = turns_at(toolpath) if len(rows) else np.zeros(0)

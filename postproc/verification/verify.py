@@ -56,6 +56,7 @@ from postproc.verification.cam import (
     check_events,
     check_profiles,
     compare_served,
+    in_program_order,
 )
 from postproc.verification.capacity import check_capacity
 from postproc.verification.checks import (
@@ -137,7 +138,7 @@ def verify(
             result, cell, toolpath, tolerances or Tolerances(), displacement
         )
         check_profiles(result, toolpath, comparison)
-        check_events(result, cell, toolpath, comparison)
+        check_events(result, cell, *in_program_order(toolpath, cell, comparison))
     is_cut = comparison.is_cut if comparison is not None else None
     cuts = _cuts_of(trace, cell) if is_cut is None else is_cut
     check_speeds(result, cell, cuts)

@@ -258,3 +258,74 @@ def test_without_the_file_cuts_are_known_by_their_speed_and_the_rest_is_said(sho
     code, told = alone(late.replace("$VEL.CP=0.500000", "$VEL.CP=0.2"))
     assert code == 1
     assert told == ["a cut while the spindle stands"]
+
+
+TAPPED = (
+    "PARTNO/X\nUNITS/MM\nLOADTL/1\nSPINDL/300,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
+    "CYCLE/TAP,RAPTO,5,FEDTO,10,MMPM,300\n{holes}CYCLE/OFF\nRAPID\nGOTO/0,0,50,0,0,1\n"
+    "SPINDL/OFF\nFINI\n"
+)
+RAIL = (
+    '[[external_axes]]\nname = "E1"\nkind = "rail"\naxis = "+y"\nrange_mm = [-7000, 7000]\n'
+    "speed_mm_s = 1000\n"
+)
+
+
+def holes_at(*ys):
+    return "".join(f"GOTO/{20 * (k % 2)},{y},0,0,0,1\n" for k, y in enumerate(ys))
+
+
+def test_every_tap_is_backed_out_of_wherever_the_rail_stands(shop, verified):
+    """The spindle is started once; the rail serves the holes from several places."""
+    text = TAPPED.format(holes=holes_at(*range(-6000, 6001, 1000)))
+    code, document, src = shop(text, RAIL, TAPS)
+    assert code == 0, document["failures"]
+    places = set(re.findall(r"E1 (\S+?)[,}]", src))
+    assert len(places) > 1
+    assert len(re.findall(r"^TAP_BACK\(-300\)", src, re.M)) == 13
+    assert len(re.findall(r"^PP_SPINDLE_ON\(300\)", src, re.M)) == 14
+    assert verified() == (0, set())
+    lines = src.splitlines(keepends=True)
+    backs = [k for k, line in enumerate(lines) if line.startswith("TAP_BACK")]
+    del lines[backs[-1]]
+    code, kinds = verified("".join(lines))
+    assert code == 1
+    assert "event" in kinds
+
+
+def test_taps_in_free_order_are_backed_out_of_one_by_one(shop, verified):
+    text = TAPPED.format(holes=holes_at(0, 200, 40, 160, 80, 120))
+    code, document, src = shop(text, "[optimize]\nfree_order = true\n", TAPS)
+    assert code == 0, document["failures"]
+    taps = re.findall(r"^TAP_BACK.*CAM line (\d+)", src, re.M)
+    assert len(taps) == 6
+    assert taps != sorted(taps, key=int)
+    assert verified() == (0, set())
+    lines = src.splitlines(keepends=True)
+    backs = [k for k, line in enumerate(lines) if line.startswith("TAP_BACK")]
+    for k, above in ((backs[2], backs[1]), (backs[3], backs[4])):  # one too early, one too late
+        moved = list(lines)
+        moved.insert(above + (k < above), moved[k])
+        del moved[k + (k > above)]
+        code, kinds = verified("".join(moved))
+        assert code == 1
+        assert "event" in kinds
+
+
+STEPS = (
+    '[krl.hooks]\ntap_reverse = "TAP_BACK"\nclamp = "CLAMP"\ndrill = "DRILL"\nunclamp = "LET_GO"\n'
+    '[process]\nhole = ["clamp", "drill", "unclamp"]\n'
+)
+
+
+@pytest.mark.parametrize(
+    ("cycle", "below"), [("TAP", "TAP_BACK"), ("BORE", "PP_SPINDLE_OFF")], ids=["tap", "bore"]
+)
+def test_a_part_is_let_go_when_the_spindle_turns_as_before(shop, verified, cycle, below):
+    text = TAPPED.format(holes=holes_at(0, 60)).replace("CYCLE/TAP", f"CYCLE/{cycle}")
+    code, document, src = shop(text, STEPS)
+    assert code == 0, document["failures"]
+    called = re.findall(r"^ *(CLAMP|DRILL|LET_GO|TAP_BACK|PP_SPINDLE_\w+)\(", src, re.M)
+    hole = ["CLAMP", "DRILL", below, "PP_SPINDLE_ON", "LET_GO"]
+    assert called == ["PP_SPINDLE_ON", *hole, *hole, "PP_SPINDLE_OFF"]
+    assert verified() == (0, set())

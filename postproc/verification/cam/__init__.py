@@ -2,7 +2,7 @@
 
 from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.events import check_events
-from postproc.verification.cam.order import compare_served
+from postproc.verification.cam.order import compare_served, in_program_order
 from postproc.verification.cam.profiles import check_profiles
 
 __all__ = [
@@ -11,4 +11,5 @@ __all__ = [
     "check_events",
     "check_profiles",
     "compare_served",
+    "in_program_order",
 ]

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from postproc.arrays import BoolArray, FloatArray, IntArray
+from postproc.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from postproc.cell import Cell
 from postproc.errors import DataError, RunKind
 from postproc.model import ToolPath
@@ -66,7 +66,20 @@ def compare_served(
         name, line = toolpath.tag_name(row), int(toolpath.line[row])
         text = f"tag {name} (line {line}): drilled {times} times, the CAM file asks for fewer"
         result.finding(RunKind.ORDER, motion, text)
-    return _as_in_file(found, order)
+    return _rows(found, np.argsort(order))
+
+
+def in_program_order(
+    toolpath: ToolPath, cell: Cell, found: Comparison
+) -> tuple[ToolPath, Comparison]:
+    """Return both with holes whose order is free in the order in which the program drills them."""
+    runs = hole_runs(toolpath) if cell.optimize.free_order else []
+    if not runs:
+        return toolpath, found
+    order = np.arange(len(toolpath))
+    for low, high in runs:
+        order[low:high] = low + np.argsort(found.served[low:high], kind="stable")
+    return reordered(toolpath, order), _rows(found, order)
 
 
 def _require_points(toolpath: ToolPath) -> None:
@@ -80,22 +93,21 @@ def _require_points(toolpath: ToolPath) -> None:
         )
 
 
-def _as_in_file(found: Comparison, order: IntArray) -> Comparison:
-    """Return a comparison with its rows back in the order of the CAM file."""
-    back = np.argsort(order)
+def _rows(found: Comparison, index: IndexArray) -> Comparison:
+    """Return a comparison with its tags in another order."""
     nominal = found.nominal_error
     wanted = found.wanted
-    columns = {name: getattr(wanted, name)[back] for name in Wanted.__slots__}
+    columns = {name: getattr(wanted, name)[index] for name in Wanted.__slots__}
     return replace(
         found,
         wanted=Wanted(**columns),
-        served=found.served[back],
-        latest=found.latest[back],
-        position_error=found.position_error[back],
-        axis_error=found.axis_error[back],
-        tilt=found.tilt[back],
-        real=replace(found.real, case=found.real.case[back]),
-        nominal_error=None if nominal is None else nominal[back],
+        served=found.served[index],
+        latest=found.latest[index],
+        position_error=found.position_error[index],
+        axis_error=found.axis_error[index],
+        tilt=found.tilt[index],
+        real=replace(found.real, case=found.real.case[index]),
+        nominal_error=None if nominal is None else nominal[index],
     )
 
 
