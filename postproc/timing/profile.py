@@ -35,6 +35,8 @@ speeds up most if it is short."""
 SPEED_UP_TIME = 0.5
 """Time [s] in which an external axis reaches its speed; assumed."""
 _TINY = 1e-12
+_HAIR = 1e-9
+"""Share of a way that is nothing, by which it is no border case any more."""
 _FAR = 1e5
 """A way [m or rad] of which the rest is made at even speed."""
 _STOPS = 1e-7
@@ -311,7 +313,11 @@ class _RestToRest:
         request.max_velocity = [float(speed)]  # type: ignore[attr-defined]
         request.max_acceleration = [float(acceleration)]  # type: ignore[attr-defined]
         request.max_jerk = [float(acceleration) / ramp]  # type: ignore[attr-defined]
-        solver.calculate(request, trajectory)  # type: ignore[attr-defined]
+        try:
+            solver.calculate(request, trajectory)  # type: ignore[attr-defined]
+        except ruckig.RuckigError:  # just where the acceleration is reached rounding finds no way
+            request.target_position = [float(way) * (1.0 + _HAIR)]  # type: ignore[attr-defined]
+            solver.calculate(request, trajectory)  # type: ignore[attr-defined]
         return float(trajectory.duration)  # type: ignore[attr-defined]
 
     @classmethod

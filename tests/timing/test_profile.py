@@ -43,6 +43,11 @@ def test_line_time_is_the_double_s(seed):
     assert np.allclose(got, want, rtol=5e-6)
 
 
+def test_a_way_on_which_the_acceleration_is_just_reached_has_a_time():
+    got = line_time(np.array([0.046]), np.array([2.0]), acceleration=2.299999999999999, ramp=0.1)
+    assert got == pytest.approx([0.4], rel=1e-8)
+
+
 def test_absurd_ways_have_a_time():
     way, speed = np.array([1e5, 1.01e5, 1e9, 1e15]), np.full(4, 1.15)
     got = line_time(way, speed, acceleration=2.3, ramp=0.1)
