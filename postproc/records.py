@@ -75,14 +75,12 @@ else:
 
 def _only_keeps(plain: type) -> bool:
     """Return whether ``__init__`` is to keep its arguments and nothing else."""
-    known = [getattr(base, "__dataclass_fields__", {}) for base in plain.__mro__[1:]]
-    kinds = list(vars(plain).get("__annotations__", {}).values())
-    kinds += [field.type for fields in known for field in fields.values()]
-    items = [*vars(plain).values(), *(field for fields in known for field in fields.values())]
+    bases = [getattr(base, "__dataclass_fields__", {}) for base in plain.__mro__[1:]]
+    inherited = [field for fields in bases for field in fields.values()]
+    own = [value for value in vars(plain).values() if isinstance(value, dataclasses.Field)]
+    kinds = [*vars(plain).get("__annotations__", {}).values(), *(field.type for field in inherited)]
     return not any("InitVar" in str(kind) for kind in kinds) and all(
-        item.init and item.default_factory is dataclasses.MISSING
-        for item in items
-        if isinstance(item, dataclasses.Field)
+        field.init and field.default_factory is dataclasses.MISSING for field in own + inherited
     )
 
 
@@ -128,8 +126,8 @@ def _keeping(placed: int, named: int, is_followed: bool) -> CodeType:
     """Return the code of an ``__init__`` of so many arguments ``_0``, ``_1`` and so on."""
     names = [f"_{i}" for i in range(placed + named)]
     arguments = ["self", *names[:placed], *(["*"] if named else []), *names[placed:]]
-    lines = [f"self.{name} = {name}" for name in names]
-    lines += ["self.__post_init__()"] if is_followed else [] if names else ["pass"]
+    lines = ["pass", *(f"self.{name} = {name}" for name in names)]
+    lines += ["self.__post_init__()"] * is_followed
     text = "\n ".join([f"def __init__({', '.join(arguments)}):", *lines])
     module = compile(text, "<init of a dataclass>", "exec")
     return next(part for part in module.co_consts if isinstance(part, CodeType))

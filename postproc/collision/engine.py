@@ -230,9 +230,8 @@ class Engine:
         """Return entries with what solids and pieces of surfaces tell of them, and which meet."""
         near, R, p, limit, meets = self._convex.culled(near, R, p, limit)
         unclear = np.flatnonzero(~meets)
-        meets[
-            unclear[self._culler.nested(near.rows(unclear), taken(R, unclear), taken(p, unclear))]
-        ] = True
+        nested = self._culler.nested(near.rows(unclear), taken(R, unclear), taken(p, unclear))
+        meets[unclear[nested]] = True
         if not fine or not len(near):
             return Candidates(near, R, p, meets)
         kept, bound = self._pieces.refine(near, R, p, limit)

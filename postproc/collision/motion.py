@@ -259,10 +259,9 @@ class MotionCheck:
         owner, _ = numbered(np.diff(np.append(starts, len(ends[0]))))
         a, b = chord
         off = np.zeros_like(ends[0])
+        begin, step = taken(a, owner), taken(b - a, owner)
         for q, done in zip(ends, share, strict=True):
-            np.maximum(
-                off, np.abs(q - (taken(a, owner) + done[:, None] * taken(b - a, owner))), out=off
-            )
+            np.maximum(off, np.abs(q - (begin + done[:, None] * step)), out=off)
         way = 0.5 * (b - a)
         sway = Sway(np.abs(way) + np.maximum.reduceat(off, starts), way)
         found, moves = near(a + way, sway, wanted)

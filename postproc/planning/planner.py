@@ -397,7 +397,11 @@ def _assembled(
 
 
 def _events(toolpath: ToolPath, table: Moves, cell: Cell) -> tuple[tuple[int, Event], ...]:
-    """Return the events of the file and of its holes, each with the move that it comes before."""
+    """Return the events of the file and of its holes, each with the move that it comes before.
+
+    Before one move come first the spindle as it was before a hole (-2), the steps behind the hole
+    (-1), what the next hole asks for (0), then what the file says there (1).
+    """
     first = np.searchsorted(table.tag, [event.index for event in toolpath.events]).tolist()
     found = [(move, 1, event) for move, event in zip(first, toolpath.events, strict=True)]
     for tag, below, behind in hole_calls(toolpath, cell):

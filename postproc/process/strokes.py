@@ -18,7 +18,7 @@ FEED_OUT = TAPS | {CycleKind.REAM, CycleKind.BORE}
 """What leaves the hole with the feed, up to the height where the feed began."""
 _STANDS_OUT = frozenset({CycleKind.BORE, CycleKind.BORE_RAPID})
 """What leaves the hole with a spindle that stands."""
-TURNS = "spindle_turns"
+_TURNS = "spindle_turns"
 """Column of a toolpath: the speed [turns/s] of the spindle at each tag, as ``turns_at`` says."""
 _ORIENTS = str(EventKind.SPINDLE_ORIENT)
 CHIP_LIFT = 1e-3
@@ -64,19 +64,13 @@ def with_turns(toolpath: ToolPath) -> ToolPath:
 
     So a part of it that begins behind the word that starts the spindle still knows it.
     """
-    if TURNS in toolpath.extra or not any(map(_calls_spindle, toolpath.cycles)):
-        return toolpath
-    return replace(toolpath, extra={**toolpath.extra, TURNS: turns_at(toolpath)})
-
-
-def _calls_spindle(cycle: Cycle) -> bool:
-    return cycle.kind in TAPS or cycle.kind in _STANDS_OUT
+    return replace(toolpath, extra={**toolpath.extra, _TURNS: turns_at(toolpath)})
 
 
 def turns_at(toolpath: ToolPath) -> FloatArray:
     """Return the speed (n,) [turns/s] of the spindle at each tag, as ``Stretch`` has it."""
-    if TURNS in toolpath.extra:
-        return np.asarray(toolpath.extra[TURNS], dtype=np.float64)
+    if _TURNS in toolpath.extra:
+        return np.asarray(toolpath.extra[_TURNS], dtype=np.float64)
     turns = np.full(len(toolpath), np.nan)
     for part in stretches(toolpath.events, len(toolpath)):
         turns[part.first : part.stop] = part.turns
@@ -112,7 +106,8 @@ def hole_calls(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, Event, Eve
     stands, there is nothing to call.
     """
     orients = _ORIENTS in cell.krl.hooks
-    wanted = [i for i, cycle in enumerate(toolpath.cycles) if _calls_spindle(cycle)]
+    kinds = [cycle.kind for cycle in toolpath.cycles]
+    wanted = [i for i, kind in enumerate(kinds) if kind in TAPS or kind in _STANDS_OUT]
     holes = np.asarray(toolpath.kind) == MotionKind.HOLE
     rows = np.flatnonzero(holes & np.isin(toolpath.cycle, wanted))
     turns = turns_at(toolpath) if len(rows) else np.zeros(0)

@@ -24,7 +24,7 @@ DRILL = "drill"
 """The step at which the tool goes into the part."""
 NUMBER = "hole_number"
 """Column of a toolpath whose holes are numbered: 1, 2, ... in their order, 0 at other tags."""
-_COLUMNS = ("hole_depth", "hole_feed", "hole_speed")
+_COLUMNS = ("hole_depth", "hole_feed")
 _INTO = 0.98
 """A cut whose way is the tool axis by this share goes into the part."""
 _LEAST = 1e-6
@@ -42,8 +42,7 @@ def holes_served(toolpath: ToolPath, cell: Cell) -> ToolPath:
         return toolpath
     is_hole = _is_hole(toolpath)
     depth = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])[toolpath.cycle]
-    speed = np.nan_to_num(turns_at(toolpath))
-    columns = (depth, np.nan_to_num(feeds_of(toolpath, cell)), speed)
+    columns = (depth, np.nan_to_num(feeds_of(toolpath, cell)))
     extra = dict(toolpath.extra) | {NUMBER: np.where(is_hole, np.cumsum(is_hole), 0)}
     extra |= {
         name: np.where(is_hole, values, 0.0) for name, values in zip(_COLUMNS, columns, strict=True)
@@ -80,7 +79,8 @@ def hole_steps(toolpath: ToolPath, cell: Cell) -> Iterator[tuple[int, list[Event
     if NUMBER not in toolpath.extra:
         return
     numbers = np.asarray(toolpath.extra[NUMBER])
-    values = np.stack([np.asarray(toolpath.extra[name]) for name in _COLUMNS], axis=1)
+    columns = (np.asarray(toolpath.extra[name]) for name in _COLUMNS)
+    values = np.column_stack([*columns, np.nan_to_num(turns_at(toolpath))])
     names = cell.process.hole
     first = names.index(DRILL) + 1 if DRILL in names else max(len(names) - 1, 1)
     first = len(names) if cell.process.unit_feeds else first

@@ -453,13 +453,9 @@ class Checker:
             return
         start = np.nonzero(row[1:] == row[:-1])[0]
         motion = row[start]
-        hits = self.scene.check_paths(
-            taken(q, start),
-            taken(q, start + 1),
-            contact[motion],
-            RESOLUTION,
-            track=together[motion],
-        )
+        ends = taken(q, start), taken(q, start + 1)
+        track = together[motion]
+        hits = self.scene.check_paths(*ends, contact[motion], RESOLUTION, track=track)
         self.pairs = hits.pairs
         verdict.collide(motion[hits.hit], hits.pair[hits.hit])
 
