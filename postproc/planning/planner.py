@@ -115,7 +115,7 @@ def _plan_in(
 ) -> Plan:
     """Return the plan in a cell as it is settled."""
     settings = settle(cell, options)[1]
-    claims = claimed(switched_off(toolpath), cell)
+    claims = claimed(switched_off(as_served(toolpath, cell)), cell)
     toolpath = with_turns(claims.toolpath)
     if any(finding.is_error for finding in claims.findings) and not options.partial:
         return Plan.nothing(toolpath, options.name or toolpath.name, claims.findings)
@@ -267,16 +267,15 @@ def problem_of(
     toolpath, placement = place_given(toolpath, cell)
     if external is not None:
         placement = replace(placement, external=external, axes=Externals.of(cell))
-    served = as_served(toolpath, cell)
     tilts = UPRIGHT
     if cell.optimize.tilt:
         axis = placement.axis_base(np.arange(len(placement)))
-        feed = feed_directions(served, axis)
+        feed = feed_directions(toolpath, axis)
         feed[~placement.given] = np.nan
         placement = replace(placement, feed=feed)
         tilts = tilt_grid(cell.optimize.tilt, len(settings.spins), int(placement.may_tilt.sum()))
     return Problem(
-        served,
+        toolpath,
         cell,
         build(cell.robot),
         placement,

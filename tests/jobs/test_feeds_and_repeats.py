@@ -288,3 +288,19 @@ def test_a_tolerance_as_fine_as_the_digits_of_the_text(convert, tolerance):
         krl=f"[motion]\ncorner_tolerance_mm = {tolerance}\n",
     )  # fmt: skip
     assert errors(job) == []
+
+
+@pytest.mark.parametrize("order", ["false", "true"])
+def test_a_point_to_touch_that_is_listed_twice_is_touched_twice(tmp_path, order):
+    options = f'[motion]\npoints = "touch"\n[optimize]\nfree_order = {order}\n'
+    (tmp_path / "cell.toml").write_text(CELL + options, encoding="utf-8")
+    part = tmp_path / "part.csv"
+    rows = ["x,y,z,i,j,k", *["0,0,0,0,0,1"] * 2, "50,0,0,0,0,1"]
+    part.write_text("\n".join([*rows, ""]), encoding="utf-8")
+    cell = pp.load_cell(tmp_path / "cell.toml")
+    job = pp.convert(part, cell)
+    assert job.good, errors(job)
+    job.write(tmp_path)
+    assert pp.verify(tmp_path / f"{job.name}.src", cell, against=part).ok
+    touched = [(float(x), float(z)) for x, _, z in line_targets(job)]
+    assert sorted(x for x, z in touched if z == 0.0) == [0.0, 0.0, 50.0]

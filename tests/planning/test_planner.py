@@ -95,7 +95,7 @@ class TestHoles:
             toolpath, format="csv", kind=np.full(3, MotionKind.LINEAR), cycle=np.full(3, -1)
         )
         result = plan(toolpath, make_cell(motion={"approach_mm": 30.0}))
-        assert result.toolpath is toolpath
+        assert (result.toolpath.kind == MotionKind.HOLE).all()
         height = (result.T_base_tcp[:3, :3, 3] - toolpath.points[0]) @ FRONT
         assert np.allclose(height, [0.03, 0.0, 0.03], atol=1e-12)
         followed = plan(replace(toolpath, feed=np.full(3, 0.01)), make_cell())

@@ -36,7 +36,7 @@ from postproc.planning.states import (
     spin_values,
     stiffness_of,
 )
-from postproc.process import Claims, claimed
+from postproc.process import Claims, as_served, claimed
 from postproc.records import dataclass
 from postproc.stiffness import index
 from postproc.units import DEG
@@ -118,7 +118,7 @@ def spin_curves(
             SourceRef(cell.path),
         )
     cell, settings = settle(cell, PlanOptions())
-    claims = claimed(toolpath, cell)
+    claims = claimed(as_served(toolpath, cell), cell)
     toolpath, stretches = claims.toolpath, [s for s in claims.stretches() if s.is_claimed]
     if tags is None:
         keys = [
