@@ -98,6 +98,14 @@ def test_the_robot_feeds_between_the_steps(converted, run):
     assert (code, report["violations"]) == (0, [])
 
 
+def test_a_hole_with_its_steps_stands_in_one_file(tmp_path, run, converted):
+    cam, cell, _ = converted(UNIT, "[krl]\nmax_points_per_file = 5\n")
+    cell.write_text(cell.read_text().replace("max_points_per_file = 5", "max_points_per_file = 2"))
+    code, _, err = run("convert", cam, "--cell", cell, "-o", tmp_path / "none")
+    assert code == 2
+    assert "cell.toml:1: error EMT302: max_points_per_file is 2, but the" in err
+
+
 def test_routines_may_have_names_of_their_own(converted):
     hooks = '[krl.hooks]\nmeasure = "NOSE_MEASURE"\n'
     steps = '[process]\nfeed_by = "unit"\nhole = ["measure", "drill"]\n'

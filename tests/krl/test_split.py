@@ -49,3 +49,17 @@ def test_suffixes_have_equal_width():
 def test_too_small_limit():
     with pytest.raises(EmitError, match="expected at least 2"):
         split([0] * 5, 1)
+
+
+def test_no_part_ends_where_there_is_no_border():
+    quality = [0] * 10
+    quality[4:9] = [-1] * 5
+    assert split(quality, 6) == (Part(0, 3), Part(3, 9), Part(9, 10))
+
+
+def test_moves_without_a_border_need_a_file_that_holds_them():
+    quality = [3, -1, -1, -1, 3, -1, -1]
+    assert split(quality, 4) == (Part(0, 4), Part(4, 7))
+    with pytest.raises(EmitError, match="is 3, but the 4 motions of a hole") as caught:
+        split(quality, 3)
+    assert caught.value.code == "EMT302"

@@ -145,7 +145,11 @@ class _Program:
         if self.guards is not None:
             inside = [not self.guards.is_border(i) for i in range(1, len(self.plan))]
             quality[1:][inside] = -1
-        return split(quality, self.style.max_points_per_file, forced)
+        tag = self.plan.tag
+        called = np.array([index for index, _ in self.plan.events if 0 < index < len(tag)], int)
+        quality[called[(tag[called] >= 0) & (tag[called] == tag[called - 1])]] = -1
+        source = SourceRef(self.cell.path)
+        return split(quality, self.style.max_points_per_file, forced, source)
 
     @cached_property
     def guards(self) -> HoleGuards | None:

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from postproc.arrays import IntArray
-from postproc.errors import EmitError
+from postproc.errors import EmitError, SourceRef
 from postproc.records import dataclass
 
 SHARE = 0.5
@@ -32,37 +32,54 @@ class Part:
 
 
 def split(
-    quality: Sequence[int] | IntArray, max_points: int, forced: Sequence[int] = ()
+    quality: Sequence[int] | IntArray,
+    max_points: int,
+    forced: Sequence[int] = (),
+    source: SourceRef | None = None,
 ) -> tuple[Part, ...]:
     """Return the parts of a program.
 
     Args:
-        quality: (m,) how good a border before move i is: 0 = only if there is no other (in the
-            middle of a cut), higher is better.
+        quality: (m,) how good a border before move i is: below 0 = none, 0 = only if there is no
+            other (in the middle of a cut), higher is better.
         max_points: largest number of moves in a part.
         forced: moves before which there must be a border (operations).
+        source: where the largest number is given.
 
     Returns:
         Parts in order that cover all moves; of borders equally good the last is taken.
 
     Raises:
-        EmitError: EMT302 if ``max_points`` is less than 2.
+        EmitError: EMT302 if ``max_points`` is less than 2, or than moves without a border.
     """
     if max_points < 2:
-        raise EmitError("EMT302", f"max_points_per_file is {max_points}, expected at least 2")
+        text = f"max_points_per_file is {max_points}, expected at least 2"
+        raise EmitError("EMT302", text, source)
     marks = np.asarray(quality, dtype=np.int64)
     stops = sorted({0, len(marks), *(i for i in forced if 0 < i < len(marks))})
     parts: list[Part] = []
     for first, stop in pairwise(stops):
-        parts += _pieces(marks, first, stop, max_points)
+        parts += _pieces(marks, first, stop, max_points, source)
     return tuple(parts)
 
 
-def _pieces(marks: np.ndarray, first: int, stop: int, max_points: int) -> list[Part]:
+def _pieces(
+    marks: np.ndarray, first: int, stop: int, max_points: int, source: SourceRef | None
+) -> list[Part]:
     parts = []
     while stop - first > max_points:
         low, high = first + max(1, int(SHARE * max_points)), first + max_points
         window = marks[low : high + 1]
+        if window.max() < 0:
+            low = first + 1
+            window = marks[low : high + 1]
+        if window.max() < 0:
+            ends = np.flatnonzero(np.append(marks[high + 1 : stop], 0) >= 0)
+            text = (
+                f"max_points_per_file is {max_points}, but the {int(ends[0]) + high + 1 - first} "
+                "motions of a hole, with what is called there, stand in one file"
+            )
+            raise EmitError("EMT302", text, source)
         border = low + int(np.flatnonzero(window == window.max())[-1])
         parts.append(Part(first, border))
         first = border
