@@ -111,6 +111,7 @@ class LossBound:
 
 def loss_report(problem: Problem, loss: FloatArray, tags: IndexArray, bound: float) -> Finding:
     """Return the note of what is lost, a warning if that is more than the bound."""
+    loss = np.maximum(loss, 0.0)
     text = f"{len(tags)} of {len(problem)} tags are key tags"
     if np.isfinite(loss).any():
         worst = int(np.nanargmax(loss))
