@@ -4,6 +4,7 @@ from postproc.krl.lint import lint
 from postproc.krl.rules.scope import declared_names
 from postproc.krl.rules.subject import MOST_ADVANCE, MOST_ORIENTATION_SPEED, LintOptions
 from postproc.krl.text import (
+    NO_BORDER,
     Aggregate,
     Assign,
     Axes,
@@ -68,6 +69,7 @@ from postproc.krl.text import (
 __all__ = [
     "MOST_ADVANCE",
     "MOST_ORIENTATION_SPEED",
+    "NO_BORDER",
     "Aggregate",
     "Assign",
     "Axes",

@@ -99,8 +99,9 @@ def test_the_robot_feeds_between_the_steps(converted, run):
 
 
 def test_a_hole_with_its_steps_stands_in_one_file(tmp_path, run, converted):
-    cam, cell, _ = converted(UNIT, "[krl]\nmax_points_per_file = 5\n")
-    cell.write_text(cell.read_text().replace("max_points_per_file = 5", "max_points_per_file = 2"))
+    converted(UNIT, "[krl]\nmax_points_per_file = 2\n")  # its strokes are two motions
+    cam, cell, _ = converted(ROBOT, "[krl]\nmax_points_per_file = 12\n")
+    cell.write_text(cell.read_text().replace("max_points_per_file = 12", "max_points_per_file = 2"))
     code, _, err = run("convert", cam, "--cell", cell, "-o", tmp_path / "none")
     assert code == 2
     assert "cell.toml:1: error EMT302: max_points_per_file is 2, but the" in err
@@ -287,3 +288,12 @@ def test_with_external_axes_it_is_told_that_there_is_no_restart(tmp_path, capsys
     assert app.run(call) == 0
     assert "PRC012" not in capsys.readouterr().err
     assert "INT PP_START_HOLE=1" in (out / "wing.dat").read_text()
+
+
+def test_a_long_cut_between_numbered_holes_is_parted(converted):
+    rows = wing.apt_text(2).split("\n")
+    behind = next(row for row, line in enumerate(rows) if line.startswith("CYCLE/OFF")) + 1
+    cut = [f"GOTO/{x}.,0.,5.,0.,0.,1." for x in range(0, 40)]
+    rows[behind:behind] = ["RAPID", "GOTO/0.,0.,20.,0.,0.,1.", "FEDRAT/600.,MMPM", *cut]
+    _, _, program = converted(ROBOT, "[krl]\nmax_points_per_file = 30\n", text="\n".join(rows))
+    assert len(list(program.parent.glob("*_0*.src"))) > 2

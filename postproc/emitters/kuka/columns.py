@@ -129,6 +129,13 @@ def border_quality(plan: Plan) -> FloatArray:
     return quality
 
 
+def calls_within(plan: Plan) -> BoolArray:
+    """Return (m,) moves of a tag that routines are called before, behind another of its moves."""
+    called = np.zeros(len(plan), dtype=np.bool_)
+    called[[move for move, _ in plan.events if 0 < move < len(plan)]] = True
+    return np.asarray(called & (plan.tag >= 0) & (plan.tag == np.roll(plan.tag, 1)))
+
+
 def operation_starts(plan: Plan) -> list[int]:
     """Return the moves that begin another operation than that of the move before."""
     operation = plan.toolpath.operation[np.clip(plan.tag, 0, None)]

@@ -17,7 +17,13 @@ import numpy as np
 
 from postproc.cell import Cell, KrlOptions, Kss, Split
 from postproc.emitters.kuka import restart
-from postproc.emitters.kuka.columns import Columns, border_quality, columns, operation_starts
+from postproc.emitters.kuka.columns import (
+    Columns,
+    border_quality,
+    calls_within,
+    columns,
+    operation_starts,
+)
 from postproc.emitters.kuka.events import EventWriter
 from postproc.emitters.kuka.forms import FormWriter
 from postproc.emitters.kuka.motion import ANCHOR_PERCENT, PartWriter
@@ -32,6 +38,7 @@ from postproc.emitters.kuka.setup import (
 from postproc.emitters.kuka.template import TemplateSet
 from postproc.errors import EmitError, SourceRef
 from postproc.krl import (
+    NO_BORDER,
     Call,
     DataList,
     KrlModule,
@@ -142,12 +149,13 @@ class _Program:
     def parts(self) -> tuple[Part, ...]:
         forced = operation_starts(self.plan) if self.style.split is Split.OPERATIONS else []
         quality = border_quality(self.plan).astype(int)
+        within = calls_within(self.plan)
         if self.guards is not None:
-            inside = [not self.guards.is_border(i) for i in range(1, len(self.plan))]
-            quality[1:][inside] = -1
-        tag = self.plan.tag
-        called = np.array([index for index, _ in self.plan.events if 0 < index < len(tag)], int)
-        quality[called[(tag[called] >= 0) & (tag[called] == tag[called - 1])]] = -1
+            later = range(1, len(self.plan))
+            borders = [self.guards.is_border(i) for i in later]
+            quality[1:] = np.where(borders, quality[1:] + 1, 0)
+            within[1:] |= [self.guards.is_within_hole(i) for i in later]
+        quality[within] = NO_BORDER
         source = SourceRef(self.cell.path)
         return split(quality, self.style.max_points_per_file, forced, source)
 

@@ -124,6 +124,10 @@ class HoleGuards:
         """Return whether a file may begin with a move: between two holes."""
         return self.key(index)[0] is not Stage.STROKE and self.key(index) != self.key(index - 1)
 
+    def is_within_hole(self, index: int) -> bool:
+        """Return whether a move goes on with the stroke of a hole."""
+        return self.key(index)[0] is Stage.STROKE and self.key(index) == self.key(index - 1)
+
     def enter(self, key: Key, index: int, way: Statement | None) -> list[Statement]:
         """Return the lines before moves of a stage; ``way``: the motion straight above a hole."""
         stage, hole = key

@@ -53,13 +53,14 @@ from postproc.krl.text.program import (
 )
 from postproc.krl.text.render import render, render_statement, value_text
 from postproc.krl.text.source import LONG_LINE, TextFacts, text_of
-from postproc.krl.text.split import Part, split, suffixes
+from postproc.krl.text.split import NO_BORDER, Part, split, suffixes
 from postproc.names import KEYWORDS, NAME_LENGTH, is_legal
 
 __all__ = [
     "KEYWORDS",
     "LONG_LINE",
     "NAME_LENGTH",
+    "NO_BORDER",
     "Aggregate",
     "Assign",
     "Axes",

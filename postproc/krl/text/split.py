@@ -15,6 +15,8 @@ from postproc.arrays import IntArray
 from postproc.errors import EmitError, SourceRef
 from postproc.records import dataclass
 
+NO_BORDER = -1
+"""Quality of a place at which no file may end."""
 SHARE = 0.5
 """A part is at least this share of the largest allowed one, unless an operation ends before."""
 
@@ -40,7 +42,7 @@ def split(
     """Return the parts of a program.
 
     Args:
-        quality: (m,) how good a border before move i is: below 0 = none, 0 = only if there is no
+        quality: (m,) how good a border before move i is: ``NO_BORDER``, 0 = only if there is no
             other (in the middle of a cut), higher is better.
         max_points: largest number of moves in a part.
         forced: moves before which there must be a border (operations).
@@ -68,15 +70,16 @@ def _pieces(
 ) -> list[Part]:
     parts = []
     while stop - first > max_points:
-        low, high = first + max(1, int(SHARE * max_points)), first + max_points
-        window = marks[low : high + 1]
-        if window.max() < 0:
-            low = first + 1
+        high = first + max_points
+        for low in (first + max(1, int(SHARE * max_points)), first + 1):
             window = marks[low : high + 1]
-        if window.max() < 0:
-            ends = np.flatnonzero(np.append(marks[high + 1 : stop], 0) >= 0)
+            if window.max() > NO_BORDER:
+                break
+        else:
+            more = np.append(marks[high + 1 : stop], 0) > NO_BORDER
+            needed = max_points + 1 + int(more.argmax())
             text = (
-                f"max_points_per_file is {max_points}, but the {int(ends[0]) + high + 1 - first} "
+                f"max_points_per_file is {max_points}, but the {needed} "
                 "motions of a hole, with what is called there, stand in one file"
             )
             raise EmitError("EMT302", text, source)
