@@ -2,8 +2,10 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from postproc.kinematics import build
 from postproc.planning.planner import plan
 from postproc.units import DEG
 from tools.bench.contours import random_case
@@ -34,3 +36,20 @@ def test_what_is_hit_is_named(seed, pair):
     (error,) = broken_at(seed)
     assert error.code == "PLN104"
     assert pair in error.message
+
+
+def test_a_cut_ends_where_the_tool_can_back_off():
+    """Only between the spins of a grid of 5 degrees does a way lead to where it can."""
+    toolpath, cell = random_case(684)
+    found = plan(toolpath, cell)
+    assert not found.errors
+    arm = build(cell.robot)
+    out = -(cell.bases[0].T_robroot_base[:3, :3] @ toolpath.axes[-1])
+    q = found.q[np.flatnonzero(found.tag == len(toolpath) - 1)[0]]
+    T, branch = arm.fk(q[None]), arm.branches.slot(q)
+    for _ in range(50):
+        T[:, :3, 3] -= out * cell.motion.approach / 50
+        up, reached = arm.ik_in(T, np.array([branch]))
+        q = up[0] - 2.0 * np.pi * np.round((up[0] - q) / (2.0 * np.pi))
+        assert reached[0]
+        assert arm.within_limits(q[None], cell.limits.joint_margin)[0]

@@ -8,7 +8,14 @@ import pytest
 from postproc.errors import PlanError
 from postproc.geometry.frames import angle_between, rotation_angle, rotation_x, rotation_z
 from postproc.planning.search.between import Interpolation, carried_twist
-from postproc.planning.states.place import frames_across, place, spin_values, transported
+from postproc.planning.states.place import (
+    finer_spins,
+    frames_across,
+    place,
+    spin_values,
+    transported,
+)
+from postproc.planning.states.settings import Settings
 from postproc.units import DEG
 
 
@@ -40,6 +47,25 @@ def test_frames_lay_the_tool_axis(axis):
 )
 def test_spin_grid(step, low, high, want):
     assert np.allclose(spin_values(step * DEG, low * DEG, high * DEG) / DEG, want)
+
+
+@pytest.mark.parametrize("step", [10, 7, 6.95, 50, 0.7])
+@pytest.mark.parametrize("fine", [1, 2, 4])
+def test_the_finer_grid_holds_the_grid(step, fine):
+    grid = spin_values(step * DEG, -np.pi, np.pi)
+    finer = finer_spins(step * DEG, -np.pi, np.pi, fine)
+    assert np.allclose(finer[::fine], grid)
+    assert np.allclose(np.diff(finer), step * DEG / fine)
+    assert len(finer) == fine * len(grid)
+
+
+@pytest.mark.parametrize(
+    ("step", "tilts", "fine"), [(10, 1, 4), (10, 25, 4), (5, 25, 2), (1, 1, 2), (0.5, 1, 1)]
+)
+def test_the_finest_grid_fits_on_a_rung(step, tilts, fine):
+    settings = Settings(None, spin_values(step * DEG, -np.pi, np.pi))
+    assert settings.fine(tilts) == fine
+    assert Settings(None, np.zeros(1)).fine(tilts) == 1
 
 
 def test_transport_carries_the_solid_angle():

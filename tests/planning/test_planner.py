@@ -240,7 +240,7 @@ class TestFailures:
         assert [finding.code for finding in result.errors] == ["PLN101"]
         assert result.errors[0].tag_index == 2
         assert result.errors[0].source.line == 12
-        assert "576 unreachable" in result.errors[0].message
+        assert "1152 unreachable" in result.errors[0].message
 
     def test_limits_and_singularity_are_told_apart(self, make_cell, make_path, robot):
         toolpath = row_of_holes(make_path, n=1)

@@ -141,3 +141,7 @@ def test_why_the_tool_cannot_leave_a_cut_is_told(make_cell, make_path):
     (error,) = found.errors
     assert "the tool cannot back off along its axis" in error.message
     assert error.code in {"PLN101", "PLN102", "PLN103"}  # there is nothing to collide with
+    height = int(error.hint.rsplit("approach_mm to ", 1)[1])
+    assert 0 < height < 50
+    lower = make_cell(motion={"home_deg": [0, -90, 90, 0, 45, 0], "approach_mm": height})
+    assert not plan(make_path(points, [0.0, 0.0, 1.0]), lower).errors

@@ -17,6 +17,7 @@ from postproc.planning.checks import Checker, Lines, Reason
 from postproc.planning.route.fold import folded_ways, way_times
 from postproc.planning.route.tree import ROUNDS, rrt_connect, seem_free
 from postproc.records import dataclass
+from postproc.units import MM
 
 BACK_OFF = ((0.0,), (0.05,), (0.1, 0.2, 0.4))
 """Heights [m] by which both ends back off along their tool axes, tried in turn.
@@ -41,6 +42,8 @@ _HOPELESS = 5
 """After so many trees that found no way ..."""
 _FEW = 6
 """... the next ones grow no more often than this."""
+_HEIGHTS = 100
+"""So many heights are tried where the tool cannot back off as far as it must."""
 _ASKED = 20
 """So often at most where a way is only asked for: ways that take longer to find are long."""
 GIVE_UP = 40
@@ -152,6 +155,20 @@ def why_stuck(
     if not problem.within(q)[0]:
         return Reason.JOINT_LIMIT
     return Reason.COLLISION if problem.regular(q)[0] else Reason.SINGULAR
+
+
+def way_up(
+    checker: Checker, ends: Ends, row: int, attitude: FloatArray, branch: IndexArray
+) -> float:
+    """Return how far [m] the tool of a connection can back off that cannot as it must.
+
+    Whole millimetres, 0 where it is not one; of a long way some heights are tried.
+    """
+    most = int(np.ceil(ends.lift[row] / MM)) - 1
+    heights = np.unique(np.linspace(most, 1, min(max(most, 0), _HEIGHTS)).astype(int)) * MM
+    some = ends.rows(np.full(len(heights), row))
+    free = backed_off(checker, replace(some, lift=heights), attitude, branch)[1]
+    return float(heights[free].max(initial=0.0))
 
 
 def _folded(checker: Checker, ends: Ends, rows: IndexArray) -> dict[int, FloatArray]:

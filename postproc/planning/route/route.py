@@ -20,6 +20,7 @@ from postproc.planning.route.connect import (
     backed_off,
     detours,
     free_way,
+    way_up,
     why_stuck,
 )
 from postproc.planning.route.cuts import cut_moves
@@ -29,6 +30,7 @@ from postproc.planning.route.thin import Left, corner_tolerances, thinned
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
 from postproc.process import hole_steps, on_the_way_out
 from postproc.records import dataclass
+from postproc.units import MM
 
 STOPS = frozenset(EventKind) - {EventKind.MESSAGE, EventKind.UNKNOWN}
 """Events before which the robot stands still."""
@@ -197,8 +199,15 @@ def _out_of_material(
     up, is_free = backed_off(checker, ends, chosen.attitude, chosen.branch)
     if not is_free[0]:
         why = why_stuck(checker, ends, 0, chosen.attitude, chosen.branch)
-        findings.append(failure(checker.problem, tag, why, _STUCK, LEAD_OUT))
+        hint = _lead_out(checker, ends, 0, chosen)
+        findings.append(failure(checker.problem, tag, why, _STUCK, hint))
     return up[is_free]
+
+
+def _lead_out(checker: Checker, ends: Ends, row: int, chosen: Chosen) -> str:
+    """Return what helps where the tool of a connection cannot back off as it must."""
+    height = way_up(checker, ends, row, chosen.attitude, chosen.branch)
+    return f"{LEAD_OUT} to {height / MM:.0f}" if height else LEAD_OUT
 
 
 def _moves_to(problem: Problem, tag: int, order: int, q: FloatArray, kind: MoveKind) -> Moves:
@@ -285,7 +294,8 @@ def _decide(
         detail = walled or _blocked(checker, verdict, int(stuck[i]), name)
         hint, why = _NOT_SEARCHED if count >= GIVE_UP else "", Reason.COLLISION
         if verdict.good[stuck[i]]:
-            hint, why = LEAD_OUT, why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
+            why = why_stuck(checker, ends, row, chosen.attitude, chosen.branch)
+            hint = _lead_out(checker, ends, row, chosen)
         findings.append(failure(problem, int(ends.tag_to[row]), why, detail, hint))
         if not walled and not hint:
             gaps.append(Gap(findings[-1], int(ends.tag_from[row]), int(ends.tag_to[row])))

@@ -28,8 +28,6 @@ _OUT = 0
 """Class of the states that are out."""
 _AT_ONCE = 2000
 """Tags whose runs are joined together, so that memory stays bounded."""
-_DOUBLINGS = 10
-"""2 to this is more than the spins of one run, all turns of the joints included."""
 
 
 @dataclass(slots=True)
@@ -144,7 +142,8 @@ class Bridges:
         target[wraps & (not self.closed)] = NONE
         follow = _near(place * width + spin, q, target, q)
         after = np.where(follow == NONE, np.arange(len(states)), follow)
-        self.run[states] = states[_labels(after)]
+        longest = int(np.bincount(place - place.min()).max())
+        self.run[states] = states[_labels(after, longest)]
 
     def _place(self, states: IndexArray) -> IndexArray:
         """Return a number (m,) for rung and branch of states."""
@@ -225,10 +224,13 @@ def _is_part(former: Joined, now: Joined) -> bool:
     return np.array_equal(may[_OUT + 1 :, _OUT + 1 :], now.may[_OUT + 1 :, _OUT + 1 :])
 
 
-def _labels(after: IndexArray) -> IndexArray:
-    """Return one number (n,) for all rows that follow each other; an end follows itself."""
+def _labels(after: IndexArray, longest: int) -> IndexArray:
+    """Return one number (n,) for all rows that follow each other; an end follows itself.
+
+    No more than ``longest`` rows do.
+    """
     jump, least = after, np.arange(len(after))
-    for _ in range(_DOUBLINGS):
+    for _ in range(longest.bit_length()):
         least = np.minimum(least, least[jump])
         jump = jump[jump]
     ends = after[jump] == jump

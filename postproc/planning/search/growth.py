@@ -17,13 +17,14 @@ from postproc.arrays import IndexArray
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.free_path import Found
 from postproc.planning.search.pose_search import PoseSearch
-from postproc.planning.search.rungs import FINE
 from postproc.planning.states import NONE
 from postproc.records import dataclass
 
-_WINDOWS = ((8, FINE), (40, 1), (300, 1), (3000, 1), (10**9, 1))
-"""Tags to each side of a break, and the stride on the finest grid of spins, tried in turn."""
-_LOCAL = 2
+_COARSE, _FINER = 10**6, 2
+_WINDOWS = ((8, _COARSE), (40, _FINER), (40, 1), (300, 1), (3000, 1), (10**9, _FINER))
+"""Tags to each side of a break, and the stride on the finest grid of spins, tried in turn; no
+larger one than that of the cell's grid."""
+_LOCAL = 3
 """After so many of them it is looked whether anything could lead past the break at all."""
 MOST_STATES = 12_000_000
 """A search that holds more gives up: a good gigabyte."""
@@ -130,6 +131,6 @@ class Growth:
                     break
             self.tries[number] = attempt
             span = (search.tags >= low) & (search.tags < high)
-            searched = span.sum() == high - low and (search.stride[span] == 1).all()
+            searched = span.sum() == high - low and (search.stride[span] <= _FINER).all()
             if attempt == len(_WINDOWS) and not (wish[low:high] > 0).any() and not searched:
                 self.gave_up.add(tag)

@@ -20,7 +20,7 @@ from postproc.planning.search.failing_cuts import SHORT, FailingCuts
 from postproc.planning.search.fans import fan
 from postproc.planning.search.free_path import Found, free_path
 from postproc.planning.search.rungs import (
-    FINE,
+    STUCK,
     Parted,
     Wish,
     beside,
@@ -108,7 +108,7 @@ class PoseSearch:
         wish = wish or Wish()
         problem = checker.problem
         between = between or Interpolation.of(problem)
-        stride = np.full(len(tags), FINE if len(problem.settings.spins) > 1 else 1)
+        stride = np.full(len(tags), problem.fine)
         states, pinned, edges = states_on(problem, tags, stride, wish)
         ladder, weight, share = ladder_of(problem, between, tags, states, wish)
         hasty = np.zeros(len(tags), dtype=np.bool_)
@@ -227,7 +227,7 @@ class PoseSearch:
     @property
     def base_stride(self) -> int:
         """Every how many of the finest spins are in the cell's grid."""
-        return FINE if self.states.spins.shape[-1] > 1 else 1
+        return self.checker.problem.fine
 
     def run(self, *, steps: bool = True) -> Found:
         """Search; without ``steps`` only states are checked, not the motions between them.
@@ -262,10 +262,15 @@ class PoseSearch:
         return True
 
     def broken(self, found: Found) -> BoolArray:
-        """Return (n,) the key tags into which a cut should lead but none does."""
+        """Return (n,) the key tags into which a cut should lead but none does.
+
+        None either but to a pose that the tool cannot back off from, where it must.
+        """
         has = found.path != NONE
-        result = self.ladder.broken & (self.ladder.rule == Rule.CHAIN) & has
+        result = self.ladder.broken & has
         result[1:] &= has[:-1]
+        result[has] |= self.states.cost[found.path[has]] >= STUCK
+        result &= self.ladder.rule == Rule.CHAIN
         result[:1] = False
         return np.asarray(result)
 
@@ -377,7 +382,7 @@ class PoseSearch:
         near, by = [self._place(rung, own[row], branch[row])], [pair[row]]
         along, around = _beside(reach)
         rung = at[:, None] + along
-        column = tilt[:, None] * width + (spin[:, None] + FINE * around) % width
+        column = tilt[:, None] * width + (spin[:, None] + self.base_stride * around) % width
         inside = (rung >= 0) & (rung < n)
         near.append(self._place(rung, column, branch[:, None])[inside])
         by.append(np.broadcast_to(pair[:, None], inside.shape)[inside])

@@ -27,8 +27,8 @@ from postproc.planning.states import (
     Rule,
     States,
     Tolls,
+    finer_spins,
     sample_on,
-    spin_values,
 )
 from postproc.process import AXIS_SHARE
 from postproc.records import dataclass
@@ -43,8 +43,9 @@ DEARER = 300.0
 CUT_TRAVEL = 3e-3
 """Weight of travel inside a cut where every tag is optimised for itself: 0.3 % of stiffness for a
 joint step of 10 degrees. Without it neighbours stand at opposite spins and no line joins them."""
-STUCK = 30.0
-"""Cost of a state from which the tool cannot back off where a cut ends, likewise."""
+STUCK = 1e6
+"""Cost of a state from which the tool cannot back off where a cut ends: more than any way costs,
+as a tool that is stuck is refused."""
 _TIE_SPIN = 1e-5
 CUT_UNIT = 0.01
 """Length [m] of cut over which states and travel weigh as at one tag by itself: what a cut costs
@@ -78,8 +79,6 @@ ARM, WRIST = 3, 4
 """The bits of a branch that say how shoulder and elbow stand, and the wrist."""
 _AT_ONCE = 1000
 """Tags whose states are priced together, so that memory stays bounded."""
-FINE = 2
-"""Steps of the finest grid of spins in one of the cell's; searched where the latter has no way."""
 
 
 class Parted(NamedTuple):
@@ -140,17 +139,17 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
     which the tags beside it see where it stands. ``NONE`` where a tag is not pinned.
     """
     wishes, pins = problem.cell.optimize, problem.pins[tags]
-    given = problem.settings.spins
+    given, fine = problem.settings.spins, problem.fine
     if len(given) > 1:
-        given = spin_values(wishes.step / FINE, *wishes.range)
+        given = finer_spins(wishes.step, *wishes.range, fine)
     column = np.full(len(tags), NONE, dtype=np.int64)
     if np.isnan(problem.pins).all():  # of all tags: the grids of any two sets of tags must join
         return given, column
-    base = given[::FINE] if len(given) > 1 else given
+    base = given[::fine]
     spins = np.tile(given, (len(tags), 1))
     for row in np.flatnonzero(~np.isnan(pins)).tolist():
         off = np.abs(np.mod(base - pins[row] + np.pi, 2.0 * np.pi) - np.pi)
-        spins[row], column[row] = pins[row], int(np.argmin(off)) * (len(given) > 1) * FINE
+        spins[row], column[row] = pins[row], int(np.argmin(off)) * fine
     return spins, column
 
 
@@ -161,7 +160,7 @@ def states_on(
     spins, pin = pinned_spins(problem, tags)
     pinned = pin != NONE
     states = sample_on(problem, tags, spins, stride)
-    edges = edges_of(problem, tags, states, pinned, FINE if spins.shape[-1] > 1 else 1)
+    edges = edges_of(problem, tags, states, pinned, problem.fine)
     best, price = yardstick(problem, states, edges), problem.settings.weights.price
     for low in range(0, len(tags), _AT_ONCE):
         edge = states.offsets[low : low + _AT_ONCE + 1]

@@ -300,6 +300,14 @@ def spin_values(step: float, low: float, high: float) -> FloatArray:
     return rounded_spin(np.arange(first, last + 1) * step)
 
 
+def finer_spins(step: float, low: float, high: float, fine: int) -> FloatArray:
+    """Return the grid of ``spin_values`` with ``fine`` spins to each of its own (S,) [rad]."""
+    if high - low < 2.0 * np.pi - 1e-9:
+        return spin_values(step / fine, low, high)
+    between = np.arange(fine) * (step / fine)
+    return rounded_spin((spin_values(step, low, high)[:, None] + between).ravel())
+
+
 def rounded_spin(spin: ArrayLike) -> FloatArray:
     """Round to the grid that makes poses independent of the machine's last digit."""
     rounded: FloatArray = np.round(np.asarray(spin, dtype=np.float64) / SPIN_GRID) * SPIN_GRID + 0.0

@@ -54,6 +54,11 @@ class Problem:
         return np.isin(kind, WORKING)
 
     @cached_property
+    def fine(self) -> int:
+        """How many spins of the finest grid there are to one of the cell's."""
+        return self.settings.fine(len(self.tilts))
+
+    @cached_property
     def pins(self) -> FloatArray:
         """(n,) the spin that each tag is pinned to [rad], NaN for none."""
         pins, asked = np.full(len(self), np.nan), self.cell.optimize.pins

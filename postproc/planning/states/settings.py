@@ -17,6 +17,12 @@ from postproc.records import dataclass
 from postproc.units import DEG
 
 Word = TypeVar("Word", bound=StrEnum)
+_FINER = (2, 4)
+"""So many times as fine as the cell's is the finest grid of spins, ..."""
+_FINEST = 0.499 * DEG
+"""... but its step no smaller [rad], ..."""
+_FINEST_COLUMNS = 2 * MOST_COLUMNS
+"""... with no more spins times tilts at a tag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +50,18 @@ class Settings:
 
     weights: Weights
     spins: FloatArray
+
+    def fine(self, tilts: int) -> int:
+        """Return how many spins of the finest grid there are to one of the cell's.
+
+        The finest one is searched where the other has no way; a rung has to hold it.
+        """
+        count, most = len(self.spins), _FINEST_COLUMNS // tilts
+        if count < 2:
+            return 1
+        step = float(self.spins[1] - self.spins[0])
+        fits = [n for n in _FINER if step >= n * _FINEST and count * n <= most]
+        return max(fits, default=1)
 
 
 def settle(cell: Cell, options: PlanOptions) -> tuple[Cell, Settings]:
