@@ -28,6 +28,7 @@ from postproc.planning.states import (
     UPRIGHT,
     Chosen,
     Moves,
+    Placement,
     PlanOptions,
     Problem,
     Settings,
@@ -213,9 +214,26 @@ def _planned(
     *,
     goes_on: bool = False,
 ) -> Plan:
-    """Return the plan with the external axes at ``external`` (n, k); None: the cell has none."""
+    """Return the plan with the external axes at ``external`` (n, k); None: the cell has none.
+
+    Where few tilts have no way, more are searched.
+    """
     clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings, external)
+    result = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
+    if not result.errors:
+        return result
+    more = with_more_tilts(checker.problem)
+    if len(more.tilts) == len(checker.problem.tilts):
+        return result
+    again = _planned_by(replace(checker, problem=more), toolpath, clock, options, goes_on=goes_on)
+    return min(result, again, key=lambda made: len(made.errors))
+
+
+def _planned_by(
+    checker: Checker, toolpath: ToolPath, clock: Clock, options: PlanOptions, *, goes_on: bool
+) -> Plan:
+    """Return the plan of a toolpath as it is read, of poses that pass some checks."""
     problem = checker.problem
     choice, routed, dropped = linked(checker, clock, partial=options.partial, goes_on=goes_on)
     chosen = choice.chosen
@@ -273,7 +291,7 @@ def problem_of(
         feed = feed_directions(toolpath, axis)
         feed[~placement.given] = np.nan
         placement = replace(placement, feed=feed)
-        tilts = tilt_grid(cell.optimize.tilt, len(settings.spins), int(placement.may_tilt.sum()))
+        tilts = _tilts(cell, settings, placement)
     return Problem(
         toolpath,
         cell,
@@ -284,6 +302,19 @@ def problem_of(
         stiffness_of(cell),
         tilts,
     )
+
+
+def with_more_tilts(problem: Problem) -> Problem:
+    """Return the problem with as many tilts as a search can hold, if there are any."""
+    if len(problem.tilts) == 1:
+        return problem
+    tilts = _tilts(problem.cell, problem.settings, problem.placement, few=False)
+    return replace(problem, tilts=tilts)
+
+
+def _tilts(cell: Cell, settings: Settings, placement: Placement, *, few: bool = True) -> FloatArray:
+    tags = int(placement.may_tilt.sum())
+    return tilt_grid(cell.optimize.tilt, len(settings.spins), tags, few=few)
 
 
 def checker_of(

@@ -5,13 +5,17 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from postproc.cell import parse_cell
+from postproc.geometry import angle_between
 from postproc.jobs.convert import ConvertRequest, convert
+from postproc.model import MotionKind
+from postproc.units import DEG, MM
 from tests.cells import FEED, STIFFNESS, cell_text
 from tests.jobs.emitted import converted as converted_text
-from tools.bench.contours import contour
+from tools.bench.contours import SOLIDS, contour
 
 
 def converted(toolpath, *tables):
@@ -37,6 +41,40 @@ def test_a_cut_goes_on_in_the_next_file_however_slow_the_axes(percent):
     assert "re-entry" in text
     told = {int(word) for word in re.findall(r"\$VEL_AXIS\[1\]=(\d+)", text)}
     assert max(told, default=percent) <= max(percent, 10)
+
+
+def led(path, up):
+    """Return a contour entered and left along the tool axis, by rapids so far up [mm]."""
+    n = len(path)
+    path = path.rows(np.append(np.append(0, np.arange(n)), n - 1))
+    kind, points = np.array(path.kind), path.points.copy()
+    kind[1], kind[[0, -1]] = MotionKind.LINEAR, MotionKind.RAPID
+    points[[0, -1]] += up * MM * path.axes[[0, -1]]
+    feed = np.where(kind == MotionKind.RAPID, np.nan, 0.01)
+    return replace(path, kind=kind, points=points, feed=feed)
+
+
+def test_a_cut_in_a_solid_part_goes_on_in_the_next_file():
+    """The joint motion at the head of a file stays in the material, and touches it."""
+    part = """\
+meshes = [{ name = "part", box = { size_mm = [200, 200, 20] }, xyz_mm = [0, 0, -9] }]
+"""
+    rest = f"{FEED}[krl]\nmax_points_per_file = 20\n"
+    cell = parse_cell(cell_text(part, rest, tool=SOLIDS, origin=(1900, 0, 700)).encode(), "c.toml")
+    path = led(contour("convex", 60, 1.0, lean=0.0), 30.0)
+    job = convert(ConvertRequest("contour", "cell"), toolpath=path, cell=cell)
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]
+    assert "re-entry" in program(job)
+
+
+@pytest.mark.parametrize("up", [30.0, 60.0])
+def test_a_leaning_tool_backs_off_as_far_as_it_must(up):
+    """However far the CAM file itself goes back along its own axis."""
+    path = led(contour("convex", 30, 1.0), up)
+    job = converted(path, FEED, '[optimize]\npreset = "stiffest"\nlead_deg = [-15, 15]\n')
+    last = np.flatnonzero(job.plan.tag == len(path) - 2)[0]
+    axis = job.plan.T_base_tcp[last, :3, 0]
+    assert angle_between(-path.axes[-2], axis) > 2.0 * DEG
 
 
 def test_points_that_lie_close_are_passed_without_a_stop():

@@ -62,6 +62,7 @@ def test_what_is_barred_is_what_the_check_refuses(make_cell, make_path, options,
         path = make_path(spiral(4, 0.1), axes, [RAPID, LINEAR, LINEAR, LINEAR])
     search = searched(make_cell, path, options, spins=spins)
     rng, joins, states = np.random.default_rng(1), search.ladder.joins, search.states
+    joins.turn[:] = np.pi
     between = Interpolation.of(search.checker.problem)
     barred = looked = 0
     for rung in range(1, len(path)):

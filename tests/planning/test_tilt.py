@@ -12,10 +12,11 @@ from postproc.cell.cell import TiltRange, Workpiece
 from postproc.errors import CellError
 from postproc.geometry.frames import angle_between
 from postproc.model.toolpath import Arcs, Cycle, MotionKind
+from postproc.planning import planner
 from postproc.planning.planner import checker_of, plan, problem_of
 from postproc.planning.search.pose_search import PoseSearch
 from postproc.planning.states.settings import PlanOptions, settle
-from postproc.planning.states.tilt import MOST_TILTS, feed_directions, tilt_grid
+from postproc.planning.states.tilt import FEW_TILTS, MOST_TILTS, feed_directions, tilt_grid
 from postproc.units import DEG
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -88,6 +89,9 @@ def test_grid_is_bounded(tags):
     allowed = TiltRange((-45 * DEG, 45 * DEG), (-45 * DEG, 45 * DEG), 0.5 * DEG)
     grid = tilt_grid(allowed, 36, tags)
     assert 9 <= len(grid) <= MOST_TILTS
+    allowed = TiltRange((-10 * DEG, 10 * DEG), (-10 * DEG, 10 * DEG), 5 * DEG)
+    assert len(tilt_grid(allowed, 36, min(tags, 1000))) == FEW_TILTS
+    assert len(tilt_grid(allowed, 36, min(tags, 1000), few=False)) == MOST_TILTS
     assert len(grid) == 9 or len(grid) * 36 * tags <= 1_000_000
     assert np.abs(grid).max() == pytest.approx(45 * DEG)
 
@@ -211,3 +215,22 @@ def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
         make_cell(options=wishes, bases=(AHEAD,)),
     )
     assert np.nanmean(result.stiffness[:11]) > np.nanmean(alone.stiffness[:11])
+
+
+@pytest.mark.usefixtures("no_scene")
+@pytest.mark.parametrize(("shift", "tried"), [(0.0, [9]), (9.0, [9, 25])])
+def test_more_tilts_are_tried_before_a_cut_is_refused(
+    make_cell, make_path, monkeypatch, shift, tried
+):
+    points = [[1.8 + shift, y, 0.8] for y in (0.0, 0.01, 0.02)]
+    ranges = {"lead_deg": [-10, 10], "side_tilt_deg": [-10, 10]}
+    seen, planned = [], planner._planned_by
+
+    def counted(checker, *rest, **more):
+        seen.append(len(checker.problem.tilts))
+        return planned(checker, *rest, **more)
+
+    monkeypatch.setattr(planner, "_planned_by", counted)
+    found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), make_cell(options=ranges))
+    assert seen == tried
+    assert bool(found.errors) == (len(tried) > 1)

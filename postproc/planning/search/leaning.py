@@ -14,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between, axis_angle, rotation_angle, turned_between
+from postproc.kinematics import wrapped
 from postproc.model import MotionKind
 from postproc.planning.checks import Lines, poses_between
 from postproc.planning.states import (
@@ -43,7 +44,8 @@ class Leans:
 
     ``tags`` (n,) of the states; ``told`` (n,): into which of them a cut leads that depends on tilt
     and turn of the spin alone: from the tag before, neither of them pinned. ``stride`` (n,) of the
-    spins of each tag; ``closed``: the first spin follows the last.
+    spins of each tag; ``closed``: the first spin follows the last. Cuts turn the tool against
+    ``carried`` (n,) [rad] by no more than ``turn`` (n,) [rad].
     """
 
     problem: Problem
@@ -52,6 +54,8 @@ class Leans:
     told: BoolArray
     stride: IndexArray
     closed: bool
+    carried: FloatArray
+    turn: FloatArray
     _known: dict[int, Joined] = field(init=False, default_factory=dict)
     _tables: dict[bytes, BoolArray] = field(init=False, default_factory=dict)
     _matrix: tuple[int, BoolArray] = field(init=False, default=(-1, np.zeros((0, 0), np.bool_)))
@@ -89,7 +93,20 @@ class Leans:
         if self._matrix[0] != i:
             self._matrix = i, self._all_steps(i)
         at, of = (self._attitude(i, states) for states in (now, before))
-        return np.asarray(self._matrix[1][at][:, of])
+        barred = self._matrix[1][at][:, of]
+        if self.turn[i] < np.pi:
+            barred |= self._turns_too_fast(i, before, now)
+        return np.asarray(barred)
+
+    def _turns_too_fast(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray:
+        """Return (now, before) which cuts into rung ``i`` turn the tool too fast about its axis."""
+        spin, start = (
+            self.states.column[at].astype(np.int64) % self._width for at in (now, before)
+        )
+        turn = np.arange(1 - self._width, self._width) * self._spacing(i)
+        turn += self.carried[i] - self.carried[i - 1]
+        too_fast = np.abs(wrapped(turn)) > self.turn[i]
+        return np.asarray(too_fast[np.subtract.outer(spin, start) + (self._width - 1)])
 
     def is_lasting(self, i: int) -> bool:
         """Return whether the steps into rung ``i`` are told by tilt and turn alone."""

@@ -385,7 +385,8 @@ def bridges_of(
     if len(states.tilts) > 1:
         told = between.is_cut[tags] & ~pinned & (np.diff(tags, prepend=NONE) == 1)
         told[1:] &= ~pinned[:-1]
-        ladder.joins = Leans(problem, states, tags, told, stride, is_closed)
+        bridges.loose[told] = True
+        ladder.joins = Leans(problem, states, tags, told, stride, is_closed, carried, bridges.turn)
     return bridges
 
 

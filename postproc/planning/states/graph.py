@@ -186,6 +186,12 @@ class Graph:
                 self._lists[i] = steps
                 self._room_left -= len(steps[0].cost)
 
+    def forget_lists(self, rungs: IndexArray) -> None:
+        """List the steps into rungs (m,) anew where they are asked for."""
+        for i in rungs.tolist():
+            steps = self._lists.pop(i, None)
+            self._room_left += 0 if steps is None else len(steps[0].cost)
+
     def _list(self, i: int) -> tuple[Listed, int] | None:
         """List the steps into a rung, as long as there is room; so many forbidden ones are out."""
         if self.joins is None or self.rule[i] != CHAIN or not self.joins.is_lasting(i):

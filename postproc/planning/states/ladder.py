@@ -192,6 +192,7 @@ class Ladder(Graph):
 
     def renew(self, rungs: IndexArray) -> None:
         """Repair the values where other steps into rungs (m,) may be done than before."""
+        self.forget_lists(rungs)
         self._repair(rungs)
 
     def remove(self, states: IndexArray) -> None:

@@ -80,10 +80,12 @@ class Problem:
     def lifts(self) -> FloatArray:
         """(n,) [m] by how much the tool backs off from a tag before any motion but a cut.
 
-        No farther than the CAM file itself where its next point is straight behind the cut.
+        No farther than the CAM file itself where its next point is straight behind the cut and the
+        tool does not lean.
         """
         inside = in_material(self.toolpath, self.cell)
-        return np.where(inside, np.minimum(back_off(self.cell), self._own_ways_out), 0.0)
+        own = np.where(self.placement.may_tilt, np.inf, self._own_ways_out)
+        return np.where(inside, np.minimum(back_off(self.cell), own), 0.0)
 
     @cached_property
     def _own_ways_out(self) -> FloatArray:

@@ -24,6 +24,9 @@ the tool about one axis, while the feed direction goes from that of one tag to t
 REENTRY = "reentry"
 """Extra column of a toolpath: tags at which a cut is entered anew, straight along the CAM axis."""
 MOST_TILTS = 25
+FEW_TILTS, WIDE = 9, 20.0 * DEG
+"""So many tilts are searched at first where their steps are no wider [rad]: refined, such a grid
+gives poses as stiff as one of many, and steps between poses are pairs of tilts."""
 MOST_COLUMNS = 2000
 """Most spins times tilts at a tag: 32 arm configurations each must fit into one rung."""
 MOST_POSES = 1_000_000
@@ -154,7 +157,7 @@ def leaves_tilt_range(
     return np.asarray(~((found >= low) & (found <= high)).all(axis=(1, 2)))
 
 
-def tilt_grid(allowed: TiltRange, spins: int, tags: int) -> FloatArray:
+def tilt_grid(allowed: TiltRange, spins: int, tags: int, *, few: bool = True) -> FloatArray:
     """Return the tilts (T, 2) [rad] to search, lead and side; the first is none at all.
 
     Multiples of the step and the ends of the ranges. A step twice, three times, ... as wide is
@@ -165,15 +168,29 @@ def tilt_grid(allowed: TiltRange, spins: int, tags: int) -> FloatArray:
         allowed: ranges and step.
         spins: how many spins are searched.
         tags: how many tags may tilt.
+        few: whether wider steps are taken for speed, too (``FEW_TILTS``).
     """
     most = min(MOST_TILTS, MOST_COLUMNS // spins, MOST_POSES // max(1, spins * tags))
+    if few and most > FEW_TILTS:
+        step, grid = _widened(allowed, FEW_TILTS)
+        if step <= WIDE:
+            return grid
+    return _widened(allowed, most)[1]
+
+
+def _widened(allowed: TiltRange, most: int) -> tuple[float, FloatArray]:
+    """Return the narrowest step [rad] that gives no more than so many tilts, and these (T, 2).
+
+    The widest where none does.
+    """
     widest = max(high - low for low, high in (allowed.lead, allowed.side))
     for wider in range(1, 2 + int(widest / allowed.step)):
-        values = [_values(limits, wider * allowed.step) for limits in (allowed.lead, allowed.side)]
+        step = wider * allowed.step
+        values = [_values(limits, step) for limits in (allowed.lead, allowed.side)]
         if len(values[0]) * len(values[1]) <= most:
             break
     grid = np.array(list(itertools.product(*values)))
-    return grid[np.argsort((grid != 0.0).any(axis=1), kind="stable")]
+    return step, grid[np.argsort((grid != 0.0).any(axis=1), kind="stable")]
 
 
 def coarsest(allowed: TiltRange) -> int:
