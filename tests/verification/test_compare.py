@@ -71,6 +71,31 @@ def test_reentry_along_the_axis_is_good(cell):
     assert kinds(check(cell, path_of(SQUARE), *lines)) == set()
 
 
+def test_reentry_by_a_joint_motion_is_not(cell):
+    """It may come from anywhere, through the part as well."""
+    back = at(0, 20, 0).replace("LIN", "PTP")
+    lines = [*cuts((-50, 0, 0), (0, 0, 0), (0, 20, 0), (-80, 20, 0)), START, back]
+    report = check(cell, path_of(SQUARE), *lines, *cuts(*SQUARE[2:]))
+    assert kinds(report) == {"path"}
+    assert "comes back by a joint motion" in report.violations[0].message
+
+
+@pytest.mark.parametrize("place", ["behind", "inside"])
+@pytest.mark.parametrize("extra", [[(0, 10, 60), (0, 30, 60)], [(0, 10, 60)], [(5, 0, 40)]])
+def test_a_cut_too_many(cell, place, extra):
+    """Another line, another plunge, deeper than asked: nothing of the file asks for it."""
+    above = [(-80, *point[1:]) for point in (extra[0], extra[-1])]
+    more = [*cuts(above[0], *extra, above[1])]
+    if place == "behind":
+        lines = [*cuts(*SQUARE, (-50, 0, 40)), START, *more]
+    else:
+        lines = [*cuts(*SQUARE[:2], (0, 20, 0), (-80, 20, 0)), START, *more, START]
+        lines += cuts((-80, 20, 0), (0, 20, 0), *SQUARE[2:], (-50, 0, 40))
+    report = check(cell, path_of(SQUARE), *lines)
+    assert kinds(report) == {"path"}
+    assert "does not ask for" in report.violations[0].message
+
+
 def test_reentry_from_the_side_is_not(cell):
     lines = cuts((-50, 0, 0), (0, 0, 0), (0, 20, 0), (-30, 60, 30), (0, 20, 0), *SQUARE[2:])
     assert kinds(check(cell, path_of(SQUARE), *lines)) == {"path"}

@@ -36,7 +36,7 @@ from postproc.paths import Displacement
 from postproc.process import Claims, claimed
 from postproc.units import DEG, MM
 from postproc.verification.cam.comparison import Comparison, Tolerances
-from postproc.verification.cam.elements import Followed, element_to, follow
+from postproc.verification.cam.elements import NEAR, Followed, element_to, follow
 from postproc.verification.cam.feeds import AT_MOST, Feeds
 from postproc.verification.cam.holes import check_holes, passed_pecks
 from postproc.verification.cam.leaving import check_leaving
@@ -53,6 +53,7 @@ from postproc.verification.cam.matching import (
 from postproc.verification.cam.real import RealPaths, real_paths, stands
 from postproc.verification.cam.strokes import check_strokes
 from postproc.verification.cam.tilt import Tilts, check_between
+from postproc.verification.cam.unasked import check_unasked
 from postproc.verification.report import Result
 
 BENT = 0.25
@@ -101,7 +102,8 @@ def compare(
     path_tolerance = tolerances.path if tolerances.path is not None else cell.motion.chord
     feeds = Feeds(result, toolpath, cell)
     path_tolerance += tolerances.position
-    motions = _elements(result, comparison, toolpath, path_tolerance, feeds)
+    judged = np.zeros(len(paths), dtype=np.bool_)
+    motions = _elements(result, comparison, toolpath, path_tolerance, feeds, judged)
     if tilts.allowed:
         check_between(result, tilts, toolpath, motions, comparison.tilt)
     else:
@@ -113,6 +115,11 @@ def compare(
     limits, shift = (tolerances.axis, path_tolerance), comparison.largest_shift()
     check_strokes(result, real, wanted, on_axis, limits, shift)
     check_leaving(result, cell, toolpath, served, visits.last, milled)
+    judged |= comparison.is_cut | (on_axis >= 0)
+    for goes in (served, visits.last):
+        judged[goes[goes >= 0]] = True
+    if (served >= 0).all():  # else what goes beside a point is told as that
+        check_unasked(result, cell, judged, NEAR * path_tolerance + shift)
     _relative(result, comparison.is_cut | (on_axis >= 0))
     feeds.report()
     return comparison
@@ -355,8 +362,12 @@ def _elements(
     toolpath: ToolPath,
     tolerance: float,
     feeds: Feeds,
+    judged: BoolArray,
 ) -> dict[int, tuple[int, ...]]:
-    """Check lines and arcs between served tags; return the motions that cut towards each tag."""
+    """Check lines and arcs between served tags; return the motions that cut towards each tag.
+
+    ``judged`` (m,), changed in place: motions on a way that is reported as wrong.
+    """
     served, kind = comparison.served, comparison.wanted.kind
     rows = np.flatnonzero(np.isin(kind, CUTS))
     rows = rows[rows > 0]
@@ -397,6 +408,7 @@ def _elements(
             worst = done
         if done.fault or done.deviation > tolerance:
             faults += 1
+            judged[int(served[row - 1]) + 1 : int(served[row]) + 1] = True
             if faults <= AT_MOST:
                 text = done.fault or f"{done.deviation / MM:.4f} mm beside the path"
                 result.finding(RunKind.PATH, done.motion, f"to tag {_tag(toolpath, row)}: {text}")

@@ -2,7 +2,7 @@
 
 The motions from the one point to the other must cover the element from its start to its end,
 forward, within the tolerance. In between the tool may leave the element and come back (a
-re-entry, another arm pose, a new sub-program): it must leave and return by a joint motion or along
+re-entry, another arm pose): it must leave by a joint motion or along the tool axis, return along
 the tool axis, and go on from no further than where it left. What is not covered is a gap.
 """
 
@@ -21,6 +21,8 @@ _SHARES = np.array([0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0])
 _FULL = 2.0 * np.pi
 NEAR = 10.0
 """A motion within this many tolerances belongs to the element; its distance is measured."""
+_STAYS = 0.01 * MM
+"""A joint motion by less [m] stays where the one before ended, as at the head of a sub-program."""
 ALONG_AXIS = 0.9999
 """Cosine to the tool axis from which on a motion is one along the axis."""
 
@@ -209,10 +211,11 @@ def curve_points(paths: Paths, motion: int) -> FloatArray:
 
 def _excursion(paths: Paths, motion: int, leaves: bool, returns: bool) -> str:
     """Return what is wrong with a motion off the element, empty if nothing is."""
-    if not paths.trace.is_cp[motion]:
-        return ""
     step = paths.end_point[motion] - paths.end_point[motion - 1]
     length = float(np.linalg.norm(step))
+    if not paths.trace.is_cp[motion]:
+        is_still = length <= _STAYS
+        return "" if is_still or not returns else "the tool comes back by a joint motion"
     if length < 1e-9 or not (leaves or returns):
         return ""
     along = abs(float(step @ paths.end_axis[motion])) / length
