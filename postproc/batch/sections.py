@@ -152,7 +152,12 @@ def _counts(path: ToolPath, size: float) -> IndexArray:
 
 
 def _operations(path: ToolPath, _size: float) -> IndexArray:
-    return path.operation[:, None].astype(np.int64)
+    """Return the operation (n, 1) of every tag; a cut belongs to that in which it begins."""
+    begins = np.isin(path.kind, _FREE)
+    begins[1:] |= path.kind[:-1] == MotionKind.HOLE
+    begins[:1] = True
+    first = np.maximum.accumulate(np.where(begins, np.arange(len(path)), 0))
+    return path.operation[first, None].astype(np.int64)
 
 
 def _label(kind: str, key: IndexArray, path: ToolPath) -> str:
@@ -208,25 +213,5 @@ def split_job(job: Job, path: ToolPath, rule: tuple[str, float], taken: set[str]
     for label, rows in section_labels(path, rule):
         key = f"{job.key}#{label}"
         name = unique_name(_section_name(stem, label), key, taken)
-        part = subset(path, _with_start(path, rows))
-        jobs.append(Job(key, replace(job.request, name=name), _led_in(path, rows, part)))
+        jobs.append(Job(key, replace(job.request, name=name), subset(path, rows)))
     return jobs
-
-
-def _with_start(path: ToolPath, rows: IndexArray) -> IndexArray:
-    """Return the rows with the one before where the first is a cut that begins there."""
-    first = int(rows[0])
-    if first and path.kind[first] not in _FREE and path.kind[first - 1] != MotionKind.HOLE:
-        return np.concatenate([[first - 1], rows])
-    return rows
-
-
-def _led_in(path: ToolPath, rows: IndexArray, part: ToolPath) -> ToolPath:
-    """Return a section whose added first row is a rapid to where its first cut begins."""
-    if len(part) == len(rows):
-        return part
-    kind, feed = np.array(part.kind), np.array(part.feed)
-    kind[0], feed[0] = MotionKind.RAPID, np.nan
-    arc = np.array(part.arc)
-    arc[0] = -1
-    return replace(part, kind=kind, feed=feed, arc=arc)

@@ -121,12 +121,19 @@ def _not_seen(cell: Cell) -> list[Finding]:
     return [Finding(Severity.NOTE, "COL107", text, hint="give [[tools]] stand = { xyz_mm = .. }")]
 
 
+CONTACT_SLACK = 0.05e-3
+"""A cutter goes this much deeper [m] than its contact depth before it is too deep.
+
+At just that depth its tip and the surface lie in one plane: whether they meet there is chance.
+"""
+
+
 def pulled_back(body: Body, cell: Cell, arm: Arm) -> Body:
     """Return a cutting solid pulled back along the tool axis by the cell's contact depth."""
     zero = np.zeros(6)
     R_link6_flange = inverse(arm.link_frames(zero)[LAST_LINK])[:3, :3] @ arm.fk(zero)[:3, :3]
     axis = R_link6_flange @ cell.tool.T_flange_tcp[:3, :3] @ cell.tool.axis
-    shift = transform(np.eye(3), -cell.limits.contact_depth * axis)
+    shift = transform(np.eye(3), -(cell.limits.contact_depth + CONTACT_SLACK) * axis)
     return Body(body.name, body.kind, body.link, body.mesh.moved(shift))
 
 

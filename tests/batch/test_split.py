@@ -137,14 +137,16 @@ def test_long_names_of_inputs_stay_apart():
     assert all(len(name) <= 20 for name in names)
 
 
-def test_a_cut_that_goes_on_in_the_next_operation_begins_where_it_was():
-    points = np.arange(4)[:, None] * [0.1, 0, 0]
-    path = make_path([RAPID, LINEAR, LINEAR, LINEAR], points, operation=[0, 0, 1, 1])
+def test_no_section_ends_in_a_cut():
+    """The tool would come straight down into the middle of it."""
+    kinds = [RAPID, LINEAR, LINEAR, LINEAR, RAPID, LINEAR, HOLE, LINEAR]
+    points = np.arange(8)[:, None] * [0.1, 0, 0]
+    path = make_path(kinds, points, operation=[0, 0, 1, 1, 1, 1, 1, 0])
     path = replace(path, operations=(Operation("A"), Operation("B")))
-    second = parts_of(path, "operation")[1].toolpath
-    assert second.kind.tolist() == [RAPID, LINEAR, LINEAR]
-    assert np.allclose(second.points, points[1:])
-    assert np.isnan(second.feed[0])
+    first, second = (job.toolpath for job in parts_of(path, "operation"))
+    assert first.kind.tolist() == [RAPID, LINEAR, LINEAR, LINEAR, LINEAR]
+    assert second.kind.tolist() == [RAPID, LINEAR, HOLE]
+    assert np.allclose(first.points, points[[0, 1, 2, 3, 7]])
 
 
 def test_sections_carry_their_tool_spindle_and_coolant():

@@ -2,12 +2,14 @@
 
 To turn off what is off changes nothing; one more tool, spindle speed or coolant does, as far as
 something cuts with it. A file that says nothing at all of the spindle, of coolant or of tools
-leaves them to the program, but for a tool that is not the one it moves.
+leaves them to the program, but for a tool that is not the one it moves. A change to the tool in
+hand changes nothing either: each section of a long job begins with it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -51,7 +53,13 @@ def check_surplus(
             harmful |= {id(extra[k][1]) for k in np.unique(causes[causes >= 0]).tolist()}
     changes = surplus.get(EventKind.TOOL_CHANGE, ())
     silent = len(changes) == len(calls.get(EventKind.TOOL_CHANGE, ()))
-    harmful |= {id(event) for event in changes if not (silent and _is_in_hand(result, cell, event))}
+    called = [event for _, event in _in_order(result, calls, (EventKind.TOOL_CHANGE,))]
+    again = {id(b) for a, b in pairwise(called) if a.value == b.value}  # as each section does
+    harmful |= {
+        id(event)
+        for event in changes
+        if not ((silent or id(event) in again) and _is_in_hand(result, cell, event))
+    }
     listed = [event for _, event in _in_order(result, surplus, surplus)]
     for event in sorted(listed, key=lambda event: id(event) not in harmful)[:_LISTED]:
         text = f"{event.name} is called, and the CAM file does not ask for it"
