@@ -24,6 +24,8 @@ SLACK = 0.01 * DEG
 OVERHEAD = 0.05
 """Wrist centre nearer to axis 1 than this [m] is worth a warning."""
 SPEED_SLACK = 1e-3
+_HELD = 1e-5
+"""An external axis that moves by less [m or rad] stands still: digits of the text."""
 
 
 def check_joints(result: Result, cell: Cell, kinematics: Kinematics) -> None:
@@ -61,6 +63,19 @@ def check_externals(result: Result, cell: Cell) -> None:
                 f"{axis.name} at {values[bad[0]] / unit:.3f} {name} is beyond its limit "
                 f"[{axis.q_min / unit:g}, {axis.q_max / unit:g}], {len(bad)} motions",
             )
+
+
+def check_held(result: Result, cell: Cell, is_cut: BoolArray) -> None:
+    """Check that external axes which may not move in cuts stand still on motions (m,) that cut."""
+    paths = result.paths
+    for column, axis in enumerate(cell.external_axes):
+        if axis.moves_in_cuts:
+            continue
+        step = np.diff(paths.external[:, column], prepend=paths.external[:1, column])
+        bad = np.flatnonzero(is_cut & (np.abs(step) > _HELD))
+        if len(bad):
+            text = f"{axis.name} moves while the tool cuts, and moves_in_cuts is false: {len(bad)}"
+            result.finding(RunKind.EXTERNAL, int(bad[0]), f"{text} motions")
 
 
 def _touches_path(paths: Paths) -> BoolArray:

@@ -62,6 +62,7 @@ from postproc.verification.capacity import check_capacity
 from postproc.verification.checks import (
     check_blending,
     check_externals,
+    check_held,
     check_joints,
     check_speeds,
 )
@@ -145,6 +146,7 @@ def verify(
     check_torques(result, cell, kinematics, cuts)
     if is_cut is not None:
         check_rapids(result, cell, is_cut)
+        check_held(result, cell, is_cut)
     check_spindle(result, cell, is_cut, may_stand(toolpath, cell))
     report(3, 4, "collisions")
     at = blended(paths)

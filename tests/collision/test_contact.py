@@ -42,7 +42,7 @@ def test_cutting_parts_never_touch_obstacles(arm_of):
 
 
 @pytest.mark.parametrize(
-    ("depth", "hit"), [(-0.01, False), (0.01, False), (0.0199, False), (0.0201, True), (0.09, True)]
+    ("depth", "hit"), [(-0.01, False), (0.01, False), (0.02, False), (0.0201, True), (0.09, True)]
 )
 def test_depth_is_counted_along_the_tool_axis(depth, hit, arm_of):
     scene = scene_of(drilling_cell(depth, contact_depth=0.02), arm_of)

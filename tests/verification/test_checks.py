@@ -305,3 +305,17 @@ def test_torques_are_asked_of_poses_that_are_known(cell, tmp_path):
     share = np.abs(needed[0]) / weighed.robot.torque_max
     assert check(weighed, START).worst["torque"].value == pytest.approx(100.0 * share.max())
     assert np.isfinite(report.worst["torque"].value)
+
+
+def test_an_axis_that_must_not_move_in_cuts_stands_still_there(tmp_path):
+    """Only the rail moves on the second line: the tool runs as the file asks for."""
+    points = [(-50, 0, 0), (0, 0, 0), (0, 40, 0)]
+    for at_end, allowed, wrong in (
+        (0.0, "false", set()),
+        (1.0, "false", {"external"}),
+        (1.0, "true", set()),
+    ):
+        cell = cell_in(tmp_path, f"{RAIL}moves_in_cuts = {allowed}\n", **AT_PART)
+        lines = [with_rail(line, 0.0) for line in (START, *[at(*p) for p in points[:2]])]
+        lines.append(with_rail(at(*points[2]), at_end))
+        assert kinds(check(cell, *lines, toolpath=path_of(points))) == wrong

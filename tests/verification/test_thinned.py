@@ -197,3 +197,18 @@ def test_a_point_given_twice_within_a_cut_is_passed_like_one_given_once():
     report = judged(job.files, cell, twice)
     assert report.ok
     assert report.passed > 150
+
+
+@pytest.mark.parametrize("step", [0.001, 0.005, 0.009])
+def test_the_first_of_points_that_lie_together_is_written(step):
+    """The one behind it may be passed; a motion to the first goes to both, by the tolerance."""
+    toolpath = contour("s", 40, 1.0, LEAN)
+    rows = np.sort(np.append(np.arange(40), 1))
+    points = toolpath.points[rows].copy()
+    points[2] += step * MM * (points[3] - points[2]) / np.linalg.norm(points[3] - points[2])
+    kind = np.asarray(toolpath.rows(rows).kind).copy()
+    kind[1] = MotionKind.RAPID
+    close = replace(toolpath.rows(rows), points=points, kind=kind)
+    job = made(close, cell_of())
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]
+    assert judged(job.files, cell_of(), close).passed > 0

@@ -68,7 +68,9 @@ def compare_thinned(
     left = 0.0 if displacement is None else displacement.left
     wanted, claims = wanted_of(toolpath), claimed(toolpath, cell)
     served = visits_of(result, real, wanted, claims, tolerances.position, left).first
-    passed = _passed(result.paths, real, toolpath, served, may_be_passed(toolpath, cell))
+    may = may_be_passed(toolpath, cell)
+    _give_back(served, may, real, toolpath, tolerances.position)
+    passed = _passed(result.paths, real, toolpath, served, may)
     if not len(passed.tag):
         return compare(result, cell, toolpath, tolerances, displacement)
     kept = np.setdiff1d(np.arange(len(toolpath)), passed.tag)
@@ -82,6 +84,27 @@ def compare_thinned(
     whole = _spread(found, toolpath, kept, passed, real)
     whole.axis_error[passed.tag], whole.tilt[passed.tag] = error, tilt
     return whole
+
+
+def _give_back(
+    served: AnyIntArray, may: BoolArray, real: RealPaths, toolpath: ToolPath, tolerance: float
+) -> None:
+    """Let a motion serve the tag that may not be passed (n,) of those that lie together, in place.
+
+    It could be that of a neighbour as well, if that is no farther off than the tolerance [m].
+    """
+    points = np.asarray(toolpath.points)
+    for tag in np.flatnonzero((served < 0) & ~may).tolist():
+        for step in (1, -1):
+            other = tag + step
+            while 0 <= other < len(may) and may[other] and served[other] < 0:
+                other += step
+            if not (0 <= other < len(may) and may[other]):
+                continue
+            goes_to = real.of(tag).end_point[served[other]]
+            if np.linalg.norm(goes_to - points[tag]) <= tolerance:
+                served[tag], served[other] = served[other], -1
+                break
 
 
 def _passed(
