@@ -16,7 +16,9 @@ SPACING = 1e-3
 def failing():
     n = 400
     way = np.arange(n) * SPACING
-    return FailingCuts(Interpolation(way, np.zeros(n), np.zeros(n, bool), np.ones(n, bool)))
+    return FailingCuts(
+        Interpolation(way, np.zeros(n), np.zeros(n, bool), np.ones(n, bool), np.zeros(n, int))
+    )
 
 
 def spans_of(between, ends, bad):

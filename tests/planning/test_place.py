@@ -107,7 +107,8 @@ def interpolated(placement, spin):
     """Spins of all tags at equal distances, from the first to the last of those given."""
     n = len(placement)
     none = np.zeros(n, dtype=bool)
-    between = Interpolation(np.arange(float(n)), carried_twist(placement), none, none)
+    way, nowhere = np.arange(float(n)), np.zeros(n, dtype=int)
+    between = Interpolation(way, carried_twist(placement), none, none, nowhere)
     first, last = np.array([0]), np.array([n - 1])
     rows = between.rows(first, last)
     ends = tuple(np.array([[spin[tag], 0.0, 0.0]]) for tag in (0, -1))

@@ -10,6 +10,7 @@ from postproc.planning.checks.explain import (
     given_up,
 )
 from postproc.planning.checks.feasible import (
+    LARGEST_TURN,
     LONG_WAY,
     MORE_CLEARANCE,
     PROBES,
@@ -27,6 +28,7 @@ from postproc.planning.checks.working import moves_of_tags, near_solids, tag_cle
 
 __all__ = [
     "CLOSE",
+    "LARGEST_TURN",
     "LEAD_OUT",
     "LONG_WAY",
     "LOWER",

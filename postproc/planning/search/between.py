@@ -14,6 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray, IndexArray, numbered, taken
 from postproc.model import CUTS
+from postproc.planning.search.hopeless import hopeless
 from postproc.planning.search.keytags import arc_length
 from postproc.planning.states import Placement, Problem, cross_axes, rounded_spin
 from postproc.records import dataclass
@@ -64,20 +65,23 @@ class Interpolation:
     """How attitudes run between key tags.
 
     ``way`` (n,) [m]: length of the path; ``carried`` (n,) [rad]: twist at spin 0; ``may_tilt``,
-    ``is_cut`` (n,): tags that may tilt, that are entered by a cut.
+    ``is_cut`` (n,): tags that may tilt, that are entered by a cut; ``hopeless`` (n,): the
+    ``Reason`` why no pose can run that cut, or none.
     """
 
     way: FloatArray
     carried: FloatArray
     may_tilt: BoolArray
     is_cut: BoolArray
+    hopeless: IndexArray
 
     @classmethod
     def of(cls, problem: Problem) -> Interpolation:
         """Return the interpolation along the path of a problem."""
         place = problem.placement
         is_cut = np.isin(np.asarray(problem.toolpath.kind), CUTS)
-        return cls(arc_length(problem.toolpath), carried_twist(place), place.may_tilt, is_cut)
+        way = arc_length(problem.toolpath)
+        return cls(way, carried_twist(place), place.may_tilt, is_cut, hopeless(problem, way))
 
     def rows(self, first: IndexArray, last: IndexArray) -> Rows:
         """Return the tags behind ``first`` (m,) up to ``last`` (m,) of every span."""

@@ -29,6 +29,10 @@ def break_at(search: PoseSearch, row: int) -> Break:
     before = before[np.isfinite(search.ladder.value[before])]
     before = before[np.unique(np.linspace(0, len(before) - 1, _MOST).astype(np.int64))]
     m = len(before)
+    on_the_way = np.arange(int(search.tags[row - 1]) + 1, int(search.tags[row]) + 1)
+    why = Reason(int(search.between.hopeless[on_the_way].max()))
+    if m and why is not Reason.NONE:  # such a way may be endless
+        return Break(m, {why: m}, -1, 0.0, 0, 0.0)
     first, last = (np.full(m, int(search.tags[at])) for at in (row - 1, row))
     attitude = states.attitude_of(before)
     onward = attitude.copy()

@@ -11,6 +11,7 @@ from postproc.arrays import AnyIntArray, BoolArray, FloatArray, IndexArray
 from postproc.geometry import angle_between
 from postproc.kinematics import wrapped
 from postproc.model import CUTS
+from postproc.planning.checks import Reason
 from postproc.planning.route import ON_THE_SPOT
 from postproc.planning.search.between import Interpolation
 from postproc.planning.search.bridges import Bridges
@@ -237,7 +238,7 @@ def ladder_of(
     if tolls is not None:
         tolls.enters[np.repeat(rule == Rule.CHAIN, count)] = 0.0
         ladder.tolls = tolls
-    ladder.reach = _reach(problem, tags, position.shape[1])
+    ladder.reach = _reach(problem, between, tags, position.shape[1])
     return ladder, weight, share
 
 
@@ -294,13 +295,16 @@ def _tolls(parted: tuple[Parted, ...], q: NDArray[np.floating[Any]], price: floa
     return Tolls(leaves, np.float32(price) * leaves[..., other])
 
 
-def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
+def _reach(
+    problem: Problem, between: Interpolation, tags: IndexArray, count: int
+) -> FloatArray | None:
     """Return by how much (n, count) the axes can move from tag to tag at the lowest feed [rad].
 
-    None where any feed will do. What is turned on the spot takes the time that it takes.
+    None where any feed will do. What is turned on the spot takes the time that it takes. Where no
+    pose can run a cut on the way there is no step at all.
     """
-    least = problem.least_feeds
-    if not least.any():
+    least, is_shut = problem.least_feeds, between.hopeless != Reason.NONE
+    if not least.any() and not is_shut.any():
         return None
     way = np.diff(arc_length(problem.toolpath), prepend=0.0)
     is_path = (least > 0.0) & (way > ON_THE_SPOT)
@@ -311,6 +315,7 @@ def _reach(problem: Problem, tags: IndexArray, count: int) -> FloatArray | None:
     time[np.diff(free[tags], prepend=-1) > 0] = np.inf
     reach = np.full((len(tags), count), np.inf)
     reach[:, :6] = 1.001 * AXIS_SHARE * time[:, None] * np.asarray(problem.cell.robot.qd_max)
+    reach[np.diff(np.cumsum(is_shut)[tags], prepend=0) > 0] = -1.0
     return reach
 
 
