@@ -36,6 +36,9 @@ _CHUNK = 50_000
 _TURN = 2.0 * np.pi
 _LEAP = 20.0 * DEG
 
+_STILL = 1e-5
+"""A joint motion shorter than this [rad] goes nowhere: what acted before it, still acts."""
+
 
 class Poses(NamedTuple):
     """Sampled poses of a run in order of time, k of them.
@@ -84,6 +87,13 @@ class Paths:
     def __len__(self) -> int:
         """Return the number of motions."""
         return len(self.q)
+
+    @property
+    def stands(self) -> BoolArray:
+        """(m,) joint motions that go nowhere, as at the head of a sub-program."""
+        step = np.full(len(self), np.inf)
+        step[1:] = np.abs(np.diff(self.q, axis=0)).max(axis=1)
+        return np.asarray(~self.trace.is_cp & (step < _STILL))
 
     def in_order(self) -> Poses:
         """Return samples of path motions and ends of PTP motions, in order of time."""

@@ -12,7 +12,6 @@ from postproc.cell import Cell
 from postproc.errors import RunKind
 from postproc.kinematics import Corners, Kinematics
 from postproc.process import ALONG_AXIS, on_the_way_out
-from postproc.verification.cam.real import stands
 from postproc.verification.corners import check_corner_ways
 from postproc.verification.report import Result
 
@@ -100,7 +99,7 @@ def _touching(
     to = motion[1:]
     cut = cut_end[last[to]]
     # a sub-program begins with a joint motion that stays where the one before ended
-    stays = stands(paths) & (np.linalg.norm(way, axis=1) < _STILL)
+    stays = paths.stands & (np.linalg.norm(way, axis=1) < _STILL)
     out = same[to] & (paths.trace.is_cp | stays)[to]
     for at in (pose[:-1], pose[1:]):
         out &= on_the_way_out(cut[:, :3], cut[:, 3:], at[:, :3], at[:, 3:], slack)

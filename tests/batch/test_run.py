@@ -8,6 +8,7 @@ import pytest
 
 from postproc.batch import landing as landing_module
 from postproc.batch.manifest import JOURNAL
+from postproc.cli.app import run as run_cli
 from postproc.errors import ReadError, SourceRef
 
 from .conftest import CELL, HEADER, holes, row
@@ -252,7 +253,6 @@ def test_names_that_are_no_text(batch, work):
 
 
 def test_a_batch_without_a_cell_is_refused(work, capsys):
-    from postproc.cli.app import run as run_cli
 
     assert run_cli(["batch", "parts", "-o", "out"]) == 2
     assert "BAT004" in capsys.readouterr().err.splitlines()[0]
@@ -276,3 +276,22 @@ def test_warnings_are_told_once_a_kind_and_kept_with_each_program(batch, work):
     again = batch()
     assert again.document["kept"] == 2
     assert again.err.count("warning memory") == 1
+
+
+def test_sections_of_a_file_that_names_its_tool_serve_the_file(work, batch, capfd):
+    """Each section begins with the tool that it needs, which is in hand already."""
+    holes = "".join(
+        f"RAPID\nGOTO/{x}.,0.,3.,0.,0.,1.\nFEDRAT/MMPM,200.\nGOTO/{x}.,0.,-5.\n"
+        f"RAPID\nGOTO/{x}.,0.,30.\n"
+        for x in (0, 50, 100)
+    )
+    part = work / "part.cls"
+    part.write_text(
+        "TOOL PATH/H,TOOL,DRILL\nTLDATA/MILL,10.,0.,86.,0.,0.\nMSYS/0,0,0,1,0,0,0,1,0\n"
+        f"LOAD/TOOL,1\nSPINDL/3000,RPM,CLW\n{holes}SPINDL/OFF\nEND-OF-PATH\n"
+    )
+    done = batch("--split", "count:3", inputs=("part.cls",))
+    assert done.code == 0
+    words = ["verify", "out/part.src", "--cell", "cell.toml", "--against", "part.cls"]
+    assert run_cli(words) == 0
+    assert "PP_TOOL_CHANGE is called" in "".join(capfd.readouterr())

@@ -71,5 +71,5 @@ def _out_of_reach(
     row, share = np.repeat(np.arange(len(last)), len(shares)), np.tile(shares, len(last))
     flange = place.flange(poses_between(lines, row, share), lines.external_at(row, share))
     reached = problem.kinematics.ik(flange)[1].any(axis=1)
-    at_spin = reached.reshape(len(tags), len(spins), len(shares))
-    return np.asarray(tags[~at_spin.any(axis=1).all(axis=1)])
+    somehow = np.any(reached.reshape(len(tags), len(spins), len(shares)), axis=1)
+    return np.asarray(tags[~np.all(somehow, axis=1)])

@@ -50,7 +50,7 @@ from postproc.verification.cam.matching import (
     match,
     wanted_of,
 )
-from postproc.verification.cam.real import RealPaths, real_paths, stands
+from postproc.verification.cam.real import RealPaths, real_paths
 from postproc.verification.cam.strokes import check_strokes
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.cam.unasked import check_unasked
@@ -152,7 +152,7 @@ def visits_of(
     own[1:] |= wanted.kind[:-1] == MotionKind.HOLE  # a stroke ends above the point
     own[1:] |= angle_between(wanted.axis[1:], wanted.axis[:-1]) > SAME_AXIS
     own[[stretch.low for stretch in claims.stretches()]] = True
-    moving = np.where(stands(paths)[:, None], FAR, _visited(real))
+    moving = np.where(paths.stands[:, None], FAR, _visited(real))
     visited, case = by_frames(moving, real.case, claims, paths.station)
     pecks = passed_pecks(paths, tolerance)
     visited, case = bottoms_apart(visited, case, wanted.is_hole, pecks)

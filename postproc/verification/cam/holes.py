@@ -16,7 +16,7 @@ from postproc.paths import Paths
 from postproc.process import FEED_OUT, LEAST_PECK
 from postproc.units import MM
 from postproc.verification.cam.matching import Wanted
-from postproc.verification.cam.real import RealPaths, stands
+from postproc.verification.cam.real import RealPaths
 from postproc.verification.report import Result
 
 NEAR = 10.0
@@ -34,7 +34,7 @@ def passed_pecks(paths: Paths, tolerance: float) -> BoolArray:
 
     Both places are within the tolerance of the bottom of a hole, which is the deeper one.
     """
-    rows = np.flatnonzero(~stands(paths))
+    rows = np.flatnonzero(~paths.stands)
     point, axis = paths.end_point[rows], paths.end_axis[rows]
     is_cp, count = paths.trace.is_cp[rows], len(rows)
     passed = np.zeros(len(paths), dtype=np.bool_)
@@ -110,7 +110,7 @@ class _Holes:
         self._case = real.case.tolist()
         self._all_points = [paths.end_point.tolist() for paths in real.paths]
         self._points = self._all_points[0]
-        self._is_cp = (result.paths.trace.is_cp | stands(result.paths)).tolist()
+        self._is_cp = (result.paths.trace.is_cp | result.paths.stands).tolist()
         self._is_exact = result.paths.trace.is_exact.tolist()
         self._reported: dict[RunKind, int] = {}
         self.along: dict[int, int] = {}

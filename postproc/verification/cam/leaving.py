@@ -15,7 +15,6 @@ from postproc.errors import RunKind
 from postproc.model import MotionKind, ToolPath
 from postproc.process import ALONG_AXIS, MACHINING_SPEED, back_off, in_material
 from postproc.units import MM
-from postproc.verification.cam.real import stands
 from postproc.verification.report import Result
 
 _LISTED = 20
@@ -65,7 +64,7 @@ def _as_asked(
         return asked
     before = np.maximum(served, latest)[rows - 1]
     straight = (served[rows] > before) & (before >= 0)
-    moved = np.cumsum(~stands(result.paths))
+    moved = np.cumsum(~result.paths.stands)
     straight &= moved[served[rows]] - moved[before] == 1
     rows = rows[straight]
     asked[served[rows]] = True

@@ -11,7 +11,6 @@ from postproc.model import ToolPath
 from postproc.units import MM, PERCENT
 from postproc.verification.cam.comparison import Comparison
 from postproc.verification.cam.feeds import AT_MOST
-from postproc.verification.cam.real import stands
 from postproc.verification.report import Result
 
 _SAME = 1e-3
@@ -60,7 +59,7 @@ def _way(reach: float) -> str:
 
 def _joint_speeds(result: Result, toolpath: ToolPath, comparison: Comparison) -> None:
     trace = result.paths.trace
-    moves = ~trace.is_cp & ~stands(result.paths)
+    moves = ~trace.is_cp & ~result.paths.stands
     share = np.array([max(item.ptp) for item in trace.settings] or [0.0])[trace.setting]
     asked = np.asarray(toolpath.joint_fraction)
     rows = np.flatnonzero(np.isfinite(asked) & (comparison.served >= 0))

@@ -20,8 +20,6 @@ from postproc.records import dataclass
 
 FASTER = 1.5
 """A motion faster than the fastest feed by this factor does not cut; a wrong feed is one below."""
-_STILL = 1e-5
-"""A joint motion shorter than this [rad] goes nowhere: what acted before it, still acts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,19 +65,12 @@ def real_paths(
     for number, wrench in enumerate(wrenches, 1):
         known = feed[(case == number) & np.isfinite(feed)]
         works = paths.trace.is_cp & (speed <= FASTER * float(known.max(initial=0.0)))
-        works |= stands(paths) & np.r_[False, works[:-1]]
+        works |= paths.stands & np.r_[False, works[:-1]]
         loaded = _in_part(
             paths, displacement.of(ends.under(wrench)), displacement.of(samples.under(wrench))
         )
         sets.append(_moved(paths, idle, loaded, works))
     return RealPaths(tuple(sets), case)
-
-
-def stands(paths: Paths) -> BoolArray:
-    """Return (m,) joint motions that go nowhere, as at the head of a sub-program."""
-    step = np.full(len(paths), np.inf)
-    step[1:] = np.abs(np.diff(paths.q, axis=0)).max(axis=1)
-    return np.asarray(~paths.trace.is_cp & (step < _STILL))
 
 
 def _in_part(paths: Paths, at_ends: FloatArray, at_samples: FloatArray) -> FloatArray:

@@ -54,7 +54,10 @@ def check_surplus(
     changes = surplus.get(EventKind.TOOL_CHANGE, ())
     silent = len(changes) == len(calls.get(EventKind.TOOL_CHANGE, ()))
     called = [event for _, event in _in_order(result, calls, (EventKind.TOOL_CHANGE,))]
-    again = {id(b) for a, b in pairwise(called) if a.value == b.value}  # as each section does
+    in_cut = np.append(False, is_cut)  # by the motion behind; the tool stands where it cut
+    again = {
+        id(b) for a, b in pairwise(called) if a.value == b.value and not in_cut[b.motion]
+    }  # as each section does
     harmful |= {
         id(event)
         for event in changes

@@ -29,7 +29,7 @@ from postproc.verification.cam.comparison import Comparison, Tolerances
 from postproc.verification.cam.elements import curve_points
 from postproc.verification.cam.feeds import AT_MOST
 from postproc.verification.cam.matching import wanted_of
-from postproc.verification.cam.real import RealPaths, stands
+from postproc.verification.cam.real import RealPaths
 from postproc.verification.cam.tilt import Tilts
 from postproc.verification.report import Result
 
@@ -120,7 +120,7 @@ def _passed(
     # of the tags between two that are served, all are passed or none is
     wrong = np.append(0, np.cumsum((served < 0) & ~may))
     fine = wrong[behind[rows]] == wrong[before[rows]]
-    is_way = paths.trace.is_cp | stands(paths)
+    is_way = paths.trace.is_cp | paths.stands
     others = np.append(0, np.cumsum(~is_way))
     fine &= (high >= low) & (others[high + 1] == others[low])
     rows, low, high = rows[fine], low[fine], high[fine]
