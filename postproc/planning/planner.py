@@ -34,8 +34,10 @@ from postproc.planning.states import (
     Settings,
     evaluate,
     feed_directions,
+    finer_spins,
     path_normals,
     place_given,
+    sample,
     settle,
     stiffness_of,
     tilt_grid,
@@ -61,6 +63,8 @@ from postproc.progress import Clock, Progress
 from postproc.units import DEG, MM
 
 __all__ = ["PlanOptions", "plan"]
+_LOOKED_AT = 5
+"""At so many failing tags it is looked whether there is a pose at all."""
 
 
 def plan(
@@ -220,14 +224,30 @@ def _planned(
     """
     clock = Clock("place", progress)
     checker = checker_of(toolpath, cell, settings, external)
+    problem = checker.problem
     result = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
     if not result.errors:
         return result
-    more = with_more_tilts(checker.problem)
-    if len(more.tilts) == len(checker.problem.tilts):
+    more = with_more_tilts(problem)
+    checker = replace(checker, problem=more)
+    if len(more.tilts) == len(problem.tilts) or _has_none(checker, result.failing_tags):
         return result
-    again = _planned_by(replace(checker, problem=more), toolpath, clock, options, goes_on=goes_on)
+    again = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
     return min(result, again, key=lambda made: len(made.errors))
+
+
+def _has_none(checker: Checker, tags: IndexArray) -> bool:
+    """Return whether one of a few of tags (m,) has no pose that can be run: no way leads there."""
+    wishes = checker.problem.cell.optimize
+    spins = finer_spins(wishes.step, *wishes.range, checker.problem.fine)
+    for tag in tags[tags >= 0][:_LOOKED_AT].tolist():
+        states = sample(checker.problem, np.array([tag]), spins)
+        each = np.flatnonzero(np.diff(states.config, prepend=-1))
+        at, branch = np.full(len(each), tag), states.branch[each].astype(np.int64)
+        q = states.q[each].astype(np.float64)
+        if not checker.states(at, q, states.attitude_of(each), branch).good.any():
+            return True
+    return False
 
 
 def _planned_by(

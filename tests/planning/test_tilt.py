@@ -218,10 +218,13 @@ def test_cuts_keep_their_range_and_holes_stand(make_cell, make_path, strategy):
 
 
 @pytest.mark.usefixtures("no_scene")
-@pytest.mark.parametrize(("shift", "tried"), [(0.0, [9]), (9.0, [9, 25])])
+@pytest.mark.parametrize(
+    ("shift", "has_none", "tried"), [(0.0, True, [9]), (9.0, True, [9]), (9.0, False, [9, 25])]
+)
 def test_more_tilts_are_tried_before_a_cut_is_refused(
-    make_cell, make_path, monkeypatch, shift, tried
+    make_cell, make_path, monkeypatch, shift, has_none, tried
 ):
+    """Unless a tag has no pose at all with them."""
     points = [[1.8 + shift, y, 0.8] for y in (0.0, 0.01, 0.02)]
     ranges = {"lead_deg": [-10, 10], "side_tilt_deg": [-10, 10]}
     seen, planned = [], planner._planned_by
@@ -231,6 +234,8 @@ def test_more_tilts_are_tried_before_a_cut_is_refused(
         return planned(checker, *rest, **more)
 
     monkeypatch.setattr(planner, "_planned_by", counted)
+    if not has_none:
+        monkeypatch.setattr(planner, "_has_none", lambda *_: False)
     found = planner.plan(make_path(points, [0.0, 0.0, 1.0]), make_cell(options=ranges))
     assert seen == tried
-    assert bool(found.errors) == (len(tried) > 1)
+    assert bool(found.errors) == (shift > 0.0)

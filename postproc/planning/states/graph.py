@@ -28,7 +28,7 @@ _KEPT = 100_000
 """Up to so many steps are worked out where the last ones were: new memory costs as much as they."""
 _BLOCK = 6000
 """A block of steps of its own costs as much as so many steps."""
-MOST_LISTED = 60_000_000
+MOST_LISTED = 40_000_000
 """So many steps are listed in all at most: 6 bytes each."""
 _HALF_TURN = np.pi + 1e-9
 
@@ -201,8 +201,8 @@ class Graph:
             return None
         nothing, limit = np.zeros(low), np.broadcast_to(self._most(i), self.position.shape[1:])
         wide = np.flatnonzero(np.ptp(self.position[first:high], axis=0) > limit).tolist()
-        none = np.zeros(0, dtype=np.int64)
-        found = [(none, none, np.zeros(0))]
+        none = np.zeros(0, dtype=np.uint16)
+        found = [(none, none, np.zeros(0, dtype=np.float32))]
         for group in np.unique(self.group[low:high]).tolist():
             before = first + np.flatnonzero(self.group[first:low] == group)
             to = low + np.flatnonzero(self.group[low:high] == group)
@@ -213,7 +213,13 @@ class Graph:
                     gap = np.subtract.outer(self.position[now, k], self.position[before, k])
                     np.putmask(steps, np.abs(gap, out=gap) > limit[k], np.inf)
                 row, column = np.nonzero(steps < np.inf)
-                found.append((before[column] - first, now[row] - low, steps[row, column]))
+                found.append(
+                    (
+                        (before[column] - first).astype(np.uint16),
+                        (now[row] - low).astype(np.uint16),
+                        steps[row, column].astype(np.float32),
+                    )
+                )
             if sum(len(part[0]) for part in found) > self._room_left:
                 return None
         listed = Listed.of(*(np.concatenate(part) for part in zip(*found, strict=True)))

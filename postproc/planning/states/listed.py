@@ -29,13 +29,15 @@ class Listed(NamedTuple):
     starts: IndexArray
 
     @classmethod
-    def of(cls, before: IndexArray, now: IndexArray, cost: FloatArray) -> Listed:
+    def of(
+        cls, before: NDArray[np.uint16], now: NDArray[np.uint16], cost: NDArray[np.float32]
+    ) -> Listed:
         """Return steps (k,) from states to states, both from 0; those to a state one by one."""
-        order = np.argsort(now.astype(np.uint16), kind="stable")
+        order = np.argsort(now, kind="stable")
         before, now, cost = before[order], now[order], cost[order]
-        starts = np.flatnonzero(np.diff(now, prepend=-1))
+        starts = np.flatnonzero(np.append(True, now[1:] != now[:-1])[: len(now)])
         ends = np.append(starts, len(now))
-        return cls(before.astype(np.uint16), cost.astype(np.float32), now[starts], ends)
+        return cls(before, cost, now[starts].astype(np.int64), ends)
 
     def best(self, value: FloatArray) -> tuple[FloatArray, IndexArray]:
         """Return what the best step to each of ``rows`` (r,) costs, and where it comes from.
