@@ -14,7 +14,7 @@ import numpy as np
 
 from postproc.arrays import BoolArray, FloatArray
 from postproc.cell import Cell
-from postproc.model import CUTS, MotionKind, ToolPath
+from postproc.model import CUTS, WORKING, MotionKind, ToolPath
 from postproc.process.repeats import repeated_tags
 from postproc.units import DEG, MM
 
@@ -51,6 +51,25 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     out = np.einsum("ij,ij->i", way, toolpath.axes) >= ALONG_AXIS * length
     ends &= ~(out & (length >= back_off(cell)) & (kind == MotionKind.LINEAR))
     return np.asarray(ends[repeated_tags(toolpath)])
+
+
+def in_the_cut(toolpath: ToolPath) -> BoolArray:
+    """Return (n,) the rapid tags on the way out of what was cut or drilled last.
+
+    A drill that comes back in rapid to its last peck stands at one.
+    """
+    kind, points, axes = np.asarray(toolpath.kind), toolpath.points, toolpath.axes
+    works = np.isin(kind, WORKING)
+    last = np.maximum.accumulate(np.where(works, np.arange(len(kind)), -1))
+    rapid = np.flatnonzero((kind == MotionKind.RAPID) & (last >= 0))
+    last = last[rapid]
+    depths = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])
+    is_hole = (kind[last] == MotionKind.HOLE) & (np.asarray(toolpath.cycle)[last] >= 0)
+    depth = np.where(is_hole, depths[np.asarray(toolpath.cycle)[last]], 0.0)
+    bottom = points[last] - depth[:, None] * axes[last]
+    found = np.zeros(len(kind), dtype=np.bool_)
+    found[rapid] = on_the_way_out(bottom, -axes[last], points[rapid], -axes[rapid])
+    return found
 
 
 def rapid_speeds(speed: FloatArray, cell: Cell) -> BoolArray:

@@ -9,7 +9,7 @@ from postproc.cell import Cell
 from postproc.collision import Scene
 from postproc.model import MoveRole, Plan
 from postproc.planning.checks.grade import NEAR_BY
-from postproc.process import repeats
+from postproc.process import in_the_cut, repeats
 
 _NEAR_SOLIDS = 0.01
 _BEYOND = 2.0 * NEAR_BY
@@ -56,7 +56,7 @@ def tag_clearances(plan: Plan, scene: Scene, most: float) -> tuple[FloatArray, I
     tags = np.flatnonzero((moves >= 0) & ~plan.left_out)
     if len(tags):
         rows = moves[tags]
-        contact = np.isin(plan.role[rows], _WORKING)
+        contact = np.isin(plan.role[rows], _WORKING) | in_the_cut(plan.toolpath)[tags]
         poses = np.hstack([plan.q, plan.external])[rows]
         found[tags], pair[tags] = scene.nearest(poses, contact, most)
     return found, pair

@@ -358,7 +358,7 @@ def _on_the_way_out(
     ``ends``: T_base_tcp (m, 4, 4) at the start and at the end.
     """
     place, depth = checker.problem.placement, checker.strokes.depth
-    cuts = checker.problem.is_contact & chosen.good
+    cuts = checker.problem.is_working & chosen.good
     last = np.maximum.accumulate(np.where(cuts, np.arange(len(cuts)), -1))[tags]
     poses = [place.tcp(last, chosen.attitude[last], -depth[last]), *ends]
     (cut, cut_axis), *others = [(T[:, :3, 3], T[:, :3, :3] @ place.tool_axis) for T in poses]

@@ -17,7 +17,7 @@ from postproc.planning.states.place import Placement, cross_axes
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
-from postproc.process import back_off, in_material, least_feeds, on_the_way_out
+from postproc.process import back_off, in_material, in_the_cut, least_feeds, on_the_way_out
 from postproc.records import dataclass
 from postproc.stiffness import joint_compliance
 
@@ -48,10 +48,14 @@ class Problem:
         return len(self.toolpath)
 
     @cached_property
+    def is_working(self) -> BoolArray:
+        """(n,) tags at which the tool cuts, drills or touches."""
+        return np.isin(np.asarray(self.toolpath.kind), WORKING)
+
+    @cached_property
     def is_contact(self) -> BoolArray:
-        """(n,) tags where the tool may touch the workpiece."""
-        kind = np.asarray(self.toolpath.kind)
-        return np.isin(kind, WORKING)
+        """(n,) tags where the tool may touch the workpiece: it works, or is on its way out."""
+        return self.is_working | (in_the_cut(self.toolpath) & ~self.placement.may_tilt)
 
     @cached_property
     def fine(self) -> int:
