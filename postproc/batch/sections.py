@@ -17,7 +17,7 @@ from postproc.arrays import IndexArray, IntArray
 from postproc.batch.jobs import Job, unique_name
 from postproc.errors import DataError, SourceRef
 from postproc.krl import legal_name
-from postproc.model import Event, EventKind, MotionKind, ToolPath
+from postproc.model import CUTS, Event, EventKind, MotionKind, ToolPath
 from postproc.units import MM
 
 _FREE = (MotionKind.RAPID, MotionKind.HOLE, MotionKind.JOINT)
@@ -154,7 +154,6 @@ def _counts(path: ToolPath, size: float) -> IndexArray:
 def _operations(path: ToolPath, _size: float) -> IndexArray:
     """Return the operation (n, 1) of every tag; a cut belongs to that in which it begins."""
     begins = np.isin(path.kind, _FREE)
-    begins[1:] |= path.kind[:-1] == MotionKind.HOLE
     begins[:1] = True
     first = np.maximum.accumulate(np.where(begins, np.arange(len(path)), 0))
     return path.operation[first, None].astype(np.int64)
@@ -213,5 +212,15 @@ def split_job(job: Job, path: ToolPath, rule: tuple[str, float], taken: set[str]
     for label, rows in section_labels(path, rule):
         key = f"{job.key}#{label}"
         name = unique_name(_section_name(stem, label), key, taken)
-        jobs.append(Job(key, replace(job.request, name=name), subset(path, rows)))
+        part = subset(path, _with_way_out(path, rows))
+        jobs.append(Job(key, replace(job.request, name=name), part))
     return jobs
+
+
+def _with_way_out(path: ToolPath, rows: IndexArray) -> IndexArray:
+    """Return the rows with the rapid behind them where they end in a cut: it leads out of it."""
+    last = int(rows[-1])
+    ends_in_cut = path.kind[last] in CUTS and last + 1 < len(path)
+    if ends_in_cut and path.kind[last + 1] == MotionKind.RAPID:
+        return np.append(rows, last + 1)
+    return rows

@@ -54,21 +54,29 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
 
 
 def in_the_cut(toolpath: ToolPath) -> BoolArray:
-    """Return (n,) the rapid tags on the way out of what was cut or drilled last.
+    """Return (n,) the rapid tags on the way by which the tool came into what it cut last.
 
-    A drill that comes back in rapid to its last peck stands at one.
+    A drill that comes back in rapid to its last peck stands at one. Above a cut that was entered
+    from the side there may be material.
     """
     kind, points, axes = np.asarray(toolpath.kind), toolpath.points, toolpath.axes
     works = np.isin(kind, WORKING)
     last = np.maximum.accumulate(np.where(works, np.arange(len(kind)), -1))
     rapid = np.flatnonzero((kind == MotionKind.RAPID) & (last >= 0))
     last = last[rapid]
-    depths = np.array([*(cycle.depth for cycle in toolpath.cycles), 0.0])
+    of_cycle = np.array([*((c.depth, c.clearance) for c in toolpath.cycles), (0.0, 0.0)])
     is_hole = (kind[last] == MotionKind.HOLE) & (np.asarray(toolpath.cycle)[last] >= 0)
-    depth = np.where(is_hole, depths[np.asarray(toolpath.cycle)[last]], 0.0)
-    bottom = points[last] - depth[:, None] * axes[last]
+    of_hole = np.where(is_hole[:, None], of_cycle[np.asarray(toolpath.cycle)[last]], 0.0)
+    bottom = points[last] - of_hole[:, :1] * axes[last]
+    way = points[last] - points[np.maximum(last - 1, 0)]
+    down = -np.einsum("ij,ij->i", way, axes[last])
+    is_plunge = (kind[last] == MotionKind.LINEAR) & (last > 0)
+    is_plunge &= down >= ALONG_AXIS * np.linalg.norm(way, axis=1)
+    swept = np.where(is_hole, of_hole.sum(axis=1), np.where(is_plunge, down, 0.0))
+    height = np.einsum("ij,ij->i", points[rapid] - bottom, axes[last])
+    out = on_the_way_out(bottom, -axes[last], points[rapid], -axes[rapid])
     found = np.zeros(len(kind), dtype=np.bool_)
-    found[rapid] = on_the_way_out(bottom, -axes[last], points[rapid], -axes[rapid])
+    found[rapid] = out & (height <= swept + _BESIDE)
     return found
 
 

@@ -138,15 +138,16 @@ def test_long_names_of_inputs_stay_apart():
 
 
 def test_no_section_ends_in_a_cut():
-    """The tool would come straight down into the middle of it."""
-    kinds = [RAPID, LINEAR, LINEAR, LINEAR, RAPID, LINEAR, HOLE, LINEAR]
-    points = np.arange(8)[:, None] * [0.1, 0, 0]
-    path = make_path(kinds, points, operation=[0, 0, 1, 1, 1, 1, 1, 0])
+    """The tool would come straight down into the middle of it, or never come out."""
+    kinds = [RAPID, LINEAR, LINEAR, LINEAR, RAPID, RAPID, LINEAR, HOLE, LINEAR]
+    points = np.arange(9)[:, None] * [0.1, 0, 0]
+    path = make_path(kinds, points, operation=[0, 0, 1, 1, 1, 1, 1, 1, 0])
     path = replace(path, operations=(Operation("A"), Operation("B")))
     first, second = (job.toolpath for job in parts_of(path, "operation"))
-    assert first.kind.tolist() == [RAPID, LINEAR, LINEAR, LINEAR, LINEAR]
-    assert second.kind.tolist() == [RAPID, LINEAR, HOLE]
-    assert np.allclose(first.points, points[[0, 1, 2, 3, 7]])
+    assert first.kind.tolist() == [RAPID, LINEAR, LINEAR, LINEAR, RAPID]
+    assert second.kind.tolist() == [RAPID, RAPID, LINEAR, HOLE, LINEAR]
+    assert np.allclose(first.points, points[:5])
+    assert np.allclose(second.points, points[4:])
 
 
 def test_sections_carry_their_tool_spindle_and_coolant():

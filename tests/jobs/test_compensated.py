@@ -19,6 +19,7 @@ from postproc.stiffness.identify.constant import fit_constant
 from postproc.stiffness.identify.continuous import fit_continuous
 from postproc.units import NMM_PER_RAD
 from tests.cells import JOINT_STIFFNESS, STIFFNESS, twin_text
+from tests.places import FIXTURES
 from tools.dev.hidden_twin import Twin
 
 K = list(JOINT_STIFFNESS)
@@ -458,3 +459,17 @@ def test_the_hidden_twin_lands_on_the_cam_points_within_the_noise(tmp_path):
     seen = np.sqrt(np.mean(length["after"] ** 2) + 3.0 * 2.0 * SIGMA**2) * 1.596 / np.sqrt(3.0)
     assert seen <= 1.3 * floor
     assert length["after"].mean() < 0.04 * length["before"].mean()
+
+
+def test_a_compensated_line_behind_a_hole_is_no_cut_too_many(tmp_path, run):
+    """It is told in pieces, and the file does not say where it comes from."""
+    fixture = FIXTURES / "compensated"
+    (tmp_path / "far.apt").write_text(
+        "PARTNO/H\nUNITS/MM\nLOADTL/1\nSPINDL/6000,RPM,CLW\n"
+        "CYCLE/DRILL,FEDTO,10,MMPM,300,RAPTO,3,RTRCTO,20\nGOTO/0,0,0,0,0,1\nGOTO/30,0,0\n"
+        "CYCLE/OFF\nFEDRAT/600,MMPM\nGOTO/400,300,20\nGOTO/150,60,0\nGOTO/150,160,0\nRAPID\n"
+        "GOTO/150,160,50\nSPINDL/OFF\nFINI\n"
+    )
+    words = ["--cell", fixture / "cell.toml", "--model", fixture / "model.toml"]
+    code, _, err = run("convert", tmp_path / "far.apt", *words, "-o", tmp_path / "out")
+    assert code == 0, err

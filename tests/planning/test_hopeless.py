@@ -13,6 +13,8 @@ from postproc.planning.planner import checker_of, plan
 from postproc.planning.search.between import Interpolation
 from postproc.planning.states import settle
 from postproc.planning.states.settings import PlanOptions
+from tests.cells import FEED, cell_text
+from tests.jobs.emitted import converted
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -61,3 +63,24 @@ def test_long_lines_within_reach_are_not(make_cell, make_path):
     points = [[1.6 + 0.2 * (k % 2), -0.6 + 1.2 * (k % 2), 0.8] for k in range(20)]
     kind = [MotionKind.RAPID] + [MotionKind.LINEAR] * 19
     assert not any(hopeless(make_cell(), make_path(points, UP, kind)))
+
+
+EDGE = """\
+PARTNO/P
+UNITS/MM
+SPINDL/3000,RPM,CLW
+RAPID
+GOTO/81.2074,2323.3484,-23.7305,0,0,1
+FEDRAT/3000,MMPM
+GOTO/81.2074,2323.3484,-53.7305,0,0,1
+CIRCLE/-62.4604,2396.0262,-53.7305,0,0,1,161.0047
+GOTO/-211.8425,2456.0888,-53.7305,0,0,1
+SPINDL/OFF
+FINI
+"""
+
+
+def test_an_arc_at_the_edge_of_reach_is_not(tmp_path):
+    """Half way round a few spins reach it, between those of a grid of 10 degrees."""
+    job = converted(tmp_path, EDGE, "edge.apt", cell_text(FEED, origin=(1900, 300, 500)))
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]

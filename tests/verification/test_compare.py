@@ -96,6 +96,13 @@ def test_a_cut_too_many(cell, place, extra):
     assert "does not ask for" in report.violations[0].message
 
 
+def test_a_joint_motion_back_to_where_a_cut_ended(cell):
+    back = at(0, 0, 40).replace("LIN", "PTP")
+    lines = [*cuts(*SQUARE, (-50, 0, 40)), START, back, *cuts((-50, 0, 40))]
+    report = check(cell, path_of(SQUARE), *lines)
+    assert "a joint motion back to where a cut has ended" in report.violations[0].message
+
+
 def test_reentry_from_the_side_is_not(cell):
     lines = cuts((-50, 0, 0), (0, 0, 0), (0, 20, 0), (-30, 60, 30), (0, 20, 0), *SQUARE[2:])
     assert kinds(check(cell, path_of(SQUARE), *lines)) == {"path"}

@@ -17,9 +17,14 @@ from postproc.units import DEG
 
 _LONG = 0.5
 """Only longer motions [m] are looked at on their way: both ends of others tell as much."""
-_LOOKS = ((np.array([0.25, 0.5, 0.75]), 60.0 * DEG), (np.arange(1.0, 16.0) / 16.0, 10.0 * DEG))
-"""At these shares of them, in such steps of spin [rad]: what passes the first look is passed."""
-_AT_ONCE = 256
+_EVERYWHERE = np.arange(1.0, 16.0) / 16.0
+_LOOKS = (
+    (np.array([0.25, 0.5, 0.75]), 60.0 * DEG),
+    (_EVERYWHERE, 10.0 * DEG),
+    (_EVERYWHERE, 1.0 * DEG),  # near the edge of reach few spins do
+)
+"""At these shares of them, in such steps of spin [rad]: what passes one look is passed."""
+_AT_ONCE = 64
 
 
 def hopeless(problem: Problem, way: FloatArray) -> IndexArray:

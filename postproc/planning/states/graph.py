@@ -343,9 +343,10 @@ class Graph:
         a, b = taken(self.position, before), taken(self.position, now[rows])
         some = taken(steps, rows)
         limit = np.broadcast_to(self._most(i), a.shape[1:])
-        for j in range(a.shape[1]):
-            gap = np.abs(np.subtract.outer(b[:, j], a[:, j]))
-            np.putmask(some, gap > limit[j], np.inf)
+        span = np.maximum(a.max(axis=0), b.max(axis=0)) - np.minimum(a.min(axis=0), b.min(axis=0))
+        for j in np.flatnonzero(span > limit).tolist():
+            gap = np.subtract.outer(b[:, j], a[:, j])
+            np.putmask(some, np.abs(gap, out=gap) > limit[j], np.inf)
         steps[rows], back[rows] = some, some.argmin(axis=1)
 
     def is_in_reach(self, i: int, before: IndexArray, now: IndexArray) -> BoolArray:

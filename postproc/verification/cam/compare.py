@@ -116,10 +116,11 @@ def compare(
     check_strokes(result, real, wanted, on_axis, limits, shift)
     check_leaving(result, cell, toolpath, served, visits.last, milled)
     judged |= comparison.is_cut | (on_axis >= 0)
-    for goes in (served, visits.last):
-        judged[goes[goes >= 0]] = True
+    judged[served[served >= 0]] = True
+    latest = visits.last[served >= 0]
+    judged[latest] |= paths.trace.is_cp[latest]  # a joint motion serves a point once
     if (served >= 0).all():  # else what goes beside a point is told as that
-        check_unasked(result, cell, judged, NEAR * path_tolerance + shift)
+        check_unasked(result, cell, judged, milled, NEAR * path_tolerance + shift)
     _relative(result, comparison.is_cut | (on_axis >= 0))
     feeds.report()
     return comparison
@@ -379,6 +380,9 @@ def _elements(
     lines = rows[changed & result.paths.trace.is_cp[served[rows]]]
     comparison.is_cut[served[lines]] = True
     feeds.expect_rows(lines, served[lines])
+    loose = changed | (kind[rows - 1] == MotionKind.HOLE)
+    for row in rows[loose & (served[rows] > served[rows - 1])].tolist():
+        judged[int(served[row - 1]) + 1 : int(served[row])] = True  # pieces of a compensated line
     rows = rows[~changed]
     behind_hole = kind[rows - 1] == MotionKind.HOLE
     _behind_holes(result, comparison, toolpath, rows[behind_hole], feeds)

@@ -19,13 +19,16 @@ _STILL = 1e-6
 """A motion shorter than this [m] goes nowhere."""
 
 
-def check_unasked(result: Result, cell: Cell, serves: BoolArray, near: float) -> None:
-    """Report motions that work where the file asks for nothing.
+def check_unasked(
+    result: Result, cell: Cell, serves: BoolArray, is_cut: BoolArray, near: float
+) -> None:
+    """Report motions that work where the file asks for nothing, or go back to where a cut ended.
 
     Args:
         result: the program; collects the findings.
         cell: says which speed is that of rapids.
         serves: (m,) motions that serve something of the file, or are judged already.
+        is_cut: (m,) motions that serve lines and arcs.
         near: a tool that comes down so near [m] to where it left goes on there.
     """
     paths = result.paths
@@ -46,4 +49,10 @@ def check_unasked(result: Result, cell: Cell, serves: BoolArray, near: float) ->
     more = f", {len(bad)} such motions" if len(bad) > AT_MOST else ""
     for number in bad[:AT_MOST].tolist():
         text = f"a motion at a working feed that the CAM file does not ask for{more}"
+        result.finding(RunKind.PATH, number, text)
+    end_of = np.maximum.accumulate(np.where(is_cut, np.arange(len(is_cut)), -1))
+    joint = np.flatnonzero(~paths.trace.is_cp & ~serves & ~paths.stands & (end_of >= 0))
+    off = np.linalg.norm(paths.end_point[joint] - paths.end_point[end_of[joint]], axis=1)
+    for number in joint[off <= near][:AT_MOST].tolist():
+        text = "a joint motion back to where a cut has ended"
         result.finding(RunKind.PATH, number, text)
