@@ -471,5 +471,5 @@ def test_a_compensated_line_behind_a_hole_is_no_cut_too_many(tmp_path, run):
         "GOTO/150,160,50\nSPINDL/OFF\nFINI\n"
     )
     words = ["--cell", fixture / "cell.toml", "--model", fixture / "model.toml"]
-    code, _, err = run("convert", tmp_path / "far.apt", *words, "-o", tmp_path / "out")
+    code, _, err = run("convert", tmp_path / "far.apt", *words, "-o", tmp_path / "out", "--json")
     assert code == 0, err
