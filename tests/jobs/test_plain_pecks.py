@@ -33,3 +33,16 @@ def test_not_deeper_nor_beside_it(tmp_path, back, aside):
     text = text if not aside else text.replace("GOTO/0.0,0,-4", f"GOTO/{aside},0,-4")
     job = converted(tmp_path, text, "pecks.apt", cell_text(PART, FEED, tool=SOLIDS))
     assert [finding.code for finding in job.findings if finding.is_error][:1] == ["PLN104"]
+
+
+@pytest.mark.parametrize("height", [10, 20, 30])
+def test_a_feed_move_behind_a_hole(tmp_path, height):
+    """At 20 mm the tool stands already when it has left the hole."""
+    text = (
+        "PARTNO/P\nUNITS/MM\nSPINDL/3000,RPM,CLW\nRAPID\nGOTO/0,0,50,0,0,1\n"
+        "CYCLE/DRILL,FEDTO,10,MMPM,300,RAPTO,3,RTRCTO,20\nGOTO/0,0,0\nCYCLE/OFF\n"
+        f"FEDRAT/300,MMPM\nGOTO/0,0,{height}\nGOTO/30,0,{height}\nGOTO/30,0,-2\n"
+        "RAPID\nGOTO/30,0,50\nSPINDL/OFF\nFINI\n"
+    )
+    job = converted(tmp_path, text, "hole.apt", cell_text(FEED))
+    assert job.good, [str(finding) for finding in job.findings if finding.is_error]

@@ -51,7 +51,7 @@ from postproc.verification.cam.matching import (
     wanted_of,
 )
 from postproc.verification.cam.real import RealPaths, real_paths
-from postproc.verification.cam.strokes import check_strokes
+from postproc.verification.cam.strokes import ON_TOP, check_strokes
 from postproc.verification.cam.tilt import Tilts, check_between
 from postproc.verification.cam.unasked import check_unasked
 from postproc.verification.report import Result
@@ -424,7 +424,13 @@ def _elements(
 def _behind_holes(
     result: Result, comparison: Comparison, toolpath: ToolPath, rows: AnyIntArray, feeds: Feeds
 ) -> None:
-    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from."""
+    """Check the last motion of cuts that begin behind a hole: at feed, wherever it comes from.
+
+    Not where the tool stands there already when it has left the hole.
+    """
+    wanted = comparison.wanted
+    left = wanted.top - np.maximum(wanted.clear, wanted.retract)[:, None] * wanted.axis
+    rows = rows[np.linalg.norm(wanted.top[rows] - left[rows - 1], axis=1) > ON_TOP]
     motions = comparison.served[rows]
     comparison.is_cut[motions] = True
     is_cp = result.paths.trace.is_cp[motions]
