@@ -46,11 +46,17 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     ends = np.isin(kind, CUTS)
     if not ends.any():
         return ends
+    length = np.linalg.norm(np.diff(toolpath.points, axis=0, prepend=toolpath.points[:1]), axis=1)
+    ends &= ~(feeds_out(toolpath) & (length >= back_off(cell)))
+    return np.asarray(ends[repeated_tags(toolpath)])
+
+
+def feeds_out(toolpath: ToolPath) -> BoolArray:
+    """Return (n,) the lines by which the tool backs off along its axis with the feed."""
     way = np.diff(toolpath.points, axis=0, prepend=toolpath.points[:1])
     length = np.linalg.norm(way, axis=1)
     out = np.einsum("ij,ij->i", way, toolpath.axes) >= ALONG_AXIS * length
-    ends &= ~(out & (length >= back_off(cell)) & (kind == MotionKind.LINEAR))
-    return np.asarray(ends[repeated_tags(toolpath)])
+    return np.asarray(out & (length > 0.0) & (np.asarray(toolpath.kind) == MotionKind.LINEAR))
 
 
 def in_the_cut(toolpath: ToolPath) -> BoolArray:
@@ -60,7 +66,7 @@ def in_the_cut(toolpath: ToolPath) -> BoolArray:
     from the side there may be material.
     """
     kind, points, axes = np.asarray(toolpath.kind), toolpath.points, toolpath.axes
-    works = np.isin(kind, WORKING)
+    works = np.isin(kind, WORKING) & ~feeds_out(toolpath)
     last = np.maximum.accumulate(np.where(works, np.arange(len(kind)), -1))
     rapid = np.flatnonzero((kind == MotionKind.RAPID) & (last >= 0))
     last = last[rapid]

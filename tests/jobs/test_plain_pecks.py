@@ -9,21 +9,22 @@ from tools.bench.contours import SOLIDS
 PART = 'meshes = [{ name = "part", box = { size_mm = [200, 200, 40] }, xyz_mm = [0, 0, -20] }]\n'
 
 
-def pecks(*steps, back=1.0, aside=0.0):
+def pecks(*steps, back=1.0, aside=0.0, out="RAPID"):
     """Return APT that drills to depths [mm] one after the other; comes back so much above [mm]."""
     lines = ["PARTNO/PECKS", "UNITS/MM", "SPINDL/3000,RPM,CLW", "RAPID", "GOTO/0,0,50,0,0,1"]
     lines += ["RAPID", "GOTO/0,0,3"]
     for before, depth in zip((0.0, *steps), steps, strict=False):
         if before:
             lines += ["RAPID", f"GOTO/{aside},0,{back - before}"]
-        lines += ["FEDRAT/200,MMPM", f"GOTO/{aside},0,{-depth}", "RAPID", f"GOTO/{aside},0,3"]
+        lines += ["FEDRAT/200,MMPM", f"GOTO/{aside},0,{-depth}", out, f"GOTO/{aside},0,3"]
     return "\n".join([*lines, "RAPID", "GOTO/0,0,50", "SPINDL/OFF", "FINI", ""])
 
 
+@pytest.mark.parametrize("out", ["RAPID", "FEDRAT/800,MMPM"])
 @pytest.mark.parametrize("most", [2, 3, 4, 5, 8, 1000])
-def test_it_runs_wherever_files_end(tmp_path, most):
+def test_it_runs_wherever_files_end(tmp_path, most, out):
     cell = cell_text(PART, FEED, f"[krl]\nmax_points_per_file = {most}\n", tool=SOLIDS)
-    job = converted(tmp_path, pecks(5.0, 10.0, 15.0), "pecks.apt", cell)
+    job = converted(tmp_path, pecks(5.0, 10.0, 15.0, out=out), "pecks.apt", cell)
     assert job.good, [str(finding) for finding in job.findings if finding.is_error]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from postproc.process import in_the_cut
+from postproc.process import feeds_out, in_the_cut
 from tests.samples import path_of
 
 
@@ -25,3 +25,11 @@ def test_a_rapid_behind_a_cut(points, found):
     path = path_of(points, kind="RLR", axes=up)
     assert in_the_cut(path).tolist() == [False, False, found]
     assert np.allclose(path.axes, up)
+
+
+def test_a_rapid_back_behind_a_way_out_at_feed():
+    """The drill was fed out of its hole; the hole is there all the same."""
+    points = [(0, 0, 3), (0, 0, -5), (0, 0, 3), (0, 0, -4), (0, 0, -6)]
+    path = path_of(points, kind="RLLRR", axes=(0.0, 0.0, 1.0))
+    assert feeds_out(path).tolist() == [False, False, True, False, False]
+    assert in_the_cut(path).tolist() == [False, False, False, True, False]

@@ -28,7 +28,7 @@ from postproc.planning.route.drill import ARRIVE, LEAVE, hole_moves, step_rows
 from postproc.planning.route.speeds import Timed, can_be_told, followed_speeds, timed
 from postproc.planning.route.thin import Left, corner_tolerances, thinned
 from postproc.planning.states import Chosen, Moves, Problem, in_order, moves
-from postproc.process import hole_steps, on_the_way_out
+from postproc.process import feeds_out, hole_steps, on_the_way_out
 from postproc.records import dataclass
 from postproc.units import MM
 
@@ -358,7 +358,7 @@ def _on_the_way_out(
     ``ends``: T_base_tcp (m, 4, 4) at the start and at the end.
     """
     place, depth = checker.problem.placement, checker.strokes.depth
-    cuts = checker.problem.is_working & chosen.good
+    cuts = checker.problem.is_working & chosen.good & ~feeds_out(checker.problem.toolpath)
     last = np.maximum.accumulate(np.where(cuts, np.arange(len(cuts)), -1))[tags]
     poses = [place.tcp(last, chosen.attitude[last], -depth[last]), *ends]
     (cut, cut_axis), *others = [(T[:, :3, 3], T[:, :3, :3] @ place.tool_axis) for T in poses]
