@@ -34,7 +34,6 @@ from postproc.planning.states import (
     Settings,
     evaluate,
     feed_directions,
-    finer_spins,
     path_normals,
     place_given,
     sample,
@@ -228,7 +227,7 @@ def _planned(
     result = _planned_by(checker, toolpath, clock, options, goes_on=goes_on)
     if not result.errors:
         return result
-    more = with_more_tilts(problem)
+    more = _with_more_tilts(problem)
     checker = replace(checker, problem=more)
     if len(more.tilts) == len(problem.tilts) or _has_none(checker, result.failing_tags):
         return result
@@ -238,8 +237,7 @@ def _planned(
 
 def _has_none(checker: Checker, tags: IndexArray) -> bool:
     """Return whether one of a few of tags (m,) has no pose that can be run: no way leads there."""
-    wishes = checker.problem.cell.optimize
-    spins = finer_spins(wishes.step, *wishes.range, checker.problem.fine)
+    spins = checker.problem.finest_spins
     for tag in tags[tags >= 0][:_LOOKED_AT].tolist():
         states = sample(checker.problem, np.array([tag]), spins)
         each = np.flatnonzero(np.diff(states.config, prepend=-1))
@@ -324,7 +322,7 @@ def problem_of(
     )
 
 
-def with_more_tilts(problem: Problem) -> Problem:
+def _with_more_tilts(problem: Problem) -> Problem:
     """Return the problem with as many tilts as a search can hold, if there are any."""
     if len(problem.tilts) == 1:
         return problem

@@ -46,17 +46,21 @@ def in_material(toolpath: ToolPath, cell: Cell) -> BoolArray:
     ends = np.isin(kind, CUTS)
     if not ends.any():
         return ends
-    length = np.linalg.norm(np.diff(toolpath.points, axis=0, prepend=toolpath.points[:1]), axis=1)
-    ends &= ~(feeds_out(toolpath) & (length >= back_off(cell)))
+    ends &= ~(feeds_out(toolpath) & (_lengths(toolpath)[0] >= back_off(cell)))
     return np.asarray(ends[repeated_tags(toolpath)])
 
 
 def feeds_out(toolpath: ToolPath) -> BoolArray:
     """Return (n,) the lines by which the tool backs off along its axis with the feed."""
+    length, rise = _lengths(toolpath)
+    out = (rise >= ALONG_AXIS * length) & (length > 0.0)
+    return np.asarray(out & (np.asarray(toolpath.kind) == MotionKind.LINEAR))
+
+
+def _lengths(toolpath: ToolPath) -> tuple[FloatArray, FloatArray]:
+    """Return how long (n,) the straight way to each tag is [m], and how much of it leads out."""
     way = np.diff(toolpath.points, axis=0, prepend=toolpath.points[:1])
-    length = np.linalg.norm(way, axis=1)
-    out = np.einsum("ij,ij->i", way, toolpath.axes) >= ALONG_AXIS * length
-    return np.asarray(out & (length > 0.0) & (np.asarray(toolpath.kind) == MotionKind.LINEAR))
+    return np.linalg.norm(way, axis=1), np.einsum("ij,ij->i", way, toolpath.axes)
 
 
 def in_the_cut(toolpath: ToolPath) -> BoolArray:
@@ -74,11 +78,9 @@ def in_the_cut(toolpath: ToolPath) -> BoolArray:
     is_hole = (kind[last] == MotionKind.HOLE) & (np.asarray(toolpath.cycle)[last] >= 0)
     of_hole = np.where(is_hole[:, None], of_cycle[np.asarray(toolpath.cycle)[last]], 0.0)
     bottom = points[last] - of_hole[:, :1] * axes[last]
-    way = points[last] - points[np.maximum(last - 1, 0)]
-    down = -np.einsum("ij,ij->i", way, axes[last])
-    is_plunge = (kind[last] == MotionKind.LINEAR) & (last > 0)
-    is_plunge &= down >= ALONG_AXIS * np.linalg.norm(way, axis=1)
-    swept = np.where(is_hole, of_hole.sum(axis=1), np.where(is_plunge, down, 0.0))
+    length, rise = (values[last] for values in _lengths(toolpath))
+    is_plunge = (kind[last] == MotionKind.LINEAR) & (-rise >= ALONG_AXIS * length)
+    swept = np.where(is_hole, of_hole.sum(axis=1), np.where(is_plunge, -rise, 0.0))
     height = np.einsum("ij,ij->i", points[rapid] - bottom, axes[last])
     out = on_the_way_out(bottom, -axes[last], points[rapid], -axes[rapid])
     found = np.zeros(len(kind), dtype=np.bool_)

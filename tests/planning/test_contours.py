@@ -82,7 +82,7 @@ def test_repaired_values_are_those_of_a_search_from_scratch():
     search = PoseSearch.of(checker, np.flatnonzero(dense_key_tags(checker.problem)))
     search.run()
     for tag in (200, 633, 634, 1120):
-        search.grow(np.array([tag]), np.array([search.base_stride]))
+        search.grow(np.array([tag]), np.array([search.checker.problem.fine]))
         search.run()
     search.ladder.settle()
     fresh, runs = copy(search.ladder), search.bridges

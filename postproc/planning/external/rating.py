@@ -19,7 +19,7 @@ from postproc.paths import top_speeds
 from postproc.planning.checks import Checker
 from postproc.planning.external.grid import distinct, grid_step, position_grid
 from postproc.planning.search import arc_length, best_of, spaced, step_rules
-from postproc.planning.states import Problem, Rule, Settings, evaluate, finer_spins, sample
+from postproc.planning.states import Problem, Rule, Settings, evaluate, sample
 from postproc.process import feeds_of
 from postproc.records import dataclass
 from postproc.units import DEG
@@ -125,9 +125,8 @@ class Rating:
             free = self._has_free(here, tags[rows], spins)
             loss[np.ix_(rows[~free], same)] += BLOCKED
         blocked = (loss[:, first] >= BLOCKED).all(axis=1)
-        wishes = problem.cell.optimize
+        wishes, finest = problem.cell.optimize, problem.finest_spins
         for row in np.flatnonzero(blocked)[: 0 if wishes.pins else 1].tolist():
-            finest = finer_spins(wishes.step, *wishes.range, problem.fine)
             reached = first[loss[row, first] < UNREACHED]
             if not any(
                 self._has_free(problem.standing(value), tags[row : row + 1], finest)[0]

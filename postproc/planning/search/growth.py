@@ -50,7 +50,7 @@ class Growth:
         stride = np.zeros(n, dtype=np.int64)
         stride[search.tags] = search.stride
         wish = np.zeros(n, dtype=np.int64)
-        base = search.base_stride
+        base = search.checker.problem.fine
         for tag in search.wanted:
             wish[tag] = base
         if not search.wanted:

@@ -224,11 +224,6 @@ class PoseSearch:
         """Tags that would have to be key tags for a cut to be run."""
         return self.failing.wanted
 
-    @property
-    def base_stride(self) -> int:
-        """Every how many of the finest spins are in the cell's grid."""
-        return self.checker.problem.fine
-
     def run(self, *, steps: bool = True) -> Found:
         """Search; without ``steps`` only states are checked, not the motions between them.
 
@@ -372,7 +367,7 @@ class PoseSearch:
         Those of the same branch and tilt up to ``reach`` spins and tags away, and of the same spin
         up to ``far`` tags; those of the tilts next to it, and that with the wrist turned over.
         """
-        width, n = self.states.spins.shape[-1], len(self.tags)
+        width, n, fine = self.states.spins.shape[-1], len(self.tags), self.checker.problem.fine
         if self.cells is None:
             self.cells = self._all_cells()
         own, at = self.states.column[states].astype(np.int64), self.states.tag_of(states)
@@ -382,7 +377,7 @@ class PoseSearch:
         near, by = [self._place(rung, own[row], branch[row])], [pair[row]]
         along, around = _beside(reach)
         rung = at[:, None] + along
-        column = tilt[:, None] * width + (spin[:, None] + self.base_stride * around) % width
+        column = tilt[:, None] * width + (spin[:, None] + fine * around) % width
         inside = (rung >= 0) & (rung < n)
         near.append(self._place(rung, column, branch[:, None])[inside])
         by.append(np.broadcast_to(pair[:, None], inside.shape)[inside])

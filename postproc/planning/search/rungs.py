@@ -28,7 +28,6 @@ from postproc.planning.states import (
     Rule,
     States,
     Tolls,
-    finer_spins,
     sample_on,
 )
 from postproc.process import AXIS_SHARE
@@ -139,10 +138,7 @@ def pinned_spins(problem: Problem, tags: IndexArray) -> tuple[FloatArray, IndexA
     A pinned tag stands at its own spin in all columns; that nearest to it is the one to take, by
     which the tags beside it see where it stands. ``NONE`` where a tag is not pinned.
     """
-    wishes, pins = problem.cell.optimize, problem.pins[tags]
-    given, fine = problem.settings.spins, problem.fine
-    if len(given) > 1:
-        given = finer_spins(wishes.step, *wishes.range, fine)
+    pins, given, fine = problem.pins[tags], problem.finest_spins, problem.fine
     column = np.full(len(tags), NONE, dtype=np.int64)
     if np.isnan(problem.pins).all():  # of all tags: the grids of any two sets of tags must join
         return given, column

@@ -81,7 +81,7 @@ def choose(checker: Checker, step: Step, known: PoseSearch | None = None) -> Cho
     found, chosen = _run(search, growth, step)
     if bound is not None:
         while len(more := bound.more_keys(_is_key(search), loss_of(problem, chosen, bound.best))):
-            search.grow(more, np.full(len(more), search.base_stride))
+            search.grow(more, np.full(len(more), problem.fine))
             found, chosen = _run(search, growth, step)
     record, q_grid = search.record(found, chosen), chosen.q
     is_bound = wishes.strategy is Strategy.EACH and wishes.loss_bound is not None

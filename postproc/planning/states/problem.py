@@ -13,7 +13,7 @@ from postproc.cell import Cell
 from postproc.geometry import angle_between
 from postproc.kinematics import Kinematics, wrist_distance
 from postproc.model import CUTS, WORKING, MotionKind, ToolPath
-from postproc.planning.states.place import Placement, cross_axes
+from postproc.planning.states.place import Placement, cross_axes, finer_spins
 from postproc.planning.states.settings import Settings
 from postproc.planning.states.stroke import Strokes, strokes_of
 from postproc.planning.states.tilt import UPRIGHT
@@ -61,6 +61,12 @@ class Problem:
     def fine(self) -> int:
         """How many spins of the finest grid there are to one of the cell's."""
         return self.settings.fine(len(self.tilts))
+
+    @cached_property
+    def finest_spins(self) -> FloatArray:
+        """(S,) the finest grid of spins [rad]: ``fine`` to each of the cell's, or its only one."""
+        wishes, given = self.cell.optimize, self.settings.spins
+        return finer_spins(wishes.step, *wishes.range, self.fine) if len(given) > 1 else given
 
     @cached_property
     def pins(self) -> FloatArray:

@@ -1,7 +1,7 @@
-"""Path motions at a working feed that nothing in the CAM file asks for: cuts too many.
+"""Motions into the part that nothing in the CAM file asks for: cuts too many, ways back to one.
 
-Not all that serves nothing is one: the tool backs off along its axis, and it comes back to above
-where it left, and down.
+Not every path motion at a working feed that serves nothing is one: the tool backs off along its
+axis, and it comes back to above where it left, and down.
 """
 
 from __future__ import annotations
