@@ -138,6 +138,12 @@ def test_the_changelog_has_this_version_with_its_date():
     assert first.group(1) == "Changes emitted programs"
 
 
+def test_a_version_of_the_changelog_can_be_read_in_one_go():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    versions = re.split(r"^## ", text, flags=re.MULTILINE)[1:]
+    assert {v.split()[0]: len(v.split()) for v in versions if len(v.split()) > 1500} == {}
+
+
 def test_the_image_copies_what_there_is():
     text = (ROOT / "Containerfile").read_text(encoding="utf-8")
     copied = re.findall(r"^COPY (?!--from)(.*) \S+$", text, re.MULTILINE)
